@@ -1,14 +1,18 @@
 """Every code block of the pages, the README and the docstrings is a test.
 
 - ``python`` runs; what a page defines stays known further down the page.
-- ``bash`` holds commands of ours alone; each goes through the command line, in a folder of the page's own.
-- ``text`` after either is what they print, ``...`` standing for anything, blanks not compared.
+- ``bash`` holds commands of ours alone; each goes through the command line, in a folder
+  of the page's own.
+- ``text`` after either is what they print, ``...`` standing for anything, blanks not
+  compared.
 - ``toml`` that begins with ``# name.toml`` becomes that file, and is read as a rig.
-- ``>>>`` in a docstring is a doctest, after ``import stickslip as ss``, and numpy and xarray as usual.
+- ``>>>`` in a docstring is a doctest, after ``import stickslip as ss``, and numpy and
+  xarray as usual.
 
 A block after ``<!-- slow -->`` is marked slow.
 
-With ``--at-most SECONDS``, as `make unit` runs them, a quick test that takes more CPU time fails.
+With ``--at-most SECONDS``, as `make unit` runs them, a quick test that takes more CPU
+time fails.
 """
 
 import atexit
@@ -55,7 +59,11 @@ if "STICKSLIP_CACHE" not in os.environ:  # not the user's
 def _begin(namespace):
     folder = Path(tempfile.mkdtemp(prefix="stickslip-docs-"))
     shutil.copy(RIGS / "pmma_slider.toml", folder)
-    stage = re.search(r"```toml\n(# stage\.toml\n.*?)```", (ROOT / "docs/howto/predict.md").read_text(), re.DOTALL)[1]
+    stage = re.search(
+        r"```toml\n(# stage\.toml\n.*?)```",
+        (ROOT / "docs/howto/predict.md").read_text(),
+        re.DOTALL,
+    )[1]
     for name in ("stage.toml", "rig.toml"):
         (folder / name).write_text(stage)
     for name in ("trace.csv", "force7.txt"):
@@ -71,17 +79,26 @@ def _end(namespace):
 def _stage(example: Example):
     """In the page's folder, with what is printed kept for the block that follows."""
     example.namespace["_printed"] = None
-    with contextlib.chdir(example.namespace["_folder"]), contextlib.redirect_stdout(io.StringIO()) as printed:
+    with (
+        contextlib.chdir(example.namespace["_folder"]),
+        contextlib.redirect_stdout(io.StringIO()) as printed,
+    ):
         yield
     example.namespace["_printed"] = printed.getvalue()
 
 
 def _catch_up(example: Example) -> None:
-    """Run what stands before an example on its page and was left out, as `-m slow` leaves out all that is quick."""
+    """Run what stands before an example on its page and was left out, as `-m slow`
+    leaves out all that is quick.
+    """
     done = example.namespace.setdefault("_done", set())
     done.add(example.start)
     for earlier in example.document.examples():
-        if earlier.start < example.start and earlier.start not in done and not _is_slow(earlier):
+        if (
+            earlier.start < example.start
+            and earlier.start not in done
+            and not _is_slow(earlier)
+        ):
             done.add(earlier.start)
             if earlier.region.evaluator is not _compare:
                 earlier.evaluate()
@@ -92,7 +109,9 @@ def _is_slow(example: Example) -> bool:
 
 
 def _plainly(evaluate: Callable[[Example], object]) -> Callable[[Example], None]:
-    """A block that fails says so in one plain text: pytest stumbles over the chain of causes that sybil leaves."""
+    """A block that fails says so in one plain text: pytest stumbles over the chain
+    of causes that sybil leaves.
+    """
 
     @functools.wraps(evaluate)
     def told(example: Example) -> None:
@@ -123,7 +142,9 @@ def _run_commands(example: Example) -> None:
         for line in example.parsed.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
             if words:
-                assert words[0] == "stickslip", f"{line}: only commands of ours belong into a bash block"
+                assert words[0] == "stickslip", (
+                    f"{line}: only commands of ours belong into a bash block"
+                )
                 assert main(words[1:]) == 0, line
 
 
@@ -162,10 +183,17 @@ pages = Sybil(
         CodeBlockParser(language="text", evaluator=_compare),
         CodeBlockParser(language="toml", evaluator=_write_rig),
     ],
-    patterns=["README.md", "docs/*.md", "docs/theory/*.md", "docs/howto/*.md", "docs/reference/*.md"],
+    patterns=[
+        "README.md",
+        "docs/*.md",
+        "docs/theory/*.md",
+        "docs/howto/*.md",
+        "docs/reference/*.md",
+    ],
     excludes=[
         "docs/_build/**",
-        "docs/howto/sweep.md",  # tests/test_sweep_plan.py runs it, with fewer and shorter runs than it shows
+        # tests/test_sweep_plan.py runs it, with fewer and shorter runs than it shows
+        "docs/howto/sweep.md",
     ],
     path=str(ROOT),
     setup=_begin,
@@ -189,13 +217,20 @@ def pytest_collection_modifyitems(items):
 
 
 MARGIN = 2.0
-"""How much longer than told a test takes before it is listed: threads that share a core take half of it each."""
+"""How much longer than told a test takes before it is listed: threads that share a
+core take half of it each.
+"""
 BLOCK = 15.0
-"""CPU time that a block of a page may take, in s: as long as `stickslip predict` searches."""
+"""CPU time that a block of a page may take, in s: as long as `stickslip predict`
+searches.
+"""
 
 
 def pytest_addoption(parser):
-    told = "list the tests that took more than twice this CPU time, or twice what the marker `takes` allows"
+    told = (
+        "list the tests that took more than twice this CPU time, or twice what the "
+        "marker `takes` allows"
+    )
     parser.addoption("--at-most", type=float, metavar="SECONDS", help=told)
 
 
@@ -219,7 +254,9 @@ numba.core.event.register("numba:compile", compiling)
 
 
 def _used() -> float:
-    """CPU time of this process and of those it waited for, but for what compiled kernels, in s."""
+    """CPU time of this process and of those it waited for, but for what compiled
+    kernels, in s.
+    """
     return sum(os.times()[:4]) - compiling.seconds
 
 
@@ -227,20 +264,36 @@ def _used() -> float:
 def pytest_runtest_call(item):
     begun = _used()
     result = yield
-    most, took = item.config.getoption("--at-most"), _used() - begun
+    most = item.config.getoption("--at-most")
+    took = _used() - begun
     if most is not None and not item.get_closest_marker("slow"):
         longer = item.get_closest_marker("takes")
-        most = longer.args[0] if longer else BLOCK if isinstance(item, SybilItem) else most
+        most = (
+            longer.args[0] if longer else BLOCK if isinstance(item, SybilItem) else most
+        )
         if took > MARGIN * most:
             item.user_properties.append(("cpu", f"{took:.1f} s, not {most:g}"))
     return result
 
 
 def pytest_terminal_summary(terminalreporter):
-    for report in [r for told in terminalreporter.stats.values() for r in told if getattr(r, "when", None) == "call"]:
+    for report in [
+        r
+        for told in terminalreporter.stats.values()
+        for r in told
+        if getattr(r, "when", None) == "call"
+    ]:
         for took in [value for name, value in report.user_properties if name == "cpu"]:
-            terminalreporter.write_line(f"{report.nodeid} took {took} of CPU time: make it smaller, or mark it")
-    without = [r for r in terminalreporter.stats.get("skipped", []) if "no chromium" in str(r.longrepr)]
+            terminalreporter.write_line(
+                f"{report.nodeid} took {took} of CPU time: make it smaller, or mark it"
+            )
+    without = [
+        r
+        for r in terminalreporter.stats.get("skipped", [])
+        if "no chromium" in str(r.longrepr)
+    ]
     if without:
         reason = without[0].longrepr[2]
-        terminalreporter.write_line(f"{len(without)} tests were skipped for want of a browser: {reason}")
+        terminalreporter.write_line(
+            f"{len(without)} tests were skipped for want of a browser: {reason}"
+        )

@@ -1,11 +1,14 @@
-"""What a run of blocks costs against plain loops over their contacts, and how much faster it could be at best.
+"""What a run of blocks costs against plain loops over their contacts, and how much
+faster it could be at best.
 
-A plain loop passes all N contacts of a block in every step: it compares each with its threshold, and with the time at
-which it re-attaches, and sums the forces. `lean` does nothing else, on arrays that a compiler turns into vector
-instructions; `plain` also keeps the records that a run keeps (births, delays, a random number for each life).
+A plain loop passes all N contacts of a block in every step: it compares each with its
+threshold, and with the time at which it re-attaches, and sums the forces. `lean` does
+nothing else, on arrays that a compiler turns into vector instructions; `plain` also
+keeps the records that a run keeps (births, delays, a random number for each life).
 
-With s seconds a step of a block, b seconds a break, r breaks for each step, and a loop of p seconds a contact and step,
-the ratio is N p/(s + r b): at most N p/s, however fast breaks are. Run it with ``python benchmarks/count_blocks.py``.
+With s seconds a step of a block, b seconds a break, r breaks for each step, and a loop
+of p seconds a contact and step, the ratio is N p/(s + r b): at most N p/s, however fast
+breaks are. Run it with ``python benchmarks/count_blocks.py``.
 """
 
 import time
@@ -18,7 +21,8 @@ import stickslip as ss
 from stickslip.simulation import estimate
 from stickslip.simulation.engines.blocks import _STEP
 
-BLOCKS, STEPS = 200, 2_000
+BLOCKS = 200
+STEPS = 2_000
 
 
 @njit(error_model="numpy")
@@ -28,7 +32,8 @@ def lean(X, V, birth, threshold, steps, h):
     for _ in range(steps):
         for j in range(X.size):
             X[j] += h * V[j]
-            force, broken = 0.0, 0
+            force = 0.0
+            broken = 0
             for i in range(birth.shape[1]):
                 x = X[j] - birth[j, i]
                 force += x
@@ -39,8 +44,11 @@ def lean(X, V, birth, threshold, steps, h):
 
 @njit(error_model="numpy")
 def plain(X, V, birth, threshold, ready, steps, h, delay):
-    """The same with the life of every contact: it breaks, waits, and re-attaches with another threshold."""
-    total, t = 0.0, 0.0
+    """The same with the life of every contact: it breaks, waits, and re-attaches
+    with another threshold.
+    """
+    total = 0.0
+    t = 0.0
     for _ in range(steps):
         t += h
         for j in range(X.size):
@@ -62,9 +70,12 @@ def plain(X, V, birth, threshold, ready, steps, h, delay):
 
 
 def loops(count: int) -> tuple[float, float]:
-    """Seconds a step of a block in the lean loop and in the plain one, contacts attached and some breaking."""
+    """Seconds a step of a block in the lean loop and in the plain one, contacts
+    attached and some breaking.
+    """
     rng = np.random.default_rng(1)
-    X, V = np.zeros(BLOCKS), np.ones(BLOCKS)
+    X = np.zeros(BLOCKS)
+    V = np.ones(BLOCKS)
     birth = -rng.random((BLOCKS, count))
     threshold = birth + rng.normal(2.0, 0.1, birth.shape)
     spent = []
@@ -79,13 +90,27 @@ def loops(count: int) -> tuple[float, float]:
 
 
 def run_of_blocks(count: int) -> tuple[float, float, float]:
-    """Seconds a step of a block, seconds a break, and breaks for each step, in stick-slip of all blocks."""
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
+    """Seconds a step of a block, seconds a break, and breaks for each step, in
+    stick-slip of all blocks.
+    """
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2)
+    )
     body = ss.Chain(blocks=BLOCKS, coupling=20.0, mass=1e-4, damping=42.426, leaf=2.0)
-    rig = ss.Rig(interface, body, ss.constant(1.0, duration=0.3), method=ss.Contacts(count, seed=1))
+    rig = ss.Rig(
+        interface,
+        body,
+        ss.constant(1.0, duration=0.3),
+        method=ss.Contacts(count, seed=1),
+    )
     found = []
-    for speed, duration in ((0.0, 0.01), (0.0, 4.0), (1.0, 4.0)):  # nothing breaks while the drive stands still
-        case = replace(rig, drive=ss.constant(speed, duration=duration), output=ss.Output(interval=duration))
+    # nothing breaks while the drive stands still
+    for speed, duration in ((0.0, 0.01), (0.0, 4.0), (1.0, 4.0)):
+        case = replace(
+            rig,
+            drive=ss.constant(speed, duration=duration),
+            output=ss.Output(interval=duration),
+        )
         begin = time.process_time()
         run = ss.simulate(case, long=True)
         found.append(
@@ -97,7 +122,11 @@ def run_of_blocks(count: int) -> tuple[float, float, float]:
         )
     (first, steps_0, _), (quiet, steps_1, _), (busy, steps_2, breaks) = found
     step = (quiet - first) / (steps_1 - steps_0)
-    return step, max(busy - first - step * (steps_2 - steps_0), 0.0) / breaks, breaks / steps_2
+    return (
+        step,
+        max(busy - first - step * (steps_2 - steps_0), 0.0) / breaks,
+        breaks / steps_2,
+    )
 
 
 if __name__ == "__main__":
@@ -108,7 +137,9 @@ if __name__ == "__main__":
         whole = step + rate * each
         for name, loop in zip(("lean", "plain"), loops(count), strict=True):
             print(
-                f"N {count}: step {step * ns:.1f} ns, break {each * ns:.0f} ns, {1e3 * rate:.1f} breaks in 1000 steps: "
-                f"{whole * ns:.1f} ns; {name} loop {loop * ns:.0f} ns ({loop / count * ns:.2f} a contact): "
+                f"N {count}: step {step * ns:.1f} ns, break {each * ns:.0f} ns, "
+                f"{1e3 * rate:.1f} breaks in 1000 steps: "
+                f"{whole * ns:.1f} ns; {name} loop {loop * ns:.0f} ns "
+                f"({loop / count * ns:.2f} a contact): "
                 f"{loop / whole:.1f} times, {loop / step:.1f} at best"
             )

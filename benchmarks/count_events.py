@@ -1,8 +1,11 @@
-"""What bounds the contacts engine, by counting: events, time an event, the closed form between events, and memory.
+"""What bounds the contacts engine, by counting: events, time an event, the closed form
+between events, and memory.
 
-``python benchmarks/count_events.py`` prints a table for Fig. 4c, and what a break costs with temperature and without.
-The closed form by itself (take-off, Newton's method to the next event, energies) is timed on short flights, each
-waiting for the one before as in the engine; a random read of memory, in a chain through as many bytes as contacts take.
+``python benchmarks/count_events.py`` prints a table for Fig. 4c, and what a break costs
+with temperature and without. The closed form by itself (take-off, Newton's method to
+the next event, energies) is timed on short flights, each waiting for the one before as
+in the engine; a random read of memory, in a chain through as many bytes as contacts
+take.
 """
 
 import math
@@ -24,13 +27,18 @@ from stickslip.simulation.engines.base import Leg
 
 
 @jit
-def closed_forms(flights: int, K: float, M: float, eta: float, out: NDArray[np.float64]) -> None:
+def closed_forms(
+    flights: int, K: float, M: float, eta: float, out: NDArray[np.float64]
+) -> None:
     """Fly that many short flights, the velocity of each from the one before."""
     near = NEAR / (eta + math.sqrt((K + 1.0) / M))
-    v, total = 1.0, 0.0
+    v = 1.0
+    total = 0.0
     for i in range(flights):
         w2 = (K + 0.85 + 1e-4 * (i & 63)) / M
-        flight = take_off(eta, w2, near, v, 0.02 * eta * v + 0.01 * (i & 7), K / M - w2 * v, 0.0)
+        flight = take_off(
+            eta, w2, near, v, 0.02 * eta * v + 0.01 * (i & 7), K / M - w2 * v, 0.0
+        )
         h, y, u, _, _ = soon(flight, 1e-5 * (1 + (i & 15)), 1.0)
         work, squares = energies(flight, h, y, u, 0.3, K, 1.0, 0.0)
         total += work + squares + h
@@ -48,7 +56,9 @@ def walk(following: NDArray[np.int64], steps: int) -> int:
 
 
 def random_read(contacts: int) -> float:
-    """Nanoseconds of a read at random in the memory that so many contacts take, two to a cache line."""
+    """Nanoseconds of a read at random in the memory that so many contacts take, two
+    to a cache line.
+    """
     places = 32 * contacts // 64  # cache lines
     order = np.random.default_rng(1).permutation(places)
     following = np.zeros(8 * places, np.int64)
@@ -60,11 +70,16 @@ def random_read(contacts: int) -> float:
 
 
 def seconds_and_events(
-    count: int, duration: float, interface: ss.Interface = FIG4.interface, what: str = "events"
+    count: int,
+    duration: float,
+    interface: ss.Interface = FIG4.interface,
+    what: str = "events",
 ) -> tuple[float, int]:
     """CPU time and events, or breaks, of a run without samples."""
     method = ss.Contacts(count, seed=1)
-    engine: Any = engine_of(interface, method)(Beginning(interface, FIG4.slider, 1.0), method)
+    engine: Any = engine_of(interface, method)(
+        Beginning(interface, FIG4.slider, 1.0), method
+    )
     leg = Leg(Quadratic(0.0, 0.0, 1.0, 0.0), duration, np.array([duration]), Stop())
     begin = time.process_time()
     while not engine.advance(leg).over:
@@ -73,54 +88,86 @@ def seconds_and_events(
 
 
 def lives_and_events(mechanism: dict[str, Any]) -> tuple[float, float, float]:
-    """Lives of a contact in steady sliding by a breaking displacement, events in a life, and ns in an event."""
-    rig, method = sliding(mechanism), ss.Contacts(COUNT, seed=1)
-    engine: Any = engine_of(rig.interface, method)(Beginning(rig.interface, rig.slider, 1.0, rig.start), method)
-    m, seen = engine._state.motion[0], []
+    """Lives of a contact in steady sliding by a breaking displacement, events in a
+    life, and ns in an event.
+    """
+    rig = sliding(mechanism)
+    method = ss.Contacts(COUNT, seed=1)
+    engine: Any = engine_of(rig.interface, method)(
+        Beginning(rig.interface, rig.slider, 1.0, rig.start), method
+    )
+    m = engine._state.motion[0]
+    seen = []
     for end in (SHORT, LONG):
         begin = time.process_time()
-        while not engine.advance(Leg(Quadratic(0.0, 0.0, 1.0, 0.0), end, np.array([end]), Stop())).over:
+        while not engine.advance(
+            Leg(Quadratic(0.0, 0.0, 1.0, 0.0), end, np.array([end]), Stop())
+        ).over:
             pass
         seen.append((int(m["breaks"]), int(m["events"]), time.process_time() - begin))
-    (lives, events), taken = np.subtract(seen[1], seen[0])[:2], seen[1][2]
+    lives, events = np.subtract(seen[1], seen[0])[:2]
+    taken = seen[1][2]
     return lives / (COUNT * (LONG - SHORT)), events / lives, 1e9 * taken / events
 
 
 def main() -> None:
-    slider, out = FIG4.slider, np.zeros(1)
+    slider = FIG4.slider
+    out = np.zeros(1)
     flights = 1_000_000
     best = math.inf
     for repeat in range(6):  # the first one compiles
         begin = time.process_time()
-        closed_forms(flights if repeat else 10, slider.stiffness, slider.mass, slider.damping, out)
+        closed_forms(
+            flights if repeat else 10,
+            slider.stiffness,
+            slider.mass,
+            slider.damping,
+            out,
+        )
         best = min(best, time.process_time() - begin) if repeat else math.inf
     closed = 1e9 * best / flights
     plain(100, 0.01)
     seconds_and_events(100, 0.01)
     print(f"closed form between two events: {closed:.0f} ns")
-    print("contacts  events    ns/event  closed form  plain/engine  plain/closed form alone  random read")
-    for count, duration, rounds in ((10_000, 10.0, 5), (100_000, 10.0, 2), (1_000_000, 3.0, 1)):
+    print(
+        "contacts  events    ns/event  closed form  plain/engine  plain/closed form "
+        "alone  random read"
+    )
+    for count, duration, rounds in (
+        (10_000, 10.0, 5),
+        (100_000, 10.0, 2),
+        (1_000_000, 3.0, 1),
+    ):
         taken, events = min(seconds_and_events(count, duration) for _ in range(rounds))
         begin = time.process_time()
         plain(count, part := max(0.3, 10_000.0 / count))
         loop = (time.process_time() - begin) * duration / part
         print(
-            f"{count:<9d} {events:<9d} {1e9 * taken / events:<9.0f} {closed * events / 1e9 / taken:<12.0%} "
-            f"{loop / taken:<13.0f} {loop / (1e-9 * closed * events):<24.0f} {random_read(count):.0f} ns"
+            f"{count:<9d} {events:<9d} {1e9 * taken / events:<9.0f} "
+            f"{closed * events / 1e9 / taken:<12.0%} "
+            f"{loop / taken:<13.0f} {loop / (1e-9 * closed * events):<24.0f} "
+            f"{random_read(count):.0f} ns"
         )
     warm = replace(FIG4.interface, temperature=ss.Bell(width=0.01, attempts=1e6))
     for what in ("events", "breaks"):
         costs = []
         for interface in (FIG4.interface, warm):
             seconds_and_events(100, 0.01, interface)
-            taken, count = min(seconds_and_events(10_000, 6.0, interface, what) for _ in range(5))
+            taken, count = min(
+                seconds_and_events(10_000, 6.0, interface, what) for _ in range(5)
+            )
             costs.append(1e9 * taken / count)
         cold, hot = costs
-        print(f"{what[:-1]}: {cold:.0f} ns, with temperature {hot:.0f} ns, {hot / cold:.2f} times as much")
+        print(
+            f"{what[:-1]}: {cold:.0f} ns, with temperature {hot:.0f} ns, "
+            f"{hot / cold:.2f} times as much"
+        )
     print("lives a breaking displacement  events a life  ns/event")
     for name, (mechanism, _) in {"plain": ({}, 0.0), **MECHANISMS}.items():
         if "Langevin" not in name:
-            print(f"{'{:<30.2f} {:<14.2f} {:<9.0f}'.format(*lives_and_events(mechanism))} {name}")
+            print(
+                f"{'{:<30.2f} {:<14.2f} {:<9.0f}'.format(*lives_and_events(mechanism))} {name}"  # noqa: E501
+            )
 
 
 if __name__ == "__main__":

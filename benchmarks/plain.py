@@ -1,4 +1,6 @@
-"""The plain loop that the contacts engine replaces: every contact looked at in every step of time."""
+"""The plain loop that the contacts engine replaces: every contact looked at in every
+step of time.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +21,14 @@ def plain_contacts(
     duration: float,
     dt: float,
 ) -> NDArray[np.float64]:
-    """Step N Gaussian contacts (mean 1, standard deviation .1) with a delay; the spring force after each step."""
+    """Step N Gaussian contacts (mean 1, standard deviation .1) with a delay; the
+    spring force after each step.
+    """
     N = stretching.size
     back = np.full(N, -1.0)  # time of re-attachment; negative while attached
     F_d = np.empty(round(duration / dt))
-    X, V = 0.0, 0.0
+    X = 0.0
+    V = 0.0
     for step in range(F_d.size):
         t = (step + 1) * dt
         dX = V * dt

@@ -1,4 +1,6 @@
-"""A case of about a millisecond that releases the GIL; importable, so that worker processes find it."""
+"""A case of about a millisecond that releases the GIL; importable, so that worker
+processes find it.
+"""
 
 import time
 

@@ -1,4 +1,6 @@
-"""Ageing contacts and their stationary kinetic equation beside the plain Euler loop over contacts, in the same run."""
+"""Ageing contacts and their stationary kinetic equation beside the plain Euler loop
+over contacts, in the same run.
+"""
 
 import time
 
@@ -14,17 +16,28 @@ from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.kernels.oscillator import Slider
 from stickslip.kernels.stepping import Course
 
-COUNT, STD, RATE = 2000, 0.1, 1.5  # Fig. 8
-STIFFNESS, MASS, DAMPING = 1.0, 1e-4, 10.0
-DURATION, WARM = 20.0, 0.1
+# Fig. 8
+COUNT = 2000
+STD = 0.1
+RATE = 1.5
+STIFFNESS = 1.0
+MASS = 1e-4
+DAMPING = 10.0
+DURATION = 20.0
+WARM = 0.1
 
 
 @jit
 def plain_loop(rng, x, f, K, M, eta, rate, std, duration, dt):
-    """Euler-Maruyama, breaking seen at the end of a step; the spring force after each step at v = 1."""
+    """Euler-Maruyama, breaking seen at the end of a step; the spring force after
+    each step at v = 1.
+    """
     force = np.empty(round(duration / dt))
-    X, V, F = 0.0, 0.0, np.mean(x)
-    drift, perturbation = rate * rate * dt, rate * std * np.sqrt(2.0 * dt)
+    X = 0.0
+    V = 0.0
+    F = np.mean(x)
+    drift = rate * rate * dt
+    perturbation = rate * std * np.sqrt(2.0 * dt)
     for step in range(force.size):
         F_d = K * (step * dt - X)
         V += dt * ((F_d - F) / M - eta * V)
@@ -34,7 +47,8 @@ def plain_loop(rng, x, f, K, M, eta, rate, std, duration, dt):
             x[i] += V * dt
             f[i] += drift * (1.0 - f[i]) + perturbation * rng.standard_normal()
             if abs(x[i]) >= f[i]:
-                x[i], f[i] = 0.0, 0.0
+                x[i] = 0.0
+                f[i] = 0.0
             F += x[i]
         F /= x.size
         force[step] = F_d
@@ -52,12 +66,23 @@ def plain(duration, dt=5e-4, seed=1):
 
 
 def fast(duration, step=0.04, reach=0.1, seed=1):
-    """Our contacts, in steps that give the error of the mean force that the plain loop has."""
+    """Our contacts, in steps that give the error of the mean force that the plain
+    loop has.
+    """
     rng, x, f = start(seed)
-    contacts, langevin = awake(x, f, np.full(COUNT, -np.inf), 0.0, 0.0), Langevin(RATE, 1.0, STD)
+    contacts = awake(x, f, np.full(COUNT, -np.inf), 0.0, 0.0)
+    langevin = Langevin(RATE, 1.0, STD)
     times = np.arange(1, round(duration / 0.05) + 1) * 0.05
-    course = Course(Quadratic(0.0, 0.0, 1.0, 0.0), Slider(STIFFNESS, MASS, DAMPING), times, step / RATE**2, reach)
-    return advance_contacts(np.zeros(4), contacts, course, langevin, NONE, np.zeros(1), rng)[:, 2]
+    course = Course(
+        Quadratic(0.0, 0.0, 1.0, 0.0),
+        Slider(STIFFNESS, MASS, DAMPING),
+        times,
+        step / RATE**2,
+        reach,
+    )
+    return advance_contacts(
+        np.zeros(4), contacts, course, langevin, NONE, np.zeros(1), rng
+    )[:, 2]
 
 
 def forty():
@@ -74,7 +99,11 @@ def test_plain_loop(benchmark):
 def test_contacts(benchmark):
     fast(WARM)
     benchmark.group = "Fig. 8, rate 1.5, N = 2000, twenty time units"
-    benchmark.extra_info.update(role="fast", promised=3.5, what="ageing contacts, at equal error of the mean force")
+    benchmark.extra_info.update(
+        role="fast",
+        promised=3.5,
+        what="ageing contacts, at equal error of the mean force",
+    )
     benchmark.pedantic(fast, (DURATION,), rounds=5)
 
 
@@ -88,13 +117,19 @@ def test_plain_loop_beside_the_kinetic_equation(benchmark):
 def test_stationary_kinetic_equation(benchmark):
     forty()
     benchmark.group = "Steady friction at 40 velocities"
-    benchmark.extra_info.update(role="fast", promised=1, what="kinetic equation at 40 velocities, beside one plain run")
+    benchmark.extra_info.update(
+        role="fast",
+        promised=1,
+        what="kinetic equation at 40 velocities, beside one plain run",
+    )
     assert np.all(benchmark.pedantic(forty, rounds=5) > 0.0)
 
 
 @pytest.mark.slow
 def test_speed_at_equal_error_of_the_mean_force():
-    """Both errors are measured, against steps four and five times as short; the mean is over whole oscillations."""
+    """Both errors are measured, against steps four and five times as short; the mean
+    is over whole oscillations.
+    """
     plain(WARM), fast(WARM)
 
     def measured(run, seeds, **settings):
@@ -114,7 +149,10 @@ def test_speed_at_equal_error_of_the_mean_force():
     }
     print(f"\nreference mean force {exact:.5f} +- {error:.5f}")
     for name, (mean, sigma, cost) in rows.items():
-        print(f"{name:26s} {mean:.5f} +- {sigma:.5f}  {mean / exact - 1:+.2%}  {cost:.2f} s a run")
+        print(
+            f"{name:26s} {mean:.5f} +- {sigma:.5f}  {mean / exact - 1:+.2%}  "
+            f"{cost:.2f} s a run"
+        )
     bias = {name: abs(mean - exact) for name, (mean, _, _) in rows.items()}
     sigma = np.sqrt(error**2 + max(row[1] for row in rows.values()) ** 2)
     cost = {name: row[2] for name, row in rows.items()}

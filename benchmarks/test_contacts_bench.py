@@ -1,4 +1,6 @@
-"""The contacts engine and the renewal convolution beside the plain loop over contacts, in the same run."""
+"""The contacts engine and the renewal convolution beside the plain loop over
+contacts, in the same run.
+"""
 
 import numpy as np
 import pytest
@@ -14,10 +16,20 @@ WARM = 0.01
 def plain(count, duration):
     rng = np.random.default_rng(1)
     slider = FIG4.slider
-    stretching, threshold = rng.normal(0.0, 0.01, count), rng.normal(1.0, 0.1, count)
+    stretching = rng.normal(0.0, 0.01, count)
+    threshold = rng.normal(1.0, 0.1, count)
     delay = FIG4.interface.delay.time
     return plain_contacts(
-        rng, stretching, threshold, slider.stiffness, slider.mass, slider.damping, delay, 1.0, duration, 1e-4
+        rng,
+        stretching,
+        threshold,
+        slider.stiffness,
+        slider.mass,
+        slider.damping,
+        delay,
+        1.0,
+        duration,
+        1e-4,
     )
 
 
@@ -29,23 +41,36 @@ def engine(count, duration):
     )
 
 
-@pytest.mark.parametrize(("count", "fraction", "rounds"), [(10_000, 1.0, 5), (1_000_000, 0.05, 1)], ids=["1e4", "1e6"])
+@pytest.mark.parametrize(
+    ("count", "fraction", "rounds"),
+    [(10_000, 1.0, 5), (1_000_000, 0.05, 1)],
+    ids=["1e4", "1e6"],
+)
 def test_plain_loop(benchmark, count, fraction, rounds):
-    """The plain loop's cost grows in proportion to time: for 1e6 contacts a twentieth of the run is timed."""
+    """The plain loop's cost grows in proportion to time: for 1e6 contacts a
+    twentieth of the run is timed.
+    """
     plain(100, WARM)
     benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
     benchmark.extra_info.update(role="plain", scale=1.0 / fraction)
     benchmark.pedantic(plain, (count, fraction * DURATION), rounds=rounds)
 
 
-@pytest.mark.parametrize(("count", "promised", "rounds"), [(10_000, 60, 10), (1_000_000, 40, 1)], ids=["1e4", "1e6"])
+@pytest.mark.parametrize(
+    ("count", "promised", "rounds"),
+    [(10_000, 60, 10), (1_000_000, 40, 1)],
+    ids=["1e4", "1e6"],
+)
 def test_contacts_engine(benchmark, count, promised, rounds):
-    """An event of 1e6 contacts takes little more than a read from memory that no cache holds (`count_events.py`)."""
+    """An event of 1e6 contacts takes little more than a read from memory that no
+    cache holds (`count_events.py`).
+    """
     engine(100, WARM)
     benchmark.group = f"Fig. 4c, N = {count:.0e}, ten time units"
     benchmark.extra_info.update(role="fast", promised=promised, what="contacts engine")
     run = benchmark.pedantic(engine, (count, DURATION), rounds=rounds)
-    assert float(run["spring_force"].max() - run["spring_force"].min()) > 0.5  # it did stick and slip
+    # it did stick and slip
+    assert float(run["spring_force"].max() - run["spring_force"].min()) > 0.5
 
 
 def test_plain_loop_for_one_per_cent_of_a_run(benchmark):
@@ -57,8 +82,14 @@ def test_plain_loop_for_one_per_cent_of_a_run(benchmark):
 
 def test_renewal_convolution(benchmark):
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
-    exact = ss.rigid_slide(interface, 20.0, method=ss.model.Renewal(4000))["friction_force"].to_numpy()[::4]
+    exact = ss.rigid_slide(interface, 20.0, method=ss.model.Renewal(4000))[
+        "friction_force"
+    ].to_numpy()[::4]
     benchmark.group = "F(X) over 0..20 x_s to 1e-8"
-    benchmark.extra_info.update(role="fast", promised=1, what="renewal convolution, beside 1 % of a plain run")
-    curve = benchmark.pedantic(ss.rigid_slide, (interface, 20.0), {"method": ss.model.Renewal(1000)}, rounds=20)
+    benchmark.extra_info.update(
+        role="fast", promised=1, what="renewal convolution, beside 1 % of a plain run"
+    )
+    curve = benchmark.pedantic(
+        ss.rigid_slide, (interface, 20.0), {"method": ss.model.Renewal(1000)}, rounds=20
+    )
     assert np.abs(curve["friction_force"].to_numpy() - exact).max() < 1e-8

@@ -1,4 +1,6 @@
-"""What runs and answers cost: each interface, method and question beside the cheapest of its kind, in the same run."""
+"""What runs and answers cost: each interface, method and question beside the
+cheapest of its kind, in the same run.
+"""
 
 import math
 import time
@@ -12,9 +14,14 @@ import stickslip as ss
 from stickslip.model import Barrier, Parabolic
 from stickslip.paper.cases import FIG4, FIG7
 
-COUNT, LONG, SHORT = 2000, 60.0, 10.0
+COUNT = 2000
+LONG = 60.0
+SHORT = 10.0
 SLIDER = ss.Slider(stiffness=5.0, mass=1e-3, damping=50.0)
-PLAIN: dict[str, Any] = {"thresholds": ss.Gaussian(mean=1.0, std=0.1), "delay": ss.Delay(0.05)}
+PLAIN: dict[str, Any] = {
+    "thresholds": ss.Gaussian(mean=1.0, std=0.1),
+    "delay": ss.Delay(0.05),
+}
 
 BELL = ss.Bell(width=0.02, attempts=1e4)
 PARABOLIC = Parabolic(temperature=0.02, attempts=1e4)
@@ -30,14 +37,25 @@ MECHANISMS: dict[str, tuple[dict[str, Any], float]] = {
     "that break by heat, Bell's rate": ({"temperature": BELL}, 4.5),
     "that break by heat, a parabolic barrier": ({"temperature": PARABOLIC}, 10),
     "that break by heat, a power-law barrier": ({"temperature": BARRIER}, 15),
-    "that strengthen logarithmically, Bell's rate": ({"temperature": BELL, "ageing": LOGARITHMIC}, 13),
-    "that strengthen exponentially, a power-law barrier": ({"temperature": BARRIER, "ageing": EXPONENTIAL}, 50),
+    "that strengthen logarithmically, Bell's rate": (
+        {"temperature": BELL, "ageing": LOGARITHMIC},
+        13,
+    ),
+    "that strengthen exponentially, a power-law barrier": (
+        {"temperature": BARRIER, "ageing": EXPONENTIAL},
+        50,
+    ),
     "whose thresholds age by Langevin": ({"ageing": LANGEVIN}, 10),
-    "whose thresholds age by Langevin, Bell's rate": ({"ageing": LANGEVIN, "temperature": BELL}, 60),
+    "whose thresholds age by Langevin, Bell's rate": (
+        {"ageing": LANGEVIN, "temperature": BELL},
+        60,
+    ),
 }
 
 
-def sliding(interface: dict[str, Any], count: int = COUNT, way: float = SHORT) -> ss.Rig:
+def sliding(
+    interface: dict[str, Any], count: int = COUNT, way: float = SHORT
+) -> ss.Rig:
     """A rig at unit velocity: the way in breaking displacements is the time."""
     return ss.Rig(
         ss.Interface(**PLAIN | interface),
@@ -48,21 +66,36 @@ def sliding(interface: dict[str, Any], count: int = COUNT, way: float = SHORT) -
     )
 
 
-def of(benchmark, group: str, what: str = "", promised: float = 0.0, scale: float = 1.0) -> None:
-    """Give a benchmark its place in the table; without a promise it is what the others are beside."""
+def of(
+    benchmark, group: str, what: str = "", promised: float = 0.0, scale: float = 1.0
+) -> None:
+    """Give a benchmark its place in the table; without a promise it is what the
+    others are beside.
+    """
     benchmark.group = group
-    benchmark.extra_info.update(role="cost" if what else "plain", what=what, promised=promised, scale=scale)
+    benchmark.extra_info.update(
+        role="cost" if what else "plain", what=what, promised=promised, scale=scale
+    )
 
 
 def run(benchmark, rig: ss.Rig, rounds: int = 3, **settings: Any) -> None:
     """Simulate a rig, once before it counts."""
     output = ss.Output(interval=0.1)
-    benchmark.pedantic(ss.simulate, (rig,), {"output": output} | settings, rounds=rounds, warmup_rounds=1)
+    benchmark.pedantic(
+        ss.simulate,
+        (rig,),
+        {"output": output} | settings,
+        rounds=rounds,
+        warmup_rounds=1,
+    )
 
 
 def run_beyond(benchmark, interface: dict[str, Any], rounds: int = 3) -> None:
-    """Simulate a long way; what a short way takes, most of it the start, is taken off, and the way too."""
-    output, short = ss.Output(interval=0.1), math.inf
+    """Simulate a long way; what a short way takes, most of it the start, is taken
+    off, and the way too.
+    """
+    output = ss.Output(interval=0.1)
+    short = math.inf
     for _ in range(4):  # the first one compiles
         begin = time.process_time()
         ss.simulate(sliding(interface), output=output)
@@ -71,7 +104,7 @@ def run_beyond(benchmark, interface: dict[str, Any], rounds: int = 3) -> None:
     run(benchmark, sliding(interface, way=LONG), rounds=rounds)
 
 
-# ---------------------------------------------------------------- contacts, by what they do
+# ------------------------------------------------------------ contacts, by what they do
 
 CONTACTS = "A contact over a breaking displacement"
 
@@ -91,7 +124,9 @@ def test_contacts(benchmark, name):
 MORE = f"A run of {COUNT} contacts"
 
 
-@pytest.mark.parametrize(("count", "promised"), [(10_000, 20), (100_000, 250), (1_000_000, 5000)])
+@pytest.mark.parametrize(
+    ("count", "promised"), [(10_000, 20), (100_000, 250), (1_000_000, 5000)]
+)
 def test_more_contacts(benchmark, count, promised):
     """Memory that no cache holds makes the last step dearer than ten times."""
     of(benchmark, MORE, f"of {count:.0e}", promised)
@@ -122,10 +157,16 @@ def test_master_equation_to_a_tolerance(benchmark, rtol, promised):
 
 HOT = {width: ss.Bell(width=width, attempts=1e6) for width in (0.1, 0.01, 0.001)}
 OTHERS: dict[str, dict[str, Any]] = {
-    **{f"Bell's rate of width {width:g}": {"temperature": bell} for width, bell in HOT.items()},
+    **{
+        f"Bell's rate of width {width:g}": {"temperature": bell}
+        for width, bell in HOT.items()
+    },
     "logarithmic growth": {"ageing": LOGARITHMIC},
     "a parabolic barrier": {"temperature": Parabolic(temperature=0.01, attempts=1e6)},
-    "Bell's rate of width 0.01, logarithmic growth": {"ageing": LOGARITHMIC, "temperature": HOT[0.01]},
+    "Bell's rate of width 0.01, logarithmic growth": {
+        "ageing": LOGARITHMIC,
+        "temperature": HOT[0.01],
+    },
 }
 
 
@@ -133,7 +174,11 @@ OTHERS: dict[str, dict[str, Any]] = {
 def test_master_equation_of_other_contacts(benchmark, name):
     interface = replace(FIG4.interface, **OTHERS[name])
     of(benchmark, STICK_SLIP, f"{name}, rtol 1e-4", 25)
-    run(benchmark, FIG4C.replace(interface=interface, method=ss.MasterEquation(rtol=1e-4)), rounds=5)
+    run(
+        benchmark,
+        FIG4C.replace(interface=interface, method=ss.MasterEquation(rtol=1e-4)),
+        rounds=5,
+    )
 
 
 def test_population(benchmark):
@@ -144,7 +189,9 @@ def test_population(benchmark):
 # ---------------------------------------------------------------- answers
 
 QUESTION = "One run of 2000 contacts, twenty time units"
-RIG = ss.Rig(FIG7.interface, FIG7.slider, ss.constant(1.0, 20.0), method=ss.Contacts(2000))
+RIG = ss.Rig(
+    FIG7.interface, FIG7.slider, ss.constant(1.0, 20.0), method=ss.Contacts(2000)
+)
 
 
 def test_a_run(benchmark):
@@ -154,10 +201,21 @@ def test_a_run(benchmark):
 
 ANEW = count(1.0, 1e-6)
 ANSWERS: dict[str, tuple[Any, float]] = {
-    "critical velocities": (lambda: ss.critical(RIG, "velocity", between=(0.1, 10.0)), 10),
+    "critical velocities": (
+        lambda: ss.critical(RIG, "velocity", between=(0.1, 10.0)),
+        10,
+    ),
     # At another velocity each time: what is known of one is kept.
-    "noise of the contacts": (lambda: ss.stability.contact_noise(RIG.replace(stiffness=10.0, velocity=next(ANEW))), 3),
-    "bistable range of the velocity": (lambda: ss.bistable_range(RIG, "velocity", between=(0.3, 2.0)), 250),
+    "noise of the contacts": (
+        lambda: ss.stability.contact_noise(
+            RIG.replace(stiffness=10.0, velocity=next(ANEW))
+        ),
+        3,
+    ),
+    "bistable range of the velocity": (
+        lambda: ss.bistable_range(RIG, "velocity", between=(0.3, 2.0)),
+        250,
+    ),
     "rate-and-state parameters, Bell's rate": (
         lambda: ss.rate_and_state(ss.Interface(**PLAIN | {"temperature": BELL}), 1.0),
         300,

@@ -1,4 +1,6 @@
-"""The stability map and its boundary, beside a count at each point of the map; ageing contacts."""
+"""The stability map and its boundary, beside a count at each point of the map;
+ageing contacts.
+"""
 
 import numpy as np
 
@@ -7,10 +9,18 @@ from stickslip.paper.cases import FIG7, FIG8
 from stickslip.sliding import langevin
 from stickslip.sliding.response import whole_axis
 from stickslip.sliding.unaged import axis_table
-from stickslip.stability import boundary, count_unstable, critical, growth_rate, onset, stability_map
+from stickslip.stability import (
+    boundary,
+    count_unstable,
+    critical,
+    growth_rate,
+    onset,
+    stability_map,
+)
 
 RIG = Rig(FIG7.interface, FIG7.slider, constant(1.0))
-STIFFNESSES, VELOCITIES = np.geomspace(0.1, 10, 200), np.geomspace(0.1, 10, 200)
+STIFFNESSES = np.geomspace(0.1, 10, 200)
+VELOCITIES = np.geomspace(0.1, 10, 200)
 WINDOW = ((0.1, 10.0), (0.1, 10.0))
 AGED = Rig(FIG8.interface, FIG8.slider, constant(1.0))
 
@@ -30,7 +40,10 @@ def test_map_of_200_by_200_with_no_table_kept(benchmark):
 
 def test_plain_loop_over_a_hundredth_of_the_map(benchmark):
     def run():
-        return [[count_unstable(RIG.replace(stiffness=k, velocity=v)) for v in v_] for k in STIFFNESSES[::10].tolist()]
+        return [
+            [count_unstable(RIG.replace(stiffness=k, velocity=v)) for v in v_]
+            for k in STIFFNESSES[::10].tolist()
+        ]
 
     v_ = VELOCITIES[::10].tolist()
     benchmark.pedantic(run, rounds=2)
@@ -43,7 +56,12 @@ def test_boundary(benchmark):
 
 def test_map_over_velocity_and_delay_50_by_50(benchmark):
     values = (np.geomspace(0.1, 10, 50), np.geomspace(0.01, 1, 50))
-    benchmark.pedantic(stability_map, (RIG,), {"over": ("velocity", "delay"), "values": values}, rounds=3)
+    benchmark.pedantic(
+        stability_map,
+        (RIG,),
+        {"over": ("velocity", "delay"), "values": values},
+        rounds=3,
+    )
 
 
 def test_critical_velocities(benchmark):
@@ -70,14 +88,24 @@ def forget():
 
 
 def test_critical_velocities_of_ageing_contacts_from_nothing(benchmark):
-    benchmark.pedantic(critical, (AGED, "velocity"), {"between": (0.1, 10)}, setup=forget, rounds=3)
+    benchmark.pedantic(
+        critical, (AGED, "velocity"), {"between": (0.1, 10)}, setup=forget, rounds=3
+    )
 
 
 def test_map_of_ageing_contacts_50_by_50_from_nothing(benchmark):
     values = (np.geomspace(0.1, 10, 50), np.geomspace(0.1, 10, 50))
-    benchmark.pedantic(stability_map, (AGED,), {"values": values}, setup=forget, rounds=3)
+    benchmark.pedantic(
+        stability_map, (AGED,), {"values": values}, setup=forget, rounds=3
+    )
 
 
 def test_growth_rates_of_ageing_contacts_50_by_50_from_nothing(benchmark):
     values = (np.geomspace(0.1, 10, 50), np.geomspace(0.1, 10, 50))
-    benchmark.pedantic(stability_map, (AGED,), {"values": values, "growth": True}, setup=forget, rounds=1)
+    benchmark.pedantic(
+        stability_map,
+        (AGED,),
+        {"values": values, "growth": True},
+        setup=forget,
+        rounds=1,
+    )

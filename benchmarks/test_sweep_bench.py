@@ -1,9 +1,11 @@
-"""10,000 cases of about 1 ms on two cores: how busy are they, and what does the sweep itself cost?
+"""10,000 cases of about 1 ms on two cores: how busy are they, and what does the sweep
+itself cost?
 
-Cases that do nothing tell the cost of the sweep on any machine: all CPU time is then its own.
-Wall time and fraction of two cores are as found. Where other programs run too, the fraction of what they left says
-more: CPU time of the cases over that time, plus CPU time of the sweep itself, plus time that the cores idled. Processes
-are started and have compiled before the clock starts; their start (about 1 s of CPU each) is printed apart.
+Cases that do nothing tell the cost of the sweep on any machine: all CPU time is then
+its own. Wall time and fraction of two cores are as found. Where other programs run too,
+the fraction of what they left says more: CPU time of the cases over that time, plus CPU
+time of the sweep itself, plus time that the cores idled. Processes are started and have
+compiled before the clock starts; their start (about 1 s of CPU each) is printed apart.
 """
 
 import functools
@@ -19,7 +21,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # worker processes import the case by name
+# worker processes import the case by name
+sys.path.insert(0, str(Path(__file__).parent))
 
 import sweep_spin
 
@@ -27,7 +30,9 @@ import stickslip as ss
 from stickslip.paper.cases import FIG4
 from stickslip.sweep import Processes, Runs, Threads, run_cases, summary
 
-CASES, SECONDS, CORES = 10_000, 1e-3, 2
+CASES = 10_000
+SECONDS = 1e-3
+CORES = 2
 RUNS = 1_000  # of a rig, some 10 ms each
 TICK = os.sysconf("SC_CLK_TCK")
 
@@ -43,7 +48,9 @@ def processes():
     begin = time.perf_counter()
     with ProcessPoolExecutor(CORES, mp_context=context) as pool:
         list(pool.map(sweep_spin.warm, [0.3] * CORES))
-        print(f"\nstart of {CORES} processes {time.perf_counter() - begin:.2f} s", end="")
+        print(
+            f"\nstart of {CORES} processes {time.perf_counter() - begin:.2f} s", end=""
+        )
         children = [process.pid for process in multiprocessing.active_children()]
         yield pool, lambda: sum(map(cpu_of, children))
 
@@ -75,7 +82,9 @@ def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
     def run(executor, others):
         store = tmp_path / "bench.sqlite" if stored else None
         begin = time.perf_counter(), cpu_here() + others(), idle()
-        result = run_cases(case, {"i": np.arange(CASES)}, executor=executor, store=store)
+        result = run_cases(
+            case, {"i": np.arange(CASES)}, executor=executor, store=store
+        )
         end = time.perf_counter(), cpu_here() + others(), idle()
         wall, cpu, idled = (b - a for a, b in zip(begin, end, strict=True))
         busy = float(result["busy"].sum())
@@ -91,14 +100,20 @@ def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
         return result
 
     with pool() as (executor, others):
-        # Imports (xarray) and the first use of the executor are paid once, not per case.
-        run_cases(case, {"i": range(4)}, executor=executor, store=tmp_path / "warm.sqlite")
-        result = benchmark.pedantic(run, args=(executor, others), rounds=1, iterations=1)
+        # Imports (xarray) and the first use of the executor are paid once, not per
+        # case.
+        run_cases(
+            case, {"i": range(4)}, executor=executor, store=tmp_path / "warm.sqlite"
+        )
+        result = benchmark.pedantic(
+            run, args=(executor, others), rounds=1, iterations=1
+        )
     assert summary(result).done == CASES
     np.testing.assert_array_equal(result["twice"], 2 * np.arange(CASES))
     benchmark.extra_info.update(figures)
     print("\n" + "  ".join(f"{name} {value:.3g}" for name, value in figures.items()))
-    if figures["left_by_others"] > 0.8:  # on a crowded machine caches and switches are measured, not the sweep
+    # on a crowded machine caches and switches are measured, not the sweep
+    if figures["left_by_others"] > 0.8:
         assert figures["share_of_two_cores"] > 0.85 * figures["left_by_others"]
 
 
@@ -119,10 +134,17 @@ def test_what_a_sweep_costs_without_its_cases(benchmark, tmp_path, stored):
         return result
 
     rounds = iter(range(100))
-    result = benchmark.pedantic(run, setup=lambda: ((next(rounds),), {}), rounds=5, iterations=1)
+    result = benchmark.pedantic(
+        run, setup=lambda: ((next(rounds),), {}), rounds=5, iterations=1
+    )
     assert summary(result).done == CASES
-    benchmark.extra_info.update(cpu_us_per_case=min(costs), percent_of_a_millisecond=min(costs) / 10)
-    print(f"\ncpu_us_per_case {min(costs):.3g} (5 rounds: {', '.join(f'{cost:.3g}' for cost in costs)})")
+    benchmark.extra_info.update(
+        cpu_us_per_case=min(costs), percent_of_a_millisecond=min(costs) / 10
+    )
+    print(
+        f"\ncpu_us_per_case {min(costs):.3g} (5 rounds: "
+        f"{', '.join(f'{cost:.3g}' for cost in costs)})"
+    )
     assert min(costs) < 1e6 * 0.05 * SECONDS  # less than 5 % of a case of 1 ms
 
 
@@ -130,19 +152,31 @@ def test_what_a_sweep_costs_without_its_cases(benchmark, tmp_path, stored):
 
 
 def everywhere():
-    """CPU time of this process and of its workers: what others leave of the cores does not matter."""
-    return cpu_here() + sum(cpu_of(process.pid) for process in multiprocessing.active_children())
+    """CPU time of this process and of its workers: what others leave of the cores
+    does not matter.
+    """
+    return cpu_here() + sum(
+        cpu_of(process.pid) for process in multiprocessing.active_children()
+    )
 
 
 SHORT = FIG4.rig.replace(drive=ss.constant(1.0, 6.0), method=ss.Contacts(1_000))
 
 
 def looped(seeds):
-    return [ss.regime(ss.simulate(SHORT, method=ss.Contacts(1_000, seed=seed))).kind for seed in seeds]
+    return [
+        ss.regime(ss.simulate(SHORT, method=ss.Contacts(1_000, seed=seed))).kind
+        for seed in seeds
+    ]
 
 
 def swept(seeds, executor):
-    return ss.sweep(SHORT, {"seed": list(seeds)}, runs=Runs(distance=6.0, cycles=0, extensions=0), executor=executor)
+    return ss.sweep(
+        SHORT,
+        {"seed": list(seeds)},
+        runs=Runs(distance=6.0, cycles=0, extensions=0),
+        executor=executor,
+    )
 
 
 @pytest.mark.benchmark(timer=everywhere, group="a thousand short runs, each classified")
@@ -155,9 +189,14 @@ def test_a_loop_of_short_runs(benchmark):
 @pytest.mark.parametrize("cores", [1, CORES])
 def test_a_sweep_of_short_runs(benchmark, cores):
     """At least 80 % of the runs a second that a loop makes, on each core."""
-    benchmark.extra_info.update(role="cost", what=f"as a sweep on {cores} core{'s' * (cores > 1)}", promised=1.25)
+    benchmark.extra_info.update(
+        role="cost",
+        what=f"as a sweep on {cores} core{'s' * (cores > 1)}",
+        promised=1.25,
+    )
     executor = Threads(1) if cores == 1 else Processes(cores)
     with executor:
-        swept(range(RUNS, RUNS + 8 * cores), executor)  # workers start, and load what they need
+        # workers start, and load what they need
+        swept(range(RUNS, RUNS + 8 * cores), executor)
         found = benchmark.pedantic(swept, (range(RUNS), executor), rounds=1)
     assert summary(found).done == RUNS

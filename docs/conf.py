@@ -1,4 +1,7 @@
-"""How the documentation is built: `make docs`. Pages ask no other host for anything, maths included."""
+"""How the documentation is built: `make docs`.
+
+Pages ask no other host for anything, maths included.
+"""
 
 import importlib.metadata
 import os
@@ -52,13 +55,21 @@ autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
 autodoc_type_aliases = {
-    name: name for name in ("ArrayLike", "Array", "ComplexArray", "Distribution", "DelayModel", "Rig")
+    name: name
+    for name in (
+        "ArrayLike",
+        "Array",
+        "ComplexArray",
+        "Distribution",
+        "DelayModel",
+        "Rig",
+    )
 }
 autodoc_default_options = {"members": True}
 maximum_signature_line_length = 80
 add_module_names = False
 
-# ---------------------------------------------------------------- maths: MathJax from a wheel, one file, no network
+# ------------------------------------ maths: MathJax from a wheel, one file, no network
 
 mathjax_path = "mathjax.js"  # `house` puts it into _static
 mathjax3_config = {
@@ -77,8 +88,14 @@ html_show_sphinx = False
 html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {
-    "light_css_variables": {"color-brand-primary": "#0b5c8a", "color-brand-content": "#0b5c8a"},
-    "dark_css_variables": {"color-brand-primary": "#6cb8e6", "color-brand-content": "#6cb8e6"},
+    "light_css_variables": {
+        "color-brand-primary": "#0b5c8a",
+        "color-brand-content": "#0b5c8a",
+    },
+    "dark_css_variables": {
+        "color-brand-primary": "#6cb8e6",
+        "color-brand-content": "#6cb8e6",
+    },
 }
 pygments_style = "friendly"
 pygments_dark_style = "monokai"
@@ -88,7 +105,11 @@ pygments_dark_style = "monokai"
 sphinx_gallery_conf = {
     "examples_dirs": [str(EXAMPLES)],
     "gallery_dirs": ["gallery"],
-    "subsection_order": ["../examples/practice", "../examples/elastic", "../examples/figures"],
+    "subsection_order": [
+        "../examples/practice",
+        "../examples/elastic",
+        "../examples/figures",
+    ],
     "within_subsection_order": "FileNameSortKey",
     "filename_pattern": r"\.py$",
     "image_scrapers": ("house.keep_figure",),

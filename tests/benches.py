@@ -48,18 +48,40 @@ def with_value(document, path, value):
 STILL = ss.constant(velocity=0.0, duration=1.0)
 
 
-def bar(kappa, leaf=0.0, alpha=0.0, zeta=0.0, *, std=0.0, sliding=0.0, mean=1.0, delay=ss.Delay(math.inf), **more):
-    """A rig by the groups that a front depends on: contacts, leaf springs, damping and viscosity against the bulk."""
+def bar(
+    kappa,
+    leaf=0.0,
+    alpha=0.0,
+    zeta=0.0,
+    *,
+    std=0.0,
+    sliding=0.0,
+    mean=1.0,
+    delay=ss.Delay(math.inf),
+    **more,
+):
+    """A rig by the groups that a front depends on: contacts, leaf springs, damping
+    and viscosity against the bulk.
+    """
     coupling = 1.0 / kappa
-    chain = {"blocks": 400, "coupling": coupling, "mass": coupling, "damping": alpha, "viscosity": zeta * coupling}
+    chain = {
+        "blocks": 400,
+        "coupling": coupling,
+        "mass": coupling,
+        "damping": alpha,
+        "viscosity": zeta * coupling,
+    }
     chain |= {"leaf": leaf * coupling} | more
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=mean, std=std), delay=delay, sliding_force=sliding)
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=mean, std=std), delay=delay, sliding_force=sliding
+    )
     return ss.Rig(interface, ss.Chain(**chain), STILL)
 
 
 def pushed(rig, profile, duration):
     """A bar at rest under a prestress that is pushed at one end."""
-    start, drive = ss.Prestressed(stretching=profile, push=3.0, pushed_blocks=3), ss.constant(0.0, duration=duration)
+    start = ss.Prestressed(stretching=profile, push=3.0, pushed_blocks=3)
+    drive = ss.constant(0.0, duration=duration)
     return replace(rig, drive=drive, method=ss.Contacts(20), start=start)
 
 
@@ -73,20 +95,28 @@ def springs_between(body):
 
 
 def rigidly(interface, method, drive, times, start=ss.FromSliding()):
-    """What contacts do under a slider that is moved with the drive, from its first velocity on."""
+    """What contacts do under a slider that is moved with the drive, from its first
+    velocity on.
+    """
     beginning = Beginning(interface, None, drive.pieces[0].start, start)
-    return follow(engine_of(interface, method, None)(beginning, method), drive, 0.0, times)
+    return follow(
+        engine_of(interface, method, None)(beginning, method), drive, 0.0, times
+    )
 
 
 def oscillations(signal, interval):
-    """Growth and angular frequency of what oscillates in a signal, as complex rates, by the matrix pencil."""
+    """Growth and angular frequency of what oscillates in a signal, as complex rates,
+    by the matrix pencil.
+    """
     rows = np.lib.stride_tricks.sliding_window_view(signal, signal.size // 3)
     basis = np.linalg.svd(rows, full_matrices=False)[2][:8].T
     return np.log(np.linalg.eigvals(np.linalg.pinv(basis[:-1]) @ basis[1:])) / interval
 
 
 def imbalance(run):
-    """Largest gap between the work of the drive and what became of it, as a fraction of all energy turned over."""
+    """Largest gap between the work of the drive and what became of it, as a fraction
+    of all energy turned over.
+    """
     found = sum(run[name] for name in run if name.endswith("_energy"))
     gap = run["work"] - found
     return float(np.abs(gap - gap[0]).max()) / max(float(found.max()), 1e-6)

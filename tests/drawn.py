@@ -1,7 +1,9 @@
-"""What a picture shows, in words and numbers, so that a test can tell when it becomes another.
+"""What a picture shows, in words and numbers, so that a test can tell when it becomes
+another.
 
-Places are in per cent of the panel, from its lower left corner. ``REDRAW=1`` in the environment writes what is drawn
-now to tests/data/drawn: look at the picture and at the difference before it is kept.
+Places are in per cent of the panel, from its lower left corner. ``REDRAW=1`` in the
+environment writes what is drawn now to tests/data/drawn: look at the picture and at the
+difference before it is kept.
 """
 
 import os
@@ -28,7 +30,9 @@ def assert_drawn(figure, name):
 
 
 def assert_kept(now, name, rtol=0.002, atol=1e-6):
-    """Compare a text with the one that is kept under a name: the words exactly, numbers within tolerances."""
+    """Compare a text with the one that is kept under a name: the words exactly,
+    numbers within tolerances.
+    """
     file = KEPT / f"{name}.txt"
     if os.environ.get("REDRAW"):
         KEPT.mkdir(exist_ok=True)
@@ -36,8 +40,13 @@ def assert_kept(now, name, rtol=0.002, atol=1e-6):
     before = file.read_text(encoding="utf-8")
     for old, new in zip(before.splitlines(), now.splitlines(), strict=True):
         assert NUMBER.sub("#", old) == NUMBER.sub("#", new)
-        numbers = [np.array([float(word) for word in NUMBER.findall(line)]) for line in (old, new)]
-        assert np.allclose(*numbers, rtol=rtol, atol=0.5 if "panel" in now else atol), f"{old}\n{new}"
+        numbers = [
+            np.array([float(word) for word in NUMBER.findall(line)])
+            for line in (old, new)
+        ]
+        assert np.allclose(*numbers, rtol=rtol, atol=0.5 if "panel" in now else atol), (
+            f"{old}\n{new}"
+        )
 
 
 def as_drawn(figure: Figure) -> str:
@@ -55,9 +64,21 @@ def _panel(ax: Axes) -> list[str]:
     found = []
     for name, axis in (("x", ax.xaxis), ("y", ax.yaxis)):
         low, high = axis.get_view_interval()
-        found.append(f"{name} {axis.get_scale()} from {low:.5g} to {high:.5g}: {axis.get_label_text()!r}")
-    found.insert(0, "panel " + " ".join(repr(ax.get_title(loc=side)) for side in ("left", "center", "right")))
-    found += [f"  {_thing(ax, each)}" for each in (*ax.lines, *ax.collections, *ax.patches, *ax.images, *ax.texts)]
+        found.append(
+            f"{name} {axis.get_scale()} from {low:.5g} to {high:.5g}: "
+            f"{axis.get_label_text()!r}"
+        )
+    found.insert(
+        0,
+        "panel "
+        + " ".join(
+            repr(ax.get_title(loc=side)) for side in ("left", "center", "right")
+        ),
+    )
+    found += [
+        f"  {_thing(ax, each)}"
+        for each in (*ax.lines, *ax.collections, *ax.patches, *ax.images, *ax.texts)
+    ]
     if (legend := ax.get_legend()) is not None:
         found.append(f"  legend: {_words(legend.get_texts())}")
     return found
@@ -66,29 +87,52 @@ def _panel(ax: Axes) -> list[str]:
 def _thing(ax: Axes, each: object) -> str:
     match each:
         case Line2D():
-            style = f"{_colour(each.get_color())} {each.get_linestyle()} {each.get_marker()} {each.get_linewidth():.2g}"
+            style = (
+                f"{_colour(each.get_color())} {each.get_linestyle()} "
+                f"{each.get_marker()} {each.get_linewidth():.2g}"
+            )
             where = _places(ax, each.get_transform(), each.get_xydata())
             return f"line {style} {each.get_label()!r}: {where}"
         case Collection():
-            offsets, paths = np.ma.getdata(each.get_offsets()), each.get_paths()
+            offsets = np.ma.getdata(each.get_offsets())
+            paths = each.get_paths()
             if len(offsets) > 1 or np.any(offsets):
                 where = _places(ax, each.get_offset_transform(), offsets)
             else:
-                corners = np.concatenate([path.vertices for path in paths]) if paths else np.zeros((0, 2))
+                corners = (
+                    np.concatenate([path.vertices for path in paths])
+                    if paths
+                    else np.zeros((0, 2))
+                )
                 where = _places(ax, each.get_transform(), corners)
-            values = "" if each.get_array() is None else f" values {_summary(each.get_array())}"
+            values = (
+                ""
+                if each.get_array() is None
+                else f" values {_summary(each.get_array())}"
+            )
             colours = f"{_colour(each.get_facecolor())} {_colour(each.get_edgecolor())}"
             return f"{type(each).__name__} {colours}: {where}{values}"
         case Patch():
             corners = each.get_path().vertices
-            return f"patch {_colour(each.get_facecolor())}: {_places(ax, each.get_transform(), corners)}"
+            return (
+                f"patch {_colour(each.get_facecolor())}: "
+                f"{_places(ax, each.get_transform(), corners)}"
+            )
         case AxesImage():
-            return f"image over {np.array(each.get_extent())}: {_summary(each.get_array())}"
+            return (
+                f"image over {np.array(each.get_extent())}: "
+                f"{_summary(each.get_array())}"
+            )
         case Annotation():
-            xy = _places(ax, ax.transData if each.xycoords == "data" else ax.transAxes, [each.xy])
+            xy = _places(
+                ax, ax.transData if each.xycoords == "data" else ax.transAxes, [each.xy]
+            )
             return f"words {each.get_text()!r} at {xy}, off by {each.xyann}"
         case Text():
-            return f"words {each.get_text()!r} at {_places(ax, each.get_transform(), [each.get_position()])}"
+            return (
+                f"words {each.get_text()!r} at "
+                f"{_places(ax, each.get_transform(), [each.get_position()])}"
+            )
     return type(each).__name__
 
 
@@ -100,12 +144,17 @@ def _places(ax: Axes, transform: object, points: object) -> str:
         return "nowhere"
     some = points[np.unique(np.linspace(0, len(points) - 1, 9).round().astype(int))]
     shown = 100.0 * ax.transAxes.inverted().transform(transform.transform(some))
-    return f"{len(points)} points " + " ".join(f"({x + 0.0:.1f}, {y + 0.0:.1f})" for x, y in np.clip(shown, -999, 999))
+    return f"{len(points)} points " + " ".join(
+        f"({x + 0.0:.1f}, {y + 0.0:.1f})" for x, y in np.clip(shown, -999, 999)
+    )
 
 
 def _summary(array: object) -> str:
     array = np.ma.masked_invalid(np.ma.asarray(array, float))
-    return f"{array.count()} from {array.min():.4g} to {array.max():.4g}, mean {array.mean():.4g}"
+    return (
+        f"{array.count()} from {array.min():.4g} to {array.max():.4g}, mean "
+        f"{array.mean():.4g}"
+    )
 
 
 def _colour(colour: object) -> str:

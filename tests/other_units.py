@@ -1,7 +1,7 @@
 """Rigs in other units: all lengths times one factor, all times times another.
 
-Forces are in the unit of length, as the stiffness of a contact stays 1. What is declared without a unit is relative to
-the thresholds, which are lengths here.
+Forces are in the unit of length, as the stiffness of a contact stays 1. What is
+declared without a unit is relative to the thresholds, which are lengths here.
 """
 
 from dataclasses import replace
@@ -12,10 +12,15 @@ from stickslip.model.records import converted
 
 def rescaled(interface, length, time=1.0):
     """The same interface."""
-    made = converted(interface, ss.model.Scales(force=length, stretching=length, time=time).si)
+    made = converted(
+        interface, ss.model.Scales(force=length, stretching=length, time=time).si
+    )
     longer = {
         name: replace(known, mean=length * known.mean, std=length * known.std)
-        for name, known in {"thresholds": interface.thresholds, "initial": interface.initial}.items()
+        for name, known in {
+            "thresholds": interface.thresholds,
+            "initial": interface.initial,
+        }.items()
     }
     if isinstance(made.ageing, ss.LogarithmicGrowth):
         longer["ageing"] = replace(made.ageing, slope=length * made.ageing.slope)
@@ -24,5 +29,7 @@ def rescaled(interface, length, time=1.0):
 
 def rescaled_rig(rig, length, time):
     """The same rig."""
-    made = converted(rig, ss.model.Scales(force=length, stretching=length, time=time).si)
+    made = converted(
+        rig, ss.model.Scales(force=length, stretching=length, time=time).si
+    )
     return replace(made, interface=rescaled(rig.interface, length, time))

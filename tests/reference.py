@@ -1,7 +1,8 @@
 """Settled numbers of the paper's cases: each stands here once, and a test names it.
 
-They come from an independent study of the model or from a closed form, never from this package. All in natural units,
-per contact; the interface of Fig. 4 unless another is named.
+They come from an independent study of the model or from a closed form, never from this
+package. All in natural units, per contact; the interface of Fig. 4 unless another is
+named.
 """
 
 CRITICAL_STIFFNESS = 2.989
@@ -17,4 +18,6 @@ INSTABILITY_NEVER = (0.9247, 1.2820)
 PERIOD = 1.487
 """Stick-slip of Fig. 4, ``K = 2``, delay .2, ``v = 1``; to .010."""
 V1_FIG4 = 0.7142311
-"""Where smooth sliding loses stability in the rig of Fig. 4, delay .2, ``K = 2``; to 1e-6."""
+"""Where smooth sliding loses stability in the rig of Fig. 4, delay .2, ``K = 2``; to
+1e-6.
+"""

@@ -1,4 +1,5 @@
-"""Bad input: one table of what is refused, and in which words; what the checks behind it let through.
+"""Bad input: one table of what is refused, and in which words; what the checks behind
+it let through.
 
 Any other argument of any public function is drawn at random by tests/test_fuzz.py.
 """
@@ -45,14 +46,19 @@ def interface(**parts):
     return ss.Interface(**({"thresholds": TENTH} | parts))
 
 
-NEVER, EQUAL = interface(delay=ss.Delay(math.inf)), interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
-AGEING, LASTING = (interface(ageing=ss.Langevin(rate=1.0, newborn=newborn)) for newborn in (0.0, 0.3))
+NEVER = interface(delay=ss.Delay(math.inf))
+EQUAL = interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
+AGEING, LASTING = (
+    interface(ageing=ss.Langevin(rate=1.0, newborn=newborn)) for newborn in (0.0, 0.3)
+)
 TRACK = interface(newborn=ss.Uniform(-0.1, 0.4), track_scatter=0.1)
 WARM = interface(temperature=ss.Bell(width=0.01, attempts=1e6))
 
 
 def run_of(**changes):
-    return lambda: ss.simulate(RIG.replace(**({"method": ss.MasterEquation()} | changes)), long=True)
+    return lambda: ss.simulate(
+        RIG.replace(**({"method": ss.MasterEquation()} | changes)), long=True
+    )
 
 
 def number_with(value, **bounds):
@@ -61,135 +67,378 @@ def number_with(value, **bounds):
 
 REFUSED = [
     # numbers
-    *((number_with(value), r"^place = .*: must be a number$") for value in ("2", None, True, 2j, [2], Decimal(2))),
+    *(
+        (number_with(value), r"^place = .*: must be a number$")
+        for value in ("2", None, True, 2j, [2], Decimal(2))
+    ),
     (number_with(math.nan), "^place = nan: must be a finite number$"),
     (number_with(1, below=1), "^place = 1: must be a finite number below 1$"),
-    (number_with(3, above=0, at_most=1), "^place = 3: must be a finite number above 0 and at most 1$"),
-    (number_with("1", above=0, hint="in N"), r"^place = '1': must be a number above 0 \(in N\)$"),
-    (number_with(10**400, above=0), "^place = an integer of about 401 digits: must be a number above 0$"),
-    (number_with(0.9 * SMALLEST, at_least=0), "^place = 9e-31: must be between 1e-30 and 1e"),
+    (
+        number_with(3, above=0, at_most=1),
+        "^place = 3: must be a finite number above 0 and at most 1$",
+    ),
+    (
+        number_with("1", above=0, hint="in N"),
+        r"^place = '1': must be a number above 0 \(in N\)$",
+    ),
+    (
+        number_with(10**400, above=0),
+        "^place = an integer of about 401 digits: must be a number above 0$",
+    ),
+    (
+        number_with(0.9 * SMALLEST, at_least=0),
+        "^place = 9e-31: must be between 1e-30 and 1e",
+    ),
     (number_with(1.1 * LARGEST), r"^place = 1\.1e\+30: must be between 1e-30 and 1e"),
-    (lambda: whole("n", 2.5, at_least=1, hint="contacts"), r"^n = 2\.5: must be a whole number \(contacts\)$"),
-    (lambda: whole("n", 0, at_least=1, at_most=9), "^n = 0: must be a finite number at least 1 and at most 9$"),
-    (lambda: instance("place", [], int | str, "a number"), r"^place = \[\]: must be a number$"),
+    (
+        lambda: whole("n", 2.5, at_least=1, hint="contacts"),
+        r"^n = 2\.5: must be a whole number \(contacts\)$",
+    ),
+    (
+        lambda: whole("n", 0, at_least=1, at_most=9),
+        "^n = 0: must be a finite number at least 1 and at most 9$",
+    ),
+    (
+        lambda: instance("place", [], int | str, "a number"),
+        r"^place = \[\]: must be a number$",
+    ),
     # distributions
-    (lambda: ss.Gaussian(mean=1, std=0.1, lower=2), r"^Gaussian\.lower = 2: less than one .* raise the mean \(1\)"),
-    (lambda: ss.Gaussian(mean=-1, std=0.1).positive(), r"^Gaussian\.lower = 0: less than one value in a million"),
-    (lambda: ss.Uniform(low=1, high=1), r"^Uniform\.high = 1: must be a finite number above 1"),
-    (lambda: ss.Uniform(low=-2, high=-1).positive(), r"^Uniform\(low=-2\.0.*: less than one value in a million lies"),
+    (
+        lambda: ss.Gaussian(mean=1, std=0.1, lower=2),
+        r"^Gaussian\.lower = 2: less than one .* raise the mean \(1\)",
+    ),
+    (
+        lambda: ss.Gaussian(mean=-1, std=0.1).positive(),
+        r"^Gaussian\.lower = 0: less than one value in a million",
+    ),
+    (
+        lambda: ss.Uniform(low=1, high=1),
+        r"^Uniform\.high = 1: must be a finite number above 1",
+    ),
+    (
+        lambda: ss.Uniform(low=-2, high=-1).positive(),
+        r"^Uniform\(low=-2\.0.*: less than one value in a million lies",
+    ),
     (lambda: ss.Gamma(1, 0), r"^Gamma\.std = 0: must be a finite number above 0"),
-    (lambda: ss.Weibull(1, 0.01), r"^Weibull\.shape = 0\.01: must be a finite number at least 0\.1"),
-    (lambda: ss.Empirical((0, 1), (1, 2)), r"^Empirical: 2 edges and 2 weights: must be one edge more"),
+    (
+        lambda: ss.Weibull(1, 0.01),
+        r"^Weibull\.shape = 0\.01: must be a finite number at least 0\.1",
+    ),
+    (
+        lambda: ss.Empirical((0, 1), (1, 2)),
+        r"^Empirical: 2 edges and 2 weights: must be one edge more",
+    ),
     (lambda: ss.Empirical((0, 2, 1), (1, 2)), r"^Empirical\.edges: must rise"),
-    (lambda: ss.Empirical((0, 1, 2), (0, 0)), r"^Empirical\.weights: must have a positive sum"),
-    (lambda: ss.Empirical.from_samples([1.0, 1.0]), r"^Empirical\.from_samples: needs at least two different"),
-    (lambda: ss.Empirical.from_samples(["a"]), r"^Empirical\.from_samples = .*: must be a number or an array"),
-    (lambda: SteadyState(thresholds=3.0), r"^SteadyState\.thresholds = 3\.0: must be a distribution"),
+    (
+        lambda: ss.Empirical((0, 1, 2), (0, 0)),
+        r"^Empirical\.weights: must have a positive sum",
+    ),
+    (
+        lambda: ss.Empirical.from_samples([1.0, 1.0]),
+        r"^Empirical\.from_samples: needs at least two different",
+    ),
+    (
+        lambda: ss.Empirical.from_samples(["a"]),
+        r"^Empirical\.from_samples = .*: must be a number or an array",
+    ),
+    (
+        lambda: SteadyState(thresholds=3.0),
+        r"^SteadyState\.thresholds = 3\.0: must be a distribution",
+    ),
     # other records
-    (lambda: ss.Delay(-0.1), r"^Delay\.time = -0\.1: must be a number at least 0 \(the delay time tau_d\)"),
-    (lambda: ss.RandomDelay(mean=0.1, std=1e-20), r"^RandomDelay\.std = 1e-20: .* use Delay"),
+    (
+        lambda: ss.Delay(-0.1),
+        r"^Delay\.time = -0\.1: must be a number at least 0 \(the delay time tau_d\)",
+    ),
+    (
+        lambda: ss.RandomDelay(mean=0.1, std=1e-20),
+        r"^RandomDelay\.std = 1e-20: .* use Delay",
+    ),
     (
         lambda: ss.RandomDelay(mean=1, std=1, negative="drop"),
         r"^RandomDelay\.negative = 'drop': must be 'clip' or 'redraw' or 'fold'$",
     ),
-    (lambda: ss.Slider(stiffness=0, mass=1, damping=1), r"^Slider\.stiffness = 0: must be .* above 0 \(K/N\)"),
-    (lambda: ss.Slider(stiffness="2 MN/m", mass=1, damping=1), r"'2 MN/m': .* give SI to read_rig or Rig\.replace"),
-    (lambda: ss.MasterEquation(memoryless=3), r"^MasterEquation\.memoryless = 3: must be True or False"),
+    (
+        lambda: ss.Slider(stiffness=0, mass=1, damping=1),
+        r"^Slider\.stiffness = 0: must be .* above 0 \(K/N\)",
+    ),
+    (
+        lambda: ss.Slider(stiffness="2 MN/m", mass=1, damping=1),
+        r"'2 MN/m': .* give SI to read_rig or Rig\.replace",
+    ),
+    (
+        lambda: ss.MasterEquation(memoryless=3),
+        r"^MasterEquation\.memoryless = 3: must be True or False",
+    ),
     (lambda: ss.Output(snapshots=3.0), r"^Output\.snapshots = 3\.0: must be times"),
-    (lambda: interface(thresholds=ss.Gaussian), r"^Interface\.thresholds = <class .*: must be a distribution, such as"),
-    (lambda: interface(delay=0.2), r"^Interface\.delay = 0\.2: must be a delay, such as Delay"),
-    (lambda: interface(initial=ss.Gaussian(3, 0.1)), r"^Interface\.initial = .*100 % of the .* \(1\.83.*\); narrow"),
-    (lambda: interface(thresholds=ss.Gaussian(1.0, 1e11)), "units of x_s, the breaking displacement"),
-    (lambda: interface(newborn=ss.Gaussian(1.5, 0.3)), "newborn = .*would start beyond the largest threshold"),
-    (lambda: interface(sliding_force=-0.1), "^Interface.sliding_force = -0.1: must be .* at least 0"),
-    (lambda: interface(track_scatter=1.5), "^Interface.track_scatter = 1.5: must be .* at most 1"),
+    (
+        lambda: interface(thresholds=ss.Gaussian),
+        r"^Interface\.thresholds = <class .*: must be a distribution, such as",
+    ),
+    (
+        lambda: interface(delay=0.2),
+        r"^Interface\.delay = 0\.2: must be a delay, such as Delay",
+    ),
+    (
+        lambda: interface(initial=ss.Gaussian(3, 0.1)),
+        r"^Interface\.initial = .*100 % of the .* \(1\.83.*\); narrow",
+    ),
+    (
+        lambda: interface(thresholds=ss.Gaussian(1.0, 1e11)),
+        "units of x_s, the breaking displacement",
+    ),
+    (
+        lambda: interface(newborn=ss.Gaussian(1.5, 0.3)),
+        "newborn = .*would start beyond the largest threshold",
+    ),
+    (
+        lambda: interface(sliding_force=-0.1),
+        "^Interface.sliding_force = -0.1: must be .* at least 0",
+    ),
+    (
+        lambda: interface(track_scatter=1.5),
+        "^Interface.track_scatter = 1.5: must be .* at most 1",
+    ),
     # drives
-    (lambda: ss.constant(math.nan, 1), r"^drive velocity = nan: must be a finite number"),
+    (
+        lambda: ss.constant(math.nan, 1),
+        r"^drive velocity = nan: must be a finite number",
+    ),
     (lambda: ss.ramp(1, "2", 1), r"^drive velocity = '2': must be a number"),
-    (lambda: ss.constant(1, 0), r"^drive duration = 0: must be a finite number above 0"),
+    (
+        lambda: ss.constant(1, 0),
+        r"^drive duration = 0: must be a finite number above 0",
+    ),
     (lambda: ss.constant(0), r"^constant: velocity = 0 needs a duration"),
-    (lambda: ss.constant(1, 1).until(3.0), r"^drive until = 3\.0: must be Travel, ForceAbove or ForceBelow"),
-    (lambda: ss.constant(1, 1).then(3.0), r"^Drive\.then = 3\.0: must be a drive, made with constant\(\) or ramp\(\)"),
-    (lambda: Drive(()), r"^Drive\.pieces: must hold at least one piece; make one with constant\(\) or ramp\(\)"),
-    (lambda: Drive([Piece(start=1, end=1, duration=1)]), r"^Drive\.pieces = \[.*: must be a tuple of pieces"),
+    (
+        lambda: ss.constant(1, 1).until(3.0),
+        r"^drive until = 3\.0: must be Travel, ForceAbove or ForceBelow",
+    ),
+    (
+        lambda: ss.constant(1, 1).then(3.0),
+        r"^Drive\.then = 3\.0: must be a drive, made with constant\(\) or ramp\(\)",
+    ),
+    (
+        lambda: Drive(()),
+        (
+            r"^Drive\.pieces: must hold at least one piece; make one with constant\(\) "
+            r"or "
+            r"ramp\(\)"
+        ),
+    ),
+    (
+        lambda: Drive([Piece(start=1, end=1, duration=1)]),
+        r"^Drive\.pieces = \[.*: must be a tuple of pieces",
+    ),
     (lambda: Drive((1.0,)), r"^Drive\.pieces\[0\] = 1\.0: must be a piece"),
-    (lambda: ss.model.Travel(0), r"^Travel\.distance = 0: must be .* above 0 \(in x_s\)"),
-    (lambda: ss.model.ForceBelow("low"), r"^ForceBelow\.force = 'low': must be a number \(in f_s\)"),
+    (
+        lambda: ss.model.Travel(0),
+        r"^Travel\.distance = 0: must be .* above 0 \(in x_s\)",
+    ),
+    (
+        lambda: ss.model.ForceBelow("low"),
+        r"^ForceBelow\.force = 'low': must be a number \(in f_s\)",
+    ),
     # closed forms
     (lambda: attached_fraction(AGEING, 1.0), "ageing"),
     (lambda: ss.kinetic_friction(AGEING), "velocity = 0"),
     (lambda: ss.kinetic_friction(NEVER), "velocity = 0"),
-    (lambda: ss.kinetic_friction(replace(AGEING, delay=ss.Delay(0.1)), 1.0), "newborn = 0"),
-    (lambda: ss.kinetic_friction(replace(AGEING, sliding_force=0.1), 1.0), "sliding_force = 0.1: not"),
-    (lambda: ss.kinetic_friction(interface(track_scatter=0.1)), "0.1: not available with smooth sliding"),
-    (lambda: ss.static_friction(interface(track_scatter=0.1)), "0.1: not available with static_friction"),
-    (lambda: dynamic_stiffness(interface(delay=ss.OnArrest()), 1.0, 1j), "delay = .*: not available"),
+    (
+        lambda: ss.kinetic_friction(replace(AGEING, delay=ss.Delay(0.1)), 1.0),
+        "newborn = 0",
+    ),
+    (
+        lambda: ss.kinetic_friction(replace(AGEING, sliding_force=0.1), 1.0),
+        "sliding_force = 0.1: not",
+    ),
+    (
+        lambda: ss.kinetic_friction(interface(track_scatter=0.1)),
+        "0.1: not available with smooth sliding",
+    ),
+    (
+        lambda: ss.static_friction(interface(track_scatter=0.1)),
+        "0.1: not available with static_friction",
+    ),
+    (
+        lambda: dynamic_stiffness(interface(delay=ss.OnArrest()), 1.0, 1j),
+        "delay = .*: not available",
+    ),
     *(
-        (lambda rate=rate, v=v: ss.kinetic_friction(interface(ageing=ss.Langevin(rate=rate)), v), r"times rate\*\*2")
+        (
+            lambda rate=rate, v=v: ss.kinetic_friction(
+                interface(ageing=ss.Langevin(rate=rate)), v
+            ),
+            r"times rate\*\*2",
+        )
         for rate, v in ((1.0, 1e8), (1e-10, 1e-6), (1e3, 1e20), (1e-25, 1.0))
     ),
     # verbs
-    (lambda: ss.kinetic_friction(INTERFACE, -1.0), "^velocity = -1: must be a finite number at least 0"),
-    (lambda: ss.kinetic_friction(3, 1.0), "^kinetic_friction: interface = 3: must be an Interface"),
+    (
+        lambda: ss.kinetic_friction(INTERFACE, -1.0),
+        "^velocity = -1: must be a finite number at least 0",
+    ),
+    (
+        lambda: ss.kinetic_friction(3, 1.0),
+        "^kinetic_friction: interface = 3: must be an Interface",
+    ),
     (lambda: ss.simulate(RIG, progress="no"), "progress = 'no'"),
-    (lambda: ss.critical(RIG, "velocity", between=(1.0,)), r"^between = \(1\.0,\): must be two values"),
+    (
+        lambda: ss.critical(RIG, "velocity", between=(1.0,)),
+        r"^between = \(1\.0,\): must be two values",
+    ),
     (lambda: ss.critical_stiffness(INTERFACE, reattachment=3), "reattachment = 3"),
-    (lambda: ss.critical_stiffness(interface(thresholds=ss.Gaussian(1.0, 1e-29))), "next to equal"),
-    (lambda: ss.static_friction(interface(thresholds=ss.Gaussian(1.0, 1e-6))), "points are needed"),
+    (
+        lambda: ss.critical_stiffness(interface(thresholds=ss.Gaussian(1.0, 1e-29))),
+        "next to equal",
+    ),
+    (
+        lambda: ss.static_friction(interface(thresholds=ss.Gaussian(1.0, 1e-6))),
+        "points are needed",
+    ),
     (lambda: ss.regime(3.0), "must be"),
-    (lambda: cycle_branch(RIG, "velocity", between=(0.6, 1), tolerance="1 m/s"), "tolerance = '1 m/s'"),
-    (lambda: ss.velocity_step(RIG, before=1, after=2, distance=1, stiffness=xr.DataArray([1, 2])), "stiffn"),
+    (
+        lambda: cycle_branch(RIG, "velocity", between=(0.6, 1), tolerance="1 m/s"),
+        "tolerance = '1 m/s'",
+    ),
+    (
+        lambda: ss.velocity_step(
+            RIG, before=1, after=2, distance=1, stiffness=xr.DataArray([1, 2])
+        ),
+        "stiffn",
+    ),
     # rigs and runs
     (lambda: RIG.replace(slider=None), r"^Rig\.slider = None: must be a Slider"),
-    (lambda: RIG.replace(drive=1.0), r"^Rig\.drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)"),
-    (lambda: RIG.replace(method="contacts"), r"^Rig\.method = 'contacts': must be Contacts\(\.\.\.\) or Master"),
+    (
+        lambda: RIG.replace(drive=1.0),
+        r"^Rig\.drive = 1\.0: must be a drive, made with constant\(\) or ramp\(\)",
+    ),
+    (
+        lambda: RIG.replace(method="contacts"),
+        r"^Rig\.method = 'contacts': must be Contacts\(\.\.\.\) or Master",
+    ),
     (run_of(mass=0.0), r"^Slider\.mass = 0: a simulation needs a mass above 0"),
-    (run_of(output=ss.Output(snapshots=(2.0,))), r"^Output\.snapshots: 2 lies beyond the end of the"),
-    (run_of(start=ss.FromSliding(), drive=ss.constant(0.0, 1.0)), r"^FromSliding: .* at velocity 0: .* above 0"),
-    (run_of(start=ss.FromSliding(), interface=NEVER), r"^FromSliding: contacts that never re-attach"),
+    (
+        run_of(output=ss.Output(snapshots=(2.0,))),
+        r"^Output\.snapshots: 2 lies beyond the end of the",
+    ),
+    (
+        run_of(start=ss.FromSliding(), drive=ss.constant(0.0, 1.0)),
+        r"^FromSliding: .* at velocity 0: .* above 0",
+    ),
+    (
+        run_of(start=ss.FromSliding(), interface=NEVER),
+        r"^FromSliding: contacts that never re-attach",
+    ),
     (run_of(interface=TRACK, method=ss.Contacts(9)), "delay = .*above 0"),
     (run_of(interface=EQUAL), r"^Gaussian\.std = 0: .* or use the method Contacts"),
-    (run_of(output=ss.Output(interval=1e-9)), r"^Output\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08"),
+    (
+        run_of(output=ss.Output(interval=1e-9)),
+        r"^Output\.interval = 1e-09: 1e\+09 samples; choose at least 2e-08",
+    ),
     (run_of(interface=replace(AGEING, thresholds=ss.Uniform(0.5, 1.5))), "Gaussian"),
     (run_of(interface=AGEING, method=ss.MasterEquation(memoryless=True)), "memoryless"),
-    (run_of(interface=replace(AGEING, delay=ss.Delay(0.3)), method=ss.Contacts(500)), "newborn = 0"),
+    (
+        run_of(interface=replace(AGEING, delay=ss.Delay(0.3)), method=ss.Contacts(500)),
+        "newborn = 0",
+    ),
     (lambda: ss.rerun(xr.Dataset()), "no provenance"),
-    (lambda: ss.rerun(xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})), "made by 'sweep', not by"),
+    (
+        lambda: ss.rerun(
+            xr.Dataset(attrs={"provenance": store.provenance("sweep", {})})
+        ),
+        "made by 'sweep', not by",
+    ),
     # cycles and noise
     (lambda: is_sustained(RIG.replace(drive=ss.constant(-1.0))), "velocity = -1"),
-    (lambda: is_sustained(RIG.replace(drive=ss.constant(1e-25))), "velocity = 1e-25 x_s/time: the .* give at least"),
+    (
+        lambda: is_sustained(RIG.replace(drive=ss.constant(1e-25))),
+        "velocity = 1e-25 x_s/time: the .* give at least",
+    ),
     (lambda: is_sustained(RIG.replace(mass=0.0)), "mass above 0"),
     (lambda: is_sustained(RIG.replace(interface=AGEING)), "ageing"),
-    (lambda: is_sustained(RIG, method=ss.MasterEquation(memoryless=True)), "memoryless"),
-    (lambda: is_sustained(RIG.replace(interface=NEVER), start=ss.FromSliding()), "start FromRest"),
-    (lambda: contact_noise(RIG.replace(method=ss.MasterEquation())), "infinitely many, .* such as contacts=1000"),
-    (lambda: contact_noise(RIG.replace(mass=0.0, damping=0.0, delay=0.01), contacts=9), "without mass it would jump"),
-    (lambda: contact_noise(RIG.replace(slider=lambda s: 2.0 + s), contacts=9), "no driving spring"),
-    (lambda: contact_noise(RIG.replace(interface=interface(areas="site"))), "areas = 'site': not available with"),
-    (lambda: contact_noise(RIG.replace(interface=interface(track_scatter=0.1))), "scatter = 0.1: not available with"),
+    (
+        lambda: is_sustained(RIG, method=ss.MasterEquation(memoryless=True)),
+        "memoryless",
+    ),
+    (
+        lambda: is_sustained(RIG.replace(interface=NEVER), start=ss.FromSliding()),
+        "start FromRest",
+    ),
+    (
+        lambda: contact_noise(RIG.replace(method=ss.MasterEquation())),
+        "infinitely many, .* such as contacts=1000",
+    ),
+    (
+        lambda: contact_noise(
+            RIG.replace(mass=0.0, damping=0.0, delay=0.01), contacts=9
+        ),
+        "without mass it would jump",
+    ),
+    (
+        lambda: contact_noise(RIG.replace(slider=lambda s: 2.0 + s), contacts=9),
+        "no driving spring",
+    ),
+    (
+        lambda: contact_noise(RIG.replace(interface=interface(areas="site"))),
+        "areas = 'site': not available with",
+    ),
+    (
+        lambda: contact_noise(RIG.replace(interface=interface(track_scatter=0.1))),
+        "scatter = 0.1: not available with",
+    ),
     # rigid motion
-    (lambda: ss.rigid_slide(INTERFACE, -1), r"^slide: distance = -1: must be .* above 0 \(in x_s\)"),
-    (lambda: ss.rigid_slide(INTERFACE, 1, method="fft"), r"^slide: method = 'fft': must be Renewal\(\), Contacts"),
+    (
+        lambda: ss.rigid_slide(INTERFACE, -1),
+        r"^slide: distance = -1: must be .* above 0 \(in x_s\)",
+    ),
+    (
+        lambda: ss.rigid_slide(INTERFACE, 1, method="fft"),
+        r"^slide: method = 'fft': must be Renewal\(\), Contacts",
+    ),
     (lambda: ss.rigid_slide(AGEING, 1), r"^Interface\.ageing = .*: not available with"),
-    (lambda: ss.static_friction(AGEING), r"Interface\.ageing = .*: not available with static_friction"),
+    (
+        lambda: ss.static_friction(AGEING),
+        r"Interface\.ageing = .*: not available with static_friction",
+    ),
     (
         lambda: rigid.effective_stiffness(INTERFACE, [1.0, math.nan]),
         "^effective_stiffness: X = nan: must be a finite number",
     ),
-    (lambda: closure_friction(replace(LASTING, delay=ss.Delay(0.3)), 1.0), "knows no delay"),
-    # velocity steps and holds
-    (lambda: ss.velocity_step(WARM, before=0.0, after=1.0, distance=1.0), r"^velocity_step: before = 0"),
-    (lambda: ss.velocity_step(WARM, before=1.0, after="3 mm/s", distance=1.0), "must be a plain number"),
-    (lambda: ss.velocity_step(WARM, before=1.0, after=2.0, distance=1.0, stiffness=-1.0), "stiffness = -1"),
-    (lambda: ss.slide_hold_slide(WARM, velocity=1.0, holds=(1.0, -2.0)), r"holds\[1\] = -2"),
     (
-        lambda: ss.velocity_step(INTERFACE, before=1.0, after=2.0, distance=1.0, stiffness=1.0),
+        lambda: closure_friction(replace(LASTING, delay=ss.Delay(0.3)), 1.0),
+        "knows no delay",
+    ),
+    # velocity steps and holds
+    (
+        lambda: ss.velocity_step(WARM, before=0.0, after=1.0, distance=1.0),
+        r"^velocity_step: before = 0",
+    ),
+    (
+        lambda: ss.velocity_step(WARM, before=1.0, after="3 mm/s", distance=1.0),
+        "must be a plain number",
+    ),
+    (
+        lambda: ss.velocity_step(
+            WARM, before=1.0, after=2.0, distance=1.0, stiffness=-1.0
+        ),
+        "stiffness = -1",
+    ),
+    (
+        lambda: ss.slide_hold_slide(WARM, velocity=1.0, holds=(1.0, -2.0)),
+        r"holds\[1\] = -2",
+    ),
+    (
+        lambda: ss.velocity_step(
+            INTERFACE, before=1.0, after=2.0, distance=1.0, stiffness=1.0
+        ),
         "temperature = None: not available with a spring",
     ),
 ]
 
 
-@pytest.mark.parametrize(("call", "message"), REFUSED, ids=[str(i) for i in range(len(REFUSED))])
+@pytest.mark.parametrize(
+    ("call", "message"), REFUSED, ids=[str(i) for i in range(len(REFUSED))]
+)
 def test_what_is_refused_and_in_which_words(call, message):
     with pytest.raises(InputError, match=message) as caught:
         call()
@@ -197,7 +446,9 @@ def test_what_is_refused_and_in_which_words(call, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)])
+@pytest.mark.parametrize(
+    "value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)]
+)
 def test_number_takes_every_real_number_and_gives_a_float(value):
     assert type(number("place", value)) is float
     assert number("place", value) == 2.0
@@ -211,7 +462,8 @@ def test_what_lies_on_a_bound_is_taken():
     assert number("place", -1e-300) == -1e-300  # a speed may come that near to 0
     assert number("place", math.inf, infinite=True) == math.inf
     assert math.copysign(1.0, number("place", -0.0)) == 1.0
-    assert whole("place", 2**127 + 1, at_least=0) == 2**127 + 1  # a seed has no size, and keeps every digit
+    # a seed has no size, and keeps every digit
+    assert whole("place", 2**127 + 1, at_least=0) == 2**127 + 1
     assert numbers("place", [[0, 1], [2, 3]], at_least=0).dtype == float
     assert sequence("place", np.array([1.0, 2.0]), "numbers") == (1.0, 2.0)
     speeds = np.array([[0.5, 1.0], [2.0, 4.0]])
@@ -220,7 +472,10 @@ def test_what_lies_on_a_bound_is_taken():
 
 def test_messages_are_one_short_line_that_steers_no_terminal():
     assert issubclass(InputError, ValueError)
-    assert together(["a: is missing", "b = 1: must be 2"]) == "a: is missing; b = 1: must be 2"
+    assert (
+        together(["a: is missing", "b = 1: must be 2"])
+        == "a: is missing; b = 1: must be 2"
+    )
     assert together(["a" * 320, "b", "c", "d"]) == f"{'a' * 320}; b; and 2 more"
     assert together(["a" * 321, "b"]) == f"{'a' * 321}; and 1 more"
     said = str(InputError("a\x1b[2J\x07\x9b\u202e\u2028b = 1"))
@@ -242,20 +497,38 @@ def test_a_run_whose_numbers_stop_being_finite_names_the_moment(monkeypatch):
         return why
 
     monkeypatch.setattr(events, "advance", overflow)
-    with pytest.raises(InputError, match=r"from t = 0\.1 on the numbers of the run are not finite: .*mass"):
-        ss.simulate(RIG, method=ss.Contacts(10, seed=1), output=ss.Output(interval=0.01))
+    with pytest.raises(
+        InputError,
+        match=r"from t = 0\.1 on the numbers of the run are not finite: .*mass",
+    ):
+        ss.simulate(
+            RIG, method=ss.Contacts(10, seed=1), output=ss.Output(interval=0.01)
+        )
 
 
 def test_a_snapshot_without_attached_contacts_is_empty():
     never = interface(delay=ss.Delay(math.inf))
-    rig = ss.Rig(never, SLIDER, ss.constant(1, 5), method=ss.MasterEquation(), output=ss.Output(snapshots=(0.3, 4.0)))
+    rig = ss.Rig(
+        never,
+        SLIDER,
+        ss.constant(1, 5),
+        method=ss.MasterEquation(),
+        output=ss.Output(snapshots=(0.3, 4.0)),
+    )
     run = ss.simulate(rig)
     assert float(run["attached"][-1]) == 0
-    assert float(run["stretching_density"][0].sum() * np.diff(run["x"])[0]) == pytest.approx(1.0)
+    assert float(
+        run["stretching_density"][0].sum() * np.diff(run["x"])[0]
+    ) == pytest.approx(1.0)
     assert not run["stretching_density"][1].any()
 
 
 def test_a_system_without_locks_of_files_is_told_at_the_import():
-    script = "import sys; sys.platform = 'win32'\ntry: import stickslip\nexcept ImportError as error: print(error)"
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    script = (
+        "import sys; sys.platform = 'win32'\ntry: import stickslip\nexcept "
+        "ImportError as error: print(error)"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    ).stdout
     assert "under Windows, use WSL" in told

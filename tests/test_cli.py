@@ -1,4 +1,6 @@
-"""The command line: the user's path, and one line with exit code 2 for every input that cannot be used."""
+"""The command line: the user's path, and one line with exit code 2 for every input
+that cannot be used.
+"""
 
 import json
 import os
@@ -69,8 +71,11 @@ def refused(capsys, *arguments):
 
 @pytest.mark.takes(4)  # seven commands
 def test_a_run_is_written_made_again_measured_and_drawn(rig, tmp_path, capsys):
-    one, two = tmp_path / "one.nc", tmp_path / "two.nc"
-    assert run("simulate", rig, "-o", one, "--plot", tmp_path / "run.png", "--json") == 0
+    one = tmp_path / "one.nc"
+    two = tmp_path / "two.nc"
+    assert (
+        run("simulate", rig, "-o", one, "--plot", tmp_path / "run.png", "--json") == 0
+    )
     simulated = json.loads(capsys.readouterr().out)
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert run("rerun", one, "-o", two) == 0
@@ -79,7 +84,10 @@ def test_a_run_is_written_made_again_measured_and_drawn(rig, tmp_path, capsys):
     assert run("measure", one, "--json", "--events", tmp_path / "slips.csv") == 0
     measured = json.loads(capsys.readouterr().out)
     assert measured["regime"] == simulated["regime"]
-    assert len((tmp_path / "slips.csv").read_text().splitlines()) == 1 + measured["statistics"]["count"]
+    assert (
+        len((tmp_path / "slips.csv").read_text().splitlines())
+        == 1 + measured["statistics"]["count"]
+    )
     for kind in ("overview", "phase", "energy"):
         assert run("plot", one, tmp_path / f"{kind}.svg", "--kind", kind) == 0
         assert "<svg" in (tmp_path / f"{kind}.svg").read_text()
@@ -89,21 +97,39 @@ def test_a_rig_without_a_mechanism_is_not_judged(rig, capsys):
     rig.write_text(SMALL.replace("delay = 0.2\n", ""))
     assert run("predict", rig) == 0
     words = " ".join(capsys.readouterr().out.split())
-    assert words.startswith("small: cannot be judged: nothing says how contacts strengthen with rest")
-    assert "with a delay of re-attachment it would be, at this speed, linearly stable" in words
+    assert words.startswith(
+        "small: cannot be judged: nothing says how contacts strengthen with rest"
+    )
+    assert (
+        "with a delay of re-attachment it would be, at this speed, linearly stable"
+        in words
+    )
 
 
 def test_paper_makes_a_figure_with_its_claims(tmp_path, capsys):
     folder = tmp_path / "new" / "folder"
     formats = ("--format", "pdf", "--format", "svg")
-    assert run("paper", "fig2", "--check", "--quick", "--json", "-o", folder, *formats) == 0
+    assert (
+        run("paper", "fig2", "--check", "--quick", "--json", "-o", folder, *formats)
+        == 0
+    )
     found = json.loads(capsys.readouterr().out)
     (figure,) = found["figures"]
     assert (found["ok"], figure["ok"], bool(figure["caption"])) == (True, True, True)
-    assert sorted(path.name for path in folder.iterdir()) == ["fig2.nc", "fig2.pdf", "fig2.svg"]
-    assert [Path(name).read_bytes()[:4] for name in figure["pictures"]] == [b"%PDF", b"<?xm"]
-    (tmp_path / "fig11.png").mkdir()  # of all, the last cannot be written: refused before the first
-    assert "fig11.png: is a directory" in refused(capsys, "paper", "all", "-o", tmp_path)
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "fig2.nc",
+        "fig2.pdf",
+        "fig2.svg",
+    ]
+    assert [Path(name).read_bytes()[:4] for name in figure["pictures"]] == [
+        b"%PDF",
+        b"<?xm",
+    ]
+    # of all, the last cannot be written: refused before the first
+    (tmp_path / "fig11.png").mkdir()
+    assert "fig11.png: is a directory" in refused(
+        capsys, "paper", "all", "-o", tmp_path
+    )
     assert sorted(os.listdir(tmp_path)) == ["fig11.png", "new"]
 
 
@@ -120,7 +146,10 @@ def unusable(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        *((f"predict {file}", file) for file in ("none.toml", "binary.csv", "half.toml", "trace.csv")),
+        *(
+            (f"predict {file}", file)
+            for file in ("none.toml", "binary.csv", "half.toml", "trace.csv")
+        ),
         ("predict rig.toml --plot no/where.png", "no/where.png"),
         *((f"predict rig.toml {strange}", strange) for strange in ("--jsn", "extra")),
         ("predict", "rig"),
@@ -129,9 +158,15 @@ def unusable(tmp_path, monkeypatch):
         ("simulate rig.toml -o no/where.nc", "no/where.nc"),
         ("plot trace.csv picture.xyz", ".png"),
         ("plot none.nc out.png", "none.nc"),
-        *((f"measure {file}", file) for file in ("none.csv", "empty.csv", "damaged.nc")),
+        *(
+            (f"measure {file}", file)
+            for file in ("none.csv", "empty.csv", "damaged.nc")
+        ),
         ("measure trace.csv --events no/where.csv", "no/where.csv"),
-        ("predict rig.toml --smooth '1 m/s' 2", "smooth[0] = '1 m/s': must be a plain number"),
+        (
+            "predict rig.toml --smooth '1 m/s' 2",
+            "smooth[0] = '1 m/s': must be a plain number",
+        ),
         ("measure trace.csv --force load", "load"),
         ("measure trace.csv --force " + "9" * 5_000, "no such column"),
         ("measure trace.csv --after 1e9", "after = 1e+09 s: fewer than 16 samples"),
@@ -139,19 +174,34 @@ def unusable(tmp_path, monkeypatch):
         ("measure trace.csv --step 0,25", "write '0.25': decimal point"),
         ("measure trace.csv --step '4 kg'", "not in a unit of 's'"),
         ("measure trace.csv --minimum-drop 0x10", "cannot be read as"),
-        ("measure trace.csv --load '-20 N'", "a value that begins with '-' is written --NAME=VALUE"),
+        (
+            "measure trace.csv --load '-20 N'",
+            "a value that begins with '-' is written --NAME=VALUE",
+        ),
         ("map rig.toml --over stiffness", "two parameters"),
         ("map rig.toml --over stiffness,colour", "'colour'"),
         ("map rig.toml --points 1", "points"),
         ("map rig.toml --points 10.5", "whole number"),
-        *((f"map rig.toml --points {n}", "must be a number") for n in ("1_0", "0x10", "²", "9" * 5_000)),
-        ("rsf warm.toml --holds 100", "--holds = '100': has no unit; write it as in '10 s'"),
+        *(
+            (f"map rig.toml --points {n}", "must be a number")
+            for n in ("1_0", "0x10", "²", "9" * 5_000)
+        ),
+        (
+            "rsf warm.toml --holds 100",
+            "--holds = '100': has no unit; write it as in '10 s'",
+        ),
         ("rsf warm.toml --plot holds.svg", "--plot holds.svg: needs --holds"),
         ("rsf warm.toml --area '1 cm^2'", "--area 1 cm^2: needs --export"),
         ("rsf warm.toml --export qdyn", "--export qdyn: needs --load"),
         ("rsf rig.toml", "; add [interface.temperature]"),
-        *((f"rsf trace.csv{speeds}", "of a measured trace say --step-at") for speeds in ("", " --from 3um/s")),
-        ("rsf trace.csv --step-at '9 s' --from '3 um/s' --to '9 um/s' --holds '1 s'", "--holds: is for a rig"),
+        *(
+            (f"rsf trace.csv{speeds}", "of a measured trace say --step-at")
+            for speeds in ("", " --from 3um/s")
+        ),
+        (
+            "rsf trace.csv --step-at '9 s' --from '3 um/s' --to '9 um/s' --holds '1 s'",
+            "--holds: is for a rig",
+        ),
         ("fit trace.csv", "samples from slip to slip"),
         ("fit trace.csv -o fitted.toml", "--stiffness"),
         ("paper fig99", "fig99"),
@@ -167,26 +217,46 @@ def test_what_cannot_be_used_is_refused_in_one_line(command, words, capsys):
     assert len(line) < 420
 
 
-def test_what_can_be_refused_is_refused_before_the_run(rig, tmp_path, capsys, monkeypatch):
+def test_what_can_be_refused_is_refused_before_the_run(
+    rig, tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr("stickslip.simulate", lambda *_, **__: pytest.fail("it ran"))
     assert ".png" in refused(capsys, "simulate", rig, "--plot", tmp_path / "run.gif")
     assert ".html" in refused(capsys, "report", rig, "-o", tmp_path / "report.pdf")
-    monkeypatch.setattr("stickslip.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)))
+    monkeypatch.setattr(
+        "stickslip.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0))
+    )
     assert "cannot be written into a rig file" in refused(capsys, "simulate", rig)
 
 
 @pytest.mark.parametrize(
     ("arguments", "kept", "words"),
     [
-        (("simulate", "rig.toml", "-o", "rig.toml"), "rig.toml", "is the file to be read"),
-        (("simulate", "rig.toml", "-o", "link.toml"), "rig.toml", "is the file to be read"),
+        (
+            ("simulate", "rig.toml", "-o", "rig.toml"),
+            "rig.toml",
+            "is the file to be read",
+        ),
+        (
+            ("simulate", "rig.toml", "-o", "link.toml"),
+            "rig.toml",
+            "is the file to be read",
+        ),
         (("simulate", "rig.toml", "-o", "kept.nc"), "kept.nc", "is read-only"),
         (("simulate", "rig.toml", "-o", "pipe"), "pipe", "is a named pipe"),
-        (("simulate", "rig.toml", "-o", "run.png", "--plot", "run.png"), "rig.toml", "is given for two outputs"),
+        (
+            ("simulate", "rig.toml", "-o", "run.png", "--plot", "run.png"),
+            "rig.toml",
+            "is given for two outputs",
+        ),
         (("measure", "trace.csv", "--events", "/dev/null"), "/dev/null", "is a device"),
         (("plot", "trace.csv", "kept.png"), "kept.png", "is read-only"),
         (("predict", "rig.toml", "--plot", "kept.png"), "kept.png", "is read-only"),
-        (("sweep", "rig.toml", "--store", "new", "--plot", "kept.png"), "kept.png", "is read-only"),
+        (
+            ("sweep", "rig.toml", "--store", "new", "--plot", "kept.png"),
+            "kept.png",
+            "is read-only",
+        ),
         (("paper", "fig1"), "fig1.nc", "is read-only"),
     ],
 )
@@ -238,22 +308,38 @@ def test_a_command_of_nohup_outlives_its_terminal():
     )
     for prepare, expected in (("SIG_IGN", "code 0"), ("SIG_DFL", "code 130")):
         before = f"import signal; signal.signal(signal.SIGHUP, signal.{prepare})\n"
-        done = subprocess.run([sys.executable, "-c", before + code], capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "-c", before + code],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         assert done.stdout.strip() == expected
 
 
 def test_quantities_of_a_trace_are_in_si_units(tmp_path, capsys):
     """A bare number is in s or N, whatever the unit of the file."""
     file = tmp_path / "ms.csv"
-    file.write_text("time (ms),force (mN)\n" + "".join(f"{10 * i},{2 + i % 100 / 100:.2f}\n" for i in range(4000)))
+    file.write_text(
+        "time (ms),force (mN)\n"
+        + "".join(f"{10 * i},{2 + i % 100 / 100:.2f}\n" for i in range(4000))
+    )
     for after in ("10", "10 s", "10000 ms"):
-        assert run("measure", file, "--after", after, "--minimum-drop", "0.5 mN", "--json") == 0
+        assert (
+            run("measure", file, "--after", after, "--minimum-drop", "0.5 mN", "--json")
+            == 0
+        )
         found = json.loads(capsys.readouterr().out)
         assert found["regime"]["window"][0] == 1e4
         assert found["statistics"]["count"] == 29
     bare = tmp_path / "forces.csv"
     bare.write_text("force\n" + "".join(f"{i % 20}\n" for i in range(400)))
-    assert [run("measure", bare, "--step", step) for step in ("10 ms", "0.01")] == [0, 0]
+    assert [run("measure", bare, "--step", step) for step in ("10 ms", "0.01")] == [
+        0,
+        0,
+    ]
     one, other = capsys.readouterr().out.split("evaluated")[1:]
     assert one.splitlines()[0] == other.splitlines()[0]
-    assert "is not in a unit of 's'" in refused(capsys, "measure", file, "--after", "10 N")
+    assert "is not in a unit of 's'" in refused(
+        capsys, "measure", file, "--after", "10 N"
+    )

@@ -14,7 +14,17 @@ from stickslip.kernels import flight as flights
 from stickslip.kernels import hazard
 from stickslip.kernels.boxes import Rule, box_of, threshold_now
 from stickslip.kernels.drive import Quadratic, Stop
-from stickslip.kernels.event_queue import clear, drop, first_slot, make_queue, peek, pop, push, size, used
+from stickslip.kernels.event_queue import (
+    clear,
+    drop,
+    first_slot,
+    make_queue,
+    peek,
+    pop,
+    push,
+    size,
+    used,
+)
 from stickslip.simulation.engines import Beginning, Leg, contacts
 from stickslip.simulation.follow import follow
 
@@ -23,20 +33,38 @@ keys = st.one_of(
     st.integers(-3, 3).map(float),  # many equal keys, and keys on the edges of bins
     st.floats(-1e6, 1e6),  # many turns of the wheel ahead
 )
-steps = st.lists(st.tuples(st.one_of(keys, st.none(), st.just(math.nan)), st.integers(0, 11)), max_size=200)
+steps = st.lists(
+    st.tuples(st.one_of(keys, st.none(), st.just(math.nan)), st.integers(0, 11)),
+    max_size=200,
+)
 """A key to push; none to take the smallest away, NaN to drop any."""
 
 
 @settings(max_examples=100)
-@given(steps, st.sampled_from([16, 64]), st.sampled_from([0.01, 0.3, 1.0, 50.0]), st.floats(-3, 3))
-def test_the_queue_gives_the_smallest_and_leaves_room_where_others_were(steps, bins, width, start):
-    """Of 12 entries: places are used again, entries are moved together; among equal keys any order will do."""
+@given(
+    steps,
+    st.sampled_from([16, 64]),
+    st.sampled_from([0.01, 0.3, 1.0, 50.0]),
+    st.floats(-3, 3),
+)
+def test_the_queue_gives_the_smallest_and_leaves_room_where_others_were(
+    steps, bins, width, start
+):
+    """Of 12 entries: places are used again, entries are moved together; among equal
+    keys any order will do.
+    """
     queue = make_queue(12, bins, width)
     clear(queue, start)
     held: dict[int, float] = {}
     for slot, (key, which) in enumerate(steps):
-        places = {int(queue.entries[i]["slot"]): i for i in range(used(queue)) if queue.entries[i]["key"] < math.inf}
-        assert {other: float(queue.entries[place]["key"]) for other, place in places.items()} == held
+        places = {
+            int(queue.entries[i]["slot"]): i
+            for i in range(used(queue))
+            if queue.entries[i]["key"] < math.inf
+        }
+        assert {
+            other: float(queue.entries[place]["key"]) for other, place in places.items()
+        } == held
         if key is None and held:
             assert peek(queue) == min(held.values()) == held.pop(first_slot(queue))
             pop(queue)
@@ -53,7 +81,8 @@ def test_the_queue_gives_the_smallest_and_leaves_room_where_others_were(steps, b
 
 
 COEFFICIENTS = [
-    # eta, w2, v, f0, f1, f2: under, over, critically and not damped, and all terms of the force
+    # eta, w2, v, f0, f1, f2: under, over, critically and not damped, and all terms of
+    # the force
     (200.0, 3e4, 1.0, 50.0, 2e4, 0.0),
     (200.0, 1e4, 1.0, -300.0, 2e4, 5e3),
     (42.4, 3e4, -2.0, 1e3, -1e4, 1e3),
@@ -66,7 +95,9 @@ COEFFICIENTS = [
 
 
 def flight_of(eta, w2, v, f0, f1, f2):
-    return flights.take_off(eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, f2)
+    return flights.take_off(
+        eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, f2
+    )
 
 
 @pytest.mark.parametrize("numbers", COEFFICIENTS)
@@ -81,9 +112,19 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
         y, u, _, _ = state
         return [u, f0 + f1 * t + f2 * t * t - eta * u - w2 * y, y, u * u]
 
-    exact = solve_ivp(slope, (0, h[-1]), [0, v, 0, 0], "DOP853", h, rtol=1e-13, atol=1e-18, max_step=0.2 * unit).y
+    exact = solve_ivp(
+        slope,
+        (0, h[-1]),
+        [0, v, 0, 0],
+        "DOP853",
+        h,
+        rtol=1e-13,
+        atol=1e-18,
+        max_step=0.2 * unit,
+    ).y
     got = np.array([flights.at(flight, float(t)) for t in h]).T
-    # The closed form carries how far the slider lags behind a slow drive, and rounds as it does.
+    # The closed form carries how far the slider lags behind a slow drive, and rounds as
+    # it does.
     lag = 1e-15 * (abs(flight.q0) + abs(flight.q1) * unit)
     scale = np.maximum(np.abs(exact[:2]), [[abs(v) * unit], [abs(v)]])
     assert np.all(np.abs(got - exact[:2]) < 1e-11 * scale + [[lag], [lag / unit]])
@@ -91,52 +132,88 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
         for t in h.tolist():
             here, slope_here = flights.derivative(flight, order, t)
             step = 1e-4 * unit
-            before, after = (flights.derivative(flight, order, t + side * step)[0] for side in (-1, 1))
+            before, after = (
+                flights.derivative(flight, order, t + side * step)[0]
+                for side in (-1, 1)
+            )
             size = (abs(v) + abs(f0) * unit + abs(f1) * unit**2) / unit ** (order - 1)
             slack = 1e-6 * size / unit + lag / unit**order / step
             assert (after - before) / (2 * step) == pytest.approx(slope_here, abs=slack)
             if order < 2:
-                assert here == pytest.approx(flights.at(flight, t)[order], abs=1e-10 * size + lag / unit**order)
+                assert here == pytest.approx(
+                    flights.at(flight, t)[order], abs=1e-10 * size + lag / unit**order
+                )
 
 
 def crossed(flight, walls, most, times, slack):
-    """Look for the first crossing of two walls; until then no sample at these times may lie beyond one."""
+    """Look for the first crossing of two walls; until then no sample at these times
+    may lie beyond one.
+    """
     h, side = flights.first_crossing(flight, *walls, most, np.zeros(16))
     assert 0 < h <= most
     before = np.array([flights.far(flight, float(t))[0] for t in times if t < h])
     assert np.all((before <= walls[0] + slack) & (before >= -walls[1] - slack))
     if side:
-        assert flights.far(flight, h)[0] == pytest.approx(walls[0] if side == 1 else -walls[1], abs=slack)
+        assert flights.far(flight, h)[0] == pytest.approx(
+            walls[0] if side == 1 else -walls[1], abs=slack
+        )
 
 
 @settings(max_examples=200)
 @given(
-    damping=st.one_of(st.floats(-2, 4).map(lambda power: 10**power), st.floats(-1e-4, 1e-4).map(lambda by: 1 + by)),
+    damping=st.one_of(
+        st.floats(-2, 4).map(lambda power: 10**power),
+        st.floats(-1e-4, 1e-4).map(lambda by: 1 + by),
+    ),
     lasting=st.floats(-1, 5),
     end=st.one_of(st.floats(-1.1, -0.9), st.floats(-3, 1)),
     force=st.one_of(st.just(0.0), st.floats(-1, 1)),
     walls=st.tuples(st.floats(0.05, 1.1), st.floats(0.05, 1.1)),
 )
 @pytest.mark.eq(11)
-def test_no_crossing_hides_behind_a_turn_of_the_drive(damping, lasting, end, force, walls):
-    """From rest, under a drive that turns once, for up to 1e5 times the slowest relaxation, of any damping ratio."""
-    w2, speed = 3e4, 0.1
+def test_no_crossing_hides_behind_a_turn_of_the_drive(
+    damping, lasting, end, force, walls
+):
+    """From rest, under a drive that turns once, for up to 1e5 times the slowest
+    relaxation, of any damping ratio.
+    """
+    w2 = 3e4
+    speed = 0.1
     g = damping * math.sqrt(w2)
     slowest = g if damping <= 1 else w2 / (g + math.sqrt(g * g - w2))
     most = 10**lasting / slowest
-    # The force on the slider changes at a rate that is `end` times as large in the end, the other way if negative.
+    # The force on the slider changes at a rate that is `end` times as large in the end,
+    # the other way if negative.
     rate = 0.7 * w2 * speed
-    flight = flight_of(2 * g, w2, 0.0, force * w2 * speed / slowest, rate, 0.5 * rate * (end - 1) / most)
-    t = np.concatenate([np.geomspace(1e-6 * most, most, 200), np.linspace(0, most, 300)])
+    flight = flight_of(
+        2 * g,
+        w2,
+        0.0,
+        force * w2 * speed / slowest,
+        rate,
+        0.5 * rate * (end - 1) / most,
+    )
+    t = np.concatenate(
+        [np.geomspace(1e-6 * most, most, 200), np.linspace(0, most, 300)]
+    )
     farthest = np.abs([flights.at(flight, float(time))[0] for time in t]).max()
-    slack = 1e-12 * (abs(flight.q0) + abs(flight.y0) + abs(flight.q1) * most + abs(flight.q2) * most**2)
+    slack = 1e-12 * (
+        abs(flight.q0)
+        + abs(flight.y0)
+        + abs(flight.q1) * most
+        + abs(flight.q2) * most**2
+    )
     crossed(flight, np.array(walls) * farthest + slack, most, t, slack)
 
 
 def test_pauses_change_nothing(monkeypatch):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    )
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
-    rig = ss.Rig(interface, slider, ss.constant(1.0, 5.0), method=ss.Contacts(50, seed=1))
+    rig = ss.Rig(
+        interface, slider, ss.constant(1.0, 5.0), method=ss.Contacts(50, seed=1)
+    )
     whole = ss.simulate(rig)
     monkeypatch.setattr(contacts, "_EVENTS", 11)
     assert ss.simulate(rig).identical(whole)
@@ -144,11 +221,16 @@ def test_pauses_change_nothing(monkeypatch):
 
 @pytest.mark.parametrize("N", [1, 2, 13, 300])
 def test_sums_and_queues_survive_many_rebuilds(N):
-    """A slider pulled to and fro: entries go stale on both sides, and both queues are filled anew many times."""
+    """A slider pulled to and fro: entries go stale on both sides, and both queues
+    are filled anew many times.
+    """
     interface = ss.Interface(thresholds=ss.Uniform(low=0.01, high=0.05))
-    method, slider = ss.Contacts(N, seed=5), ss.Slider(stiffness=4.0, mass=1e-2, damping=3.0)
+    method = ss.Contacts(N, seed=5)
+    slider = ss.Slider(stiffness=4.0, mass=1e-2, damping=3.0)
     engine = contacts.EventByEvent(Beginning(interface, slider, 1.0), method)
-    drive = reduce(ss.model.Drive.then, 10 * [ss.constant(1.0, 1.0).then(ss.constant(-1.0, 1.0))])
+    drive = reduce(
+        ss.model.Drive.then, 10 * [ss.constant(1.0, 1.0).then(ss.constant(-1.0, 1.0))]
+    )
     lost = follow(engine, drive, 0.0, np.array([0.0, 20.0]))["broken_energy"]
     x, _, _ = engine.stretchings()
     assert x.size == N
@@ -158,9 +240,19 @@ def test_sums_and_queues_survive_many_rebuilds(N):
 
 
 @settings(max_examples=300)
-@given(st.floats(0.1, 3.0), st.floats(0.1, 2.0), st.floats(0.1, 2.0), st.floats(0.0, 10.0), st.floats(-8.5, 0.0))
-def test_a_box_reaches_half_of_the_way_to_a_threshold(rate, newborn, strength, age, gap):
-    """However near the contact is to a threshold that grows or sinks: it never leaves a box where it stands."""
+@given(
+    st.floats(0.1, 3.0),
+    st.floats(0.1, 2.0),
+    st.floats(0.1, 2.0),
+    st.floats(0.0, 10.0),
+    st.floats(-8.5, 0.0),
+)
+def test_a_box_reaches_half_of_the_way_to_a_threshold(
+    rate, newborn, strength, age, gap
+):
+    """However near the contact is to a threshold that grows or sinks: it never
+    leaves a box where it stands.
+    """
     rule = Rule(hazard.NONE, hazard.Growth(hazard.EXPONENTIAL, rate, newborn))
     threshold = threshold_now(rule, strength, age)
     x = threshold - strength * 10.0**gap
@@ -179,23 +271,37 @@ def test_a_box_reaches_half_of_the_way_to_a_threshold(rate, newborn, strength, a
     ],
 )
 def test_thresholds_below_the_rounding_of_positions_break(mechanism):
-    """One threshold in twenty is less than the last digits of how far the slider has come."""
-    interface = ss.Interface(thresholds=ss.Gamma(mean=1.0, std=2.0), delay=ss.Delay(0.05), **mechanism)
-    slider, drive = ss.Slider(stiffness=5.0, mass=1e-3, damping=50.0), ss.constant(1.0, 200.0)
-    rig = ss.Rig(interface, slider, drive, method=ss.Contacts(50, seed=3), start=ss.FromSliding())
+    """One threshold in twenty is less than the last digits of how far the slider has
+    come.
+    """
+    interface = ss.Interface(
+        thresholds=ss.Gamma(mean=1.0, std=2.0), delay=ss.Delay(0.05), **mechanism
+    )
+    slider = ss.Slider(stiffness=5.0, mass=1e-3, damping=50.0)
+    drive = ss.constant(1.0, 200.0)
+    rig = ss.Rig(
+        interface, slider, drive, method=ss.Contacts(50, seed=3), start=ss.FromSliding()
+    )
     run = ss.simulate(rig, output=ss.Output(interval=0.01))
-    means = run.spring_force[1:].to_numpy().reshape(20, -1).mean(axis=1)  # each of many memories of the force
+    # each of many memories of the force
+    means = run.spring_force[1:].to_numpy().reshape(20, -1).mean(axis=1)
     mean = ss.kinetic_friction(interface, 1.0) + slider.mass * slider.damping
     assert abs(means.mean() - mean) < 4.0 * means.std(ddof=1) / math.sqrt(20)
 
 
 def test_time_goes_on_where_a_slider_slips_as_fast_as_thresholds_grow():
-    """Long after the beginning, when the rounding of time is more than what is left of the way to a threshold."""
+    """Long after the beginning, when the rounding of time is more than what is left
+    of the way to a threshold.
+    """
     interface = ss.Interface(
-        thresholds=ss.Exponential(mean=1.0), ageing=ss.LogarithmicGrowth(slope=0.0554, time=0.0424)
+        thresholds=ss.Exponential(mean=1.0),
+        ageing=ss.LogarithmicGrowth(slope=0.0554, time=0.0424),
     )
-    slider, method = ss.Slider(stiffness=0.825, mass=1.87e-4, damping=11.0), ss.Contacts(160, seed=1)
+    slider = ss.Slider(stiffness=0.825, mass=1.87e-4, damping=11.0)
+    method = ss.Contacts(160, seed=1)
     engine = contacts.EventByEvent(Beginning(interface, slider, 0.1), method)
-    rest, drive = Quadratic(0.0, 0.0, 0.0, 0.0), Quadratic(1e4, 0.0, 0.1, 0.0)
+    rest = Quadratic(0.0, 0.0, 0.0, 0.0)
+    drive = Quadratic(1e4, 0.0, 0.1, 0.0)
     assert engine.advance(Leg(rest, 1e4, np.empty(0), Stop())).over
-    assert engine.advance(Leg(drive, 1e4 + 200.0, np.empty(0), Stop())).over  # some 3e4 events
+    # some 3e4 events
+    assert engine.advance(Leg(drive, 1e4 + 200.0, np.empty(0), Stop())).over

@@ -1,4 +1,6 @@
-"""Files of runs that are damaged, or were made by others: one line, nothing printed by the libraries below."""
+"""Files of runs that are damaged, or were made by others: one line, nothing printed
+by the libraries below.
+"""
 
 import json
 
@@ -15,7 +17,10 @@ from stickslip import cli
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
     (folder / "rig.toml").write_text(SMALL.replace("distance = 40.0", "distance = 4.0"))
-    assert cli.main(["simulate", str(folder / "rig.toml"), "-o", str(folder / "run.nc")]) == 0
+    assert (
+        cli.main(["simulate", str(folder / "rig.toml"), "-o", str(folder / "run.nc")])
+        == 0
+    )
     return folder / "run.nc"
 
 
@@ -46,7 +51,9 @@ def changed(whole, place, **attributes):
     return place
 
 
-@pytest.mark.parametrize("text", ["x = ", 3, "x = " + "[" * 2000, [1.0, 2.0]], ids=lambda t: str(t)[:9])
+@pytest.mark.parametrize(
+    "text", ["x = ", 3, "x = " + "[" * 2000, [1.0, 2.0]], ids=lambda t: str(t)[:9]
+)
 def test_a_damaged_rig(whole, tmp_path, check, text):
     place = changed(whole, tmp_path / "run.nc", rig=text)
     check("measure", place, code=0)  # it is told from the provenance
@@ -64,7 +71,10 @@ def arguments(change):
 
 def deep(levels):
     return lambda _: (
-        '{"stickslip": "0", "call": "simulate", "arguments": {"interface": ' + "[" * levels + "]" * levels + "}}"
+        '{"stickslip": "0", "call": "simulate", "arguments": {"interface": '
+        + "[" * levels
+        + "]" * levels
+        + "}}"
     )
 
 
@@ -76,7 +86,9 @@ def deep(levels):
         deep(500),
         deep(900),
         deep(100_000),
-        lambda _: '{"call": "simulate", "arguments": {"interface": ' + "9" * 5000 + "}}",
+        lambda _: (
+            '{"call": "simulate", "arguments": {"interface": ' + "9" * 5000 + "}}"
+        ),
         arguments(lambda a: a.pop("rig")),
         arguments(lambda a: a.update(extra=3)),
         arguments(lambda a: a["rig"].update(slider=3)),
@@ -86,9 +98,15 @@ def deep(levels):
         arguments(lambda a: a["rig"]["output"].update(snapshots=3)),
         arguments(lambda a: a["rig"]["method"].update(seed="x")),
         arguments(
-            lambda a: a["rig"]["interface"].update(thresholds={"class": "Empirical", "edges": 3, "weights": None})
+            lambda a: a["rig"]["interface"].update(
+                thresholds={"class": "Empirical", "edges": 3, "weights": None}
+            )
         ),
-        arguments(lambda a: a["rig"]["interface"].update(delay={"class": "Scales", "force": 1})),
+        arguments(
+            lambda a: a["rig"]["interface"].update(
+                delay={"class": "Scales", "force": 1}
+            )
+        ),
     ],
 )
 def test_damaged_provenance(whole, tmp_path, check, damage):
@@ -97,7 +115,15 @@ def test_damaged_provenance(whole, tmp_path, check, damage):
 
 
 def strings(run, name):
-    return run.assign({name: ("time", np.array(["a"] * run.sizes["time"], dtype=object), run[name].attrs)})
+    return run.assign(
+        {
+            name: (
+                "time",
+                np.array(["a"] * run.sizes["time"], dtype=object),
+                run[name].attrs,
+            )
+        }
+    )
 
 
 @pytest.mark.parametrize(
@@ -105,15 +131,48 @@ def strings(run, name):
     [
         (lambda run: strings(run, "spring_force"), "no numbers"),
         (lambda run: strings(run, "velocity"), "no numbers"),
-        (lambda run: run.assign(spring_force=1e300 * run["spring_force"]), "between 1e-30 and 1e+30"),
-        (lambda run: run.assign(spring_force=np.nan * run["spring_force"]), "not finite"),
+        (
+            lambda run: run.assign(spring_force=1e300 * run["spring_force"]),
+            "between 1e-30 and 1e+30",
+        ),
+        (
+            lambda run: run.assign(spring_force=np.nan * run["spring_force"]),
+            "not finite",
+        ),
         (lambda run: run.assign_coords(time=np.nan * run["time"]), "not finite"),
-        (lambda run: run.assign_coords(time=run["time"].assign_attrs(units="seconds since 1900-01-01")), ""),
-        (lambda run: run.assign_coords(time=run["time"].assign_attrs(units="x since y")), ""),
-        (lambda run: run.assign(spring_force=run["spring_force"].assign_attrs(long_name="$\\frac{", units="$x_")), ""),
-        (lambda run: run.assign(spring_force=run["spring_force"].assign_attrs(long_name=3, units=[1.0, 2.0])), ""),
+        (
+            lambda run: run.assign_coords(
+                time=run["time"].assign_attrs(units="seconds since 1900-01-01")
+            ),
+            "",
+        ),
+        (
+            lambda run: run.assign_coords(
+                time=run["time"].assign_attrs(units="x since y")
+            ),
+            "",
+        ),
+        (
+            lambda run: run.assign(
+                spring_force=run["spring_force"].assign_attrs(
+                    long_name="$\\frac{", units="$x_"
+                )
+            ),
+            "",
+        ),
+        (
+            lambda run: run.assign(
+                spring_force=run["spring_force"].assign_attrs(
+                    long_name=3, units=[1.0, 2.0]
+                )
+            ),
+            "",
+        ),
         (lambda run: run.assign(spring_force=0 * run["spring_force"]), ""),
-        (lambda run: run.assign(spring_force=run["spring_force"].expand_dims(q=2)), "along time"),
+        (
+            lambda run: run.assign(spring_force=run["spring_force"].expand_dims(q=2)),
+            "along time",
+        ),
         (lambda run: run.isel(time=slice(0)), ""),
     ],
 )
@@ -127,9 +186,11 @@ def test_damaged_variables(whole, tmp_path, check, damage, words):
 
 def test_hdf5_of_others(tmp_path, check):
     with h5py.File(tmp_path / "run.nc", "w") as file:
-        file["spring_force"], file["time"] = np.arange(100.0), np.arange(100.0)
+        file["spring_force"] = np.arange(100.0)
+        file["time"] = np.arange(100.0)
     check("measure", tmp_path / "run.nc")
-    with h5py.File(tmp_path / "huge.nc", "w") as file:  # a few bytes that unfold to eight terabytes
+    # a few bytes that unfold to eight terabytes
+    with h5py.File(tmp_path / "huge.nc", "w") as file:
         file.create_dataset("spring_force", (10**12,), chunks=(10**6,), dtype="f8")
     assert "8e+03 GB, more than 8" in check("measure", tmp_path / "huge.nc", code=2)
 

@@ -1,7 +1,8 @@
-"""Every distribution against quadrature of its own density, and what a distribution must be whatever its form.
+"""Every distribution against quadrature of its own density, and what a distribution
+must be whatever its form.
 
-The distributions are those of ``conftest.py``, by the fixtures ``distribution`` (thresholds) and ``any_distribution``
-(those below zero, too).
+The distributions are those of ``conftest.py``, by the fixtures ``distribution``
+(thresholds) and ``any_distribution`` (those below zero, too).
 """
 
 import math
@@ -31,12 +32,20 @@ def quadrature(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights for the mean of a smooth function over values above a bound.
 
-    Gauss-Legendre on panels between the jumps, ever smaller towards each jump so that a power law there does no harm.
+    Gauss-Legendre on panels between the jumps, ever smaller towards each jump so that a
+    power law there does no harm.
     """
     low, high = distribution.support
     # Moments and transforms feel more of a tail than the probability does.
-    tail = distribution.thresholds if isinstance(distribution, SteadyState) else distribution
-    high = max(high, float(tail.inverse_survival(1e-200 if isinstance(tail, Gaussian) else 1e-60)))
+    tail = (
+        distribution.thresholds
+        if isinstance(distribution, SteadyState)
+        else distribution
+    )
+    high = max(
+        high,
+        float(tail.inverse_survival(1e-200 if isinstance(tail, Gaussian) else 1e-60)),
+    )
     if isinstance(distribution, Gaussian):
         low = max(distribution.lower, 2 * distribution.mean - high)
     inner = {knot for knot in kinks(distribution) if low < knot < high}
@@ -55,14 +64,22 @@ def quadrature(
 
 def kinks(distribution: Distribution) -> tuple[float, ...]:
     """Where the density or its slope jumps."""
-    return distribution.knots + (kinks(distribution.thresholds) if isinstance(distribution, SteadyState) else ())
+    return distribution.knots + (
+        kinks(distribution.thresholds) if isinstance(distribution, SteadyState) else ()
+    )
 
 
 def levels(distribution: Distribution) -> np.ndarray:
-    """Stretchings from well below to well above the values of the distribution, its quantiles among them."""
+    """Stretchings from well below to well above the values of the distribution, its
+    quantiles among them.
+    """
     low, high = distribution.support
-    quantiles = distribution.inverse_survival(np.array([1 - 1e-6, 0.99, 0.9, 0.7, 0.5, 0.3, 0.1, 1e-2, 1e-5, 1e-9]))
-    return np.concatenate([[low - 1.0], quantiles, [high + 1.0], list(distribution.knots)])
+    quantiles = distribution.inverse_survival(
+        np.array([1 - 1e-6, 0.99, 0.9, 0.7, 0.5, 0.3, 0.1, 1e-2, 1e-5, 1e-9])
+    )
+    return np.concatenate(
+        [[low - 1.0], quantiles, [high + 1.0], list(distribution.knots)]
+    )
 
 
 @pytest.mark.parametrize("order", range(4))
@@ -72,24 +89,40 @@ def test_moments_beyond_a_bound(any_distribution, order):
     for x in levels(any_distribution):
         node, weight = quadrature(any_distribution, above=float(x))
         expected = float(np.sum(weight * node**order))
-        assert any_distribution.partial_moment(x, order) == pytest.approx(expected, rel=1e-11, abs=1e-13 * scale), x
+        assert any_distribution.partial_moment(x, order) == pytest.approx(
+            expected, rel=1e-11, abs=1e-13 * scale
+        ), x
         expected = float(np.sum(weight * (node - x) ** order)) / math.factorial(order)
         # The closed form subtracts terms of the size of x**order.
         rounding = 1e-13 * (scale + abs(x)) ** max(order, 1)
-        assert excess(any_distribution, x, order) == pytest.approx(expected, rel=1e-10, abs=rounding), x
+        assert excess(any_distribution, x, order) == pytest.approx(
+            expected, rel=1e-10, abs=rounding
+        ), x
 
 
 @pytest.mark.eq(3)
-def test_hazard_is_density_over_survival_and_the_slope_of_the_logarithm(any_distribution):
+def test_hazard_is_density_over_survival_and_the_slope_of_the_logarithm(
+    any_distribution,
+):
     x = any_distribution.inverse_survival(np.linspace(0.95, 0.05, 19))
     np.testing.assert_allclose(
-        any_distribution.hazard(x) * any_distribution.survival(x), any_distribution.density(x), rtol=1e-14
+        any_distribution.hazard(x) * any_distribution.survival(x),
+        any_distribution.density(x),
+        rtol=1e-14,
     )
     h = 1e-5 * any_distribution.standard_deviation()
-    smooth = np.array([all(abs(v - knot) > 2 * h for knot in kinks(any_distribution)) for v in x])
-    slope = -(np.log(any_distribution.survival(x + h)) - np.log(any_distribution.survival(x - h))) / (2 * h)
-    # Second order in h (1e-10 of the third derivative), and rounding of the logarithms over h (1e-11).
-    np.testing.assert_allclose(slope[smooth], any_distribution.hazard(x)[smooth], rtol=1e-6, atol=1e-8)
+    smooth = np.array(
+        [all(abs(v - knot) > 2 * h for knot in kinks(any_distribution)) for v in x]
+    )
+    slope = -(
+        np.log(any_distribution.survival(x + h))
+        - np.log(any_distribution.survival(x - h))
+    ) / (2 * h)
+    # Second order in h (1e-10 of the third derivative), and rounding of the logarithms
+    # over h (1e-11).
+    np.testing.assert_allclose(
+        slope[smooth], any_distribution.hazard(x)[smooth], rtol=1e-6, atol=1e-8
+    )
 
 
 @pytest.mark.parametrize("order", [0, 1])
@@ -97,14 +130,23 @@ def test_laplace(any_distribution, order):
     node, weight = quadrature(any_distribution, per_octave=20)
     limit = -any_distribution.leftmost
     reach = 1.0 / any_distribution.standard_deviation()
-    wanted = np.array([0.0, 1e-9, 1e-3j, 0.4 + 0.1j, 3.0, 5.0 + 2.0j, -1e-3, 2j, 8 + 30j, 40j], dtype=complex)
-    wanted = np.concatenate([wanted, reach * np.array([0.5, 1j, 3j, -0.5, -0.5 + 2j, -3.0 + 1j])])
-    wanted = wanted[wanted.real > -0.6 * limit] if limit > 0 else wanted[wanted.real >= 0]
+    wanted = np.array(
+        [0.0, 1e-9, 1e-3j, 0.4 + 0.1j, 3.0, 5.0 + 2.0j, -1e-3, 2j, 8 + 30j, 40j],
+        dtype=complex,
+    )
+    wanted = np.concatenate(
+        [wanted, reach * np.array([0.5, 1j, 3j, -0.5, -0.5 + 2j, -3.0 + 1j])]
+    )
+    wanted = (
+        wanted[wanted.real > -0.6 * limit] if limit > 0 else wanted[wanted.real >= 0]
+    )
     for q in wanted:
         exact = np.sum(weight * node**order * np.exp(-q * node))
         # Rounding: what cancels is as large as the transform at the real part.
         scale = np.sum(weight * np.abs(node) ** order * np.exp(-q.real * node))
-        assert abs(any_distribution.transform(np.array(q))[order] - exact) <= 1e-11 * scale, q
+        assert (
+            abs(any_distribution.transform(np.array(q))[order] - exact) <= 1e-11 * scale
+        ), q
 
 
 def test_laplace_takes_large_arguments_without_overflow(distribution):
@@ -112,14 +154,25 @@ def test_laplace_takes_large_arguments_without_overflow(distribution):
     q = np.array([1e3, 1e5, 1e5 + 1e5j, 700j])
     values = distribution.laplace(q)
     assert np.all(np.isfinite(values))
-    assert np.all(np.abs(values) <= distribution.laplace(q.real).real * (1 + 1e-9) + 1e-15)
+    assert np.all(
+        np.abs(values) <= distribution.laplace(q.real).real * (1 + 1e-9) + 1e-15
+    )
 
 
-def test_survival_falls_from_one_to_zero_on_the_support_and_its_inverse_leads_back(any_distribution):
+def test_survival_falls_from_one_to_zero_on_the_support_and_its_inverse_leads_back(
+    any_distribution,
+):
     p = np.concatenate([np.geomspace(1e-12, 0.4, 60), 1 - np.geomspace(0.5, 1e-9, 60)])
     x = any_distribution.inverse_survival(p)
     # An ulp of x shifts p by the density times that ulp.
-    slack = 4e-16 * np.abs(x) * np.where(np.isfinite(any_distribution.density(x)), any_distribution.density(x), 0) * 8
+    slack = (
+        4e-16
+        * np.abs(x)
+        * np.where(
+            np.isfinite(any_distribution.density(x)), any_distribution.density(x), 0
+        )
+        * 8
+    )
     assert np.all(np.abs(any_distribution.survival(x) - p) <= 1e-13 * p + 3e-16 + slack)
     assert np.all(np.diff(any_distribution.inverse_survival(np.sort(p))) <= 0)
     survival = any_distribution.survival(np.linspace(-3.0, 12.0, 101))
@@ -131,11 +184,18 @@ def test_survival_falls_from_one_to_zero_on_the_support_and_its_inverse_leads_ba
 
 
 def largest_gap(distribution: Distribution, values: np.ndarray) -> float:
-    """Largest distance between the fraction of values beyond x and the survival function (Kolmogorov's)."""
+    """Largest distance between the fraction of values beyond x and the survival
+    function (Kolmogorov's).
+    """
     beyond = distribution.survival(np.sort(values))
     n = values.size
     ranks = np.arange(n)
-    return float(max(np.max(np.abs(1 - ranks / n - beyond)), np.max(np.abs(1 - (ranks + 1) / n - beyond))))
+    return float(
+        max(
+            np.max(np.abs(1 - ranks / n - beyond)),
+            np.max(np.abs(1 - (ranks + 1) / n - beyond)),
+        )
+    )
 
 
 def allowed_gap(n: int) -> float:
@@ -169,9 +229,16 @@ def test_samples_beyond_a_bound_follow_the_distribution_there(any_distribution, 
 
 @pytest.mark.parametrize("shape", [(), (1,), (2, 3), (0,)])
 def test_answers_have_the_shape_of_the_question(any_distribution, shape):
-    x, p = np.full(shape, 0.5), np.full(shape, 0.3)
+    x = np.full(shape, 0.5)
+    p = np.full(shape, 0.3)
     asked = any_distribution
-    answers = [asked.density(x), asked.survival(x), asked.hazard(x), asked.partial_moment(x, 2), excess(asked, x, 2)]
+    answers = [
+        asked.density(x),
+        asked.survival(x),
+        asked.hazard(x),
+        asked.partial_moment(x, 2),
+        excess(asked, x, 2),
+    ]
     answers += [asked.inverse_survival(p)] + [asked.laplace(x)] * (shape != (0,))
     assert [answer.shape for answer in answers] == [shape] * len(answers)
 
@@ -180,10 +247,14 @@ def test_positive_conditions_on_positive_values(any_distribution):
     conditioned = any_distribution.positive()
     share = float(any_distribution.survival(0.0))
     x = np.linspace(1e-3, 2.0, 50)
-    np.testing.assert_allclose(conditioned.density(x), any_distribution.density(x) / share, rtol=1e-12)
+    np.testing.assert_allclose(
+        conditioned.density(x), any_distribution.density(x) / share, rtol=1e-12
+    )
     assert conditioned.survival(0.0) == pytest.approx(1.0, abs=1e-15)
     assert conditioned.density(-1e-3) == 0
-    assert conditioned.moment(1) == pytest.approx(float(any_distribution.partial_moment(0.0, 1)) / share, rel=1e-12)
+    assert conditioned.moment(1) == pytest.approx(
+        float(any_distribution.partial_moment(0.0, 1)) / share, rel=1e-12
+    )
     assert conditioned.positive() == conditioned
 
 
@@ -192,8 +263,13 @@ def test_knots_are_where_the_density_jumps(any_distribution):
 
     def largest_step(count: int) -> float:
         x = np.linspace(low - 0.1, high + 0.1, count)
-        clear = np.all([np.abs(x - knot) > 0.02 for knot in (*any_distribution.knots, math.inf)], axis=0)
-        return float(np.max(np.abs(np.diff(any_distribution.density(x)))[clear[1:] & clear[:-1]]))
+        clear = np.all(
+            [np.abs(x - knot) > 0.02 for knot in (*any_distribution.knots, math.inf)],
+            axis=0,
+        )
+        return float(
+            np.max(np.abs(np.diff(any_distribution.density(x)))[clear[1:] & clear[:-1]])
+        )
 
     # Between knots a step halves with the spacing; a jump would stay.
     assert largest_step(40_001) <= 0.6 * largest_step(20_001)
@@ -204,7 +280,9 @@ def test_another_standard_deviation_keeps_the_mean_and_the_form(any_distribution
         return
     wider = any_distribution.with_std(1.7 * any_distribution.std)
     mean = any_distribution.moment(1)
-    assert (wider.moment(1), wider.std) == pytest.approx((mean, 1.7 * any_distribution.std))
+    assert (wider.moment(1), wider.std) == pytest.approx(
+        (mean, 1.7 * any_distribution.std)
+    )
     x = np.array(any_distribution.support)
     np.testing.assert_allclose(wider.support, mean + 1.7 * (x - mean))
 
@@ -212,8 +290,11 @@ def test_another_standard_deviation_keeps_the_mean_and_the_form(any_distribution
 def test_gaussian_laplace_in_closed_form_far_left():
     distribution = Gaussian(mean=1.0, std=0.1)
     q = -30 + 5j
-    assert distribution.laplace(q) == pytest.approx(np.exp(-q + 0.005 * q * q), rel=1e-14)
-    # A cut ten deviations away changes nothing, on either side of where the two formulas meet.
+    assert distribution.laplace(q) == pytest.approx(
+        np.exp(-q + 0.005 * q * q), rel=1e-14
+    )
+    # A cut ten deviations away changes nothing, on either side of where the two
+    # formulas meet.
     for q in (-30 + 5j, 99 + 1j, 101 - 1j, 99 + 40j, 101 + 40j):
         assert replace(distribution, lower=0.0).laplace(q) == pytest.approx(
             complex(distribution.laplace(q)), rel=1e-6, abs=1e-20
@@ -222,16 +303,28 @@ def test_gaussian_laplace_in_closed_form_far_left():
 
 def test_a_distribution_of_one_value():
     distribution = Gaussian(mean=1.5, std=0.0)
-    np.testing.assert_array_equal(distribution.survival([1.0, 1.4999, 1.5, 2.0]), [1.0, 1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(
+        distribution.survival([1.0, 1.4999, 1.5, 2.0]), [1.0, 1.0, 0.0, 0.0]
+    )
     assert [distribution.moment(n) for n in range(4)] == [1.0, 1.5, 2.25, 3.375]
     assert distribution.laplace(2j) == pytest.approx(np.exp(-3j), rel=1e-15)
     rng = np.random.default_rng(0)
-    for all_alike in (distribution.sample(rng, 2), distribution.sample_beyond(rng, [0.2, 1.4]), distribution.support):
+    for all_alike in (
+        distribution.sample(rng, 2),
+        distribution.sample_beyond(rng, [0.2, 1.4]),
+        distribution.support,
+    ):
         assert list(all_alike) == [1.5, 1.5]
-    np.testing.assert_allclose(excess(distribution, [0.5, 1.5, 2.0], 1), [1.0, 0.0, 0.0])
+    np.testing.assert_allclose(
+        excess(distribution, [0.5, 1.5, 2.0], 1), [1.0, 0.0, 0.0]
+    )
     for ask in (distribution.density, distribution.hazard):
         with pytest.raises(
-            InputError, match=r"^Gaussian\.std = 0: .*give a standard deviation above 0, or use the method"
+            InputError,
+            match=(
+                r"^Gaussian\.std = 0: .*give a standard deviation above 0, or use "
+                r"the method"
+            ),
         ):
             ask(1.0)
 
@@ -249,22 +342,34 @@ def test_empirical_from_samples_is_the_histogram():
 
 @pytest.mark.eq(1)
 def test_the_steady_state_is_the_fixed_point_of_the_master_equation(distribution):
-    """(d/dx + P) Q_s = 0 for x > 0: what is carried on is what has not broken; at x = 0 all that breaks comes in."""
+    """(d/dx + P) Q_s = 0 for x > 0: what is carried on is what has not broken; at
+    x = 0 all that breaks comes in.
+    """
     steady = SteadyState(thresholds=distribution)
     x = distribution.inverse_survival(np.linspace(0.95, 0.05, 19))
     h = 1e-6 * distribution.standard_deviation()
-    x = np.array([v for v in x if v > 2 * h and all(abs(v - knot) > 2 * h for knot in kinks(distribution))])
+    x = np.array(
+        [
+            v
+            for v in x
+            if v > 2 * h and all(abs(v - knot) > 2 * h for knot in kinks(distribution))
+        ]
+    )
     slope = (steady.density(x + h) - steady.density(x - h)) / (2 * h)
     flux = distribution.hazard(x) * steady.density(x)
     np.testing.assert_allclose(-slope, flux, rtol=1e-5, atol=1e-7)
     node, weight = quadrature(steady)
-    node, weight = node[weight > 0], weight[weight > 0]
+    node = node[weight > 0]
+    weight = weight[weight > 0]
     # Gamma = Int P Q dx = Q(0): as many are born as break.
-    born, broken = float(steady.density(0.0)), float(np.sum(weight * distribution.hazard(node)))
+    born = float(steady.density(0.0))
+    broken = float(np.sum(weight * distribution.hazard(node)))
     singular = not math.isfinite(float(distribution.density(1e-300)))
     assert broken == pytest.approx(born, rel=1e-4 if singular else 1e-9)
     # The mean stretching is the kinetic friction.
-    assert steady.moment(1) == pytest.approx(distribution.moment(2) / (2 * distribution.moment(1)), rel=1e-12)
+    assert steady.moment(1) == pytest.approx(
+        distribution.moment(2) / (2 * distribution.moment(1)), rel=1e-12
+    )
 
 
 @dataclass(frozen=True)
@@ -280,7 +385,11 @@ class Told(Distribution):
 
 @pytest.mark.parametrize(
     ("other", "leftmost"),
-    [(Exponential(mean=0.5), -2.0), (LogNormal(mean=1.0, std=0.6), 0.0), (Uniform(low=0.6, high=1.5), -math.inf)],
+    [
+        (Exponential(mean=0.5), -2.0),
+        (LogNormal(mean=1.0, std=0.6), 0.0),
+        (Uniform(low=0.6, high=1.5), -math.inf),
+    ],
 )
 def test_where_a_transform_ends_is_told_from_the_density(other, leftmost):
     assert Told(other).leftmost == pytest.approx(leftmost, rel=1e-3)
@@ -290,4 +399,6 @@ def test_a_gaussian_of_which_little_is_left_is_sampled_at_once():
     tail = Gaussian(mean=0.0, std=1.0, lower=4.7)  # one value in 770,000
     values = tail.sample(np.random.default_rng(0), 10_000)
     assert values.min() > 4.7
-    assert values.mean() == pytest.approx(tail.moment(1), abs=5 * tail.standard_deviation() / 100)
+    assert values.mean() == pytest.approx(
+        tail.moment(1), abs=5 * tail.standard_deviation() / 100
+    )

@@ -12,7 +12,9 @@ from stickslip.model.drive import Drive, ForceBelow, Travel, constant, ramp
 
 velocities = st.floats(-10, 10)
 durations = st.floats(1e-3, 1e3)
-drives = st.lists(st.builds(ramp, velocities, velocities, durations), min_size=1, max_size=5)
+drives = st.lists(
+    st.builds(ramp, velocities, velocities, durations), min_size=1, max_size=5
+)
 
 
 def test_a_drive_of_constant_velocity_goes_far_enough_unless_told():
@@ -23,7 +25,9 @@ def test_a_drive_of_constant_velocity_goes_far_enough_unless_told():
 @given(drives)
 def test_joined_pieces_keep_their_order(parts):
     drive = reduce(Drive.then, parts)
-    assert drive.duration == pytest.approx(sum(part.duration for part in parts), rel=1e-14)
+    assert drive.duration == pytest.approx(
+        sum(part.duration for part in parts), rel=1e-14
+    )
     assert drive.pieces == tuple(piece for part in parts for piece in part.pieces)
 
 
@@ -31,7 +35,11 @@ def test_a_faster_drive_goes_the_same_way():
     drive = constant(1.0, 2.0).then(ramp(1.0, -0.5, duration=3.0))
     quick = drive.faster(4.0)
     assert quick == constant(4.0, 0.5).then(ramp(4.0, -2.0, duration=0.75))
-    rig = Rig(Interface(thresholds=Gaussian(mean=1.0, std=0.1)), Slider(stiffness=1.0, mass=0.1, damping=1.0), drive)
+    rig = Rig(
+        Interface(thresholds=Gaussian(mean=1.0, std=0.1)),
+        Slider(stiffness=1.0, mass=0.1, damping=1.0),
+        drive,
+    )
     assert rig.replace(velocity=4.0).drive == quick
 
 

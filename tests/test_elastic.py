@@ -1,4 +1,6 @@
-"""Elastic sliders: blocks on contacts, against closed forms, rigid runs and each other."""
+"""Elastic sliders: blocks on contacts, against closed forms, rigid runs and each
+other.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +19,18 @@ from stickslip.model import Sheet
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
 
 
-# ---------------------------------------------------------------------- fronts against the exact speed on the lattice
+# ---------------------------------------- fronts against the exact speed on the lattice
 
 
 @pytest.mark.parametrize(
     ("groups", "tau"),
     [
-        ({"kappa": 100, "sliding": 0.425}, 0.7),  # stiff contacts, nearly Amontons-Coulomb
+        # stiff contacts, nearly Amontons-Coulomb
+        ({"kappa": 100, "sliding": 0.425}, 0.7),
         ({"kappa": 1}, 0.9),  # soft contacts, no leaf springs: faster than sound
         ({"kappa": 1, "zeta": 0.3162}, 0.5),  # dashpots in the bulk
-        ({"kappa": 0.25, "leaf": 0.05, "alpha": 0.3}, 0.6),  # leaf springs and damping: slower than sound
+        # leaf springs and damping: slower than sound
+        ({"kappa": 0.25, "leaf": 0.05, "alpha": 0.3}, 0.6),
         ({"kappa": 0.04, "leaf": 0.01, "alpha": 0.2, "sliding": 0.425}, 0.5),
         ({"kappa": 0.01, "leaf": 0.0025, "alpha": 0.1}, 0.6),
     ],
@@ -35,7 +39,9 @@ def test_front_speed(groups: dict[str, float], tau: float) -> None:
     rig = bar(**groups)
     exact = float(ss.elastic.front_speed(rig, prestress=tau))
     stretching = tau + rig.interface.sliding_force * (1.0 - tau)
-    run = ss.simulate(pushed(rig, stretching, 420.0 / min(exact, 1.0)), output=ss.Output(interval=5.0))
+    run = ss.simulate(
+        pushed(rig, stretching, 420.0 / min(exact, 1.0)), output=ss.Output(interval=5.0)
+    )
     block = np.arange(240, 380)
     speed = np.polyfit(run.first_break.values[block], block, 1)[0]
     assert speed == pytest.approx(exact, rel=2e-4)
@@ -46,18 +52,24 @@ def test_front_speed(groups: dict[str, float], tau: float) -> None:
 
 
 def test_a_prestress_below_the_threshold_of_fronts_stops_the_front() -> None:
-    K, kappa = 0.05, 0.25  # of the coupling: Griffith's prestress is sqrt(K/(K + kappa)) = .41
-    run = ss.simulate(pushed(bar(kappa, K, 0.3), 0.35, 400.0), output=ss.Output(interval=5.0))
+    # of the coupling: Griffith's prestress is sqrt(K/(K + kappa)) = .41
+    K = 0.05
+    kappa = 0.25
+    run = ss.simulate(
+        pushed(bar(kappa, K, 0.3), 0.35, 400.0), output=ss.Output(interval=5.0)
+    )
     assert int(ss.measure.fronts(run).last_block[0]) < 20
     assert np.isnan(run.first_break[-1])
 
 
-# ------------------------------------------------------------------------------------------------------------- motion
+# ------------------------------------------------------------------------------- motion
 
 
 def test_stuck_blocks_oscillate_as_springs_do() -> None:
     start = ss.Prestressed(stretching=0.0, push=0.1, pushed_blocks=5)
-    run = ss.simulate(pushed(bar(1 / 3.0, leaf=0.5 / 3.0, blocks=5, mass=2.0), 0.0, 20.0), start=start)
+    run = ss.simulate(
+        pushed(bar(1 / 3.0, leaf=0.5 / 3.0, blocks=5, mass=2.0), 0.0, 20.0), start=start
+    )
     exact = 0.1 / 1.5 * (1.0 - np.cos(math.sqrt(1.5 / 2.0) * run.time))
     assert np.abs(run.displacement[:, 2] - exact).max() < 1e-4
 
@@ -71,46 +83,63 @@ def test_stuck_blocks_oscillate_as_springs_do() -> None:
         ({"coupling": 80.0, "side": 40.0}, 0),
     ],
 )
-def test_modes_of_smooth_sliding_grow_as_in_linear_theory(springs: dict[str, float], mode: int) -> None:
+def test_modes_of_smooth_sliding_grow_as_in_linear_theory(
+    springs: dict[str, float], mode: int
+) -> None:
     chain = ss.Chain(blocks=8, mass=1e-4, damping=42.426, **springs)
     shape = np.linalg.eigh(np.diag(chain.pulled) + springs_between(chain))[1][:, mode]
     shape = shape / np.abs(shape).max()
     start = ss.FromSliding(perturbation=tuple(0.2 * shape))
-    drive, interface = ss.constant(1.5, duration=10.0), ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
+    drive = ss.constant(1.5, duration=10.0)
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     rig = ss.Rig(interface, chain, drive, start=start, output=ss.Output(interval=1e-2))
     expected = ss.elastic.modes(rig).isel(mode=mode)
-    moved = (run := ss.simulate(rig, long=True)).displacement.values - 1.5 * run.time.values[:, None]
+    moved = (
+        run := ss.simulate(rig, long=True)
+    ).displacement.values - 1.5 * run.time.values[:, None]
     signal = ((moved - moved[0]) @ shape)[run.time.values >= 3.0][::5]
     found = oscillations(signal, 0.05)
-    found = max(found[np.abs(found.imag) > 1.0], key=lambda s: s.real)  # the slowest decay
+    # the slowest decay
+    found = max(found[np.abs(found.imag) > 1.0], key=lambda s: s.real)
     assert found.real == pytest.approx(float(expected.growth), abs=1e-3)
     assert abs(found.imag) == pytest.approx(float(expected.frequency), abs=1e-3)
 
 
 def test_rows_of_a_sheet_that_move_alike_are_chains() -> None:
     rig = pushed(bar(0.25, leaf=0.05, alpha=0.1, sliding=0.3, blocks=60), 0.8, 80.0)
-    sheet = Sheet(along=60, across=3, coupling=4.0, shear=1.5, mass=4.0, damping=0.1, leaf=0.2)
+    sheet = Sheet(
+        along=60, across=3, coupling=4.0, shear=1.5, mass=4.0, damping=0.1, leaf=0.2
+    )
     one, three = (ss.simulate(rig.replace(slider=body)) for body in (rig.slider, sheet))
     # The wider body has a higher bound on its frequencies, hence shorter steps.
-    assert np.abs(three.first_break.values.reshape(3, 60) - one.first_break.values).max() < 0.02
+    assert (
+        np.abs(three.first_break.values.reshape(3, 60) - one.first_break.values).max()
+        < 0.02
+    )
     assert three.across.values.reshape(3, 60)[2, 5] == 2
     assert ss.measure.events(three).sizes["event"] == 1
 
 
-# -------------------------------------------------------------------------------------------- in balance all the time
+# -------------------------------------------------------------- in balance all the time
 
 
 def precursors(method: object) -> ss.Rig:
     rig = bar(0.25, alpha=0.1, sliding=0.425, blocks=50, mass=1.0, side=4.0)
-    start, output = ss.Prestressed(stretching=0.0), ss.Output(interval=20.0)
-    return rig.replace(drive=ss.constant(2e-3, duration=8e4), method=method, start=start, output=output)
+    start = ss.Prestressed(stretching=0.0)
+    output = ss.Output(interval=20.0)
+    return rig.replace(
+        drive=ss.constant(2e-3, duration=8e4), method=method, start=start, output=output
+    )
 
 
 def test_quasi_static_forces_of_precursors_are_exact() -> None:
     rig = precursors(ss.QuasiStatic(100, seed=1))
-    run, exact = ss.simulate(rig, long=True), ss.elastic.precursor_force(rig).values
+    run = ss.simulate(rig, long=True)
+    exact = ss.elastic.precursor_force(rig).values
     assert np.abs(run.first_break_force.values - exact)[:48].max() < 1e-10
-    assert float(run.first_break_force.max()) / 50 == pytest.approx(0.4443275862, abs=1e-10)
+    assert float(run.first_break_force.max()) / 50 == pytest.approx(
+        0.4443275862, abs=1e-10
+    )
     assert int(np.argmax(run.first_break_force.values)) == 47
 
 
@@ -118,59 +147,120 @@ def test_quasi_static_forces_of_precursors_are_exact() -> None:
 def test_slow_dynamics_agree_with_balance() -> None:
     methods = (ss.QuasiStatic(100, seed=1), ss.Contacts(100, seed=1))
     still, moving = (ss.simulate(precursors(method), long=True) for method in methods)
-    assert np.abs(moving.first_break_force / still.first_break_force - 1.0)[:47].max() < 7e-3
-    assert float(moving.spring_force.max() / still.spring_force.max()) == pytest.approx(1.0, abs=1e-3)
+    assert (
+        np.abs(moving.first_break_force / still.first_break_force - 1.0)[:47].max()
+        < 7e-3
+    )
+    assert float(moving.spring_force.max() / still.spring_force.max()) == pytest.approx(
+        1.0, abs=1e-3
+    )
 
 
 @pytest.mark.parametrize("ends", ["free", "periodic"])
 def test_balance_with_re_attachment_and_a_drive_that_turns(ends) -> None:
     delay = ss.RandomDelay(mean=100.0, std=30.0, negative="redraw")
-    rig = bar(0.25, 0.025, 0.1, std=0.05, sliding=0.425, delay=delay, blocks=30, mass=1.0, side=4.0, ends=ends)
-    drive = ss.constant(2e-3, duration=1.5e4).then(ss.ramp(2e-3, -2e-3, duration=4e3)).then(ss.constant(0.0, 300.0))
+    rig = bar(
+        0.25,
+        0.025,
+        0.1,
+        std=0.05,
+        sliding=0.425,
+        delay=delay,
+        blocks=30,
+        mass=1.0,
+        side=4.0,
+        ends=ends,
+    )
+    drive = (
+        ss.constant(2e-3, duration=1.5e4)
+        .then(ss.ramp(2e-3, -2e-3, duration=4e3))
+        .then(ss.constant(0.0, 300.0))
+    )
     run = ss.simulate(rig.replace(drive=drive, method=ss.QuasiStatic(50, seed=1)))
     # All forces balance at the end: the springs carry the friction.
-    assert float(run.spring_force[-1]) == pytest.approx(float(run.friction_force[-1].sum()), abs=1e-9)
+    assert float(run.spring_force[-1]) == pytest.approx(
+        float(run.friction_force[-1].sum()), abs=1e-9
+    )
     # At rest for longer than any delay, all contacts are attached.
     assert float(run.attached[-1].min()) == 1.0
 
 
 def test_detached_contacts_stick_again_when_the_drive_turns() -> None:
-    """They carry the sliding force until then, and are as stiff as attached ones until they slide the other way."""
+    """They carry the sliding force until then, and are as stiff as attached ones
+    until they slide the other way.
+    """
     drive = ss.constant(1.0, duration=1.5).then(ss.constant(-1.0, duration=0.2))
     rig = bar(1 / 3.0, std=0.2, sliding=0.4, blocks=2).replace(drive=drive, leaf=2.0)
-    run = ss.simulate(rig, method=ss.QuasiStatic(100, seed=1), output=ss.Output(interval=0.01))
+    run = ss.simulate(
+        rig, method=ss.QuasiStatic(100, seed=1), output=ss.Output(interval=0.01)
+    )
     back = run.sel(time=slice(1.5, None))
     assert 0.03 < float(back.attached.min()) <= float(back.attached.max()) < 0.1
-    assert np.diff(back.displacement, axis=0) == pytest.approx(-0.01 * 2.0 / 3.0, rel=1e-9)
+    assert np.diff(back.displacement, axis=0) == pytest.approx(
+        -0.01 * 2.0 / 3.0, rel=1e-9
+    )
 
 
 def test_events_do_not_depend_on_how_finely_they_are_sampled() -> None:
-    """Between two samples that lie near each other no contact of a block may break, though it slips all the while."""
-    rig = bar(0.25, 0.025, 0.1, std=0.2, sliding=0.4, delay=ss.Delay(5.0), blocks=20, mass=1.0, side=4.0)
-    rig = rig.replace(drive=ss.constant(5e-3, duration=1320.0), method=ss.Contacts(50, seed=1))
+    """Between two samples that lie near each other no contact of a block may break,
+    though it slips all the while.
+    """
+    rig = bar(
+        0.25,
+        0.025,
+        0.1,
+        std=0.2,
+        sliding=0.4,
+        delay=ss.Delay(5.0),
+        blocks=20,
+        mass=1.0,
+        side=4.0,
+    )
+    rig = rig.replace(
+        drive=ss.constant(5e-3, duration=1320.0), method=ss.Contacts(50, seed=1)
+    )
     some, many = (
-        ss.measure.events(ss.simulate(rig, output=ss.Output(interval=each), long=True)) for each in (0.5, 0.05)
+        ss.measure.events(ss.simulate(rig, output=ss.Output(interval=each), long=True))
+        for each in (0.5, 0.05)
     )
     assert some.sizes["event"] == many.sizes["event"] == 1
     assert float(many.moment[0]) == pytest.approx(float(some.moment[0]), rel=0.05)
     assert abs(int(many.blocks[0]) - int(some.blocks[0])) <= 1
-    assert float(many.front_speed[0]) == pytest.approx(float(some.front_speed[0]), rel=0.1)
+    assert float(many.front_speed[0]) == pytest.approx(
+        float(some.front_speed[0]), rel=0.1
+    )
 
 
-# ----------------------------------------------------------------------------------------------- runs as all runs are
+# ----------------------------------------------------------------- runs as all runs are
 
 
 def small(**changes: object) -> ss.Rig:
-    interface = ss.Interface(thresholds=TENTH, delay=ss.RandomDelay(mean=0.2, std=0.05), sliding_force=0.2)
-    bar = ss.Chain(blocks=6, coupling=20.0, mass=1e-4, damping=42.4, viscosity=1e-4, leaf=2.0)
-    rig = ss.Rig(interface, bar, ss.constant(1.0, duration=4.0), method=ss.Contacts(50, seed=1),
-                 output=ss.Output(interval=1e-2))  # fmt: skip
+    interface = ss.Interface(
+        thresholds=TENTH, delay=ss.RandomDelay(mean=0.2, std=0.05), sliding_force=0.2
+    )
+    bar = ss.Chain(
+        blocks=6, coupling=20.0, mass=1e-4, damping=42.4, viscosity=1e-4, leaf=2.0
+    )
+    rig = ss.Rig(
+        interface,
+        bar,
+        ss.constant(1.0, duration=4.0),
+        method=ss.Contacts(50, seed=1),
+        output=ss.Output(interval=1e-2),
+    )
     return rig.replace(**changes)
 
 
 def test_draws_of_a_block_do_not_depend_on_how_many_there_are() -> None:
     few, many = (
-        ss.simulate(small(slider=ss.Chain(blocks=n, coupling=1e-12, mass=1e-4, damping=42.4, leaf=2.0))) for n in (3, 7)
+        ss.simulate(
+            small(
+                slider=ss.Chain(
+                    blocks=n, coupling=1e-12, mass=1e-4, damping=42.4, leaf=2.0
+                )
+            )
+        )
+        for n in (3, 7)
     )
     assert (few.friction_force[0] == many.friction_force[0, :3]).all()
     assert (few.broken[-1] == many.broken[-1, :3]).all()
@@ -184,39 +274,95 @@ def test_a_run_has_dimensions_units_and_sums() -> None:
     assert all({"units", "long_name"} <= set(run[name].attrs) for name in run.variables)
     pulled = 2.0 * (run.time - run.displacement)  # the drive has gone 1 * time
     assert np.abs(run.spring_force - pulled.sum("block")).max() < 1e-9
-    assert run.pulling_force.sum("pulled").values == pytest.approx(run.spring_force.values, abs=1e-12)
+    assert run.pulling_force.sum("pulled").values == pytest.approx(
+        run.spring_force.values, abs=1e-12
+    )
     assert float(run.attached.max()) == 1.0
-    assert set(ss.simulate(small(method=ss.MasterEquation())).data_vars) == set(run.data_vars)
+    assert set(ss.simulate(small(method=ss.MasterEquation())).data_vars) == set(
+        run.data_vars
+    )
 
 
-RIGID = ss.Rig(ss.Interface(thresholds=TENTH), ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0), ss.constant(1.0))
+RIGID = ss.Rig(
+    ss.Interface(thresholds=TENTH),
+    ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
+    ss.constant(1.0),
+)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda: small(start=ss.Prestressed(stretching=(0.5, 0.6))), "2 numbers for 6 blocks"),
-        (lambda: small(start=ss.Prestressed(stretching=2.0)), "not below the thresholds"),
-        (lambda: small(start=ss.Prestressed(stretching=0.5, pushed_blocks=7)), "must be at most 6"),
-        (lambda: small(start=ss.FromSliding(perturbation=(0.1, 0.2))), "2 numbers for 6 blocks"),
-        (lambda: small(slider=ss.Chain(blocks=6, coupling=1.0, mass=1e-4, damping=0.0)), "nothing pulls it"),
-        (lambda: RIGID.replace(start=ss.Prestressed(stretching=0.5)), "is for an elastic slider"),
-        (lambda: RIGID.replace(start=ss.FromSliding(perturbation=(0.1, 0.2))), "is for an elastic slider"),
-        (lambda: RIGID.replace(start=ss.FromSliding(at_rest=1)), "is for an elastic slider"),
-        (lambda: small(start=ss.FromSliding(at_rest=7)), "FromSliding.at_rest = 7: there are 6 blocks"),
-        (lambda: small(start=ss.FromSliding(at_rest=2), method=ss.MasterEquation()), "not available with MasterEq"),
-        (lambda: RIGID.replace(method=ss.QuasiStatic()), "is not for a Slider; use Contacts or"),
-        (lambda: small(slider=Sheet(along=3, across=2, coupling=1.0, shear=1.0, mass=1.0, damping=0.0, leaf=1.0),
-                       method=ss.QuasiStatic()), "QuasiStatic: is for a Chain"),
+        (
+            lambda: small(start=ss.Prestressed(stretching=(0.5, 0.6))),
+            "2 numbers for 6 blocks",
+        ),
+        (
+            lambda: small(start=ss.Prestressed(stretching=2.0)),
+            "not below the thresholds",
+        ),
+        (
+            lambda: small(start=ss.Prestressed(stretching=0.5, pushed_blocks=7)),
+            "must be at most 6",
+        ),
+        (
+            lambda: small(start=ss.FromSliding(perturbation=(0.1, 0.2))),
+            "2 numbers for 6 blocks",
+        ),
+        (
+            lambda: small(
+                slider=ss.Chain(blocks=6, coupling=1.0, mass=1e-4, damping=0.0)
+            ),
+            "nothing pulls it",
+        ),
+        (
+            lambda: RIGID.replace(start=ss.Prestressed(stretching=0.5)),
+            "is for an elastic slider",
+        ),
+        (
+            lambda: RIGID.replace(start=ss.FromSliding(perturbation=(0.1, 0.2))),
+            "is for an elastic slider",
+        ),
+        (
+            lambda: RIGID.replace(start=ss.FromSliding(at_rest=1)),
+            "is for an elastic slider",
+        ),
+        (
+            lambda: small(start=ss.FromSliding(at_rest=7)),
+            "FromSliding.at_rest = 7: there are 6 blocks",
+        ),
+        (
+            lambda: small(start=ss.FromSliding(at_rest=2), method=ss.MasterEquation()),
+            "not available with MasterEq",
+        ),
+        (
+            lambda: RIGID.replace(method=ss.QuasiStatic()),
+            "is not for a Slider; use Contacts or",
+        ),
+        (
+            lambda: small(
+                slider=Sheet(
+                    along=3,
+                    across=2,
+                    coupling=1.0,
+                    shear=1.0,
+                    mass=1.0,
+                    damping=0.0,
+                    leaf=1.0,
+                ),
+                method=ss.QuasiStatic(),
+            ),
+            "QuasiStatic: is for a Chain",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_told_in_one_line(change: object, message: str) -> None:
     with pytest.raises(ss.InputError, match=message) as caught:
         ss.simulate(change())  # type: ignore[operator]
     assert "\n" not in str(caught.value)
 
 
-# ---------------------------------------------------------------------------------------------------------- rig files
+# ---------------------------------------------------------------------------- rig files
 
 
 PLATE = """
@@ -242,11 +388,19 @@ duration = "0.2 ms"
 [simulation]
 contacts = 20
 start = { stretching = [{ blocks = 8, stretching = 0.8 }, { blocks = 16, stretching = 0.4 }], push = "20 N" }
-"""
+"""  # noqa: E501
 
 
-BAR_OF_BLOCKS = {"coupling": 3e9 * 5e-3 * 50e-3 / 5e-3, "leaf": 1.1e9 * 5e-3 * 5e-3 / 50e-3, "side": 4e6}
-PLATE_OF_BLOCKS = {"coupling": 3e9 * 5e-3 * 10e-3 / 2.5e-3, "shear": 1.1e9 * 10e-3 * 2.5e-3 / 5e-3, "leaf": 4e6}
+BAR_OF_BLOCKS = {
+    "coupling": 3e9 * 5e-3 * 50e-3 / 5e-3,
+    "leaf": 1.1e9 * 5e-3 * 5e-3 / 50e-3,
+    "side": 4e6,
+}
+PLATE_OF_BLOCKS = {
+    "coupling": 3e9 * 5e-3 * 10e-3 / 2.5e-3,
+    "shear": 1.1e9 * 10e-3 * 2.5e-3 / 5e-3,
+    "leaf": 4e6,
+}
 
 
 @pytest.mark.parametrize(
@@ -257,22 +411,35 @@ PLATE_OF_BLOCKS = {"coupling": 3e9 * 5e-3 * 10e-3 / 2.5e-3, "shear": 1.1e9 * 10e
     ],
     ids=["bar", "plate"],
 )
-def test_an_elastic_slider_in_si_units_becomes_blocks_and_comes_back(text, contacts, springs, volume) -> None:
+def test_an_elastic_slider_in_si_units_becomes_blocks_and_comes_back(
+    text, contacts, springs, volume
+) -> None:
     rig = ss.read_rig(tomllib.loads(text))
-    assert {name: getattr(rig.slider, name) * contacts for name in springs} == pytest.approx(springs)
+    assert {
+        name: getattr(rig.slider, name) * contacts for name in springs
+    } == pytest.approx(springs)
     assert rig.slider.mass * rig.unit("f_s time^2/x_s") == pytest.approx(1180 * volume)
     assert ss.read_rig(tomllib.loads(rig_files.to_toml(rig))) == rig
 
 
 def test_runs_of_elastic_sliders_in_si_units() -> None:
     bar, plate = (ss.read_rig(tomllib.loads(text)) for text in (BAR, PLATE))
-    assert (bar.in_units(bar.slider.spacing, "length"), bar.interface.sliding_force) == ("5 mm", pytest.approx(0.425))
+    assert (
+        bar.in_units(bar.slider.spacing, "length"),
+        bar.interface.sliding_force,
+    ) == ("5 mm", pytest.approx(0.425))
     run = ss.simulate(bar)
     assert run.spring_force.attrs["units"] == "N"
     assert 326.4 < float(run.spring_force.max()) < 768.0
     # The push is that on each block, whose contacts have 10 N together.
-    assert plate.start == ss.Prestressed(stretching=(0.8,) * 8 + (0.4,) * 16, push=2.0, pushed_blocks=1)
-    assert (plate.slider.along, plate.slider.across, plate.method) == (8, 3, ss.Contacts(20, seed=1))
+    assert plate.start == ss.Prestressed(
+        stretching=(0.8,) * 8 + (0.4,) * 16, push=2.0, pushed_blocks=1
+    )
+    assert (plate.slider.along, plate.slider.across, plate.method) == (
+        8,
+        3,
+        ss.Contacts(20, seed=1),
+    )
     run = ss.simulate(plate)
     assert imbalance(run) < 6e-5
     assert float(run.broken[-1].max()) == 1.0
@@ -282,33 +449,73 @@ def test_runs_of_elastic_sliders_in_si_units() -> None:
     ("text", "line", "instead", "message"),
     [
         (BAR, 'density = "1180 kg/m^3"', "", "chain.density: is missing"),
-        (BAR, "[chain]", '[slider]\nmass = "1 kg"\n[chain]', "give slider or chain or sheet, not both"),
-        (PLATE, "along = 8", "", r"sheet.along: is missing; write, for example, sheet.along = 60"),
-        (PLATE, "blocks = 16", "blocks = 15", r"start.stretching = .*: is of 23 blocks, but there are 24; give one"),
-        (PLATE, 'push = "20 N"', "push = 20", r"simulation.start.push = 20: has no unit"),
+        (
+            BAR,
+            "[chain]",
+            '[slider]\nmass = "1 kg"\n[chain]',
+            "give slider or chain or sheet, not both",
+        ),
+        (
+            PLATE,
+            "along = 8",
+            "",
+            r"sheet.along: is missing; write, for example, sheet.along = 60",
+        ),
+        (
+            PLATE,
+            "blocks = 16",
+            "blocks = 15",
+            r"start.stretching = .*: is of 23 blocks, but there are 24; give one",
+        ),
+        (
+            PLATE,
+            'push = "20 N"',
+            "push = 20",
+            r"simulation.start.push = 20: has no unit",
+        ),
         (PLATE, "[sheet]", "[sheets]", r"sheets: unknown key; did you mean 'sheet'?"),
         (
             rig_files.to_toml(ss.example("brake_pad")),
             'start = "from rest"',
             "start = { stretching = 0.5 }",
-            r"simulation.start = {'stretching': 0.5}: must be 'from rest' or 'sliding'; a table is for chain or sheet",
+            (
+                r"simulation.start = {'stretching': 0.5}: must be 'from rest' or "
+                r"'sliding'; a table is for chain or sheet"
+            ),
         ),
     ],
 )
-def test_mistakes_in_a_file_are_told(text: str, line: str, instead: str, message: str) -> None:
+def test_mistakes_in_a_file_are_told(
+    text: str, line: str, instead: str, message: str
+) -> None:
     with pytest.raises(ss.InputError, match=message) as caught:
         ss.read_rig(tomllib.loads(text.replace(line, instead)))
     assert "\n" not in str(caught.value)
 
 
 def test_light_stiff_blocks_converge_in_second_order():
-    """Cohorts are looked up after hundreds of steps of such blocks, as the tolerance has it; energy closes."""
-    interface, drive = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1)), ss.constant(1.5, 2.0)
-    bar, output = ss.Chain(blocks=5, coupling=200.0, mass=1e-4, damping=40.0, side=40.0), ss.Output(interval=0.02)
-    ends, lost = [], []
+    """Cohorts are looked up after hundreds of steps of such blocks, as the tolerance
+    has it; energy closes.
+    """
+    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
+    drive = ss.constant(1.5, 2.0)
+    bar = ss.Chain(blocks=5, coupling=200.0, mass=1e-4, damping=40.0, side=40.0)
+    output = ss.Output(interval=0.02)
+    ends = []
+    lost = []
     for rtol in (4e-2, 4e-3, 4e-4, 4e-5):
-        run = ss.simulate(ss.Rig(interface, bar, drive, method=ss.MasterEquation(rtol=rtol), output=output))
-        balance = sum(run[name] for name in run if name.endswith("_energy")) - run["work"]
+        run = ss.simulate(
+            ss.Rig(
+                interface,
+                bar,
+                drive,
+                method=ss.MasterEquation(rtol=rtol),
+                output=output,
+            )
+        )
+        balance = (
+            sum(run[name] for name in run if name.endswith("_energy")) - run["work"]
+        )
         ends.append(run["friction_force"])
         lost.append(float(np.abs(balance).max() / run["work"][-1]))
     errors = [float(np.sqrt(((end - ends[-1]) ** 2).mean())) for end in ends[:-1]]
@@ -318,15 +525,33 @@ def test_light_stiff_blocks_converge_in_second_order():
     assert max(lost[1:]) < 1e-4
 
 
-@pytest.mark.parametrize("thresholds", [ss.Exponential(mean=0.8), ss.Gaussian(mean=1.0, std=0.3)])
-@pytest.mark.parametrize("delay", [ss.Delay(0.3), ss.RandomDelay(mean=0.3, std=0.1), ss.Delay(0.01)])
+@pytest.mark.parametrize(
+    "thresholds", [ss.Exponential(mean=0.8), ss.Gaussian(mean=1.0, std=0.3)]
+)
+@pytest.mark.parametrize(
+    "delay", [ss.Delay(0.3), ss.RandomDelay(mean=0.3, std=0.1), ss.Delay(0.01)]
+)
 @pytest.mark.parametrize("sliding_force", [0.0, 0.3])
 def test_blocks_that_move_alike_are_a_rigid_slider(thresholds, delay, sliding_force):
-    """Steps of leapfrog with cohorts of one age against panels: two solvers that share no line, through a reversal."""
-    interface = ss.Interface(thresholds=thresholds, delay=delay, sliding_force=sliding_force)
-    drive = ss.constant(1.0, 3.0).then(ss.ramp(1.0, -1.0, 1.0)).then(ss.constant(-1.0, 1.0))
+    """Steps of leapfrog with cohorts of one age against panels: two solvers that
+    share no line, through a reversal.
+    """
+    interface = ss.Interface(
+        thresholds=thresholds, delay=delay, sliding_force=sliding_force
+    )
+    drive = (
+        ss.constant(1.0, 3.0).then(ss.ramp(1.0, -1.0, 1.0)).then(ss.constant(-1.0, 1.0))
+    )
     one, two = (
-        ss.simulate(ss.Rig(interface, slider, drive, method=ss.MasterEquation(), output=ss.Output(interval=0.05)))
+        ss.simulate(
+            ss.Rig(
+                interface,
+                slider,
+                drive,
+                method=ss.MasterEquation(),
+                output=ss.Output(interval=0.05),
+            )
+        )
         for slider in (
             ss.Slider(stiffness=0.7, mass=0.05, damping=1.0),
             ss.Chain(blocks=2, coupling=5.0, mass=0.05, damping=1.0, leaf=0.7),
@@ -334,5 +559,12 @@ def test_blocks_that_move_alike_are_a_rigid_slider(thresholds, delay, sliding_fo
     )
     for name in ("displacement", "velocity", "friction_force", "attached"):
         assert np.abs(two[name].mean("block") - one[name]).max() < 3e-4
-    for name in ("work", "kinetic_energy", "spring_energy", "contact_energy", "damped_energy", "broken_energy"):
+    for name in (
+        "work",
+        "kinetic_energy",
+        "spring_energy",
+        "contact_energy",
+        "damped_energy",
+        "broken_energy",
+    ):
         assert np.abs(two[name] / 2 - one[name]).max() < 2e-4

@@ -3,7 +3,8 @@
 import equations
 import pytest
 
-# The marks below are inside strings: the gate must not see them when it reads this very file.
+# The marks below are inside strings: the gate must not see them when it reads this very
+# file.
 MARK = "@pytest.mark." + "eq"
 
 
@@ -46,10 +47,20 @@ def test_citations_are_read_in_every_usual_form(text, numbers):
     ("text", "numbers"),
     [
         (f"{MARK}(3)\ndef test(): ...", [3]),
-        (f"{MARK}(3, 4)\nclass TestX:\n    {MARK}(9)\n    def test(self): ...", [3, 4, 9]),
+        (
+            f"{MARK}(3, 4)\nclass TestX:\n    {MARK}(9)\n    def test(self): ...",
+            [3, 4, 9],
+        ),
         (f"pytestmark = [{MARK[1:]}(1), pytest.mark.slow]", [1]),
         (f"cases = [pytest.param(0, marks={MARK[1:]}(2))]", [2]),
-        (f"from pytest import mark\n{MARK.replace('pytest.', '')}(5)\ndef test(): ...", [5]),
+        (
+            (
+                f"from pytest import mark\n{MARK.replace('pytest.', '')}(5)\ndef "
+                "test(): "
+                "..."
+            ),
+            [5],
+        ),
         (f"{MARK}\ndef test(): ...", [None]),
         (f"{MARK}('8')\ndef test(): ...", [None]),
         (f"'''{MARK}(3)'''  # {MARK}(4)", []),
@@ -62,7 +73,11 @@ def test_marks_are_read_from_the_syntax_tree(text, numbers):
 @pytest.mark.parametrize(
     ("src", "tests", "said"),
     [
-        ('"""Eqs. (1)-(2)."""', f"{MARK}(1)\n{MARK}(2)\ndef test(): ...", ["2 equations cited, each with a test"]),
+        (
+            '"""Eqs. (1)-(2)."""',
+            f"{MARK}(1)\n{MARK}(2)\ndef test(): ...",
+            ["2 equations cited, each with a test"],
+        ),
         (
             '"""\nEqs. (3), (99).\nEq. (3)\n"""',
             f"\n{MARK}(8)\ndef test(): ...",
@@ -74,7 +89,9 @@ def test_marks_are_read_from_the_syntax_tree(text, numbers):
         ),
     ],
 )
-def test_each_lonely_equation_is_one_line_with_its_place(tree, capsys, src, tests, said):
+def test_each_lonely_equation_is_one_line_with_its_place(
+    tree, capsys, src, tests, said
+):
     status, lines = tree(capsys, src=src, tests=tests)
     assert lines == said
     assert status == (len(said) > 1)
@@ -83,4 +100,7 @@ def test_each_lonely_equation_is_one_line_with_its_place(tree, capsys, src, test
 def test_what_cannot_be_read_is_not_passed_over(tree, capsys):
     status, lines = tree(capsys, src="# Eq. 8", tests=f"{MARK}()\ndef test(): ...")
     assert status == 1
-    assert [line.partition(": ")[0] for line in lines] == ["src/pack/test_a.py:1", "tests/test_a.py:1"]
+    assert [line.partition(": ")[0] for line in lines] == [
+        "src/pack/test_a.py:1",
+        "tests/test_a.py:1",
+    ]

@@ -15,7 +15,9 @@ from stickslip.sweep.plan import read_plan
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PAGES = sorted(
-    f"{folder}/{path.stem}" for folder in ("practice", "elastic") for path in (EXAMPLES / folder).glob("*.py")
+    f"{folder}/{path.stem}"
+    for folder in ("practice", "elastic")
+    for path in (EXAMPLES / folder).glob("*.py")
 )
 DEAR = ("practice/basalt_step", "practice/bowed_string", "practice/regime_diagram")
 
@@ -31,9 +33,15 @@ def test_example_rigs_can_be_read_and_say_what_was_assumed(name):
 
 
 def test_an_example_that_is_not_there_is_told():
-    with pytest.raises(ss.InputError, match=r"^whiper: no such file or example; examples are brake_pad, .*wiper$"):
+    with pytest.raises(
+        ss.InputError,
+        match=r"^whiper: no such file or example; examples are brake_pad, .*wiper$",
+    ):
         rig.example_file("whiper")
-    with pytest.raises(ss.InputError, match=r"^phase_diagram: a sweep, not a rig; `stickslip sweep phase_diagram "):
+    with pytest.raises(
+        ss.InputError,
+        match=r"^phase_diagram: a sweep, not a rig; `stickslip sweep phase_diagram ",
+    ):
         ss.read_rig("phase_diagram")
     assert read_plan("phase_diagram").total == 3200
 
@@ -45,26 +53,36 @@ def test_every_figure_has_its_page():
 
 @pytest.mark.takes(6)
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in PAGES]
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name
+        for name in PAGES
+    ],
 )
 def test_an_example_is_its_own_command(name, tmp_path, monkeypatch, capsys):
-    page, picture = EXAMPLES / f"{name}.py", tmp_path / "picture.png"
+    page = EXAMPLES / f"{name}.py"
+    picture = tmp_path / "picture.png"
     assert f"``python examples/{name}.py " in page.read_text()
     monkeypatch.setattr(sys, "argv", [name, str(picture)])
     runpy.run_path(str(page), run_name="__main__")
     assert picture.stat().st_size > 10_000
-    assert "brake_pad" not in name or "damping times 10: groans from " in capsys.readouterr().out
+    assert (
+        "brake_pad" not in name
+        or "damping times 10: groans from " in capsys.readouterr().out
+    )
 
 
 def test_the_wiper_chatters_at_both_ends_of_its_stroke():
     wiper = example("wiper")
     low, high = wiper.chattering(rig.read_rig(wiper.RIG))
-    assert low < 0.01 < high < 1.0  # m/s: the stroke begins inside, and is fastest outside
+    # m/s: the stroke begins inside, and is fastest outside
+    assert low < 0.01 < high < 1.0
 
 
 def test_damping_narrows_the_groan_from_above():
     brake = example("brake_pad")
-    (low, high), (low_damped, high_damped) = brake.groaning(), brake.groaning(damping=10.0)
+    low, high = brake.groaning()
+    low_damped, high_damped = brake.groaning(damping=10.0)
     assert high_damped < 0.5 * high
     assert low_damped == pytest.approx(low, rel=0.2)
 
@@ -82,16 +100,21 @@ def test_a_servo_stiffer_than_critical_tracks_better():
 
 def test_a_faster_bow_needs_more_force():
     string = example("bowed_string")
-    forces, frequencies = zip(*(string.lightest(speed) for speed in (0.05, 0.2, 0.8)), strict=True)
+    forces, frequencies = zip(
+        *(string.lightest(speed) for speed in (0.05, 0.2, 0.8)), strict=True
+    )
     assert list(forces) == sorted(forces)
     harmonics = np.array(frequencies) / string.PITCH
-    np.testing.assert_allclose(harmonics, harmonics.round(), atol=0.02)  # the string chooses the pitch, not the rosin
+    # the string chooses the pitch, not the rosin
+    np.testing.assert_allclose(harmonics, harmonics.round(), atol=0.02)
 
 
 def test_faster_loading_makes_events_more_frequent_not_smaller():
     rock = example("rock_slab")
     slab = rig.read_rig(rock.RIG)
-    (wait, drop), (wait_fast, drop_fast) = (rock.recurrence_and_drop(rock.load(slab, f)) for f in (0.1, 0.3))
+    (wait, drop), (wait_fast, drop_fast) = (
+        rock.recurrence_and_drop(rock.load(slab, f)) for f in (0.1, 0.3)
+    )
     assert wait / wait_fast == pytest.approx(3.0, rel=0.05)
     assert drop / drop_fast == pytest.approx(1.0, rel=0.1)
 
@@ -106,25 +129,41 @@ def test_a_stiffer_spring_turns_stick_slip_into_sliding():
 def test_a_trace_tells_the_strength_of_its_contacts():
     trace = example("measured_trace")
     found = trace.fitted(draws=1500)
-    assert found["contact_strength"].low < trace.BENCH.strength < found["contact_strength"].high
-    assert found["stiffness_ratio"].low < trace.TRUTH["stiffness_ratio"] < found["stiffness_ratio"].high
+    assert (
+        found["contact_strength"].low
+        < trace.BENCH.strength
+        < found["contact_strength"].high
+    )
+    assert (
+        found["stiffness_ratio"].low
+        < trace.TRUTH["stiffness_ratio"]
+        < found["stiffness_ratio"].high
+    )
 
 
-@pytest.mark.parametrize(("blocks", "at_rest", "left"), [(8, 4, 8), (16, 8, 0), (12, 0, 0), (12, 12, 12)])
-def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_either_stays(blocks, at_rest, left):
+@pytest.mark.parametrize(
+    ("blocks", "at_rest", "left"), [(8, 4, 8), (16, 8, 0), (12, 0, 0), (12, 12, 12)]
+)
+def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_either_stays(  # noqa: E501
+    blocks, at_rest, left
+):
     case = example("side_by_side", "elastic")
     count = case.in_stick_slip(case.run(blocks, at_rest, duration=30.0))
     assert (count[0], count[-1]) == (at_rest, left)
 
 
 def test_a_slow_front_by_slow_slip():
-    """The fast front as theory has it, which stops where the prestress falls; a slow one goes on."""
+    """The fast front as theory has it, which stops where the prestress falls; a slow
+    one goes on.
+    """
     module = example("slow_front", "elastic")
     run = ss.simulate(module.rig(beyond=0.44))
     fast, slow = module.speeds(run)
     fronts = ss.measure.fronts(run)
     assert int(fronts["blocks"][0]) == pytest.approx(114, abs=1)
-    assert fast == pytest.approx(float(ss.elastic.front_speed(module.rig(), prestress=0.7)), abs=2e-3)
+    assert fast == pytest.approx(
+        float(ss.elastic.front_speed(module.rig(), prestress=0.7)), abs=2e-3
+    )
     assert slow == pytest.approx(0.026, abs=0.001)
     assert float(fronts["front_speed"][1]) == pytest.approx(slow, rel=0.1)
     without = ss.simulate(module.rig(sliding_force=0.0))["first_break"]
@@ -138,7 +177,11 @@ def test_few_contacts_without_weakening_move_as_paper_on_paper_does():
     for (stiffness, velocity), row in diagram.compared():
         motions = [motion for _, motion in row.values()]
         assert len({diagram.word(motion) for motion in motions}) == 1
-        slow += [[1e3 * stiffness * motion.drop for motion in motions]] if velocity == 42 else []
+        slow += (
+            [[1e3 * stiffness * motion.drop for motion in motions]]
+            if velocity == 42
+            else []
+        )
     measured, model, _ = zip(*slow, strict=True)
     assert measured[1] > 1.5 * max(measured[0], measured[2])
     assert max(model) < 1.3 * min(model)

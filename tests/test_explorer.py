@@ -40,7 +40,11 @@ def preset(title, among=documents.presets()):
 
 def small(**parts):
     document = preset(NATURAL)
-    document["simulation"] = {} if "simulation__method" in parts else document["simulation"] | {"contacts": 300}
+    document["simulation"] = (
+        {}
+        if "simulation__method" in parts
+        else document["simulation"] | {"contacts": 300}
+    )
     return changed(document, parts)
 
 
@@ -66,22 +70,42 @@ def test_presets_hold_every_figure_and_every_example_rig():
     presets = {each["title"]: each["document"] for each in documents.presets()}
     assert "PMMA slider" in presets
     for figure in range(1, 12):
-        (document,) = (document for title, document in presets.items() if title.startswith(f"Fig. {figure}:"))
-        case, rig = getattr(cases, f"FIG{figure}"), documents.rig_of(document)
-        assert (rig.slider.stiffness, rig.interface.thresholds) == (case.slider.stiffness, case.interface.thresholds)
+        (document,) = (
+            document
+            for title, document in presets.items()
+            if title.startswith(f"Fig. {figure}:")
+        )
+        case = getattr(cases, f"FIG{figure}")
+        rig = documents.rig_of(document)
+        assert (rig.slider.stiffness, rig.interface.thresholds) == (
+            case.slider.stiffness,
+            case.interface.thresholds,
+        )
         assert rig.interface.delay == case.interface.delay
 
 
-@pytest.mark.parametrize("document", [preset["document"] for preset in documents.presets()], ids=lambda d: d["name"])
+@pytest.mark.parametrize(
+    "document",
+    [preset["document"] for preset in documents.presets()],
+    ids=lambda d: d["name"],
+)
 def test_a_rig_is_the_same_in_other_units(document):
     units = document.get("units", "SI")
     there = documents.in_units(document, "SI" if units == "natural" else "natural")
-    returned = documents.in_units(there["document"], units, there.get("scales"))["document"]
-    was, back = documents.rig_of(document), documents.rig_of(returned)
+    returned = documents.in_units(there["document"], units, there.get("scales"))[
+        "document"
+    ]
+    was = documents.rig_of(document)
+    back = documents.rig_of(returned)
     if document == documents.first():  # in its very words
-        for table, key in (("interface", "contact_strength"), ("slider", "stiffness"), ("drive", "velocity")):
+        for table, key in (
+            ("interface", "contact_strength"),
+            ("slider", "stiffness"),
+            ("drive", "velocity"),
+        ):
             assert returned[table][key] == document[table][key]
-    # The unit of time may change on the way; ratios that hold no time do not. The page shows five digits.
+    # The unit of time may change on the way; ratios that hold no time do not. The page
+    # shows five digits.
     assert back.slider.stiffness == pytest.approx(was.slider.stiffness, rel=1e-3)
     assert back.slider.mass * back.natural.velocity**2 == pytest.approx(
         was.slider.mass * was.natural.velocity**2, rel=3e-3
@@ -92,36 +116,59 @@ def test_a_rig_is_the_same_in_other_units(document):
 
 
 @pytest.mark.parametrize("parameter", documents.NAMES)
-@pytest.mark.parametrize("document", [small(), documents.of(rigs.example("pmma_slider"))], ids=["natural", "SI"])
+@pytest.mark.parametrize(
+    "document",
+    [small(), documents.of(rigs.example("pmma_slider"))],
+    ids=["natural", "SI"],
+)
 def test_a_parameter_turned_is_where_it_was_put(parameter, document):
-    if parameter == "ageing":  # in the unit of time of the document; other thresholds have none to turn
+    # in the unit of time of the document; other thresholds have none to turn
+    if parameter == "ageing":
         with pytest.raises(InputError, match="has no ageing to vary"):
             documents.turned(document, {"ageing": 1.0})
         document = deepcopy(dict(document))
-        document["interface"]["ageing"] = {"model": "langevin", "time": 0.5 if "units" in document else "0.5 s"}
+        document["interface"]["ageing"] = {
+            "model": "langevin",
+            "time": 0.5 if "units" in document else "0.5 s",
+        }
     rig = documents.rig_of(document)
     before = documents.values_of(rig)
-    after = documents.values_of(documents.rig_of(documents.turned(document, {parameter: 1.5 * before[parameter]})))
-    assert after == pytest.approx(before | {parameter: 1.5 * before[parameter]}, rel=1e-3)
+    after = documents.values_of(
+        documents.rig_of(
+            documents.turned(document, {parameter: 1.5 * before[parameter]})
+        )
+    )
+    assert after == pytest.approx(
+        before | {parameter: 1.5 * before[parameter]}, rel=1e-3
+    )
 
 
 @pytest.mark.takes(5)  # a boundary
 @pytest.mark.parametrize(
     ("document", "over"),
-    [(small(), ["velocity", "delay"]), (documents.of(rigs.example("pmma_slider")), ["stiffness", "velocity"])],
+    [
+        (small(), ["velocity", "delay"]),
+        (documents.of(rigs.example("pmma_slider")), ["stiffness", "velocity"]),
+    ],
     ids=["natural", "SI"],
 )
 def test_the_rig_stands_on_the_map_where_its_fields_say(document, over):
     values = documents.values_of(documents.rig_of(document))
-    (told,) = stability.chart({"document": document, "over": over, "around": 3.0}, silent)
+    (told,) = stability.chart(
+        {"document": document, "over": over, "around": 3.0}, silent
+    )
     assert told["here"] == pytest.approx([values[name] for name in over])
 
 
 def test_a_parameter_turned_keeps_the_kelvins():
-    document = documents.turned(preset("Teaching bench, contacts broken by heat"), {"stiffness": 500.0})
+    document = documents.turned(
+        preset("Teaching bench, contacts broken by heat"), {"stiffness": 500.0}
+    )
     assert document["interface"]["temperature"]["temperature"] == "293 K"
     natural = documents.in_units(document, "natural")["document"]
-    assert natural["interface"]["temperature"]["width"] == pytest.approx(0.00809, rel=1e-3)
+    assert natural["interface"]["temperature"]["width"] == pytest.approx(
+        0.00809, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -144,7 +191,9 @@ def test_a_complaint_names_the_field(at, value):
     document = small(**{"__".join(at.split(".")[:2]): value})
     with pytest.raises(InputError) as caught:
         next(simulate.run({"document": document}, silent))
-    assert [complaint["key"] for complaint in documents.complaints(caught.value)] == [at]
+    assert [complaint["key"] for complaint in documents.complaints(caught.value)] == [
+        at
+    ]
 
 
 # ---------------------------------------------------------------- answers
@@ -152,7 +201,9 @@ def test_a_complaint_names_the_field(at, value):
 
 def test_a_run_is_thinned_out_and_keeps_its_peaks():
     document = small()
-    run, friction = simulate.run({"document": document, "width": 500, "cursor": 0.5}, silent)
+    run, friction = simulate.run(
+        {"document": document, "width": 500, "cursor": 0.5}, silent
+    )
     force = numbers(run["force"]["values"])
     assert force.size < 1_600
     rig = documents.rig_of(document)
@@ -161,7 +212,8 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
     assert force.min() == pytest.approx(full.min(), rel=1e-6)
     assert run["regime"]["kind"] == "stick-slip"
     assert run["slips"]["count"] == len(run["slips"]["start"])
-    Q, x = numbers(run["stretchings"]["stretching_density"]["values"]), numbers(run["stretchings"]["x"]["values"])
+    Q = numbers(run["stretchings"]["stretching_density"]["values"])
+    x = numbers(run["stretchings"]["x"]["values"])
     assert 0.3 < Q.sum() * (x[1] - x[0]) <= 1.001
     assert run["stretchings"]["at"] == pytest.approx(20.0)
     assert friction["friction"]["static"] == pytest.approx(0.79560, abs=1e-4)
@@ -201,12 +253,15 @@ def test_a_run_that_is_undecided_goes_on_by_itself():
 def test_the_law_of_friction_turns_where_theory_says():
     document = preset("Teaching bench, contacts broken by heat")
     (told,) = simulate.law({"document": document}, silent)
-    x_s, (strength, unit) = 5e-4, document["interface"]["contact_strength"].split()
+    x_s = 5e-4
+    strength, unit = document["interface"]["contact_strength"].split()
     assert document["interface"]["breaking_displacement"] == "500 um"
     assert unit == "N"
     rig = documents.rig_of(document)
     v = numbers(told["speed"]["values"])[::10].astype(float)
-    expected = kinetic_friction(rig.interface, v / x_s * rig.scales.time) * float(strength)
+    expected = kinetic_friction(rig.interface, v / x_s * rig.scales.time) * float(
+        strength
+    )
     assert numbers(told["values"])[::10] == pytest.approx(expected, rel=1e-5)
     (turning,) = told["turning"]
     assert turning["words"].startswith("maximum at ")
@@ -214,7 +269,9 @@ def test_the_law_of_friction_turns_where_theory_says():
 
 
 def test_the_law_of_friction_of_a_rig_in_si_units_is_in_si_units():
-    """By hand: contacts carry (1 + .2^2)/2 of 2400 N, and hold half of the time: 1 ms of every 2 ms."""
+    """By hand: contacts carry (1 + .2^2)/2 of 2400 N, and hold half of the time: 1
+    ms of every 2 ms.
+    """
     document = documents.of(rigs.example("brake_pad"))
     (told,) = simulate.law({"document": document}, silent)
     v, force = told["here"]
@@ -229,8 +286,13 @@ def test_the_law_of_friction_of_a_rig_in_si_units_is_in_si_units():
 def frames_of(document, cursor=0.5):
     (answer,) = simulate.contacts({"document": document, "cursor": cursor}, silent)
     frames = answer["frames"]
-    arrays = {name: numbers(frames[name]) for name in ("times", "force", "slider", "drive")}
-    x = np.frombuffer(base64.b64decode(frames["stretching"]["bdata"]), "<i2") * frames["step"]
+    arrays = {
+        name: numbers(frames[name]) for name in ("times", "force", "slider", "drive")
+    }
+    x = (
+        np.frombuffer(base64.b64decode(frames["stretching"]["bdata"]), "<i2")
+        * frames["step"]
+    )
     flags = np.frombuffer(base64.b64decode(frames["flags"]["bdata"]), "u1")
     shape = (-1, frames["shown"])
     return frames, arrays, x.reshape(shape), flags.reshape(shape)
@@ -244,18 +306,23 @@ def test_the_drawing_replays_the_very_run_of_the_trace():
     assert frames["exact"]
     assert frames["shown"] == frames["of"] == 40
     np.testing.assert_allclose(
-        arrays["slider"], np.interp(arrays["times"], run["time"], run["displacement"]), atol=2e-3
+        arrays["slider"],
+        np.interp(arrays["times"], run["time"], run["displacement"]),
+        atol=2e-3,
     )
     held = flags & 1 == 1
-    # The force of the contacts in the drawing is the friction force of the run: all are shown.
+    # The force of the contacts in the drawing is the friction force of the run: all are
+    # shown.
     friction = np.where(held, x, 0.0).sum(axis=1) / 40
     quiet = np.abs(np.gradient(friction)) < 5e-3
     expected = np.interp(arrays["times"], run["time"], run["friction_force"])
     np.testing.assert_allclose(friction[quiet], expected[quiet], atol=0.02)
-    # As many breaks as the run had: seen detached, or attached elsewhere, in the next frame.
+    # As many breaks as the run had: seen detached, or attached elsewhere, in the next
+    # frame.
     broke = held[:-1] & (~held[1:] | (flags[1:] & 2 == 2))
     assert broke.sum() > 40
-    assert np.abs(x[:-1][broke]).min() > 0.5  # they break near their thresholds, 1 within some standard deviations
+    # they break near their thresholds, 1 within some standard deviations
+    assert np.abs(x[:-1][broke]).min() > 0.5
     stays = held[:-1] & held[1:] & (flags[1:] & 2 == 0)
     moved = np.diff(arrays["slider"])[:, None] * np.ones(40)
     np.testing.assert_allclose(np.diff(x, axis=0)[stays], moved[stays], atol=2e-3)
@@ -277,10 +344,16 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
     assert event["blocks"] == told["blocks"] == 100
     assert event["speed"] == pytest.approx(1.0, abs=0.2)  # about that of sound
     view = event["view"]
-    velocity = np.frombuffer(base64.b64decode(view["velocity"]["bdata"]), "u1").reshape(100, view["rows"]).T
+    velocity = (
+        np.frombuffer(base64.b64decode(view["velocity"]["bdata"]), "u1")
+        .reshape(100, view["rows"])
+        .T
+    )
     moving = velocity > 170
     arrival = np.where(moving.any(axis=0), moving.argmax(axis=0), view["rows"])
-    assert np.corrcoef(arrival[5:90], np.arange(5, 90))[0, 1] > 0.98, "a slanted line in space and time"
+    assert np.corrcoef(arrival[5:90], np.arange(5, 90))[0, 1] > 0.98, (
+        "a slanted line in space and time"
+    )
 
 
 # ---------------------------------------------------------------- fit
@@ -301,14 +374,23 @@ def test_readings_are_those_of_the_trace(slips, monkeypatch, tmp_path):
     first, missing, plan = traces.fit(slips, silent)
     peaks = fitting.pick_events(fitting.synthetic_trace()).peaks
     assert float(first["readings"]["static"]) == pytest.approx(peaks.mean(), rel=1e-3)
-    assert float(first["readings"]["rate"]) == pytest.approx(0.5, rel=0.02)  # the truth of the sample
-    assert "the stiffness of the driving spring, its speed and the mass of the slider" in missing["missing"]
+    # the truth of the sample
+    assert float(first["readings"]["rate"]) == pytest.approx(0.5, rel=0.02)
+    assert (
+        "the stiffness of the driving spring, its speed and the mass of the slider"
+        in missing["missing"]
+    )
     assert [size["draws"] for size in plan["table"]["sizes"]] == [2_000, 6_000]
-    assert plan["table"]["sizes"][1]["seconds"] > plan["table"]["sizes"][0]["seconds"] > 0  # nothing is kept yet
+    # nothing is kept yet
+    assert (
+        plan["table"]["sizes"][1]["seconds"] > plan["table"]["sizes"][0]["seconds"] > 0
+    )
 
 
 def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips):
-    first, quick, _ = traces.fit(slips | {"options": BENCH | {"half": "2 mm/s"}, "seconds": 2.0}, silent)
+    first, quick, _ = traces.fit(
+        slips | {"options": BENCH | {"half": "2 mm/s"}, "seconds": 2.0}, silent
+    )
     given = {key: float(value) for key, value in first["readings"].items()}
     rig = quick_fit(
         static_friction=given["static"],
@@ -319,27 +401,50 @@ def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips
     )
     made = documents.rig_of(quick["quick"]["document"])
     assert made.scales.force == pytest.approx(rig.scales.force, rel=1e-3)
-    assert made.interface.delay.moment(1) == pytest.approx(rig.interface.delay.moment(1), rel=1e-3)
+    assert made.interface.delay.moment(1) == pytest.approx(
+        rig.interface.delay.moment(1), rel=1e-3
+    )
     overlay = quick["quick"]["overlay"]
-    trace, simulated = (numbers(part["y"]) for part in (overlay["trace"], overlay["series"][0]))
+    trace, simulated = (
+        numbers(part["y"]) for part in (overlay["trace"], overlay["series"][0])
+    )
     assert 1.0 < np.ptp(trace) / 7.3 < 3.0
     assert np.ptp(simulated) > 3.0
 
 
 @pytest.mark.takes(5)
 def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
-    """Its slips are fast: friction in them says less than that of slow sliding, by which the delay is read."""
+    """Its slips are fast: friction in them says less than that of slow sliding, by
+    which the delay is read.
+    """
     bench = documents.rig_of(documents.first())
     run = simulated(bench)
-    rows = [f"{t:.7g},{F:.7g}" for t, F in zip(run["time"].values, run["spring_force"].values, strict=True)]
+    rows = [
+        f"{t:.7g},{F:.7g}"
+        for t, F in zip(run["time"].values, run["spring_force"].values, strict=True)
+    ]
     content = "\n".join(["time [s],force [N]", *rows]).encode()
-    known = {"stiffness": "300 N/m", "speed": "5 mm/s", "mass": "200 g", "damping": "0.025"}
-    for kinetic, error, marked in (({}, 0.3, True), ({"kinetic": "0.624 N"}, 0.2, False)):  # F_k of its interface
-        first, answer, _ = traces.fit({"content": content, "options": known | kinetic}, silent)
-        assert first["slips"][0].startswith("13 slips")  # not the ringing that each sets off
+    known = {
+        "stiffness": "300 N/m",
+        "speed": "5 mm/s",
+        "mass": "200 g",
+        "damping": "0.025",
+    }
+    # F_k of its interface
+    for kinetic, error, marked in (
+        ({}, 0.3, True),
+        ({"kinetic": "0.624 N"}, 0.2, False),
+    ):
+        first, answer, _ = traces.fit(
+            {"content": content, "options": known | kinetic}, silent
+        )
+        # not the ringing that each sets off
+        assert first["slips"][0].startswith("13 slips")
         made = documents.rig_of(answer["quick"]["document"])
         assert made.value("delay") == pytest.approx(bench.value("delay"), rel=error)
-        assert any("slide slowly" in line for line in answer["quick"]["assumed"]) is marked
+        assert (
+            any("slide slowly" in line for line in answer["quick"]["assumed"]) is marked
+        )
 
 
 PULLED = "Pulled at one end: precursors"
@@ -355,24 +460,51 @@ COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
         (traces.fit, {"options": BENCH | {"rate": "0.6 N/s"}}, "loading_rate"),
         (traces.fit, {"options": BENCH | {"damping": "1.5"}}, "damping ratio"),
         (traces.trace, {"content": b"t b c\n" + COLUMNS}, "in the field force column"),
-        (traces.trace, {"content": b"force\n" + COLUMN}, "in the field seconds per row"),
-        (traces.trace, {"content": b"time force odd\n" + COLUMNS}, "in the field seconds per row"),
-        (traces.posterior, {"options": BENCH, "draws": 6_000}, "a shared explorer does not make it"),
-        (fronts.fronts, {"chain": bar(PULLED, chain__blocks=5_000)}, "chain.blocks: must make at most 400 blocks"),
+        (
+            traces.trace,
+            {"content": b"force\n" + COLUMN},
+            "in the field seconds per row",
+        ),
+        (
+            traces.trace,
+            {"content": b"time force odd\n" + COLUMNS},
+            "in the field seconds per row",
+        ),
+        (
+            traces.posterior,
+            {"options": BENCH, "draws": 6_000},
+            "a shared explorer does not make it",
+        ),
+        (
+            fronts.fronts,
+            {"chain": bar(PULLED, chain__blocks=5_000)},
+            "chain.blocks: must make at most 400 blocks",
+        ),
         (fronts.fronts, {"chain": bar(PULLED, drive__duration=1e9)}, "times shorter"),
-        (fronts.fronts, {"chain": bar(PULLED, simulation__contacts=1_000_000)}, "simulation.contacts"),
+        (
+            fronts.fronts,
+            {"chain": bar(PULLED, simulation__contacts=1_000_000)},
+            "simulation.contacts",
+        ),
         (fronts.fronts, {"chain": bar(PULLED, chain__coupling="stiff")}, "coupling"),
-        (simulate.run, {"document": bar(PULLED)}, "elastic slider is shown on the page Fronts"),
+        (
+            simulate.run,
+            {"document": bar(PULLED)},
+            "elastic slider is shown on the page Fronts",
+        ),
     ],
 )
-def test_what_a_page_refuses_is_one_line_about_the_fields_of_the_page(slips, monkeypatch, tmp_path, ask, given, words):
-    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))  # a table that is kept already would be taken
+def test_what_a_page_refuses_is_one_line_about_the_fields_of_the_page(
+    slips, monkeypatch, tmp_path, ask, given, words
+):
+    # a table that is kept already would be taken
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path))
     with pytest.raises(InputError, match=words) as refused:
         list(ask(slips | given, silent))
     assert not re.search(r"\n|--", str(refused.value))
 
 
-# ---------------------------------------------------------------- the command and the server
+# ----------------------------------------------------------- the command and the server
 
 
 def test_without_the_extra_one_line_says_what_to_install(capsys, monkeypatch):
@@ -388,7 +520,9 @@ def server():
 
 
 def ask(server, path, **headers):
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=headless.PATIENCE / 1e3)
+    connection = http.client.HTTPConnection(
+        "127.0.0.1", server.port, timeout=headless.PATIENCE / 1e3
+    )
     try:
         connection.putrequest("GET", path, skip_host="Host" in headers)
         for name, value in headers.items():
@@ -401,15 +535,26 @@ def ask(server, path, **headers):
 
 
 def websocket_status(server, **headers):
-    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Version": "13"}
-    return ask(server, "/session", Sec_WebSocket_Key="dGhlIHNhbXBsZSBub25jZQ==", **upgrade, **headers)[0]
+    upgrade = {
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec_WebSocket_Version": "13",
+    }
+    return ask(
+        server,
+        "/session",
+        Sec_WebSocket_Key="dGhlIHNhbXBsZSBub25jZQ==",
+        **upgrade,
+        **headers,
+    )[0]
 
 
 def test_binds_to_loopback_only(server):
     listening = []
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         for line in Path(table).read_text().splitlines()[1:]:
-            address, state = line.split()[1], line.split()[3]
+            address = line.split()[1]
+            state = line.split()[3]
             if state == "0A" and int(address.rpartition(":")[2], 16) == server.port:
                 listening.append(address.rpartition(":")[0])
     assert listening == [f"{struct.unpack('<I', bytes([127, 0, 0, 1]))[0]:08X}"]
@@ -428,10 +573,16 @@ def test_other_hosts_and_origins_are_refused(server):
     ):
         assert ask(server, "/", Host=host)[0] == 403
         assert websocket_status(server, Host=host, Origin=f"http://{host}") == 403
-    for origin in ("http://evil.example", "null", f"https://127.0.0.1:{port}", f"http://127.0.0.1:{port + 1}"):
+    for origin in (
+        "http://evil.example",
+        "null",
+        f"https://127.0.0.1:{port}",
+        f"http://127.0.0.1:{port + 1}",
+    ):
         assert ask(server, "/", Origin=origin)[0] == 403
         assert websocket_status(server, Origin=origin) == 403
-    assert websocket_status(server) == 403  # a browser always says where a websocket comes from
+    # a browser always says where a websocket comes from
+    assert websocket_status(server) == 403
     assert websocket_status(server, Origin=f"http://127.0.0.1:{port}") == 101
 
 
@@ -446,18 +597,26 @@ def test_every_answer_carries_the_headers_of_safety(server):
 
 
 def test_files_outside_the_static_folder_are_not_served(server):
-    for path in ("/../server.py", "/%2e%2e/server.py", "/plotly/../server.py", "//etc/passwd", "/../../etc/passwd"):
+    for path in (
+        "/../server.py",
+        "/%2e%2e/server.py",
+        "/plotly/../server.py",
+        "//etc/passwd",
+        "/../../etc/passwd",
+    ):
         assert ask(server, path)[0] in (400, 404)
 
 
-# ---------------------------------------------------------------- what no message can do
+# --------------------------------------------------------------- what no message can do
 
 
 @pytest.fixture
 def session(server):
     with headless.session(server) as opened:
         yield opened
-        assert opened.ask("edit", small(), units="natural").get("done"), "the session still answers"
+        assert opened.ask("edit", small(), units="natural").get("done"), (
+            "the session still answers"
+        )
 
 
 def told(answer):
@@ -470,7 +629,10 @@ def told(answer):
 def quick_rig(**parts):
     """The bench among the examples, in a short run of few contacts."""
     document = documents.of(rigs.example("pmma_slider"))
-    document |= {"simulation": {"contacts": 100}, "drive": {"velocity": "0.4 mm/s", "distance": "10 um"}}
+    document |= {
+        "simulation": {"contacts": 100},
+        "drive": {"velocity": "0.4 mm/s", "distance": "10 um"},
+    }
     return changed(document, parts)
 
 
@@ -480,7 +642,8 @@ def asked(kind, content=None, **more):
     return text if content is None else text.encode() + b"\n" + content
 
 
-RIG, PLANE = {"document": small()}, {"over": ["stiffness", "velocity"]}
+RIG = {"document": small()}
+PLANE = {"over": ["stiffness", "velocity"]}
 TRACE = b"time,force\n" + b"".join(b"%.2f,%d\n" % (0.01 * i, i % 7) for i in range(60))
 
 
@@ -491,50 +654,105 @@ TRACE = b"time,force\n" + b"".join(b"%.2f,%d\n" % (0.01 * i, i % 7) for i in ran
         ('{"kind":"run","id":1,"document":' * 20_000, "no JSON"),
         ('{"kind":"run","id":' + "9" * 5_000 + "}", "no JSON"),
         (b"\x00\x01\xff", "no JSON"),
-        *((f'{{"kind":"run","id":{number}}}', "no JSON") for number in ("NaN", "-Infinity", "1e999")),
-        *((f'{{"kind":"run","id":{number}}}', "whole number") for number in ("1.5", "true", '"1"')),
-        *((f'{{"kind":{kind},"id":1}}', "not known") for kind in ('["run"]', '{"a":1}', '"hello"', f'"{"x" * 1_900}"')),
+        *(
+            (f'{{"kind":"run","id":{number}}}', "no JSON")
+            for number in ("NaN", "-Infinity", "1e999")
+        ),
+        *(
+            (f'{{"kind":"run","id":{number}}}', "whole number")
+            for number in ("1.5", "true", '"1"')
+        ),
+        *(
+            (f'{{"kind":{kind},"id":1}}', "not known")
+            for kind in ('["run"]', '{"a":1}', '"hello"', f'"{"x" * 1_900}"')
+        ),
         *((text, "not known") for text in ("[]", "null", "3")),
         ("", "no JSON"),
         ('{"kind":"run","id":1}', "must be a table"),
         ('{"kind":"run","id":1,"document":[1]}', "must be a table"),
         ('{"kind":"run","id":1,"document":{"name":"\\ud800"}}', "no JSON"),
-        (json.dumps({"kind": "run", "id": 1, "document": dict.fromkeys(map(str, range(60_000)), 1)}), "more"),
+        (
+            json.dumps(
+                {
+                    "kind": "run",
+                    "id": 1,
+                    "document": dict.fromkeys(map(str, range(60_000)), 1),
+                }
+            ),
+            "more",
+        ),
         ('"' + "x" * 2_000_000 + '"', "2.0 MB"),
         (asked("trace", b"\x89HDF\r\n\x1a\n" + bytes(100), name="x.nc"), "NetCDF"),
         (asked("trace", b"time,force\n1,2\n2,3\n", name="../../x.csv"), "too few"),
-        *((asked("trace", TRACE, options={"force": x}), "no such column") for x in ("²", "9" * 5_000, "-1", "0")),
-        (asked("trace", TRACE, options={"step": "1e-320"}), "too small for double precision"),
+        *(
+            (asked("trace", TRACE, options={"force": x}), "no such column")
+            for x in ("²", "9" * 5_000, "-1", "0")
+        ),
+        (
+            asked("trace", TRACE, options={"step": "1e-320"}),
+            "too small for double precision",
+        ),
         (asked("trace", TRACE, options={"step": "1" * 5_000}), "64 characters"),
         (asked("trace", TRACE, options={"step": "4 kg"}), "not in a unit of 's'"),
         (asked("trace", TRACE, options=[1]), "a table of texts"),
         (asked("trace", b"", name=3), "empty"),
         (asked("trace", bytes(51_000_000)), "51 MB, more than 50"),
-        *((asked("chart", **RIG, **PLANE, around=x), "around") for x in ("x", [1], True, 1, 1e300)),
-        *((asked("chart", **RIG, over=x), "over") for x in ([["a"], 1], {"a": 1}, [1, 2], "ab", None, ["mass"] * 2)),
-        *((asked("edit", **RIG, turn=x), "must be") for x in ([1], None, {"stiffness": True}, {"mass": "1"})),
+        *(
+            (asked("chart", **RIG, **PLANE, around=x), "around")
+            for x in ("x", [1], True, 1, 1e300)
+        ),
+        *(
+            (asked("chart", **RIG, over=x), "over")
+            for x in ([["a"], 1], {"a": 1}, [1, 2], "ab", None, ["mass"] * 2)
+        ),
+        *(
+            (asked("edit", **RIG, turn=x), "must be")
+            for x in ([1], None, {"stiffness": True}, {"mass": "1"})
+        ),
         (asked("edit", **RIG, turn={"x" * 1_900: 1}), "is no parameter"),
         *((asked("edit", **RIG, units=x), "units") for x in ("imperial", ["SI"], None)),
-        *((asked("edit", **RIG, damping_ratio=x), "true or false") for x in (None, 1, "yes")),
+        *(
+            (asked("edit", **RIG, damping_ratio=x), "true or false")
+            for x in (None, 1, "yes")
+        ),
     ],
     ids=lambda value: ascii(value[:100][-40:]),
 )
-def test_a_damaged_message_is_refused_in_one_clear_line_and_the_session_goes_on(session, message, words):
+def test_a_damaged_message_is_refused_in_one_clear_line_and_the_session_goes_on(
+    session, message, words
+):
     line = told(session.send(message))
     assert words in line
     assert "/tmp" not in line
 
 
-MISREAD = ("9**9**9**9 N/m", "4 " + "N" * 1_500, "4,0 MN/m", "1e999 N/m", 4, None, {"a": 4})
+MISREAD = (
+    "9**9**9**9 N/m",
+    "4 " + "N" * 1_500,
+    "4,0 MN/m",
+    "1e999 N/m",
+    4,
+    None,
+    {"a": 4},
+)
 
 
 @pytest.mark.parametrize(
     ("document", "key"),
     [
-        *((quick_rig(slider__stiffness=written), "slider.stiffness") for written in MISREAD),
+        *(
+            (quick_rig(slider__stiffness=written), "slider.stiffness")
+            for written in MISREAD
+        ),
         (small(simulation__interval=1e-6), "simulation.interval"),
-        (quick_rig(simulation={"contacts": 100, "interval": "1 ns"}), "simulation.interval"),
-        (small(drive={"pieces": [{"start": 1, "end": 1, "duration": 0.01}] * 2_000}), "drive.pieces"),
+        (
+            quick_rig(simulation={"contacts": 100, "interval": "1 ns"}),
+            "simulation.interval",
+        ),
+        (
+            small(drive={"pieces": [{"start": 1, "end": 1, "duration": 0.01}] * 2_000}),
+            "drive.pieces",
+        ),
         (
             small(
                 interface__thresholds={
@@ -545,8 +763,17 @@ MISREAD = ("9**9**9**9 N/m", "4 " + "N" * 1_500, "4,0 MN/m", "1e999 N/m", 4, Non
             ),
             "interface.thresholds",
         ),
-        (small(interface__delay=0, interface__ageing={"model": "langevin", "time": 1e-9}), "interface.ageing.time"),
-        (small(interface__thresholds={"distribution": "gaussian", "std": 1.7e308}), None),
+        (
+            small(
+                interface__delay=0,
+                interface__ageing={"model": "langevin", "time": 1e-9},
+            ),
+            "interface.ageing.time",
+        ),
+        (
+            small(interface__thresholds={"distribution": "gaussian", "std": 1.7e308}),
+            None,
+        ),
         (small(drive__velocity=1e-300), None),
         (quick_rig(name="x" * 3000), "name"),
         (quick_rig(assumed={"slider.mass": 5}), "assumed.slider.mass"),
@@ -562,7 +789,10 @@ def test_no_document_holds_the_server_or_is_misread(session, document, key):
 
 
 def test_a_distribution_too_narrow_for_theory_still_runs(session):
-    document = small(interface__thresholds={"distribution": "gaussian", "std": 1e-6}, drive__distance=5)
+    document = small(
+        interface__thresholds={"distribution": "gaussian", "std": 1e-6},
+        drive__distance=5,
+    )
     assert session.ask("run", document).get("done")
     for kind in ("chart", "advice"):
         answer = session.ask(kind, document, over=["stiffness", "velocity"])

@@ -1,4 +1,6 @@
-"""The explorer in a class, with --share: behind a token, fair to all, steady with forty visitors."""
+"""The explorer in a class, with --share: behind a token, fair to all, steady with
+forty visitors.
+"""
 
 import http.client
 import json
@@ -23,7 +25,8 @@ def lesson():
 
 
 def test_a_shared_app_is_behind_a_token(lesson):
-    host, path = lesson.url.split("/")[2], lesson.path
+    host = lesson.url.split("/")[2]
+    path = lesson.path
     assert len(path) > 30
 
     def get(path, **headers):
@@ -36,7 +39,15 @@ def test_a_shared_app_is_behind_a_token(lesson):
 
     assert get(path) == 200
     assert get(f"{path}explorer.js") == 200
-    for wrong in ("/", "/explorer.js", path[:-2] + "/", path + "x/", path.rstrip("/"), "/session", path.upper()):
+    for wrong in (
+        "/",
+        "/explorer.js",
+        path[:-2] + "/",
+        path + "x/",
+        path.rstrip("/"),
+        "/session",
+        path.upper(),
+    ):
         assert get(wrong) in (403, 404), wrong
     assert get(path, Host="evil.example") == 403
     assert get(path, Origin="http://evil.example") == 403
@@ -46,12 +57,18 @@ def test_a_shared_app_is_behind_a_token(lesson):
 def test_a_long_computation_holds_up_nobody(lesson):
     with ExitStack() as stack:
         first, *rest = [stack.enter_context(headless.session(lesson)) for _ in range(4)]
-        long = {"kind": "advice", "id": 1, "document": preset("Fig. 8: ageing contacts")}
+        long = {
+            "kind": "advice",
+            "id": 1,
+            "document": preset("Fig. 8: ageing contacts"),
+        }
         for session in rest:
             session.websocket.send(json.dumps(long))
             session.websocket.recv(timeout=60)  # it is being worked on
         assert first.ask("run", documents.first()).get("done")
-        assert first.ask("chart", documents.first(), over=["stiffness", "velocity"]).get("done")
+        assert first.ask(
+            "chart", documents.first(), over=["stiffness", "velocity"]
+        ).get("done")
         for session in rest:  # they were there first, and are still at it
             with suppress(TimeoutError):
                 while True:
@@ -69,10 +86,14 @@ def cpu(pid):
 
 def test_work_that_nobody_waits_for_is_ended(lesson):
     with headless.session(lesson) as session:
-        session.websocket.send(json.dumps({"kind": "advice", "id": 1, "document": preset("Rock slabs")}))
+        session.websocket.send(
+            json.dumps({"kind": "advice", "id": 1, "document": preset("Rock slabs")})
+        )
         session.websocket.recv(timeout=60)  # it is being worked on
-    deadline, used = time.monotonic() + 20, [0.0]
-    while len(used) < 2 or used[-1] - used[-2] > 0.1:  # gone: the worker stops by itself, or is killed
+    deadline = time.monotonic() + 20
+    used = [0.0]
+    # gone: the worker stops by itself, or is killed
+    while len(used) < 2 or used[-1] - used[-2] > 0.1:
         assert time.monotonic() < deadline, used
         time.sleep(1)
         used.append(sum(map(cpu, lesson.processes())))
@@ -81,8 +102,12 @@ def test_work_that_nobody_waits_for_is_ended(lesson):
 @pytest.mark.slow
 def test_forty_visitors(lesson):
     """Each answered within 5 s, none with another's rig, memory steady."""
-    seconds, visitors = float(os.environ.get("STICKSLIP_LESSON", "120")), 40
-    waits, wrong, memory, busy = [], [], [], os.getloadavg()[0]
+    seconds = float(os.environ.get("STICKSLIP_LESSON", "120"))
+    visitors = 40
+    waits = []
+    wrong = []
+    memory = []
+    busy = os.getloadavg()[0]
     stop = time.monotonic() + seconds
 
     def visit(number):
@@ -93,27 +118,37 @@ def test_forty_visitors(lesson):
                 document["slider"]["stiffness"] = f"{rng.uniform(100, 6000):.4g} N/m"
                 session.count += 1
                 begun = time.monotonic()
-                session.websocket.send(json.dumps({"kind": "run", "id": session.count, "document": document}))
+                session.websocket.send(
+                    json.dumps(
+                        {"kind": "run", "id": session.count, "document": document}
+                    )
+                )
                 first = None
                 while True:
                     answer = json.loads(session.websocket.recv(timeout=60))
                     if "force" in answer:
                         first = first or time.monotonic() - begun
-                        if answer["name"] != f"visitor {number}" or answer["id"] != session.count:
+                        if (
+                            answer["name"] != f"visitor {number}"
+                            or answer["id"] != session.count
+                        ):
                             wrong.append(answer["name"])
                     if answer.get("done") or "errors" in answer:
                         break
                 waits.append(first)
                 time.sleep(rng.uniform(3, 9))
 
-    threads = [threading.Thread(target=visit, args=(number,)) for number in range(visitors)]
+    threads = [
+        threading.Thread(target=visit, args=(number,)) for number in range(visitors)
+    ]
     for thread in threads:
         thread.start()
     while any(thread.is_alive() for thread in threads):
         time.sleep(seconds / 8)
         memory.append(lesson.memory())
     print(
-        f"\n{len(waits)} answers to {visitors} visitors: median {np.median(waits):.2f} s, "
+        f"\n{len(waits)} answers to {visitors} visitors: median {np.median(waits):.2f} "
+        "s, "
         f"99 % {np.quantile(waits, 0.99):.2f} s, longest {max(waits):.2f} s; "
         f"memory, MB: {', '.join(f'{m:.0f}' for m in memory)}; load before {busy:.1f}"
     )

@@ -1,4 +1,7 @@
-"""The explorer in a real browser: what a user does on each page. Every window complains of anything in its console."""
+"""The explorer in a real browser: what a user does on each page.
+
+Every window complains of anything in its console.
+"""
 
 import base64
 import json
@@ -19,11 +22,15 @@ from stickslip.io import rig_files as rigs
 from stickslip.model import Rig
 from stickslip.simulation import simulate
 
-pytestmark = [pytest.mark.browser, pytest.mark.skipif(headless.CHROMIUM is None, reason=headless.WHY_NOT)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(headless.CHROMIUM is None, reason=headless.WHY_NOT),
+]
 
 PICTURES = os.environ.get("STICKSLIP_SCREENSHOTS")
 """A folder, such as docs/images: the pictures of the docs are written there."""
-SCREEN, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+SCREEN = {"width": 1280, "height": 800}
+PHONE = {"width": 390, "height": 844}
 NATURAL = "Sliding or stick-slip? (natural units)"
 RULES = Path(headless.__file__).with_name("accessibility.js").read_text()
 STIFFNESS = "#field-slider-stiffness"
@@ -74,7 +81,9 @@ def enter(page, field, text, then=""):
 
 
 def until(page, expression):
-    """Wait until JavaScript says so; the page's own policy forbids `wait_for_function`."""
+    """Wait until JavaScript says so; the page's own policy forbids
+    `wait_for_function`.
+    """
     for _ in range(headless.PATIENCE // 100):
         if page.evaluate(expression):
             return
@@ -94,7 +103,9 @@ def move(page, value, selector=STIFFNESS):
 
 
 def state(page):
-    """The document in the address; what is typed counts on leaving the field, be the button where it was or not."""
+    """The document in the address; what is typed counts on leaving the field, be the
+    button where it was or not.
+    """
     page.evaluate("document.activeElement.blur()")
     page.click("#link")
     text = page.evaluate("location.hash").partition("/")[2]
@@ -114,7 +125,9 @@ def sawtooth(folder):
     force = 3 + (0.9 * t % 1) * 0.8 + np.random.default_rng(0).normal(0, 0.01, t.size)
     file = folder / "bench.csv"
     file.write_text(
-        "time [s],force [N]\n" + "\n".join(f"{a:.3f},{b:.4f}" for a, b in zip(t, force, strict=True)) + "\n"
+        "time [s],force [N]\n"
+        + "\n".join(f"{a:.3f},{b:.4f}" for a, b in zip(t, force, strict=True))
+        + "\n"
     )
     return file
 
@@ -125,7 +138,9 @@ def test_the_first_minute_a_softer_spring_and_a_kept_trace(bench):
     assert bench.text_content("#regime") == "stick-slip"
     assert re.fullmatch(r"1\.\d+ Hz", bench.text_content("#often"))
     choose(bench, NATURAL)
-    names = "document.querySelector('#plot-force').data.map((trace) => trace.name).join()"
+    names = (
+        "document.querySelector('#plot-force').data.map((trace) => trace.name).join()"
+    )
     for method in ("contacts", "master equation"):
         bench.select_option("#field-simulation-method", method)
         assert move(bench, 20) == "smooth sliding"
@@ -146,7 +161,12 @@ def test_every_preset_runs_after_another_and_every_quantity_is_explained(bench):
     for each in documents.presets():
         choose(bench, each["title"])
         assert bench.locator(".complaint:visible").count() == 0
-        assert bench.text_content("#regime") in ("stick-slip", "smooth sliding", "sustained oscillation", "speed sweep")
+        assert bench.text_content("#regime") in (
+            "stick-slip",
+            "smooth sliding",
+            "sustained oscillation",
+            "speed sweep",
+        )
         assert bench.text_content("#preset option:checked") == each["title"]
         fields = bench.locator("#fields .field input[type=text], #fields .field select")
         for i in range(fields.count()):
@@ -168,10 +188,13 @@ def test_fields_take_numbers_with_units_and_refuse_the_rest_beside_them(bench):
     ):
         enter(bench, "slider-stiffness", typed)
         bench.locator(STIFFNESS).blur()
-        assert bench.input_value(STIFFNESS) == state(bench)["slider"]["stiffness"] == shown
+        assert (
+            bench.input_value(STIFFNESS) == state(bench)["slider"]["stiffness"] == shown
+        )
     enter(bench, "drive-velocity", "300 rpm", "refused")
     assert "rpm" in bench.text_content("#field-drive-velocity-complaint")
-    enter(bench, "drive-velocity", "4")  # the unit that was refused has not become that of the field
+    # the unit that was refused has not become that of the field
+    enter(bench, "drive-velocity", "4")
     assert state(bench)["drive"]["velocity"] == "4 mm/s"
     enter(bench, "simulation-contacts", "10 000")
     assert state(bench)["simulation"]["contacts"] == 10_000
@@ -193,7 +216,15 @@ def test_fields_take_numbers_with_units_and_refuse_the_rest_beside_them(bench):
         assert bench.get_attribute(f"#field-{field}", "aria-invalid") == "true"
         assert bench.locator(".complaint:visible").count() == 1
         for part in ("#live", "#more", "#stage"):
-            assert float(bench.evaluate(f"getComputedStyle(document.querySelector('{part} .fades')).opacity")) < 0.5
+            assert (
+                float(
+                    bench.evaluate(
+                        f"getComputedStyle(document.querySelector('{part} "
+                        ".fades')).opacity"
+                    )
+                )
+                < 0.5
+            )
         assert "Refused" in bench.text_content("#run-words")
         enter(bench, field, before)  # and the page lives on
         assert bench.locator(".complaint:visible").count() == 0
@@ -207,7 +238,9 @@ def test_units_and_damping_can_be_told_in_the_other_way(page):
     page.wait_for_selector("#field-slider-damping_ratio")
     page.select_option("#units", "natural")
     page.wait_for_selector("#field-interface-contact_strength", state="detached")
-    assert float(page.input_value("#field-slider-damping_ratio")) == pytest.approx(100 / 141.42, rel=1e-2)
+    assert float(page.input_value("#field-slider-damping_ratio")) == pytest.approx(
+        100 / 141.42, rel=1e-2
+    )
 
 
 def test_nothing_is_simulated_while_a_number_is_typed_and_the_newest_move_wins(page):
@@ -230,7 +263,7 @@ def test_nothing_is_simulated_while_a_number_is_typed_and_the_newest_move_wins(p
     page.evaluate(
         """() => { const input = document.querySelector("#field-slider-stiffness");
         for (const value of [...Array(60).keys()].map((i) => 2 + i).concat([20])) {
-          input.value = value; input.dispatchEvent(new Event("input")); input.dispatchEvent(new Event("change")); } }"""
+          input.value = value; input.dispatchEvent(new Event("input")); input.dispatchEvent(new Event("change")); } }"""  # noqa: E501
     )
     settled(page)
     assert page.text_content("#regime") == "smooth sliding"
@@ -241,19 +274,29 @@ def test_what_is_being_computed_is_dimmed_and_says_so(bench):
     put(bench, "#field-simulation-contacts", "200000")  # takes a second or two
     assert bench.get_attribute("#live", "data-state") == "computing"
     assert "from before" in bench.text_content("#run-words")
-    until(bench, "getComputedStyle(document.querySelector('#live .fades')).opacity < 0.5")
+    until(
+        bench, "getComputedStyle(document.querySelector('#live .fades')).opacity < 0.5"
+    )
     choose(bench, "Rock slabs")
-    assert float(bench.text_content("#plot-force .xtick >> nth=-1")) > 60  # of 80 s: no longer the 40 s of the bench
+    # of 80 s: no longer the 40 s of the bench
+    assert float(bench.text_content("#plot-force .xtick >> nth=-1")) > 60
     assert bench.is_hidden("#run-words")
 
 
-def test_the_cursor_chooses_the_time_and_the_contacts_are_replayed_in_step(browser, server):
+def test_the_cursor_chooses_the_time_and_the_contacts_are_replayed_in_step(
+    browser, server
+):
     with headless.window(browser, server, reduced_motion="no-preference") as page:
         page.wait_for_selector("#stage-words:has-text('40 of the 1000 contacts')")
         drawing = "document.querySelector('#drawing').dataset"
-        begun = page.evaluate(f"[{drawing}.time, document.querySelector('#live .cursor').style.transform]")
+        begun = page.evaluate(
+            f"[{drawing}.time, document.querySelector('#live .cursor').style.transform]"
+        )
         until(page, f"Number({drawing}.broken) > 1 && {drawing}.time !== '{begun[0]}'")
-        assert page.evaluate("document.querySelector('#live .cursor').style.transform") != begun[1]
+        assert (
+            page.evaluate("document.querySelector('#live .cursor').style.transform")
+            != begun[1]
+        )
         page.click("#play")
         stopped = page.evaluate(f"{drawing}.time")
         box = page.locator("#plot-force .nsewdrag").bounding_box()
@@ -299,7 +342,10 @@ def test_the_tour_asks_five_questions_that_can_be_answered(bench):
 def test_the_map_follows_the_rig_and_moves_it(page):
     page.click("#tab-map")
     page.wait_for_selector("#plot-map .heatmaplayer image")
-    dot = "(() => { const plot = document.querySelector('#plot-map'); return plot.data[plot.data.length - 1].x[0]; })()"
+    dot = (
+        "(() => { const plot = document.querySelector('#plot-map'); return "
+        "plot.data[plot.data.length - 1].x[0]; })()"
+    )
     stiffness = f"Number(document.querySelector('{STIFFNESS}').value)"
     enter(page, "slider-stiffness", "4")
     until(page, f"Math.abs({dot} - 4) < 1e-6")
@@ -310,8 +356,12 @@ def test_the_map_follows_the_rig_and_moves_it(page):
     page.mouse.move(box["x"] + 0.9 * box["width"], middle)
     page.mouse.up()
     until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8) - 1) < 0.02")
-    # off stick-slip; by how far the run goes on the noise of the contacts is undecided or a small oscillation
-    until(page, "/^(smooth|undecided|sustained)/.test(document.querySelector('#map-regime').textContent)")
+    # off stick-slip; by how far the run goes on the noise of the contacts is undecided
+    # or a small oscillation
+    until(
+        page,
+        "/^(smooth|undecided|sustained)/.test(document.querySelector('#map-regime').textContent)",
+    )
     page.locator("#plot-map").press("ArrowLeft")
     until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8 / 1.05) - 1) < 0.02")
     enter(page, "interface-delay", "never")
@@ -326,11 +376,17 @@ def test_every_axis_of_the_map_works_and_its_legend_is_true(bench):
     bench.click("#tab-map")
     settled(bench, "map")
     assert "in Hz" in bench.text_content("#map-legend")
-    options = "[...document.querySelector('#across').options].filter((o) => !o.disabled).map((o) => o.value)"
+    options = (
+        "[...document.querySelector('#across').options].filter((o) => "
+        "!o.disabled).map((o) => o.value)"
+    )
     for name in bench.evaluate(options):
         bench.select_option("#across", name)
         settled(bench, "map")
-        assert bench.evaluate("document.querySelector('#plot-map').data[0].z.flat().some((v) => v !== null)")
+        assert bench.evaluate(
+            "document.querySelector('#plot-map').data[0].z.flat().some((v) => v !== "
+            "null)"
+        )
     for scheme in ("dark", "light"):
         bench.emulate_media(color_scheme=scheme)
         drawn = """(() => {
@@ -339,16 +395,20 @@ def test_every_axis_of_the_map_works_and_its_legend_is_true(bench):
               const found = getComputedStyle(probe).color; probe.remove(); return found; };
             const swatch = (name) => getComputedStyle(document.querySelector(`.swatch.${name}`)).backgroundColor;
             const [stable, , unstable] = data[0].colorscale.map(([, colour]) => shown(colour));
-            return unstable === swatch("unstable") && stable === swatch("stable"); })()"""
+            return unstable === swatch("unstable") && stable === swatch("stable"); })()"""  # noqa: E501
         until(bench, drawn)
 
 
 def test_a_mitigation_is_applied_and_works(page):
     page.click("#tab-stop")
     page.wait_for_selector("#mitigations button")
-    assert "decays even from rest" in page.locator("#mitigations p:has(button)").first.text_content()
+    assert (
+        "decays even from rest"
+        in page.locator("#mitigations p:has(button)").first.text_content()
+    )
     page.locator("#mitigations p button").first.click()
-    # The run on the page is short: it ends while stick-slip still decays. The verdict comes from longer ones.
+    # The run on the page is short: it ends while stick-slip still decays. The verdict
+    # comes from longer ones.
     page.wait_for_selector("#verdict:has-text('smooth')")
     settled(page)
     assert "stick-slip" not in page.text_content("#regime")
@@ -356,19 +416,30 @@ def test_a_mitigation_is_applied_and_works(page):
 
 def test_a_measured_trace_is_analysed_and_what_is_none_is_told(page, tmp_path):
     page.click("#tab-trace")
-    binary, huge, columns = tmp_path / "x.bin", tmp_path / "huge.csv", tmp_path / "columns.csv"
+    binary = tmp_path / "x.bin"
+    huge = tmp_path / "huge.csv"
+    columns = tmp_path / "columns.csv"
     binary.write_bytes(bytes(range(256)) * 50)
     with huge.open("wb") as file:
         file.truncate(200_000_000)
-    columns.write_text("time,a,b\n" + "\n".join(f"{i},{i % 7},{i % 5}" for i in range(100)))
-    for file, words in ((binary, "binary"), (huge, "200 MB"), (columns, "which column is the force?")):
+    columns.write_text(
+        "time,a,b\n" + "\n".join(f"{i},{i % 7},{i % 5}" for i in range(100))
+    )
+    for file, words in (
+        (binary, "binary"),
+        (huge, "200 MB"),
+        (columns, "which column is the force?"),
+    ):
         page.set_input_files("#file", file)
         page.wait_for_selector(f"#trace-complaint:has-text('{words}')")
     page.select_option("#column-force", label="3: b")
     page.wait_for_selector("#trace-state:has-text('columns.csv: 100 rows')")
     assert page.locator("#trace-complaint").is_hidden()
     data = page.evaluate_handle(
-        "(text) => { const d = new DataTransfer(); d.items.add(new File([text], 'dropped.csv')); return d; }",
+        (
+            "(text) => { const d = new DataTransfer(); d.items.add(new File([text], "
+            "'dropped.csv')); return d; }"
+        ),
         sawtooth(tmp_path).read_text(),
     )
     page.dispatch_event("body", "drop", {"dataTransfer": data})
@@ -386,7 +457,10 @@ def test_a_sample_is_fitted_at_once_and_opened_in_simulate(browser, server, tmp_
         page.click("#sample")
         settled(page, "fit")
         assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-        drawn = page.evaluate("document.querySelector('#plot-quick').data.map((t) => [t.name, t.x.length ?? 2])")
+        drawn = page.evaluate(
+            "document.querySelector('#plot-quick').data.map((t) => [t.name, t.x.length "
+            "?? 2])"
+        )
         assert [name for name, _ in drawn] == ["simulated", "measured"]
         words = page.text_content("#quick-words")
         assert "does not fit: its own run drops" in words
@@ -399,7 +473,12 @@ def test_a_sample_is_fitted_at_once_and_opened_in_simulate(browser, server, tmp_
         put(page, "#fit-rate", "")
         settled(page, "fit")
         assert page.input_value("#fit-rate") == "0.4999"
-        assert rigs.read_rig(download(page, "#quick-save", tmp_path)).in_units(1.0, "force") == "15.82 N"
+        assert (
+            rigs.read_rig(download(page, "#quick-save", tmp_path)).in_units(
+                1.0, "force"
+            )
+            == "15.82 N"
+        )
         page.click("#quick-open")
         settled(page)
         assert page.input_value("#field-slider-stiffness") == "350 N/m"
@@ -407,9 +486,14 @@ def test_a_sample_is_fitted_at_once_and_opened_in_simulate(browser, server, tmp_
 
 
 def test_a_dropped_trace_leads_to_its_rig_and_to_what_would_stop_it(bench, tmp_path):
-    page, run, both = bench, fitting.synthetic_trace(), tmp_path / "both.csv"
+    page = bench
+    run = fitting.synthetic_trace()
+    both = tmp_path / "both.csv"
     rows = zip(run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True)
-    both.write_text("time [s],left force [N],right force [N]\n" + "".join(f"{t},0.1,{F:.4f}\n" for t, F in rows))
+    both.write_text(
+        "time [s],left force [N],right force [N]\n"
+        + "".join(f"{t},0.1,{F:.4f}\n" for t, F in rows)
+    )
     page.click("#tab-trace")
     page.set_input_files("#file", both)
     page.wait_for_selector("#trace-complaint:has-text('which column is the force?')")
@@ -417,21 +501,31 @@ def test_a_dropped_trace_leads_to_its_rig_and_to_what_would_stop_it(bench, tmp_p
     page.wait_for_selector("#trace-regime:has-text('stick-slip')")
     page.click("#trace-next")
     page.wait_for_selector("#fit-words:has-text('give the stiffness')")
-    for name, value in (("stiffness", "350"), ("speed", "1.5 mm/s"), ("mass", "75.6 g")):
+    for name, value in (
+        ("stiffness", "350"),
+        ("speed", "1.5 mm/s"),
+        ("mass", "75.6 g"),
+    ):
         put(page, f"#fit-{name}", value)
     page.wait_for_selector("#quick-words:has-text('This rig')")
     settled(page, "fit")
-    names = page.evaluate("document.querySelector('#plot-quick').data.map((trace) => trace.name)")
+    names = page.evaluate(
+        "document.querySelector('#plot-quick').data.map((trace) => trace.name)"
+    )
     assert names == ["simulated", "measured"]
     page.click("#quick-next")
     settled(page, "stop")
-    assert page.text_content("#verdict").startswith("quick fit: at 1.5 mm/s: stick-slip, ")
+    assert page.text_content("#verdict").startswith(
+        "quick fit: at 1.5 mm/s: stick-slip, "
+    )
     assert page.input_value(STIFFNESS) == "350 N/m"
     assert page.locator("#mitigations button, #attempts li").count() > 0
 
 
 @pytest.mark.slow
-def test_intervals_say_what_the_trace_tells_and_can_be_stopped(browser, server, tmp_path):
+def test_intervals_say_what_the_trace_tells_and_can_be_stopped(
+    browser, server, tmp_path
+):
     with headless.window(browser, server) as page:
         page.click("#tab-fit")
         page.click("#sample")
@@ -450,16 +544,24 @@ def test_intervals_say_what_the_trace_tells_and_can_be_stopped(browser, server, 
         assert set(told) <= {"identified", "weak", "not identified", "at a bound"}
         assert told[KEYS.index("damping_ratio")] == "identified"
         assert len(page.evaluate("document.querySelector('#plot-predicted').data")) == 4
-        assert "interface.thresholds.std" in rigs.read_rig(download(page, "#fit-save", tmp_path)).fitted
+        assert (
+            "interface.thresholds.std"
+            in rigs.read_rig(download(page, "#fit-save", tmp_path)).fitted
+        )
         put(page, "#fit-mass", "0.1")
         page.wait_for_selector("#posterior-words:has-text('fit again')")
         assert page.get_attribute("[data-about=posterior]", "data-state") == "computing"
 
 
-def test_fronts_are_drawn_with_one_cursor_and_a_bar_file_opens_on_them(browser, tmp_path):
+def test_fronts_are_drawn_with_one_cursor_and_a_bar_file_opens_on_them(
+    browser, tmp_path
+):
     bar = documents.begun()["bars"][2]["document"] | {"name": "My bar"}
     (tmp_path / "bar.toml").write_text(rigs.to_toml(documents.any_rig_of(bar)))
-    with headless.server(str(tmp_path / "bar.toml")) as running, headless.window(browser, running) as page:
+    with (
+        headless.server(str(tmp_path / "bar.toml")) as running,
+        headless.window(browser, running) as page,
+    ):
         settled(page, "fronts")
         assert page.text_content("#bar option:checked") == "My bar"
         page.select_option("#bar", label="Pulled at one end: precursors")
@@ -470,7 +572,9 @@ def test_fronts_are_drawn_with_one_cursor_and_a_bar_file_opens_on_them(browser, 
         assert f"{count} events, marked" in page.text_content("#plot-side")
         page.locator("#fronts-events tbody button").first.click()
         until(page, "document.querySelector('#spacetime').dataset.event === '0'")
-        near = page.evaluate("document.querySelector('#plot-side')._fullLayout.xaxis.range")
+        near = page.evaluate(
+            "document.querySelector('#plot-side')._fullLayout.xaxis.range"
+        )
         assert near[1] - near[0] < 1_000
         page.focus("#spacetime")
         page.keyboard.press("ArrowRight")
@@ -483,26 +587,43 @@ def test_fronts_are_drawn_with_one_cursor_and_a_bar_file_opens_on_them(browser, 
 
 def test_downloads_reproduce_the_run(page, tmp_path):
     move(page, 3)
-    toml, nc, png, svg = (download(page, f"[data-download={form}]", tmp_path) for form in ("toml", "nc", "png", "svg"))
-    rig, run = rigs.read_rig(toml), store.load(nc)
+    toml, nc, png, svg = (
+        download(page, f"[data-download={form}]", tmp_path)
+        for form in ("toml", "nc", "png", "svg")
+    )
+    rig = rigs.read_rig(toml)
+    run = store.load(nc)
     assert rig.slider.stiffness == 3
-    made = simulate(Rig(rig.interface, rig.slider, rig.drive), method=rig.method, output=rig.output, start=rig.start)
+    made = simulate(
+        Rig(rig.interface, rig.slider, rig.drive),
+        method=rig.method,
+        output=rig.output,
+        start=rig.start,
+    )
     np.testing.assert_array_equal(made["spring_force"], run["spring_force"])
-    shown = page.evaluate("Array.from(document.querySelector('#plot-force')._fullData[0].y)")
+    shown = page.evaluate(
+        "Array.from(document.querySelector('#plot-force')._fullData[0].y)"
+    )
     assert max(shown) == pytest.approx(float(made["spring_force"].max()), rel=1e-6)
     assert png.read_bytes().startswith(b"\x89PNG")
     assert b"<svg" in svg.read_bytes()
     assert cli.main(["simulate", str(toml), "--json"]) == 0
 
 
-def test_a_link_restores_the_state_and_computes_nothing_before_a_click(browser, server, page):
+def test_a_link_restores_the_state_and_computes_nothing_before_a_click(
+    browser, server, page
+):
     move(page, 7)
     page.click("#tab-map")
-    there, address = state(page), page.evaluate("location.href")
+    there = state(page)
+    address = page.evaluate("location.href")
     context = browser.new_context()
     other = context.new_page()
     asked = []
-    other.on("websocket", lambda socket: socket.on("framesent", lambda sent: asked.append(sent)))
+    other.on(
+        "websocket",
+        lambda socket: socket.on("framesent", lambda sent: asked.append(sent)),
+    )
     other.goto(address)
     other.wait_for_selector("#waiting:not([hidden])")
     assert other.get_attribute("#tab-map", "aria-selected") == "true"
@@ -533,8 +654,14 @@ def test_two_windows_do_not_disturb_each_other_and_outlive_the_server(browser):
                 settled(windows[-1])
                 choose(windows[-1], NATURAL)
                 move(windows[-1], stiffness)
-            assert [window.text_content("#regime") for window in windows] == ["stick-slip", "smooth sliding"]
-            assert [state(window)["slider"]["stiffness"] for window in windows] == [2, 20]
+            assert [window.text_content("#regime") for window in windows] == [
+                "stick-slip",
+                "smooth sliding",
+            ]
+            assert [state(window)["slider"]["stiffness"] for window in windows] == [
+                2,
+                20,
+            ]
         for window in windows:
             window.wait_for_selector("#notice:has-text('The server is gone')")
             assert window.is_visible("#plot-force .trace")
@@ -542,7 +669,10 @@ def test_two_windows_do_not_disturb_each_other_and_outlive_the_server(browser):
 
 @pytest.mark.parametrize("size", [SCREEN, PHONE], ids=["screen", "phone"])
 def test_every_page_fits_and_is_accessible_to_all(browser, server, tmp_path, size):
-    """Nothing sticks out sideways and no label is cut off, light and dark. Pictures for the docs on request."""
+    """Nothing sticks out sideways and no label is cut off, light and dark.
+
+    Pictures for the docs on request.
+    """
     ready = {
         "simulate": "#plot-stretchings .trace",
         "map": "#plot-map .heatmaplayer image",
@@ -568,11 +698,14 @@ def test_every_page_fits_and_is_accessible_to_all(browser, server, tmp_path, siz
                 page.wait_for_selector(selector)
                 until(page, f"({LAYOUT})() === ''")
                 ink, paper = page.evaluate(
-                    "() => ['color', 'backgroundColor'].map((key) => getComputedStyle(document.body)[key])"
+                    "() => ['color', 'backgroundColor'].map((key) => "
+                    "getComputedStyle(document.body)[key])"
                 )
                 assert contrast(ink, paper) > 7
                 until(page, f"({RULES})().length === 0")
-                if PICTURES and (name == "simulate" or (size, scheme) == (SCREEN, "light")):
+                if PICTURES and (
+                    name == "simulate" or (size, scheme) == (SCREEN, "light")
+                ):
                     take_picture(page, name, size, scheme)
         page.click("#glossary-open")
         assert page.evaluate(RULES) == [], "the glossary"
@@ -584,11 +717,12 @@ LAYOUT = """() => {
     return box.width && (box.left < plot.left - 2 || box.right > plot.right + 2 || box.top < plot.top - 2
       || box.bottom > plot.bottom + 2); }).map((text) => text.textContent);
   if (document.documentElement.scrollWidth > document.documentElement.clientWidth) cut.push("the page");
-  return cut.join(); }"""
+  return cut.join(); }"""  # noqa: E501
 
 
 def take_picture(page, name, size, scheme):
-    form, dark = ("-phone" if size is PHONE else ""), ("-dark" if scheme == "dark" else "")
+    form = "-phone" if size is PHONE else ""
+    dark = "-dark" if scheme == "dark" else ""
     Path(PICTURES).mkdir(parents=True, exist_ok=True)
     page.screenshot(path=Path(PICTURES) / f"explorer-{name}{form}{dark}.png")
 
@@ -596,7 +730,9 @@ def take_picture(page, name, size, scheme):
 def contrast(one, two):
     def luminance(colour):
         parts = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
-        parts = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        parts = [
+            c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts
+        ]
         return float(np.dot(parts, (0.2126, 0.7152, 0.0722)))
 
     bright, dim = sorted((luminance(one), luminance(two)), reverse=True)
@@ -612,11 +748,13 @@ def test_every_control_can_be_touched_without_an_error(bench):
             page.click("#sample")
             page.wait_for_selector("body[data-fit-state='']")
         elsewhere = (
-            "[role=tab], [data-download], #fit-coarse, #fit-full, .next, #quick-open"  # minutes, or another page
+            # minutes, or another page
+            "[role=tab], [data-download], #fit-coarse, #fit-full, .next, #quick-open"
         )
         elsewhere += "" if name == "simulate" else ", #tour-begin"
         controls = page.locator(
-            f":is(button, select, input[type=checkbox], input[type=range]):not({elsewhere}):visible"
+            ":is(button, select, input[type=checkbox], "
+            f"input[type=range]):not({elsewhere}):visible"
         )
         for i in range(controls.count()):
             control = controls.nth(i)

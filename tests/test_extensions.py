@@ -1,4 +1,6 @@
-"""A distribution, delay, ageing, barrier, body, engine and parameter of one's own: a class and a registration each."""
+"""A distribution, delay, ageing, barrier, body, engine and parameter of one's own: a
+class and a registration each.
+"""
 
 import ast
 import math
@@ -17,16 +19,38 @@ import pytest
 import stickslip as ss
 from stickslip.errors import InputError
 from stickslip.io import rig_files
-from stickslip.model import activation, ageing, body, delays, distributions, methods, parameters
+from stickslip.model import (
+    activation,
+    ageing,
+    body,
+    delays,
+    distributions,
+    methods,
+    parameters,
+)
 from stickslip.model.distribution import Distribution
 from stickslip.model.parameters import Parameter
 from stickslip.model.records import Number
 from stickslip.simulation.engines import contacts
-from stickslip.simulation.engines.base import ENGINES, MOTION, Advance, Engine, Stretchings, slider_constants, solves
+from stickslip.simulation.engines.base import (
+    ENGINES,
+    MOTION,
+    Advance,
+    Engine,
+    Stretchings,
+    slider_constants,
+    solves,
+)
 from stickslip.sliding import respond
 
 PAGE = Path(__file__).parents[1] / "docs" / "howto" / "add-a-distribution.md"
-TABLES = (distributions.DISTRIBUTIONS, delays.DELAYS, ageing.AGEING_MODELS, body.BODIES, methods.METHODS)
+TABLES = (
+    distributions.DISTRIBUTIONS,
+    delays.DELAYS,
+    ageing.AGEING_MODELS,
+    body.BODIES,
+    methods.METHODS,
+)
 TABLES += (activation.ACTIVATIONS, parameters.BY_NAME, ENGINES)
 
 
@@ -41,13 +65,17 @@ def as_shipped():
 
 def taught():
     """Classes and functions of the page on extensions, as its readers write them."""
-    tree = ast.parse("\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)))
+    tree = ast.parse(
+        "\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL))
+    )
     kinds = (ast.Import, ast.ImportFrom, ast.ClassDef, ast.FunctionDef)
     tree.body = [node for node in tree.body if isinstance(node, kinds)]
     known = {"__name__": __name__}
     with as_shipped():
         exec(compile(tree, PAGE, "exec"), known)
-    return [known[name] for name in ("Triangular", "ConstantRate", "Steep", "set_ratio")]
+    return [
+        known[name] for name in ("Triangular", "ConstantRate", "Steep", "set_ratio")
+    ]
 
 
 Triangular, ConstantRate, Steep, set_ratio = taught()
@@ -55,19 +83,24 @@ Triangular, ConstantRate, Steep, set_ratio = taught()
 
 @dataclass(frozen=True)
 class Glued:
-    """Method: contacts that never break, under a slider that goes half as fast as the drive."""
+    """Method: contacts that never break, under a slider that goes half as fast as
+    the drive.
+    """
 
     stretched: Annotated[float, Number("x_s", at_least=0)] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hardened(ageing.AgeingModel):
-    """Thresholds that rise by a factor as soon as a contact is born: known in all respects, as those of no ageing."""
+    """Thresholds that rise by a factor as soon as a contact is born: known in all
+    respects, as those of no ageing.
+    """
 
     factor: Annotated[float, Number(at_least=1)]
 
     def hard(self, thresholds, delay):
-        mean, std = self.factor * thresholds.mean, self.factor * thresholds.std
+        mean = self.factor * thresholds.mean
+        std = self.factor * thresholds.std
         return ss.Interface(thresholds=ss.Gaussian(mean=mean, std=std), delay=delay)
 
     def friction(self, thresholds, delay, velocity):
@@ -90,17 +123,21 @@ class Unknown(ageing.AgeingModel):
 
 
 class GluedContacts(Engine):
-    columns, angle = MOTION, 0.1
+    columns = MOTION
+    angle = 0.1
 
     def __init__(self, beginning, method):
-        self.slider, self._now = slider_constants(beginning.slider), (0.0, 0.0)
+        self.slider = slider_constants(beginning.slider)
+        self._now = (0.0, 0.0)
         self._stretched = method.stretched
 
     def here(self):
         return self._now
 
     def stretchings(self):
-        return Stretchings(np.array([self._now[1] + self._stretched]), np.ones(1), cells=False)
+        return Stretchings(
+            np.array([self._now[1] + self._stretched]), np.ones(1), cells=False
+        )
 
     def advance(self, leg):
         """All at once: a drive of constant velocity from the beginning on."""
@@ -124,7 +161,9 @@ class Star(body.ElasticBody):
     @property
     def links(self):
         tips = np.arange(1, self.size)
-        return np.column_stack([np.zeros_like(tips), tips]), np.full(self.arms, self.coupling)
+        return np.column_stack([np.zeros_like(tips), tips]), np.full(
+            self.arms, self.coupling
+        )
 
 
 STAR = Star(arms=4, coupling=2.0, mass=0.05, damping=2.0, side=0.5, leaf=0.1)
@@ -158,17 +197,26 @@ THRESHOLDS = Triangular(mean=1.0, half_width=0.25)
 # The same in 400 bins
 _EDGES = np.linspace(0.75, 1.25, 401)
 _BELOW = np.where(_EDGES <= 1, 8 * (_EDGES - 0.75) ** 2, 1 - 8 * (1.25 - _EDGES) ** 2)
-HISTOGRAM = ss.Empirical(edges=tuple(_EDGES.tolist()), weights=tuple(np.diff(_BELOW).tolist()))
+HISTOGRAM = ss.Empirical(
+    edges=tuple(_EDGES.tolist()), weights=tuple(np.diff(_BELOW).tolist())
+)
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
 
 
 def rig_with(delay, thresholds=THRESHOLDS, distance=4.0):
-    return ss.Rig(ss.Interface(thresholds=thresholds, delay=delay), SLIDER, ss.constant(1.0, distance))
+    return ss.Rig(
+        ss.Interface(thresholds=thresholds, delay=delay),
+        SLIDER,
+        ss.constant(1.0, distance),
+    )
 
 
 def is_kept(rig):
-    """The text of a rig's file, from which it comes back; and its run is made again from what the run says."""
-    run, text = ss.simulate(rig), rig_files.to_toml(rig)
+    """The text of a rig's file, from which it comes back; and its run is made again
+    from what the run says.
+    """
+    run = ss.simulate(rig)
+    text = rig_files.to_toml(rig)
     assert ss.rerun(run).identical(run)
     assert ss.read_rig(tomllib.loads(text)) == rig
     return text
@@ -182,17 +230,23 @@ def test_a_density_is_a_whole_distribution():
     survival = np.where(u <= 1, 1 - 0.5 * u**2, 0.5 * (2 - u) ** 2)
     assert THRESHOLDS.survival(x) == pytest.approx(survival, abs=1e-14)
     p = np.array([0.999, 0.7, 0.5, 0.2, 1e-6])
-    assert THRESHOLDS.survival(THRESHOLDS.inverse_survival(p)) == pytest.approx(p, rel=1e-12)
+    assert THRESHOLDS.survival(THRESHOLDS.inverse_survival(p)) == pytest.approx(
+        p, rel=1e-12
+    )
     # The sum of two uniform draws: the product of their transforms.
     half = ss.Uniform(low=0.375, high=0.625)
     q = np.array([0.0, 1e-6j, 3.0 + 2j, -4.0, 40j, 2e3j, 1e3])
-    (mean, slope), (of_half, slope_of_half) = THRESHOLDS.transform(q), half.transform(q)
+    mean, slope = THRESHOLDS.transform(q)
+    of_half, slope_of_half = half.transform(q)
     assert mean == pytest.approx(of_half**2, rel=1e-11, abs=1e-14)
     assert slope == pytest.approx(2 * of_half * slope_of_half, rel=1e-11, abs=1e-14)
     # Thresholds are its positive part.
     assert THRESHOLDS.positive() is THRESHOLDS
-    wide, x = Triangular(mean=0.2, half_width=0.5), np.linspace(0.05, 0.65, 7)
-    assert wide.positive().survival(x) == pytest.approx(wide.survival(x) / wide.survival(0.0), rel=1e-12)
+    wide = Triangular(mean=0.2, half_width=0.5)
+    x = np.linspace(0.05, 0.65, 7)
+    assert wide.positive().survival(x) == pytest.approx(
+        wide.survival(x) / wide.survival(0.0), rel=1e-12
+    )
 
 
 @dataclass(frozen=True)
@@ -206,7 +260,10 @@ class Odd(Distribution):
 
 
 def test_a_density_that_is_none_is_told_so():
-    for sign, told in ((2, "integral of its density is 2, must be 1"), (1, r"density is -1 at x = -")):
+    for sign, told in (
+        (2, "integral of its density is 2, must be 1"),
+        (1, r"density is -1 at x = -"),
+    ):
         with pytest.raises(InputError, match=told):
             Odd(sign).moment(1)
 
@@ -221,24 +278,38 @@ def test_every_solver_takes_them():
             late = run["friction_force"].to_numpy()[len(run["time"]) // 2 :]
             assert late.mean() == pytest.approx(expected, rel=0.05)
     rigid = ss.rigid_slide(rig_with(ss.Delay(0.0)).interface, distance=6.0)
-    histogram = ss.rigid_slide(rig_with(ss.Delay(0.0), HISTOGRAM).interface, distance=6.0)
+    histogram = ss.rigid_slide(
+        rig_with(ss.Delay(0.0), HISTOGRAM).interface, distance=6.0
+    )
     force = rigid["friction_force"].to_numpy()
     assert force == pytest.approx(histogram["friction_force"].to_numpy(), abs=1e-5)
 
 
 def test_stability_takes_them_by_name():
-    rig, histogram = (rig_with(ss.Delay(0.1), each).replace(velocity=1.6) for each in (THRESHOLDS, HISTOGRAM))
-    for parameter, between in (("velocity", (1.0, 1.9)), ("damping ratio", (0.05, 2.0))):
+    rig, histogram = (
+        rig_with(ss.Delay(0.1), each).replace(velocity=1.6)
+        for each in (THRESHOLDS, HISTOGRAM)
+    )
+    for parameter, between in (
+        ("velocity", (1.0, 1.9)),
+        ("damping ratio", (0.05, 2.0)),
+    ):
         own, other = (
-            [edge.value for edge in ss.critical(each, parameter, between=between)] for each in (rig, histogram)
+            [edge.value for edge in ss.critical(each, parameter, between=between)]
+            for each in (rig, histogram)
         )
         assert len(own) > 0
         # The square of a bin over the standard deviation
         assert own == pytest.approx(other, rel=1.5e-4)
-    assert rig.replace(**{"damping ratio": own[0]}).slider.damping == pytest.approx(2 * own[0] * SLIDER.frequency)
+    assert rig.replace(**{"damping ratio": own[0]}).slider.damping == pytest.approx(
+        2 * own[0] * SLIDER.frequency
+    )
     assert ss.growth_rate(rig) == pytest.approx(ss.growth_rate(histogram), rel=1e-3)
     # Equal delays make smooth sliding unstable, scattered ones do not.
-    modes = [ss.stability.count_unstable(rig_with(delay)) for delay in (ss.Delay(0.2), ConstantRate(5.0))]
+    modes = [
+        ss.stability.count_unstable(rig_with(delay))
+        for delay in (ss.Delay(0.2), ConstantRate(5.0))
+    ]
     assert modes == [2, 0]
 
 
@@ -273,9 +344,13 @@ def test_a_rig_file_names_a_delay():
     document["interface"]["delay"] = {"model": "rate of a test", "rate": "2.5 1/ms"}
     own = ss.read_rig(document)
     assert own.interface.delay == ConstantRate(2500.0 / own.scales.unit("1/time"))
-    assert 'model = "rate of a test"' in is_kept(replace(own, drive=ss.constant(1.0, 2.0)))
+    assert 'model = "rate of a test"' in is_kept(
+        replace(own, drive=ss.constant(1.0, 2.0))
+    )
     document["interface"]["delay"] = {"model": "rate of a tset"}
-    with pytest.raises(InputError, match=r"must be one of the known models .*'rate of a test'"):
+    with pytest.raises(
+        InputError, match=r"must be one of the known models .*'rate of a test'"
+    ):
         ss.read_rig(document)
 
 
@@ -286,22 +361,37 @@ def test_an_engine_of_ones_own():
     np.testing.assert_array_equal(run["friction_force"], 0.5 * run["time"] + 0.3)
     np.testing.assert_allclose(run["spring_force"], run["time"])  # the stiffness is 2
     assert 'method = "glued of a test"' in is_kept(rig)
-    assert (ss.sweep(rig, {"stiffness": [1.0, 2.0]})["mean_force"] > 10.0).all()  # it grows for ever
+    # it grows for ever
+    assert (ss.sweep(rig, {"stiffness": [1.0, 2.0]})["mean_force"] > 10.0).all()
     for field in ({"ageing": ss.Langevin(rate=1.0)}, {"sliding_force": 0.1}):
-        with pytest.raises(InputError, match=r"Interface\..* = .*: not available with Glued"):
+        with pytest.raises(
+            InputError, match=r"Interface\..* = .*: not available with Glued"
+        ):
             ss.simulate(replace(rig, interface=replace(rig.interface, **field)))
 
 
 def test_a_body_of_ones_own():
-    rig = replace(rig_with(ss.Delay(0.1), distance=2.0), slider=STAR, method=ss.Contacts(50, seed=1))
-    # Arms that move against each other feel the springs alone; all else is the one row of two blocks, root 4.
-    pair = np.linalg.eigvalsh([[4 * 2.0 + 0.5, -2.0 * math.sqrt(4)], [-2.0 * math.sqrt(4), 2.0]])
+    rig = replace(
+        rig_with(ss.Delay(0.1), distance=2.0),
+        slider=STAR,
+        method=ss.Contacts(50, seed=1),
+    )
+    # Arms that move against each other feel the springs alone; all else is the one row
+    # of two blocks, root 4.
+    pair = np.linalg.eigvalsh(
+        [[4 * 2.0 + 0.5, -2.0 * math.sqrt(4)], [-2.0 * math.sqrt(4), 2.0]]
+    )
     expected = np.sort([*pair, 2.0, 2.0, 2.0]) + 0.1
-    assert ss.elastic.modes(rig).stiffness.to_numpy() == pytest.approx(expected, rel=1e-12)
-    run, balance = ss.simulate(rig), ss.simulate(replace(rig, method=ss.MasterEquation(rtol=1e-3)))
+    assert ss.elastic.modes(rig).stiffness.to_numpy() == pytest.approx(
+        expected, rel=1e-12
+    )
+    run = ss.simulate(rig)
+    balance = ss.simulate(replace(rig, method=ss.MasterEquation(rtol=1e-3)))
     assert run.sizes["block"] == balance.sizes["block"] == 5
     displacement = balance["displacement"].to_numpy()
-    np.testing.assert_allclose(displacement[:, 1:], displacement[:, 1:2] * np.ones(4), atol=1e-12)
+    np.testing.assert_allclose(
+        displacement[:, 1:], displacement[:, 1:2] * np.ones(4), atol=1e-12
+    )
     text = is_kept(rig)
     assert '["star of a test"]' in text
     with pytest.raises(InputError, match=r"^rig: star of a test\.arms: is missing"):
@@ -313,16 +403,25 @@ def test_a_body_of_ones_own():
 
 
 def test_an_ageing_of_ones_own():
-    thresholds, method = ss.Gaussian(mean=1.0, std=0.1), ss.Contacts(500, seed=2)
+    thresholds = ss.Gaussian(mean=1.0, std=0.1)
+    method = ss.Contacts(500, seed=2)
     aged = replace(rig_with(ss.Delay(0.1), thresholds), method=method)
     aged = replace(aged, interface=replace(aged.interface, ageing=Hardened(factor=2.0)))
-    hard = replace(aged, interface=replace(aged.interface, thresholds=ss.Gaussian(mean=2.0, std=0.2), ageing=None))
-    run, same = ss.simulate(aged), ss.simulate(hard)
+    hard = replace(
+        aged,
+        interface=replace(
+            aged.interface, thresholds=ss.Gaussian(mean=2.0, std=0.2), ageing=None
+        ),
+    )
+    run = ss.simulate(aged)
+    same = ss.simulate(hard)
     np.testing.assert_array_equal(run["friction_force"], same["friction_force"])
     assert 'model = "hardened of a test"' in is_kept(aged)
     speeds = np.array([0.5, 2.0])
     for law in (ss.kinetic_friction, ss.stability.friction_slope):
-        assert law(aged.interface, speeds) == pytest.approx(law(hard.interface, speeds), rel=1e-6)
+        assert law(aged.interface, speeds) == pytest.approx(
+            law(hard.interface, speeds), rel=1e-6
+        )
     edges = [ss.critical(each, "velocity", between=(0.5, 5.0)) for each in (aged, hard)]
     assert len(edges[0]) == len(edges[1]) > 0
     assert [edge.value for edge in edges[0]] == [edge.value for edge in edges[1]]
@@ -341,14 +440,24 @@ def test_a_barrier_of_ones_own():
     assert own.interface == known.interface  # which keeps the form
     for method in (ss.Contacts(500, seed=2), ss.MasterEquation(rtol=1e-3)):
         is_kept(replace(own, method=method))
-    assert ss.kinetic_friction(own.interface, 1.0) == ss.kinetic_friction(known.interface, 1.0)
+    assert ss.kinetic_friction(own.interface, 1.0) == ss.kinetic_friction(
+        known.interface, 1.0
+    )
     assert ss.growth_rate(own) == ss.growth_rate(known)
     assert np.isfinite(ss.sweep(own, {"stiffness": [1.0, 3.0]})["mean_force"]).all()
     document = rig_files.to_document(ss.example("pmma_slider"))
-    document["interface"]["temperature"] = {"kind": "steep of a test", "slope": "20 1/um", "period": "10 ns"}
+    document["interface"]["temperature"] = {
+        "kind": "steep of a test",
+        "slope": "20 1/um",
+        "period": "10 ns",
+    }
     read = ss.read_rig(document)
-    assert read.interface.temperature.width * read.unit("x_s") == pytest.approx(50e-9, rel=1e-12)
-    assert read.interface.temperature.attempts * read.unit("1/time") == pytest.approx(1e8, rel=1e-12)
+    assert read.interface.temperature.width * read.unit("x_s") == pytest.approx(
+        50e-9, rel=1e-12
+    )
+    assert read.interface.temperature.attempts * read.unit("1/time") == pytest.approx(
+        1e8, rel=1e-12
+    )
 
 
 @dataclass(frozen=True)
@@ -357,7 +466,9 @@ class Formless(activation.ActivationModel):
 
 
 def test_an_ageing_or_a_barrier_that_says_nothing_is_refused_by_name():
-    with pytest.raises(InputError, match=r"Interface\.temperature = Formless\(\): needs a method form"):
+    with pytest.raises(
+        InputError, match=r"Interface\.temperature = Formless\(\): needs a method form"
+    ):
         ss.Interface(thresholds=THRESHOLDS, temperature=Formless())
     rig = rig_with(ss.Delay(0.1))
     rig = replace(rig, interface=replace(rig.interface, ageing=Unknown()))
@@ -365,22 +476,44 @@ def test_an_ageing_or_a_barrier_that_says_nothing_is_refused_by_name():
         (lambda: ss.kinetic_friction(rig.interface, 1.0), "friction"),
         (lambda: ss.critical(rig, "velocity", between=(0.5, 5.0)), "response"),
     ):
-        with pytest.raises(InputError, match=rf"Interface\.ageing = Unknown.* not known; simulate.*{told}\(thresholds"):
+        with pytest.raises(
+            InputError,
+            match=(
+                r"Interface\.ageing = Unknown.* not known; "
+                rf"simulate.*{told}\(thresholds"
+            ),
+        ):
             ask()
-    with pytest.raises(InputError, match=r"Unknown.*: not available with MasterEquation; no solver takes it"):
+    with pytest.raises(
+        InputError,
+        match=r"Unknown.*: not available with MasterEquation; no solver takes it",
+    ):
         ss.simulate(rig)
 
 
 def test_a_registration_names_one_frozen_dataclass():
     with pytest.raises(
-        InputError, match=r"distribution 'gaussian': Gaussian has this name already; choose another one"
+        InputError,
+        match=(
+            r"distribution 'gaussian': Gaussian has this name already; choose "
+            r"another one"
+        ),
     ):
         distributions.register("gaussian")(Triangular)
-    with pytest.raises(InputError, match=r"ageing model 'none': int must be a frozen dataclass"):
+    with pytest.raises(
+        InputError, match=r"ageing model 'none': int must be a frozen dataclass"
+    ):
         ageing.register("none")(int)
     with pytest.raises(InputError, match="comes with the package"):
         parameters.register(replace(ZETA, name="mass"))
     assert distributions.register("triangle of a test")(Triangular) is Triangular
-    for make in (lambda: Hardened(factor=0.5), lambda: ConstantRate(0.0), lambda: replace(STAR, arms=0)):
-        with pytest.raises(InputError, match=r"^(Hardened\.factor|ConstantRate\.rate|Star\.arms) = 0.*: must be"):
+    for make in (
+        lambda: Hardened(factor=0.5),
+        lambda: ConstantRate(0.0),
+        lambda: replace(STAR, arms=0),
+    ):
+        with pytest.raises(
+            InputError,
+            match=r"^(Hardened\.factor|ConstantRate\.rate|Star\.arms) = 0.*: must be",
+        ):
             make()

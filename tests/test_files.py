@@ -1,4 +1,6 @@
-"""Reading and writing files: regular ones only, whole or not at all, nothing lost and nothing left behind."""
+"""Reading and writing files: regular ones only, whole or not at all, nothing lost
+and nothing left behind.
+"""
 
 import os
 import socket
@@ -12,7 +14,9 @@ from stickslip.io import files
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """A folder with one of each kind of thing in it, and the folder that commands run in."""
+    """A folder with one of each kind of thing in it, and the folder that commands
+    run in.
+    """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_bytes(b"old")
     (tmp_path / "kept").write_bytes(b"old")
@@ -45,7 +49,12 @@ THINGS = [
 
 @pytest.mark.parametrize(
     ("place", "words"),
-    [*THINGS, ("kept", "is read-only"), ("to-kept", "is read-only"), ("none/file", "no directory .*; make it first")],
+    [
+        *THINGS,
+        ("kept", "is read-only"),
+        ("to-kept", "is read-only"),
+        ("none/file", "no directory .*; make it first"),
+    ],
 )
 def test_only_a_regular_file_is_replaced(place, words):
     before = {name: os.lstat(name) for name in os.listdir()}
@@ -63,7 +72,10 @@ def test_only_a_regular_file_is_read(place, words):
 
 def test_a_file_larger_than_allowed_is_not_read_and_one_of_the_kernel_is_empty():
     assert files.read("file", "trace", largest=3) == b"old"
-    with pytest.raises(InputError, match=r"^file: has 3e-06 MB, more than a trace may have \(2e-06 MB\)$"):
+    with pytest.raises(
+        InputError,
+        match=r"^file: has 3e-06 MB, more than a trace may have \(2e-06 MB\)$",
+    ):
         files.read("file", "trace", largest=2)
     assert files.read("/proc/kmsg", "trace", largest=3) == b""
 
@@ -77,7 +89,9 @@ def test_a_link_stays_and_what_it_leads_to_is_written(folder, link):
     assert (folder / place).read_bytes() == b"new"
 
 
-def test_a_file_that_is_replaced_keeps_its_permissions_and_a_hard_link_what_it_had(folder):
+def test_a_file_that_is_replaced_keeps_its_permissions_and_a_hard_link_what_it_had(
+    folder,
+):
     os.chmod("file", 0o640)
     os.link("file", "other")
     files.write("file", b"new")

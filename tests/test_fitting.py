@@ -1,4 +1,6 @@
-"""From a trace to a rig: picking, statistics, the simulator, inference, rigs and refusals."""
+"""From a trace to a rig: picking, statistics, the simulator, inference, rigs and
+refusals.
+"""
 
 import json
 import math
@@ -27,11 +29,18 @@ from stickslip.kernels.turning_points import Sampling
 
 BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 TRUTH = (20.0, 0.25, 0.5, 0.05, 0.2, 0.1)
-NARROW = Prior(contacts=(8.0, 50.0), threshold_std=(0.05, 0.5), sliding_force=(0.2, 0.8), stiffness_ratio=(0.01, 0.3))
+NARROW = Prior(
+    contacts=(8.0, 50.0),
+    threshold_std=(0.05, 0.5),
+    sliding_force=(0.2, 0.8),
+    stiffness_ratio=(0.01, 0.3),
+)
 
 
 def saw(peaks, troughs, *, samples=50.0, noise=0.0, seed=0):
-    """A trace of these slips of 10 N, sampled `samples` times from slip to slip on average."""
+    """A trace of these slips of 10 N, sampled `samples` times from slip to slip on
+    average.
+    """
     peaks, troughs = 10.0 * peaks / peaks.mean(), 10.0 * troughs / peaks.mean()
     step = 2.0 * (peaks[1:] - troughs[:-1]).mean() / samples
     return sampled(peaks, troughs, 0.5, step, 10.0 * noise, np.random.default_rng(seed))
@@ -52,11 +61,14 @@ def _cache(tmp_path_factory):
 def found():
     """A fit with a small table, over a narrow prior."""
     return ss.fit(
-        bench(noise=0.002), prior=NARROW, draws=1500, known={"stiffness": "100 N/m", "mass": "0.4 kg", "load": "20 N"}
+        bench(noise=0.002),
+        prior=NARROW,
+        draws=1500,
+        known={"stiffness": "100 N/m", "mass": "0.4 kg", "load": "20 N"},
     )
 
 
-# ------------------------------------------------------------------------------------------------------------ picking
+# ------------------------------------------------------------------------------ picking
 
 
 def force7(**how):
@@ -90,27 +102,47 @@ def test_the_count_of_slips_at_other_samplings_and_noise(samples, noise):
     trace = saw(peaks, troughs, samples=samples, noise=noise)
     large = peaks - troughs > 0.1 * peaks.mean()
     events = fitting.pick_events(trace, smallest=1.0)
-    assert abs(len(events) - (large.sum() - 2)) <= 1  # the first is left out, and the trace ends with the last
+    # the first is left out, and the trace ends with the last
+    assert abs(len(events) - (large.sum() - 2)) <= 1
 
 
-# ----------------------------------------------------------------------------------------------- what must be refused
+# ----------------------------------------------------------------- what must be refused
 
 
 def trace_of(force):
-    return xr.Dataset({"spring_force": ("time", force)}, coords={"time": 0.01 * np.arange(len(force))})
+    return xr.Dataset(
+        {"spring_force": ("time", force)}, coords={"time": 0.01 * np.arange(len(force))}
+    )
 
 
 RNG = np.random.default_rng
 PEAKS, TROUGHS = simulate(np.array(TRUTH), 120, RNG(1))
 SINE = 10.0 + np.sin(0.06 * np.arange(20_000))
-SLOW_AND_FAST = [saw(PEAKS[at], TROUGHS[at], samples=n) for at, n in ((slice(60), 120), (slice(60, None), 30))]
+SLOW_AND_FAST = [
+    saw(PEAKS[at], TROUGHS[at], samples=n)
+    for at, n in ((slice(60), 120), (slice(60, None), 30))
+]
 OTHER = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, RNG(1))
 NOT_STICK_SLIP = {
-    "oscillation": (trace_of(SINE), "rises for 1 times as long as it drops: an oscillation or noise, not stick-slip"),
-    "noise": (trace_of(10 + 0.2 * RNG(0).normal(size=20_000)), "cannot be told from noise"),
-    "random walk": (trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))), "slip count depends on"),
+    "oscillation": (
+        trace_of(SINE),
+        (
+            "rises for 1 times as long as it drops: an oscillation or noise, not "
+            "stick-slip"
+        ),
+    ),
+    "noise": (
+        trace_of(10 + 0.2 * RNG(0).normal(size=20_000)),
+        "cannot be told from noise",
+    ),
+    "random walk": (
+        trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))),
+        "slip count depends on",
+    ),
     "velocity step": (
-        trace_of(np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST])),
+        trace_of(
+            np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST])
+        ),
         "loading rate changes 4",
     ),
     "halves that differ": (
@@ -121,12 +153,19 @@ NOT_STICK_SLIP = {
     "few samples": (bench(samples=8), "samples from slip to slip"),
     "noisy": (bench(noise=0.05), "of the peak force: at most 3 %"),
     "gap": (
-        bench().assign(filled=lambda d: ("time", np.abs(np.arange(d.time.size) - 1000.5) < 3)),
+        bench().assign(
+            filled=lambda d: ("time", np.abs(np.arange(d.time.size) - 1000.5) < 3)
+        ),
         "6 samples in a row",
     ),
-    "load": (bench().assign(load=lambda d: ("time", np.linspace(20.0, 24.0, d.time.size))), "normal load changes by"),
+    "load": (
+        bench().assign(load=lambda d: ("time", np.linspace(20.0, 24.0, d.time.size))),
+        "normal load changes by",
+    ),
     "saturated": (
-        bench(noise=0.002).map(lambda F: F.clip(max=float(F.quantile(0.97)), keep_attrs=True)),
+        bench(noise=0.002).map(
+            lambda F: F.clip(max=float(F.quantile(0.97)), keep_attrs=True)
+        ),
         "fit: the tops of the force are flat",
     ),
     "constant": (trace_of(np.full(1000, 5.0)), "0 drops"),
@@ -146,37 +185,56 @@ def test_what_is_refused(name):
 def test_a_long_trace_is_fitted_in_stretches():
     """Each is compared with series as long; what they tell is their mean."""
     trace = fitting.pick_events(bench(count=340, noise=0.002))
-    halves = [trace.part(begin, begin + len(trace) // 2) for begin in (0, len(trace) // 2)]
-    np.testing.assert_allclose(trace.statistics, np.mean([half.statistics for half in halves], axis=0), rtol=1e-12)
+    halves = [
+        trace.part(begin, begin + len(trace) // 2) for begin in (0, len(trace) // 2)
+    ]
+    np.testing.assert_allclose(
+        trace.statistics,
+        np.mean([half.statistics for half in halves], axis=0),
+        rtol=1e-12,
+    )
     found = ss.fit(trace, prior=NARROW, draws=1500)
     assert f"{len(trace)} slips are fitted in 2 stretches" in str(found)
     for key, truth in zip(KEYS, TRUTH, strict=True):
         assert found[key].low < truth < found[key].high
 
 
-# ------------------------------------------------------------------------------------------------ simulator and table
+# ------------------------------------------------------------------ simulator and table
 
 
 def test_contacts_all_alike_without_scatter_give_equal_slips():
-    """One contact alone, thresholds equal: the force drops from its threshold as the overshoot says."""
-    stiffness, ratio, residual = 0.5, 0.2, 0.4
-    peaks, troughs = simulate(np.array([1, 0.0, residual, stiffness, ratio, 0.0]), 30, np.random.default_rng(0))
+    """One contact alone, thresholds equal: the force drops from its threshold as the
+    overshoot says.
+    """
+    stiffness = 0.5
+    ratio = 0.2
+    residual = 0.4
+    peaks, troughs = simulate(
+        np.array([1, 0.0, residual, stiffness, ratio, 0.0]),
+        30,
+        np.random.default_rng(0),
+    )
     overshoot = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
-    stopped = residual - overshoot * (1.0 - residual)  # force of the spring where the slider stops
-    settled = (stiffness * residual + stopped) / (1.0 + stiffness)  # re-attached, it rings down there
+    # force of the spring where the slider stops
+    stopped = residual - overshoot * (1.0 - residual)
+    # re-attached, it rings down there
+    settled = (stiffness * residual + stopped) / (1.0 + stiffness)
     np.testing.assert_allclose(peaks, 1.0, rtol=1e-12)
     np.testing.assert_allclose(troughs, settled, rtol=1e-9)
 
 
 def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
-    prior, steps = Prior(contacts=(5.0, 12.0)), []
+    prior = Prior(contacts=(5.0, 12.0))
+    steps = []
     first = table(prior=prior, draws=700, slips=40, progress=steps.append)
     assert steps[-1] == 1.0
     place = folder_of(prior, 40, 0)
     (place / "1.npz").write_bytes((place / "1.npz").read_bytes()[:100])  # damaged
     (place / "2.npz").unlink()
     with ThreadPoolExecutor(1) as pool:
-        again = table(prior=prior, draws=700, slips=40, executor=pool, progress=steps.append)
+        again = table(
+            prior=prior, draws=700, slips=40, executor=pool, progress=steps.append
+        )
     assert len(steps) == 3 + 2
     np.testing.assert_array_equal(first.peaks, again.peaks)
     assert len(table(prior=prior, draws=500, slips=40)) == 500
@@ -186,26 +244,41 @@ def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
 def seen_of(observation, peaks, troughs, **how):
     """Statistics of one series of slips, as a bench sees it."""
     one = Table(
-        prior=Prior(), parts=np.empty((1, 6)), count=np.array([peaks.size]), peaks=peaks[None], troughs=troughs[None]
+        prior=Prior(),
+        parts=np.empty((1, 6)),
+        count=np.array([peaks.size]),
+        peaks=peaks[None],
+        troughs=troughs[None],
     )
     return observation.see(one, **how)[0][0]
 
 
 def test_the_observation_biases_simulations_as_it_does_traces():
-    """Statistics of the trace, and of its own slips seen through the observation, agree; not so the bare ones."""
-    peaks, troughs = simulate(np.array([20, 0.2, 0.6, 0.3, 0.3, 0.15]), 400, np.random.default_rng(5))
+    """Statistics of the trace, and of its own slips seen through the observation,
+    agree; not so the bare ones.
+    """
+    peaks, troughs = simulate(
+        np.array([20, 0.2, 0.6, 0.3, 0.3, 0.15]), 400, np.random.default_rng(5)
+    )
     events = fitting.pick_events(saw(peaks, troughs, samples=24, noise=0.004))
     seen = seen_of(Observation.of(events), peaks, troughs)
     error = resampled(events.peaks, events.troughs).std(axis=0)
     away = np.abs(seen - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
     assert np.all(away < 0.7)
-    bare = np.abs(statistics(peaks, troughs) - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
+    bare = (
+        np.abs(statistics(peaks, troughs) - events.statistics)[: len(FITTED)]
+        / error[: len(FITTED)]
+    )
     assert bare.max() > away.max()
 
 
 def test_what_is_known_holds_for_the_draws():
-    made, error = table(prior=NARROW, draws=1500, slips=60), 0.02
-    ideal = Observation(slips=25, sampling=Sampling(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01))
+    made = table(prior=NARROW, draws=1500, slips=60)
+    error = 0.02
+    ideal = Observation(
+        slips=25,
+        sampling=Sampling(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01),
+    )
     peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
     observed = seen_of(ideal, peaks, troughs, seed=1)
 
@@ -221,20 +294,26 @@ def test_what_is_known_holds_for_the_draws():
 
 
 def test_block_bootstrap_errors_are_those_of_repeated_series():
-    series = [simulate(np.array(TRUTH), 150, np.random.default_rng(seed)) for seed in range(40)]
+    series = [
+        simulate(np.array(TRUTH), 150, np.random.default_rng(seed))
+        for seed in range(40)
+    ]
     spread = np.std([statistics(*one) for one in series], axis=0)[:7]
-    errors = np.mean([resampled(*one, seed=1).std(axis=0) for one in series[:10]], axis=0)[:7]
+    errors = np.mean(
+        [resampled(*one, seed=1).std(axis=0) for one in series[:10]], axis=0
+    )[:7]
     assert np.all((errors > 0.5 * spread) & (errors < 2.0 * spread))
 
 
-# --------------------------------------------------------------------------------------------------------------- fits
+# --------------------------------------------------------------------------------- fits
 
 
 def test_a_fit_holds_the_truth(found):
     low, high = np.quantile(found.prior.parts(found.values), (0.02, 0.98), axis=0)
     parts = found.prior.parts(np.array(TRUTH))
     assert np.sum((low <= parts) & (parts <= high)) >= 5
-    strength, (peaks, _) = found["contact_strength"], simulate(np.array(TRUTH), 120, RNG(1))
+    strength = found["contact_strength"]
+    peaks, _ = simulate(np.array(TRUTH), 120, RNG(1))
     assert strength.low < 10.0 / peaks.mean() < strength.high
     assert min(found.p_values[name] for name in FITTED) > 0.02
     assert found["friction_coefficient"].median == pytest.approx(10.0 / 20.0, rel=0.05)
@@ -242,15 +321,23 @@ def test_a_fit_holds_the_truth(found):
 
 
 def test_quantities_go_as_far_as_what_is_known(found):
-    bare, heavy = (replace(found, known=known) for known in ({}, found.known | {"mass": (1000.0, 20.0)}))
-    assert [one.key for one in bare.quantities] == ["contact_strength", "static_friction", "sliding_friction"]
+    bare, heavy = (
+        replace(found, known=known)
+        for known in ({}, found.known | {"mass": (1000.0, 20.0)})
+    )
+    assert [one.key for one in bare.quantities] == [
+        "contact_strength",
+        "static_friction",
+        "sliding_friction",
+    ]
     for ask, why in (
         (lambda: bare["breaking_displacement"], "stiffness"),
         (lambda: bare["frequency"], "mass"),
         (lambda: bare["friction_coefficient"], "load"),
         (lambda: found["delay"], "several speeds"),
         (bare.rig, "give stiffness"),
-        (heavy.rig, "no rig is written: runs of .* draws all miss"),  # slower than the slips
+        # slower than the slips
+        (heavy.rig, "no rig is written: runs of .* draws all miss"),
     ):
         with pytest.raises(InputError, match=why):
             ask()
@@ -262,15 +349,29 @@ def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
     rate = fitting.pick_events(trace).loading_rate
     K = 100.0
     speed = rate * (1.0 + 0.25) / K
-    # Within the series that would not be refused such a stiff spring is rare: more draws than else.
-    found = ss.fit(trace, prior=NARROW, draws=4000, known={"stiffness": K, "speed": (speed, 0.02 * speed)})
+    # Within the series that would not be refused such a stiff spring is rare: more
+    # draws than else.
+    found = ss.fit(
+        trace,
+        prior=NARROW,
+        draws=4000,
+        known={"stiffness": K, "speed": (speed, 0.02 * speed)},
+    )
     assert found["stiffness_ratio"].median == pytest.approx(0.25, abs=0.06)
-    with pytest.raises(InputError, match="cannot rise faster than stiffness times speed"):
-        ss.fit(trace, prior=NARROW, draws=1500, known={"stiffness": K, "speed": 0.5 * speed})
+    with pytest.raises(
+        InputError, match="cannot rise faster than stiffness times speed"
+    ):
+        ss.fit(
+            trace,
+            prior=NARROW,
+            draws=1500,
+            known={"stiffness": K, "speed": 0.5 * speed},
+        )
 
 
 def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
-    rig, path = found.rig(name="bench"), tmp_path / "rig.toml"
+    rig = found.rig(name="bench")
+    path = tmp_path / "rig.toml"
     path.write_text(to_toml(rig))
     again = ss.read_rig(path)
     assert (again, again.fitted) == (rig, rig.fitted)
@@ -278,7 +379,8 @@ def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
     assert "mass" not in str(again.fitted)  # it was known
     drawn = [*fitting.rigs_drawn(again)]
     assert len(drawn) == 100
-    assert [each.value("stiffness") for each in drawn] == pytest.approx([100.0] * 100)  # it was known, too
+    # it was known, too
+    assert [each.value("stiffness") for each in drawn] == pytest.approx([100.0] * 100)
     draws = again.fitted["interface.breaking_displacement"].draws
     assert [each.unit("x_s") for each in drawn] == pytest.approx(list(draws), rel=1e-7)
 
@@ -293,21 +395,39 @@ def test_a_fitted_rig_is_judged_over_its_draws(found):
 
 
 def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):
-    """With other contacts than it was chosen by: within the errors of the two means, 99 %, and a tenth for choosing."""
+    """With other contacts than it was chosen by: within the errors of the two means,
+    99 %, and a tenth for choosing.
+    """
     rig = found.rig()
     assert "its own run drops" in rig.source
     residual = rig.interface.newborn.mean
     assert rig.interface.sliding_force == pytest.approx(residual, rel=1e-12)
-    i = int(np.argmin(np.abs(found.values[:, 2] / residual - 1.0) + np.abs(found.strength / rig.unit("f_s") - 1.0)))
-    assert rig.unit("k") == pytest.approx(100.0 / found.values[i, 3], rel=1e-3)  # of a spring of 100 N/m
-    made = remade(rig.replace(method=ss.Contacts(rig.method.count, seed=2)), found.events, found.known)
-    for one, other in ((made.drops, found.events.drops), (np.diff(made.time[made.peak_at]), found.events.recurrence)):
+    i = int(
+        np.argmin(
+            np.abs(found.values[:, 2] / residual - 1.0)
+            + np.abs(found.strength / rig.unit("f_s") - 1.0)
+        )
+    )
+    # of a spring of 100 N/m
+    assert rig.unit("k") == pytest.approx(100.0 / found.values[i, 3], rel=1e-3)
+    made = remade(
+        rig.replace(method=ss.Contacts(rig.method.count, seed=2)),
+        found.events,
+        found.known,
+    )
+    for one, other in (
+        (made.drops, found.events.drops),
+        (np.diff(made.time[made.peak_at]), found.events.recurrence),
+    ):
         error = 2.6 * one.std() / math.sqrt(one.size)
-        assert one.mean() == pytest.approx(np.mean(other), abs=error + 0.1 * np.mean(other))
+        assert one.mean() == pytest.approx(
+            np.mean(other), abs=error + 0.1 * np.mean(other)
+        )
 
 
 def test_speeds_add_the_delay_and_holds_ageing():
-    half, speeds = 0.01, np.geomspace(1e-4, 1.0, 9)
+    half = 0.01
+    speeds = np.geomspace(1e-4, 1.0, 9)
     forces = 4.0 + 6.0 / (1.0 + speeds / half)
     found = ss.fit(
         bench(noise=0.002),
@@ -339,10 +459,14 @@ def test_pictures(found):
 
 def test_the_quick_recipe_inverts_the_closed_forms():
     truth = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.5))
-    strength, x_s, K, speed = 100.0, 1e-4, 5e5, 1e-3
+    strength = 100.0
+    x_s = 1e-4
+    K = 5e5
+    speed = 1e-3
     readings = {
         "static_friction": strength * ss.static_friction(truth)[0],
-        "kinetic_friction": strength * ss.kinetic_friction(replace(truth, delay=ss.Delay(0.0)), velocity=1.0),
+        "kinetic_friction": strength
+        * ss.kinetic_friction(replace(truth, delay=ss.Delay(0.0)), velocity=1.0),
         "loading_rate": K * speed / (1.0 + K * x_s / strength),
         "half_speed": x_s / (0.5 * x_s / speed),  # the margin over the delay
     } | {"stiffness": K, "speed": speed, "mass": "0.1 kg"}
@@ -356,32 +480,61 @@ def test_the_quick_recipe_inverts_the_closed_forms():
 
 
 def test_what_was_given_has_the_error_that_it_was_given_with(found):
-    given = replace(found, known={"stiffness": (100.0, 10.0), "mass": (0.4, 0.0), "load": (20.0, 2.0)})
-    for name, error in (("frequency", 0.05), ("speed", 0.1), ("friction_coefficient", 0.1)):
+    given = replace(
+        found,
+        known={"stiffness": (100.0, 10.0), "mass": (0.4, 0.0), "load": (20.0, 2.0)},
+    )
+    for name, error in (
+        ("frequency", 0.05),
+        ("speed", 0.1),
+        ("friction_coefficient", 0.1),
+    ):
         assert np.log(given.draws(name)).std() == pytest.approx(error, rel=0.3)
 
 
 @pytest.mark.parametrize(("unit", "size"), [("kN", 1000.0), ("mN", 1e-3), ("1", 20.0)])
 def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
-    one = replace(found, known={name: (value, 0.0) for name, (value, _) in found.known.items()})
-    other = replace(one, events=replace(found.events, force_unit=unit))  # a coefficient, under a load of 20 N
-    for name in ("contact_strength", "sliding_friction", "breaking_displacement", "speed", "friction_coefficient"):
+    one = replace(
+        found, known={name: (value, 0.0) for name, (value, _) in found.known.items()}
+    )
+    # a coefficient, under a load of 20 N
+    other = replace(one, events=replace(found.events, force_unit=unit))
+    for name in (
+        "contact_strength",
+        "sliding_friction",
+        "breaking_displacement",
+        "speed",
+        "friction_coefficient",
+    ):
         np.testing.assert_allclose(other.draws(name), size * one.draws(name))
-    np.testing.assert_allclose(one.draws("sliding_friction"), found.strength * found.draws("sliding_force"))
-    at_once = found.strength / (100.0 / found.draws("stiffness_ratio"))  # the spring has 100 N/m
+    np.testing.assert_allclose(
+        one.draws("sliding_friction"), found.strength * found.draws("sliding_force")
+    )
+    # the spring has 100 N/m
+    at_once = found.strength / (100.0 / found.draws("stiffness_ratio"))
     np.testing.assert_allclose(one.draws("breaking_displacement"), at_once)
 
 
 def test_holds_without_ageing_seldom_seem_to_age():
-    """Three holds leave one degree of freedom: 2.5 % lie above the 97.5 % quantile of Student's t."""
-    drawn = (tuple(zip((1.0, 10.0, 100.0), row, strict=True)) for row in RNG(0).normal(10.0, 0.1, (1000, 3)).tolist())
-    assert sum(strengthening_of(holds).words.endswith("age") for holds in drawn) == pytest.approx(25, abs=15)
+    """Three holds leave one degree of freedom: 2.5 % lie above the 97.5 % quantile
+    of Student's t.
+    """
+    drawn = (
+        tuple(zip((1.0, 10.0, 100.0), row, strict=True))
+        for row in RNG(0).normal(10.0, 0.1, (1000, 3)).tolist()
+    )
+    assert sum(
+        strengthening_of(holds).words.endswith("age") for holds in drawn
+    ) == pytest.approx(25, abs=15)
 
 
 @pytest.mark.parametrize(
     ("text", "pairs"),
     [
-        ("speed [m/s], force [N]\n0.002,11\n0.003, 10\n", ((0.002, 11.0), (0.003, 10.0))),
+        (
+            "speed [m/s], force [N]\n0.002,11\n0.003, 10\n",
+            ((0.002, 11.0), (0.003, 10.0)),
+        ),
         ("v (mm/s);F (mN)\n2,0;11000\n3,0;10000\n", ((0.002, 11.0), (0.003, 10.0))),
         ("0.002 11\n0.003 10\n", ((0.002, 11.0), (0.003, 10.0))),
         ("speed (s)  force (N)\n0.002 11\n0.003 10\n", None),
@@ -393,5 +546,8 @@ def test_speeds_in_a_file(tmp_path, text, pairs):
     if pairs:
         np.testing.assert_allclose(read_pairs(path, "m/s"), pairs)
     else:
-        with pytest.raises(InputError, match=r"speeds\.txt: needs two columns of numbers, in m/s and N; there are"):
+        with pytest.raises(
+            InputError,
+            match=r"speeds\.txt: needs two columns of numbers, in m/s and N; there are",
+        ):
             read_pairs(path, "m/s")

@@ -1,7 +1,9 @@
-"""Temperature in steady sliding, its linear response, and rate and state out of contacts.
+"""Temperature in steady sliding, its linear response, and rate and state out of
+contacts.
 
-Numbers of the papers' kind are for Gaussian thresholds of mean 1, attempts 1e6 and a time of ageing of 1e-3; each was
-computed by two independent programs, to the tolerance that stands beside it.
+Numbers of the papers' kind are for Gaussian thresholds of mean 1, attempts 1e6 and a
+time of ageing of 1e-3; each was computed by two independent programs, to the tolerance
+that stands beside it.
 """
 
 import ast
@@ -23,15 +25,33 @@ from test_noise import DRAWN
 import stickslip as ss
 from stickslip.cli import main
 from stickslip.errors import InputError, UndecidedError
-from stickslip.rate_state import RateAndState, finite_step, fit_rate_and_state, small_step, velocity_step_in
+from stickslip.rate_state import (
+    RateAndState,
+    finite_step,
+    fit_rate_and_state,
+    small_step,
+    velocity_step_in,
+)
 from stickslip.stability import dynamic_stiffness, friction_slope
 
 
-def contacts(std=0.3, *, width=0.01, ageing=None, delay=0.0, thresholds=None, temperature=None, sliding_force=0.0):
+def contacts(
+    std=0.3,
+    *,
+    width=0.01,
+    ageing=None,
+    delay=0.0,
+    thresholds=None,
+    temperature=None,
+    sliding_force=0.0,
+):
     return ss.Interface(
         thresholds=thresholds or ss.Gaussian(mean=1.0, std=std),
-        temperature=temperature or (ss.Bell(width=width, attempts=1e6) if width else None),
-        ageing=ss.LogarithmicGrowth(slope=ageing, time=1e-3) if isinstance(ageing, float) else ageing,
+        temperature=temperature
+        or (ss.Bell(width=width, attempts=1e6) if width else None),
+        ageing=ss.LogarithmicGrowth(slope=ageing, time=1e-3)
+        if isinstance(ageing, float)
+        else ageing,
         delay=ss.Delay(delay),
         sliding_force=sliding_force,
     )
@@ -46,14 +66,19 @@ def barrier(power, kramers, height=100):
 
 
 def bench(interface, stiffness=1.0, velocity=1.0):
-    return ss.Rig(interface, ss.Slider(stiffness=stiffness, mass=0.0, damping=0.0), ss.constant(velocity))
+    return ss.Rig(
+        interface,
+        ss.Slider(stiffness=stiffness, mass=0.0, damping=0.0),
+        ss.constant(velocity),
+    )
 
 
 THERMAL = contacts()
 AGEING = contacts(ageing=0.02)
 LOG_NORMAL = contacts(thresholds=ss.LogNormal(mean=1.0, std=math.sqrt(math.e - 1.0)))
 GROWN = ss.ExponentialGrowth(rate=2.0, newborn=0.2)
-# Fast contacts break little above the strength of newborns, F = f_0/2 + rate f_0 (<f_end> - f_0)/(2 v).
+# Fast contacts break little above the strength of newborns, F = f_0/2 + rate f_0
+# (<f_end> - f_0)/(2 v).
 FAST = contacts(0.2, width=None, ageing=ss.ExponentialGrowth(rate=1.0, newborn=0.5))
 fitted = lru_cache(ss.rate_and_state)
 
@@ -66,18 +91,32 @@ fitted = lru_cache(ss.rate_and_state)
     [  # each with the error that it may have
         (contacts(0.1), 1.0, (0.45670, 1e-4), (0.004938, 2e-5)),
         (THERMAL, 1.0, (0.50096, 2e-4), (0.004455, 3e-5)),
-        (contacts(0.1, temperature=parabolic(0.01)), 1.0, (0.45415, 1e-4), (0.005473, 3e-5)),
+        (
+            contacts(0.1, temperature=parabolic(0.01)),
+            1.0,
+            (0.45415, 1e-4),
+            (0.005473, 3e-5),
+        ),
         (AGEING, 1.0, (0.56522, 2e-4), (-0.00464, 3e-5)),
         (LOG_NORMAL, 0.01, (1.4254, 5e-4), None),
         (LOG_NORMAL, 1.0, (1.4017, 5e-4), (-0.0050, 1e-4)),
-        (contacts(thresholds=ss.Exponential(mean=1.0)), 1.0, (0.99984, 2e-5), (0.0, 2e-5)),
+        (
+            contacts(thresholds=ss.Exponential(mean=1.0)),
+            1.0,
+            (0.99984, 2e-5),
+            (0.0, 2e-5),
+        ),
         (FAST, 100.0, (0.25 + 0.125 / 100.0, 1e-5), (-0.125 / 100.0, 2e-5)),
     ],
 )
 def test_force_in_steady_sliding_and_its_slope(interface, velocity, force, slope):
-    assert ss.kinetic_friction(interface, velocity) == pytest.approx(force[0], abs=force[1])
+    assert ss.kinetic_friction(interface, velocity) == pytest.approx(
+        force[0], abs=force[1]
+    )
     if slope is not None:
-        assert friction_slope(interface, velocity) == pytest.approx(slope[0], abs=slope[1])
+        assert friction_slope(interface, velocity) == pytest.approx(
+            slope[0], abs=slope[1]
+        )
 
 
 @pytest.mark.parametrize(
@@ -85,7 +124,9 @@ def test_force_in_steady_sliding_and_its_slope(interface, velocity, force, slope
     [
         contacts(0.2, width=0.02, delay=0.2, sliding_force=0.3),
         contacts(ageing=0.02, delay=0.05, sliding_force=0.2),
-        contacts(0.1, temperature=barrier(1.0, kramers=False), delay=0.1, sliding_force=0.6),
+        contacts(
+            0.1, temperature=barrier(1.0, kramers=False), delay=0.1, sliding_force=0.6
+        ),
         contacts(0.2, width=None, ageing=GROWN, delay=0.2, sliding_force=0.3),
         THERMAL,
         contacts(ageing=ss.ExponentialGrowth(rate=2.0, newborn=0.5)),
@@ -98,34 +139,53 @@ def test_force_in_steady_sliding_and_its_slope(interface, velocity, force, slope
     ],
 )
 def test_the_slope_is_that_of_the_force_and_of_slow_perturbations(interface):
-    speed, step = 0.8, 0.02
+    speed = 0.8
+    step = 0.02
     slope = friction_slope(interface, speed)
-    up, down = (ss.kinetic_friction(interface, speed * math.exp(sign * step)) for sign in (1, -1))
+    up, down = (
+        ss.kinetic_friction(interface, speed * math.exp(sign * step))
+        for sign in (1, -1)
+    )
     assert slope == pytest.approx((up - down) / (2 * step), abs=2e-4)
     slow = complex(dynamic_stiffness(interface, speed, 1e-5j * speed))
     assert slow / 1e-5j == pytest.approx(slope, abs=1e-5)
 
 
 def by_quadrature(barrier, thresholds, velocity):
-    """Steady force out of the survival under the hazard, on a grid of stretchings and thresholds."""
-    threshold, part = np.linspace(1e-3, 3.0, 600), np.linspace(0.0, 1.0, 2001)[:, None]
+    """Steady force out of the survival under the hazard, on a grid of stretchings
+    and thresholds.
+    """
+    threshold = np.linspace(1e-3, 3.0, 600)
+    part = np.linspace(0.0, 1.0, 2001)[:, None]
     x = part * threshold
     if isinstance(barrier, ss.Bell):
         hazard = np.exp((x - threshold) / barrier.width)
     elif isinstance(barrier, ss.model.Parabolic):
         hazard = np.exp((x**2 - threshold**2) / (2.0 * barrier.temperature))
     else:
-        hazard = np.exp(-barrier.height * (1.0 - part) ** barrier.power) * np.ones_like(x)
+        hazard = np.exp(-barrier.height * (1.0 - part) ** barrier.power) * np.ones_like(
+            x
+        )
         hazard *= (1.0 - part) ** (barrier.power - 1.0) if barrier.kramers else 1.0
-    held = np.exp(-barrier.attempts / velocity * integrate.cumulative_trapezoid(hazard, x, axis=0, initial=0.0))
-    work, way = (integrate.trapezoid(each, x, axis=0) @ thresholds.density(threshold) for each in (x * held, held))
+    held = np.exp(
+        -barrier.attempts
+        / velocity
+        * integrate.cumulative_trapezoid(hazard, x, axis=0, initial=0.0)
+    )
+    work, way = (
+        integrate.trapezoid(each, x, axis=0) @ thresholds.density(threshold)
+        for each in (x * held, held)
+    )
     return work / way
 
 
 @pytest.mark.parametrize(
     ("temperature", "velocity"),
     [
-        *((ss.Bell(width=0.01, attempts=1e6), velocity) for velocity in (0.01, 100.0, 1e6)),
+        *(
+            (ss.Bell(width=0.01, attempts=1e6), velocity)
+            for velocity in (0.01, 100.0, 1e6)
+        ),
         (ss.Bell(width=0.05, attempts=1e6), 0.01),
         (parabolic(0.01), 1.0),
         (parabolic(0.05), 1.0),
@@ -142,28 +202,44 @@ def test_every_barrier_by_quadrature(temperature, velocity):
     for std in (0.1, 0.3):
         interface = contacts(std, temperature=temperature)
         force = by_quadrature(temperature, interface.threshold_distribution, velocity)
-        assert ss.kinetic_friction(interface, velocity) == pytest.approx(force, abs=1e-4)
+        assert ss.kinetic_friction(interface, velocity) == pytest.approx(
+            force, abs=1e-4
+        )
 
 
 AREAS = ss.Interface(thresholds=ss.Exponential(mean=1.0), areas="site")
 
 
-@pytest.mark.parametrize(("areas", "cold", "warm"), [("fresh", 0.75, 0.5832), ("site", 0.5, 0.3935)])
+@pytest.mark.parametrize(
+    ("areas", "cold", "warm"), [("fresh", 0.75, 0.5832), ("site", 0.5, 0.3935)]
+)
 def test_contacts_of_different_areas(areas, cold, warm):
     interface = replace(AREAS, areas=areas)
     assert ss.kinetic_friction(interface) == pytest.approx(cold, abs=1e-6)
     activated = replace(interface, temperature=barrier(1.0, kramers=False, height=50))
     assert ss.kinetic_friction(activated, 1.0) == pytest.approx(warm, abs=1e-4)
-    for moved in (activated, replace(activated, delay=ss.Delay(0.2), sliding_force=0.3)):
+    for moved in (
+        activated,
+        replace(activated, delay=ss.Delay(0.2), sliding_force=0.3),
+    ):
         up, down = (ss.kinetic_friction(moved, v) for v in (1.01, 1.0 / 1.01))
-        assert friction_slope(moved, 1.0) == pytest.approx((up - down) / (2.0 * math.log(1.01)), rel=1e-3)
-    # <k x^2/2>/(<x> + v tau), and the mean of k x^2/2/(x + v tau), x the root of the area.
+        assert friction_slope(moved, 1.0) == pytest.approx(
+            (up - down) / (2.0 * math.log(1.01)), rel=1e-3
+        )
+    # <k x^2/2>/(<x> + v tau), and the mean of k x^2/2/(x + v tau), x the root of the
+    # area.
     root, share = np.polynomial.legendre.leggauss(400)
     x = 4.0 * (1.0 + root)
     weight = 4.0 * share * 2.0 * x * np.exp(-(x**2))
     work = weight * 0.5 * x**3
-    expected = work.sum() / (weight @ x + 1.0) if areas == "fresh" else np.sum(work / (x + 1.0))
-    assert ss.kinetic_friction(replace(interface, delay=ss.Delay(1.0)), 1.0) == pytest.approx(expected, abs=1e-6)
+    expected = (
+        work.sum() / (weight @ x + 1.0)
+        if areas == "fresh"
+        else np.sum(work / (x + 1.0))
+    )
+    assert ss.kinetic_friction(
+        replace(interface, delay=ss.Delay(1.0)), 1.0
+    ) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -181,12 +257,24 @@ def test_velocities_where_friction_turns(interface, between, kind, velocity, for
     assert not ss.stability.turning_velocities(THERMAL, between=(0.01, 100))
 
 
-@pytest.mark.parametrize("thresholds", [ss.Gaussian(1.0, 0.3), ss.Gamma(1.0, 0.5), ss.Uniform(0.5, 1.5)], ids=str)
+@pytest.mark.parametrize(
+    "thresholds",
+    [ss.Gaussian(1.0, 0.3), ss.Gamma(1.0, 0.5), ss.Uniform(0.5, 1.5)],
+    ids=str,
+)
 def test_without_width_contacts_are_as_without_temperature(thresholds):
-    cold, s = contacts(thresholds=thresholds, width=None, delay=0.1), 1j * np.geomspace(0.01, 100.0, 9)
+    cold = contacts(thresholds=thresholds, width=None, delay=0.1)
+    s = 1j * np.geomspace(0.01, 100.0, 9)
     warm = contacts(thresholds=thresholds, width=1e-10, delay=0.1)
-    assert ss.kinetic_friction(warm, 1.0) == pytest.approx(ss.kinetic_friction(cold, 1.0), abs=1e-9)
-    assert np.max(np.abs(dynamic_stiffness(warm, 1.0, s) - dynamic_stiffness(cold, 1.0, s))) < 1e-9
+    assert ss.kinetic_friction(warm, 1.0) == pytest.approx(
+        ss.kinetic_friction(cold, 1.0), abs=1e-9
+    )
+    assert (
+        np.max(
+            np.abs(dynamic_stiffness(warm, 1.0, s) - dynamic_stiffness(cold, 1.0, s))
+        )
+        < 1e-9
+    )
 
 
 # ---------------------------------------------------------------- linear response
@@ -202,7 +290,9 @@ def test_without_width_contacts_are_as_without_temperature(thresholds):
     ],
 )
 def test_dynamic_stiffness(interface, s, kappa, tolerance):
-    assert abs(complex(dynamic_stiffness(interface, 1.0, s)) - kappa) < tolerance * abs(kappa)
+    assert abs(complex(dynamic_stiffness(interface, 1.0, s)) - kappa) < tolerance * abs(
+        kappa
+    )
 
 
 @pytest.mark.parametrize(
@@ -216,7 +306,11 @@ def test_dynamic_stiffness(interface, s, kappa, tolerance):
     ],
 )
 def test_critical_spring(std, width, stiffness, frequency):
-    (edge,) = ss.critical(bench(contacts(std, width=width, ageing=0.02)), "stiffness", between=(0.002, 0.5)).edges
+    (edge,) = ss.critical(
+        bench(contacts(std, width=width, ageing=0.02)),
+        "stiffness",
+        between=(0.002, 0.5),
+    ).edges
     assert edge.value == pytest.approx(stiffness, rel=0.01)
     assert edge.frequency == pytest.approx(frequency, rel=0.01)
     assert edge.regains_stability
@@ -227,13 +321,19 @@ def test_contacts_that_give_way_at_once_have_a_real_mode_without_mass_and_dampin
     assert ss.stability.count_unstable(rig) == 1
     s = ss.growth_rate(rig)
     assert s.imag == 0
-    assert complex(dynamic_stiffness(rig.interface, 1.0, s)) == pytest.approx(-0.01, rel=1e-6)
+    assert complex(dynamic_stiffness(rig.interface, 1.0, s)) == pytest.approx(
+        -0.01, rel=1e-6
+    )
     assert ss.stability.count_unstable(rig.replace(stiffness=0.0175)) == 3
     wide = bench(contacts(0.5, width=None, ageing=0.02))
     told = str(ss.critical(wide, "stiffness", between=(0.001, 0.9)))
     assert told.endswith("regains stability at 0.01752424 k (without oscillation)")
     assert ss.stability.critical_spring(wide) == pytest.approx(0.01752424, rel=1e-5)
-    found = ss.stability_map(rig, over=("velocity", "stiffness"), values=([1.0], [0.01, 0.0175, 0.019, 0.021]))
+    found = ss.stability_map(
+        rig,
+        over=("velocity", "stiffness"),
+        values=([1.0], [0.01, 0.0175, 0.019, 0.021]),
+    )
     assert found["unstable_modes"].to_numpy().ravel().tolist() == [1, 3, 2, 0]
 
 
@@ -246,30 +346,54 @@ def test_a_step_on_a_stiff_spring_is_nearly_that_of_a_rigid_slider():
     rigid, force = finite_step(AGEING, 1.0, 10.0, 2.0, method=exact)
     away = []
     for stiffness in (1e2, 1e4):
-        lead, soft = finite_step(AGEING, 1.0, 10.0, 2.0, stiffness=stiffness, method=exact)
+        lead, soft = finite_step(
+            AGEING, 1.0, 10.0, 2.0, stiffness=stiffness, method=exact
+        )
         away.append(stiffness * np.abs(np.interp(rigid, lead, soft) - force).max())
     assert away[1] == pytest.approx(away[0], rel=0.02)
     assert 0.0 < away[0] < 0.1
 
 
-SLOW = [contacts(temperature=parabolic(0.01)), contacts(temperature=barrier(1.5, kramers=True))]
+SLOW = [
+    contacts(temperature=parabolic(0.01)),
+    contacts(temperature=barrier(1.5, kramers=True)),
+]
 SLOW.append(contacts(ageing=0.02, delay=0.001))
 
 
-@pytest.mark.parametrize("interface", [AGEING, *(pytest.param(one, marks=pytest.mark.slow) for one in SLOW)])
+@pytest.mark.parametrize(
+    "interface", [AGEING, *(pytest.param(one, marks=pytest.mark.slow) for one in SLOW)]
+)
 def test_finite_steps_that_are_small_are_the_linear_one(interface):
-    x, size = np.array([0.02, 0.1, 0.5, 2.0, 3.9]), math.log(1.1)
-    # What is even in the size of the step, and the error of the level, cancel between up and down.
-    up, down = (np.interp(x, *finite_step(interface, 1.0, math.exp(one), 4.0)) for one in (size, -size))
-    assert 0.5 * (up - down) / size == pytest.approx(small_step(interface, 1.0, x), abs=2e-4)
+    x = np.array([0.02, 0.1, 0.5, 2.0, 3.9])
+    size = math.log(1.1)
+    # What is even in the size of the step, and the error of the level, cancel between
+    # up and down.
+    up, down = (
+        np.interp(x, *finite_step(interface, 1.0, math.exp(one), 4.0))
+        for one in (size, -size)
+    )
+    assert 0.5 * (up - down) / size == pytest.approx(
+        small_step(interface, 1.0, x), abs=2e-4
+    )
 
 
-@pytest.mark.parametrize("interface", [contacts(width=None, delay=0.3), contacts(ageing=0.02, delay=0.3)])
+@pytest.mark.parametrize(
+    "interface", [contacts(width=None, delay=0.3), contacts(ageing=0.02, delay=0.3)]
+)
 def test_a_sudden_step_finds_the_contacts_that_are_attached(interface):
-    rig = replace(bench(interface), slider=ss.Slider(stiffness=1.0, mass=1e-3, damping=60.0), start=ss.FromSliding())
-    run = ss.simulate(replace(rig, drive=ss.constant(1.0, 4.0)), method=ss.Contacts(20_000, seed=1))
+    rig = replace(
+        bench(interface),
+        slider=ss.Slider(stiffness=1.0, mass=1e-3, damping=60.0),
+        start=ss.FromSliding(),
+    )
+    run = ss.simulate(
+        replace(rig, drive=ss.constant(1.0, 4.0)), method=ss.Contacts(20_000, seed=1)
+    )
     attached = float(run["attached"].mean())
-    assert ss.rate_and_state(interface).contact_stiffness == pytest.approx(attached, abs=5e-3)
+    assert ss.rate_and_state(interface).contact_stiffness == pytest.approx(
+        attached, abs=5e-3
+    )
     assert attached < 0.9
     assert fitted(AGEING).contact_stiffness == 1.0
 
@@ -283,19 +407,32 @@ PULL = np.where(TIME < 10, 1.0, 10.0)
 @pytest.mark.parametrize(
     ("law", "a", "b", "friction"),
     [
-        ("ageing", 0.005, 0.01, [0.60720485, 0.60186637, 0.5840091, 0.58563096, 0.58899543]),
-        ("slip", 0.01, 0.005, [0.60839299, 0.6146288, 0.61663335, 0.61451424, 0.61239234]),
+        (
+            "ageing",
+            0.005,
+            0.01,
+            [0.60720485, 0.60186637, 0.5840091, 0.58563096, 0.58899543],
+        ),
+        (
+            "slip",
+            0.01,
+            0.005,
+            [0.60839299, 0.6146288, 0.61663335, 0.61451424, 0.61239234],
+        ),
     ],
 )
 def test_published_arrays_of_the_forward_model(law, a, b, friction):
     one = RateAndState(law=law, a=a, b=b, distance=10.0)
     assert one.critical_stiffness() == pytest.approx(5e-4 if law == "ageing" else 0.0)
-    assert 0.6 + one.slide(TIME, PULL, stiffness=1e-3)[0, 11:16] == pytest.approx(friction, abs=1e-7)
+    assert 0.6 + one.slide(TIME, PULL, stiffness=1e-3)[0, 11:16] == pytest.approx(
+        friction, abs=1e-7
+    )
 
 
 @pytest.mark.parametrize("law", ["ageing", "slip"])
 def test_small_steps_of_both_laws_are_the_linear_one(law):
-    x, one = np.array([0.05, 0.3, 1.0, 4.0]), RateAndState(law=law, a=0.0106, b=0.0154, distance=0.31)
+    x = np.array([0.05, 0.3, 1.0, 4.0])
+    one = RateAndState(law=law, a=0.0106, b=0.0154, distance=0.31)
     found = one.step(x, 1.0005, stiffness=1.0) / math.log(1.0005)
     assert found == pytest.approx(one.small_step(x, stiffness=1.0), abs=1e-5)
 
@@ -305,17 +442,24 @@ def test_small_steps_of_both_laws_are_the_linear_one(law):
 
 @pytest.mark.takes(5)  # two transforms of the response to a step
 def test_the_verdict_is_in_units_of_the_thresholds():
-    one, four = fitted(AGEING), ss.rate_and_state(rescaled(AGEING, 4), 4)
-    assert [four.a, four.b, four.distance] == pytest.approx([4 * one.a, 4 * one.b, 4 * one.distance], rel=1e-3)
+    one = fitted(AGEING)
+    four = ss.rate_and_state(rescaled(AGEING, 4), 4)
+    assert [four.a, four.b, four.distance] == pytest.approx(
+        [4 * one.a, 4 * one.b, 4 * one.distance], rel=1e-3
+    )
 
 
 def test_a_direct_effect_that_is_missing_is_told_with_its_size():
-    interface = contacts(0.1, width=None, delay=1.0)  # half of the contacts are attached
-    fit, s = ss.rate_and_state(interface), 200j
+    # half of the contacts are attached
+    interface = contacts(0.1, width=None, delay=1.0)
+    fit = ss.rate_and_state(interface)
+    s = 200j
     kappa = dynamic_stiffness(interface, 1.0, s)
     direct = (1.0 / (1.0 / kappa - 1.0 / 0.5) / s).real  # a dashpot in series with them
     assert fit.contact_stiffness == pytest.approx(0.5)
-    assert fit.reason.startswith(f"no direct effect: a = {direct:.2g} at high frequency")
+    assert fit.reason.startswith(
+        f"no direct effect: a = {direct:.2g} at high frequency"
+    )
 
 
 @pytest.mark.slow
@@ -323,7 +467,11 @@ def test_a_direct_effect_that_is_missing_is_told_with_its_size():
     ("interface", "holds", "word"),
     [
         (contacts(0.1, width=None, delay=0.1), False, "no direct effect"),
-        (contacts(0.1, width=None, ageing=ss.Langevin(rate=1.0)), False, "no direct effect"),
+        (
+            contacts(0.1, width=None, ageing=ss.Langevin(rate=1.0)),
+            False,
+            "no direct effect",
+        ),
         (contacts(width=None, ageing=0.02), False, "no direct effect"),
         (contacts(0.1), False, "fitted to"),
         (THERMAL, True, "slip"),
@@ -342,10 +490,15 @@ def test_verdicts(interface, holds, word):
 
 
 def test_parameters_of_a_step_and_what_they_get_wrong():
-    thermal, ageing = fitted(THERMAL), fitted(AGEING)
+    thermal = fitted(THERMAL)
+    ageing = fitted(AGEING)
     assert (thermal.law, ageing.law) == ("slip", "ageing")
-    assert [thermal.a, thermal.b, thermal.distance] == pytest.approx([0.0111, 0.0067, 0.226], rel=0.03)
-    assert [ageing.a, ageing.b, ageing.distance] == pytest.approx([0.0111, 0.0157, 0.251], rel=0.03)
+    assert [thermal.a, thermal.b, thermal.distance] == pytest.approx(
+        [0.0111, 0.0067, 0.226], rel=0.03
+    )
+    assert [ageing.a, ageing.b, ageing.distance] == pytest.approx(
+        [0.0111, 0.0157, 0.251], rel=0.03
+    )
     assert ageing.step_misfit == pytest.approx(0.023, rel=0.05)
     assert ageing.exact_critical_stiffness == pytest.approx(0.02081, rel=0.01)
     assert ageing.critical_stiffness == pytest.approx(0.0188, rel=0.03)
@@ -365,7 +518,9 @@ def test_healing_is_the_growth_of_the_peaks_for_each_decade_of_the_hold():
     found = ss.rate_state.healing(run, b=1.5 / math.log(10.0))
     assert found.hold == (1.0, 10.0, 1000.0)
     assert found.per_decade == pytest.approx((1.0, 1.5))
-    assert "1.5 N per decade of hold time, 1.00 times what rate and state says" in str(found)
+    assert "1.5 N per decade of hold time, 1.00 times what rate and state says" in str(
+        found
+    )
     ss.plot.peaks_after_holds(run, found.by_rate_and_state)
 
 
@@ -376,7 +531,11 @@ TRUE = RateAndState(law="slip", a=0.01, b=0.014, distance=5.0)
 
 def step_of(time, pull, *, noise=3e-4, seed=3, memory=0.0):
     """A trace of a spring-slider, with noise that forgets in proportion."""
-    rough = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], np.random.default_rng(seed).normal(size=time.size))
+    rough = lfilter(
+        [math.sqrt(1.0 - memory**2)],
+        [1.0, -memory],
+        np.random.default_rng(seed).normal(size=time.size),
+    )
     friction = 0.6 + TRUE.slide(time, pull, stiffness=0.01)[0] + noise * rough
     return xr.Dataset({"friction": ("time", friction)}, coords={"time": time})
 
@@ -391,7 +550,15 @@ def slow_step(**how):
 def test_errors_of_fitted_steps_are_honest(count):
     fits = [slow_step(seed=seed) for seed in range(count)]
     truth = {"a": 0.01, "b": 0.014, "distance": 5.0, "stiffness": 0.01}.items()
-    found = np.array([[(getattr(fit, key) - true) / getattr(fit, key).error for key, true in truth] for fit in fits])
+    found = np.array(
+        [
+            [
+                (getattr(fit, key) - true) / getattr(fit, key).error
+                for key, true in truth
+            ]
+            for fit in fits
+        ]
+    )
     assert np.all(np.abs(found) < 4.5)
     if count >= 200:
         assert np.all(np.abs(np.std(found, axis=0) - 1.0) < 0.2)  # 1/sqrt(2 n) is .05
@@ -400,9 +567,15 @@ def test_errors_of_fitted_steps_are_honest(count):
 
 def test_errors_grow_with_the_likeness_of_neighbours():
     """Of noise that forgets in proportion, n samples are worth n (1 - r)/(1 + r)."""
-    usual, alike = slow_step(), slow_step(memory=0.8)
-    grown = [(getattr(alike, name).error / getattr(usual, name).error) for name in ("a", "b", "distance")]
-    assert np.exp(np.mean(np.log(grown))) == pytest.approx(math.sqrt(1.8 / 0.2), rel=0.25)
+    usual = slow_step()
+    alike = slow_step(memory=0.8)
+    grown = [
+        (getattr(alike, name).error / getattr(usual, name).error)
+        for name in ("a", "b", "distance")
+    ]
+    assert np.exp(np.mean(np.log(grown))) == pytest.approx(
+        math.sqrt(1.8 / 0.2), rel=0.25
+    )
 
 
 SOON = 2.5e-3 * np.arange(-400, 400)
@@ -414,11 +587,19 @@ GIVEN = {"at": 0.0, "before": 10.0, "after": 100.0}
 def test_the_time_of_a_step_is_fitted(at):
     """400 Hz, 10 to 100 um/s, said to come 12 ms (1.2 um) early or late."""
     fit = fit_rate_and_state(FAST, **GIVEN | {"at": at}, law="slip")
-    for found, true in ((fit.at, 0.0), (fit.distance, 5.0), (fit.stiffness, 0.01), (fit.a_minus_b, -0.004)):
+    for found, true in (
+        (fit.at, 0.0),
+        (fit.distance, 5.0),
+        (fit.stiffness, 0.01),
+        (fit.a_minus_b, -0.004),
+    ):
         assert abs(found - true) < 3.0 * found.error
     moved = FAST.assign(displacement=("time", np.where(SOON < 0, 10.0, 100.0) * SOON))
     assert velocity_step_in(moved, **GIVEN).measured
-    short = fit_rate_and_state(FAST, **GIVEN | {"at": at}, law="slip", span=(10.0, 20.0))  # more before than after
+    # more before than after
+    short = fit_rate_and_state(
+        FAST, **GIVEN | {"at": at}, law="slip", span=(10.0, 20.0)
+    )
     assert abs(short.at) < 3.0 * short.at.error
 
 
@@ -427,41 +608,66 @@ DATA = Path(__file__).parent / "data"
 
 def test_a_measured_step_on_basalt():
     trace = ss.read_trace(DATA / "giacomel_basalt_step.txt")
-    step = velocity_step_in(trace, at=11676.28, before=3.0, after=10.0, span=(5.0, 120.0), bins=200)
-    slip, ageing = (fit_rate_and_state(step, law=law, trend=True) for law in ("slip", "ageing"))
-    assert [slip.a, slip.b, slip.distance] == pytest.approx([0.00961, 0.00945, 7.9], rel=0.05)
-    assert [ageing.a, ageing.b, ageing.distance] == pytest.approx([0.00933, 0.00904, 5.8], rel=0.05)
+    step = velocity_step_in(
+        trace, at=11676.28, before=3.0, after=10.0, span=(5.0, 120.0), bins=200
+    )
+    slip, ageing = (
+        fit_rate_and_state(step, law=law, trend=True) for law in ("slip", "ageing")
+    )
+    assert [slip.a, slip.b, slip.distance] == pytest.approx(
+        [0.00961, 0.00945, 7.9], rel=0.05
+    )
+    assert [ageing.a, ageing.b, ageing.distance] == pytest.approx(
+        [0.00933, 0.00904, 5.8], rel=0.05
+    )
     assert max(slip.rms, ageing.rms) < 5.1e-4
-    assert_drawn(ss.plot.velocity_step(step, [slip, ageing], ["slip law", "ageing law"]), "velocity_step")
+    assert_drawn(
+        ss.plot.velocity_step(step, [slip, ageing], ["slip law", "ageing law"]),
+        "velocity_step",
+    )
     assert_kept(f"{slip}\n{ageing}\n", "velocity_step_told")
 
 
-# ---------------------------------------------------------------- files for other programs
+# ------------------------------------------------------------- files for other programs
 
 SCALES = ss.model.Scales(force=768.0, stretching=2e-6, time=1.0)
 
 
 def exported(interface, program, fit=None, **given):
     given = {"scales": SCALES, "load": "2 kN", "area": "1 cm^2"} | given
-    return ss.rate_state.export_rate_and_state(fit or fitted(interface), program, **given)
+    return ss.rate_state.export_rate_and_state(
+        fit or fitted(interface), program, **given
+    )
 
 
 def test_exports_are_scripts_in_si_units(tmp_path):
-    fit, text = fitted(AGEING), exported(AGEING, "qdyn", path=tmp_path / "fault.py")
+    fit = fitted(AGEING)
+    text = exported(AGEING, "qdyn", path=tmp_path / "fault.py")
     assert (tmp_path / "fault.py").read_text() == text
-    (assigned,) = (node for node in ast.parse(text).body if isinstance(node, ast.Assign))
+    (assigned,) = (
+        node for node in ast.parse(text).body if isinstance(node, ast.Assign)
+    )
     given = ast.literal_eval(assigned.value)
     law = given["SET_DICT_RSF"]
     assert (given["SIGMA"], law["THETA_LAW"]) == (pytest.approx(2e7), 1)
     assert law["A"] * 2000.0 / SCALES.force == pytest.approx(fit.a)
-    assert exported(AGEING, "qdyn", fit=fit.in_units(SCALES)) == text  # what is in SI units is not scaled twice
+    # what is in SI units is not scaled twice
+    assert exported(AGEING, "qdyn", fit=fit.in_units(SCALES)) == text
     for program in ("diabayes", "rsfmodel"):
         ast.parse(exported(AGEING, program))
-    # A scenario: tandem asks for boundary, mu and eta, and slips forward under a traction below 0.
+    # A scenario: tandem asks for boundary, mu and eta, and slips forward under a
+    # traction below 0.
     fault = exported(AGEING, "tandem")
-    for line in ("boundary(x, y", "mu(x, y", "eta(x, y", "tau_pre(x, y", "sn_pre(x, y) return 20.0 end"):
+    for line in (
+        "boundary(x, y",
+        "mu(x, y",
+        "eta(x, y",
+        "tau_pre(x, y",
+        "sn_pre(x, y) return 20.0 end",
+    ):
         assert f"\nfunction Fault:{line}" in fault
-    assert "a step from 2 um/s to 20 um/s" in fault  # in the units of the rig, as its a, b and D are
+    # in the units of the rig, as its a, b and D are
+    assert "a step from 2 um/s to 20 um/s" in fault
 
 
 # ---------------------------------------------------------------- what is refused
@@ -474,25 +680,51 @@ REFUSED = [
     (lambda: ss.static_friction(AREAS), NOT_WITH_AREAS),
     (lambda: ss.growth_rate(bench(AREAS)), NOT_WITH_AREAS),
     (lambda: ss.rate_and_state(AREAS), NOT_WITH_AREAS),
-    (lambda: ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0), NOT_WITH_AREAS),
-    (lambda: replace(AREAS, temperature=ss.Bell(width=0.01, attempts=1e6)), "not available with temp"),
-    (lambda: dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j), "never re-attach"),
-    (lambda: ss.rate_and_state(contacts(width=None)), "does not change with the velocity"),
+    (
+        lambda: ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0),
+        NOT_WITH_AREAS,
+    ),
+    (
+        lambda: replace(AREAS, temperature=ss.Bell(width=0.01, attempts=1e6)),
+        "not available with temp",
+    ),
+    (
+        lambda: dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j),
+        "never re-attach",
+    ),
+    (
+        lambda: ss.rate_and_state(contacts(width=None)),
+        "does not change with the velocity",
+    ),
     (
         lambda: ss.kinetic_friction(LANGEVIN, 1.0),
         r"Langevin\.newborn = 0 with Interface\.temperature: .*; give newborn > 0",
     ),
     (lambda: ss.kinetic_friction(THERMAL, 0.0), "there is no slow limit"),
     (lambda: exported(THERMAL, "tandem"), "knows the ageing law only"),
-    (lambda: exported(contacts(width=None, delay=0.1), "qdyn"), "is not rate-and-state"),
-    (lambda: exported(AGEING, "qdyn", area=None), "area: is missing"),
-    (lambda: exported(AGEING, "qdyn", load="2 m"), "load = '2 m': is not in a unit of 'N'"),
     (
-        lambda: fit_rate_and_state(FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip"),
+        lambda: exported(contacts(width=None, delay=0.1), "qdyn"),
+        "is not rate-and-state",
+    ),
+    (lambda: exported(AGEING, "qdyn", area=None), "area: is missing"),
+    (
+        lambda: exported(AGEING, "qdyn", load="2 m"),
+        "load = '2 m': is not in a unit of 'N'",
+    ),
+    (
+        lambda: fit_rate_and_state(
+            FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip"
+        ),
         r"^at = 0: 12 samples after the step; there must be at least 30",
     ),
-    (lambda: fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip"), "^not identified: .*swapped"),
-    (lambda: fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN), r"the friction is 0\.6 throughout"),
+    (
+        lambda: fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip"),
+        "^not identified: .*swapped",
+    ),
+    (
+        lambda: fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN),
+        r"the friction is 0\.6 throughout",
+    ),
 ]
 
 
@@ -502,7 +734,7 @@ def test_what_is_refused(ask, why):
         ask()
 
 
-# ---------------------------------------------------------------- rig files and the command
+# ------------------------------------------------------------ rig files and the command
 
 
 @pytest.fixture
@@ -517,7 +749,11 @@ def test_temperature_in_a_rig_file(warm):
     assert bell.width == pytest.approx(1.380649e-23 * 293 / (1e9 * 0.4e-27))
     assert bell.attempts == pytest.approx(1e6)
     for here, instead, message in (
-        ('temperature = "293 K"', 'temperature = "20 m"', "temperature = '20 m': is not in a unit of 'K'"),
+        (
+            'temperature = "293 K"',
+            'temperature = "20 m"',
+            "temperature = '20 m': is not in a unit of 'K'",
+        ),
         ('shear_strength = "1 GPa"\n', "", "interface.temperature.shear_strength"),
         ('kind = "bell"', 'kind = "arrhenius"', "must be one of the known kinds"),
         ('kind = "bell"', 'kind = "bell"\nwidth = "20 nm"', "not both"),
@@ -533,8 +769,27 @@ STEP = ["--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s"]
 
 @pytest.mark.takes(5)  # a fit by both laws to a measured step, a response to a step
 def test_the_command_writes_pictures_and_scripts(warm, tmp_path, capsys):
-    picture, script = tmp_path / "step.png", tmp_path / "qdyn.py"
-    assert main(["rsf", str(BASALT), *STEP, "--law", "slip", "--plot", str(picture)]) == 0
+    picture = tmp_path / "step.png"
+    script = tmp_path / "qdyn.py"
+    assert (
+        main(["rsf", str(BASALT), *STEP, "--law", "slip", "--plot", str(picture)]) == 0
+    )
     assert picture.stat().st_size > 10_000
-    assert main(["rsf", str(warm), "--export", "qdyn", "--load", "2 kN", "--area", "1 cm^2", "-o", str(script)]) == 0
+    assert (
+        main(
+            [
+                "rsf",
+                str(warm),
+                "--export",
+                "qdyn",
+                "--load",
+                "2 kN",
+                "--area",
+                "1 cm^2",
+                "-o",
+                str(script),
+            ]
+        )
+        == 0
+    )
     assert capsys.readouterr().out.endswith(f"qdyn: {script}\n")

@@ -1,4 +1,6 @@
-"""Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in theory and in pictures."""
+"""Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in
+theory and in pictures.
+"""
 
 import math
 from dataclasses import replace
@@ -29,20 +31,30 @@ SPREAD_BY = {"kappa": 0.01, "leaf": 0.0025, "alpha": 0.1}
 @pytest.mark.parametrize("leaf", [0.0, 0.2])
 @pytest.mark.parametrize("prestress", [0.5, 0.7, 0.95])
 def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
-    """Without losses the phase is a step at each of two roots, found here on their own."""
+    """Without losses the phase is a step at each of two roots, found here on their
+    own.
+    """
 
     def root(held, v):
-        return brentq(lambda w: held + 4 * math.sin(w / (2 * v)) ** 2 - w * w, 1e-9, math.sqrt(held + 4) + 1e-9)
+        return brentq(
+            lambda w: held + 4 * math.sin(w / (2 * v)) ** 2 - w * w,
+            1e-9,
+            math.sqrt(held + 4) + 1e-9,
+        )
 
     def closed(v):
-        behind = root(leaf, v) / math.sqrt(leaf) if leaf else 1 / math.sqrt(1 - 1 / v**2)
+        behind = (
+            root(leaf, v) / math.sqrt(leaf) if leaf else 1 / math.sqrt(1 - 1 / v**2)
+        )
         return root(leaf + kappa, v) / math.sqrt(leaf + kappa) / behind - prestress
 
     found = speed(bar(kappa, leaf), prestress)
     if closed(1.0 + 1e-9) > 0:
         assert found < 1.0
     else:
-        assert found == pytest.approx(brentq(closed, 1.0 + 1e-9, 20.0, xtol=1e-13), rel=1e-6)
+        assert found == pytest.approx(
+            brentq(closed, 1.0 + 1e-9, 20.0, xtol=1e-13), rel=1e-6
+        )
 
 
 @pytest.mark.parametrize(
@@ -59,37 +71,56 @@ def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
         (SPREAD_BY | {"std": 0.01}, 0.6, 0.50000),
         (SPREAD_BY | {"std": 0.2}, 0.6, 0.49135),
         (SPREAD_BY | {"std": 0.1}, 0.8, 0.85876),
-        (SPREAD_BY | {"std": 0.2}, 0.8, 0.83755),  # just before the contacts ahead give way by themselves
+        # just before the contacts ahead give way by themselves
+        (SPREAD_BY | {"std": 0.2}, 0.8, 0.83755),
         (SPREAD_BY | {"std": 0.1, "sliding": 0.425}, 0.6, 0.49862),
     ],
 )
 def test_published_numbers(groups, prestress, expected):
-    """Speeds known to five digits or more, each met by a chain of blocks integrated in time as well."""
+    """Speeds known to five digits or more, each met by a chain of blocks integrated
+    in time as well.
+    """
     rig = bar(**groups) if isinstance(groups, dict) else bar(*groups)
     assert speed(rig, prestress) == pytest.approx(expected, rel=0.0, abs=6e-6)
 
 
-@pytest.mark.parametrize(("prestress", "expected"), [(0.5, 1 / 5), (0.6, 1 / 2), (0.8, 11 / 13)])
+@pytest.mark.parametrize(
+    ("prestress", "expected"), [(0.5, 1 / 5), (0.6, 1 / 2), (0.8, 11 / 13)]
+)
 def test_the_continuum_in_closed_form(prestress, expected):
-    """Of thresholds nearly alike, and of fine blocks: a sixteenth and a thirty-second of the screening length."""
-    assert speed(bar(0.01, 0.0025, 0.1, std=1e-4), prestress) == pytest.approx(expected, rel=1e-6)
-    coarse, fine = (speed(bar(k, k / 4, math.sqrt(k)), prestress) for k in (0.00390625, 0.0009765625))
+    """Of thresholds nearly alike, and of fine blocks: a sixteenth and a
+    thirty-second of the screening length.
+    """
+    assert speed(bar(0.01, 0.0025, 0.1, std=1e-4), prestress) == pytest.approx(
+        expected, rel=1e-6
+    )
+    coarse, fine = (
+        speed(bar(k, k / 4, math.sqrt(k)), prestress)
+        for k in (0.00390625, 0.0009765625)
+    )
     assert fine + (fine - coarse) / 3 == pytest.approx(expected, abs=1e-4)
 
 
-def test_sliding_force_strength_and_rows_enter_through_the_prestress_alone_and_units_scale():
+def test_sliding_force_strength_and_rows_enter_through_the_prestress_alone_and_units_scale():  # noqa: E501
     rig = bar(0.04, 0.01, 0.2)
     one = speed(rig, 0.6)
     assert speed(bar(0.04, 0.01, 0.2, sliding=0.425), 0.6) == one
     assert speed(bar(0.04, 0.01, 0.2, sliding=0.425, mean=1.3), 0.6) == one
-    sheet = ss.model.Sheet(along=60, across=9, coupling=25.0, shear=3.0, mass=25.0, damping=0.2, leaf=0.25)
-    assert speed(ss.Rig(rig.interface, sheet, STILL), 0.6) == pytest.approx(one, rel=1e-12)
-    front = elastic.front_speed(replace(rig, scales=Scales(force=100.0, stretching=1e-6, time=0.01)), prestress=0.6)
+    sheet = ss.model.Sheet(
+        along=60, across=9, coupling=25.0, shear=3.0, mass=25.0, damping=0.2, leaf=0.25
+    )
+    assert speed(ss.Rig(rig.interface, sheet, STILL), 0.6) == pytest.approx(
+        one, rel=1e-12
+    )
+    front = elastic.front_speed(
+        replace(rig, scales=Scales(force=100.0, stretching=1e-6, time=0.01)),
+        prestress=0.6,
+    )
     assert front.speed == pytest.approx(100 * one, rel=1e-12)
     assert front.speed / front.sound_speed == pytest.approx(one, rel=1e-12)
 
 
-# ---------------------------------------------------------------- any distribution of thresholds
+# ------------------------------------------------------- any distribution of thresholds
 
 
 def test_the_limit_of_soft_leaf_springs():
@@ -101,10 +132,13 @@ def test_the_limit_of_soft_leaf_springs():
 @pytest.mark.parametrize("leaf", [0.1, 0.25])
 @pytest.mark.parametrize("std", [0.0, 0.05, 0.1, 0.2])
 def test_threshold_from_the_mean_square_of_the_thresholds_that_are_left(std, leaf):
-    """Equal areas by parts: (tau - f_d)^2 = K/(1 + K) of the mean of (x_c - f_d)^2 over thresholds beyond tau."""
+    """Equal areas by parts: (tau - f_d)^2 = K/(1 + K) of the mean of (x_c - f_d)^2
+    over thresholds beyond tau.
+    """
     rig = bar(0.04, leaf * 0.04, 0.2, std=std, sliding=0.2)
     strength = rig.interface.threshold_distribution.moment(1)
-    tau, mean_square = 0.2 + elastic.front_threshold(rig) * (strength - 0.2), 0.8**2
+    tau = 0.2 + elastic.front_threshold(rig) * (strength - 0.2)
+    mean_square = 0.8**2
     if std:
         x = np.linspace(tau, 4.0, 400_001)
         weight = rig.interface.threshold_distribution.density(x)
@@ -136,51 +170,85 @@ def test_what_is_said_of_a_front(rig, prestress, words):
 
 @pytest.mark.parametrize("tip", [0, 1, 17, 28, 29])
 def test_precursor_force_from_the_balance_of_every_block(tip):
-    """The same from the equations of all blocks at once: those behind the tip slide, the tip is at its threshold."""
-    n, sliding = 30, 0.3
+    """The same from the equations of all blocks at once: those behind the tip slide,
+    the tip is at its threshold.
+    """
+    n = 30
+    sliding = 0.3
     rig = bar(1 / 3.0, sliding=sliding, blocks=n, side=4.0)
     stuck = np.arange(n) >= tip
     matrix = springs_between(rig.slider) + np.diag(np.where(stuck, 1.0, 0.0))
     unit = np.zeros(n)
     unit[0] = 1.0
-    per_force, offset = (np.linalg.solve(matrix, rhs) for rhs in (unit, np.where(stuck, 0.0, -sliding)))
+    per_force, offset = (
+        np.linalg.solve(matrix, rhs) for rhs in (unit, np.where(stuck, 0.0, -sliding))
+    )
     force = (1.0 - offset[tip]) / per_force[tip]
-    assert float(elastic.precursor_force(rig).sel(tip=tip)) == pytest.approx(force, rel=1e-10)
+    assert float(elastic.precursor_force(rig).sel(tip=tip)) == pytest.approx(
+        force, rel=1e-10
+    )
 
 
 def test_screening_length_is_how_stuck_blocks_follow():
-    """The displacement of a row of stuck blocks, pushed at one end, falls by e over the screening length."""
+    """The displacement of a row of stuck blocks, pushed at one end, falls by e over
+    the screening length.
+    """
     rig = bar(1 / 25.0, side=4.0)
-    decay = 25.0 / (1.0 + 25.0 * 2.0 - 25.0 * math.exp(-1 / elastic.screening_length(rig)))
-    assert decay == pytest.approx(math.exp(-1 / elastic.screening_length(rig)), rel=1e-12)
-    assert elastic.screening_length(bar(1e-6, side=4.0)) == pytest.approx(1000.0, rel=1e-6)
+    decay = 25.0 / (
+        1.0 + 25.0 * 2.0 - 25.0 * math.exp(-1 / elastic.screening_length(rig))
+    )
+    assert decay == pytest.approx(
+        math.exp(-1 / elastic.screening_length(rig)), rel=1e-12
+    )
+    assert elastic.screening_length(bar(1e-6, side=4.0)) == pytest.approx(
+        1000.0, rel=1e-6
+    )
 
 
-# ---------------------------------------------------------------- modes of smooth sliding
+# -------------------------------------------------------------- modes of smooth sliding
 
 
 def sliding(**chain):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
-    return ss.Rig(interface, ss.Chain(**{"mass": 1e-4, "damping": 42.426} | chain), ss.constant(velocity=1.5))
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    )
+    return ss.Rig(
+        interface,
+        ss.Chain(**{"mass": 1e-4, "damping": 42.426} | chain),
+        ss.constant(velocity=1.5),
+    )
 
 
 def test_a_mode_is_a_rigid_slider_on_its_own_spring():
     rig = sliding(blocks=5, coupling=3.0, leaf=1.0)
     found = elastic.modes(rig)
     rigid = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426))
-    assert complex(found.growth[0], found.frequency[0]) == pytest.approx(complex(ss.growth_rate(rigid)), rel=1e-10)
-    assert found.growth.values.tolist() == sorted(found.growth.values.tolist(), reverse=True)
+    assert complex(found.growth[0], found.frequency[0]) == pytest.approx(
+        complex(ss.growth_rate(rigid)), rel=1e-10
+    )
+    assert found.growth.values.tolist() == sorted(
+        found.growth.values.tolist(), reverse=True
+    )
 
 
 @pytest.mark.parametrize("ends", ["free", "periodic"])
 @pytest.mark.parametrize("side", [0.0, 7.0])
 def test_modes_are_the_eigenvalues_of_the_springs(ends, side):
-    springs = {"coupling": 3.0, "mass": 1.0, "damping": 1.0, "leaf": 0.5, "side": side, "ends": ends}
+    springs = {
+        "coupling": 3.0,
+        "mass": 1.0,
+        "damping": 1.0,
+        "leaf": 0.5,
+        "side": side,
+        "ends": ends,
+    }
     sheet = ss.model.Sheet(along=5, across=4, shear=2.0, **springs)
     for body in (*(ss.Chain(blocks=n, **springs) for n in (1, 2, 8)), sheet):
         rig = replace(sliding(blocks=1, coupling=1.0, leaf=1.0), slider=body)
         exact = np.linalg.eigvalsh(np.diag(body.pulled) + springs_between(body))[:11]
-        assert elastic.modes(rig, count=exact.size).stiffness.values == pytest.approx(exact, rel=1e-9)
+        assert elastic.modes(rig, count=exact.size).stiffness.values == pytest.approx(
+            exact, rel=1e-9
+        )
 
 
 @pytest.mark.parametrize(
@@ -192,30 +260,53 @@ def test_modes_are_the_eigenvalues_of_the_springs(ends, side):
     ],
 )
 def test_wavelengths(ends, chain, expected):
-    """All blocks alike, and half a wave; on a spring at one end, a quarter of a wave from the drive to the free end."""
-    found = elastic.modes(sliding(blocks=12, coupling=2.0, ends=ends, **chain)).wavelength.values
+    """All blocks alike, and half a wave; on a spring at one end, a quarter of a wave
+    from the drive to the free end.
+    """
+    found = elastic.modes(
+        sliding(blocks=12, coupling=2.0, ends=ends, **chain)
+    ).wavelength.values
     assert found[: len(expected)] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("blocks", "unstable"), [(8, 1), (32, 3), (128, 11)])
 @pytest.mark.parametrize("viscosity", [0.0, 0.02])
-def test_the_longest_waves_grow_and_viscosity_of_the_bulk_shortens_none(blocks, unstable, viscosity):
+def test_the_longest_waves_grow_and_viscosity_of_the_bulk_shortens_none(
+    blocks, unstable, viscosity
+):
     rig = sliding(blocks=blocks, coupling=20.0, leaf=1.0, viscosity=viscosity)
-    found, dry = elastic.modes(rig, count=14), elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0))
+    found = elastic.modes(rig, count=14)
+    dry = elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0))
     shortest = elastic.critical_length(rig)
     assert ((found.growth > 0) == (found.wavelength > shortest.wavelength)).all()
     assert viscosity or int((found.growth > 0).sum()) == unstable
-    assert shortest.wavelength > dry.wavelength if viscosity else shortest.wavelength == pytest.approx(25.31, abs=5e-3)
+    assert (
+        shortest.wavelength > dry.wavelength
+        if viscosity
+        else shortest.wavelength == pytest.approx(25.31, abs=5e-3)
+    )
     assert dry.stiffness == pytest.approx(2.226362, abs=1e-6)
-    assert "stable at every wavelength" in str(elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0)))
+    assert "stable at every wavelength" in str(
+        elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=3.0))
+    )
     bar = ss.read_rig("pmma_bar")  # whose blocks have a length
-    assert str(elastic.critical_length(bar)) == "waves longer than 10 mm grow; pulled at one end, unstable from 5 mm on"
+    assert (
+        str(elastic.critical_length(bar))
+        == "waves longer than 10 mm grow; pulled at one end, unstable from 5 mm on"
+    )
 
 
-@pytest.mark.parametrize(("coupling", "side", "blocks"), [(80.0, 40.0, 8), (400.0, 400.0, 21)])
+@pytest.mark.parametrize(
+    ("coupling", "side", "blocks"), [(80.0, 40.0, 8), (400.0, 400.0, 21)]
+)
 def test_a_long_slider_pulled_at_one_end_is_unstable(coupling, side, blocks):
-    assert elastic.critical_length(sliding(blocks=3, coupling=coupling, side=side)).blocks == blocks
-    rigs = (sliding(blocks=n, coupling=coupling, side=side) for n in (blocks - 1, blocks))
+    assert (
+        elastic.critical_length(sliding(blocks=3, coupling=coupling, side=side)).blocks
+        == blocks
+    )
+    rigs = (
+        sliding(blocks=n, coupling=coupling, side=side) for n in (blocks - 1, blocks)
+    )
     below, above = (float(elastic.modes(rig, count=1).growth[0]) for rig in rigs)
     assert below < 0 < above
 
@@ -225,13 +316,18 @@ def test_modes_in_si_units():
     scaled = replace(rig, scales=Scales(force=100.0, stretching=1e-6, time=0.01))
     natural, si = (elastic.modes(each, count=2) for each in (rig, scaled))
     assert si.growth.values == pytest.approx(100 * natural.growth.values, rel=1e-12)
-    assert si.stiffness.values == pytest.approx(1e8 * natural.stiffness.values, rel=1e-12)
-    assert elastic.critical_length(scaled).stiffness == pytest.approx(1e8 * elastic.critical_length(rig).stiffness)
+    assert si.stiffness.values == pytest.approx(
+        1e8 * natural.stiffness.values, rel=1e-12
+    )
+    assert elastic.critical_length(scaled).stiffness == pytest.approx(
+        1e8 * elastic.critical_length(rig).stiffness
+    )
 
 
 # ---------------------------------------------------------------- bad input
 
-ALIKE, SPREAD = bar(0.04, 0.01, 0.2), bar(0.04, 0.01, 0.2, std=0.1)
+ALIKE = bar(0.04, 0.01, 0.2)
+SPREAD = bar(0.04, 0.01, 0.2, std=0.1)
 SCATTERED = replace(SPREAD, interface=replace(SPREAD.interface, track_scatter=0.1))
 RIGID = replace(SPREAD, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0))
 BAR = sliding(blocks=8, coupling=20.0, leaf=1.0)
@@ -242,20 +338,57 @@ RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
     ("ask", "rig", "message"),
     [
         (speed, (ALIKE, 1.0), r"prestress = 1: must be .* below 1"),
-        (speed, (SPREAD, 0.99), r"prestress = 0.99: the contacts are past their largest"),
-        (speed, (bar(0.04, 0.01, 0.2, 0.1, std=0.1), 0.5), r"Chain.viscosity = 2.5: fronts in a viscous bar are known"),
-        (speed, (bar(0.04, sliding=1.0), 0.5), r"Interface.sliding_force = 1: must be below"),
-        (speed, (SCATTERED, 0.5), "Interface.track_scatter = .* not available with front_speed"),
+        (
+            speed,
+            (SPREAD, 0.99),
+            r"prestress = 0.99: the contacts are past their largest",
+        ),
+        (
+            speed,
+            (bar(0.04, 0.01, 0.2, 0.1, std=0.1), 0.5),
+            r"Chain.viscosity = 2.5: fronts in a viscous bar are known",
+        ),
+        (
+            speed,
+            (bar(0.04, sliding=1.0), 0.5),
+            r"Interface.sliding_force = 1: must be below",
+        ),
+        (
+            speed,
+            (SCATTERED, 0.5),
+            "Interface.track_scatter = .* not available with front_speed",
+        ),
         (elastic.precursor_force, (ALIKE,), r"Rig.slider = .*pulled at one end only"),
-        (elastic.precursor_force, (bar(0.25, std=0.1, side=4.0),), r"Interface.thresholds = .* needs all .* alike"),
-        (elastic.modes, (sliding(blocks=4, coupling=1.0),), r"Rig.slider = .* nothing holds the slider"),
+        (
+            elastic.precursor_force,
+            (bar(0.25, std=0.1, side=4.0),),
+            r"Interface.thresholds = .* needs all .* alike",
+        ),
+        (
+            elastic.modes,
+            (sliding(blocks=4, coupling=1.0),),
+            r"Rig.slider = .* nothing holds the slider",
+        ),
         (elastic.modes, (RING,), r"Rig.slider: 5000 blocks in a network"),
-        (ss.growth_rate, (sliding(blocks=4, coupling=1.0, leaf=1.0),), r"Rig.slider = .* use|modes\(\)"),
+        (
+            ss.growth_rate,
+            (sliding(blocks=4, coupling=1.0, leaf=1.0),),
+            r"Rig.slider = .* use|modes\(\)",
+        ),
         (ss.predict, (sliding(blocks=8, coupling=20.0),), ".*nothing holds the slider"),
         (ss.predict, (replace(BAR, drive=STILL),), ".*the speed of a prediction = 0"),
         *(
-            (ask, (RIGID,), r"Rig\.slider = Slider\(.*needs an elastic slider; give a Chain")
-            for ask in (elastic.front_threshold, elastic.precursor_force, elastic.modes, elastic.critical_length)
+            (
+                ask,
+                (RIGID,),
+                r"Rig\.slider = Slider\(.*needs an elastic slider; give a Chain",
+            )
+            for ask in (
+                elastic.front_threshold,
+                elastic.precursor_force,
+                elastic.modes,
+                elastic.critical_length,
+            )
         ),
     ],
 )
@@ -270,16 +403,24 @@ def test_bad_input(ask, rig, message):
 @pytest.fixture(scope="module")
 def passing():
     """A front that slows down as the prestress falls along a bar."""
-    rig = pushed(bar(0.04, 0.01, 0.2, blocks=300), tuple(0.9 - 0.4 * np.arange(300) / 300), 900)
+    rig = pushed(
+        bar(0.04, 0.01, 0.2, blocks=300), tuple(0.9 - 0.4 * np.arange(300) / 300), 900
+    )
     return ss.simulate(rig, output=ss.Output(interval=3.0))
 
 
 @pytest.fixture(scope="module")
 def pulled():
     """Precursors in a short bar, up to some slips of all its blocks."""
-    delay, chain = ss.RandomDelay(mean=100.0, std=30.0), {"blocks": 24, "mass": 4.0, "damping": 0.1, "side": 4.0}
-    rig = replace(bar(0.25, std=0.05, sliding=0.425, delay=delay, **chain), drive=ss.constant(2.5e-4, duration=2.5e5))
-    return ss.simulate(rig, method=ss.QuasiStatic(50, seed=1), output=ss.Output(interval=60.0))
+    delay = ss.RandomDelay(mean=100.0, std=30.0)
+    chain = {"blocks": 24, "mass": 4.0, "damping": 0.1, "side": 4.0}
+    rig = replace(
+        bar(0.25, std=0.05, sliding=0.425, delay=delay, **chain),
+        drive=ss.constant(2.5e-4, duration=2.5e5),
+    )
+    return ss.simulate(
+        rig, method=ss.QuasiStatic(50, seed=1), output=ss.Output(interval=60.0)
+    )
 
 
 def test_pictures_are_what_they_were(passing, pulled):
@@ -291,18 +432,28 @@ def test_pictures_are_what_they_were(passing, pulled):
 
 
 def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
-    """It follows the falling prestress with a lag of some blocks, .0013 of prestress each."""
-    lines = {line.get_label(): line for line in ss.plot.front_curve(passing).get_lines()}
+    """It follows the falling prestress with a lag of some blocks, .0013 of prestress
+    each.
+    """
+    lines = {
+        line.get_label(): line for line in ss.plot.front_curve(passing).get_lines()
+    }
     tau, v = lines["along the run"].get_data()
     away = (tau > 0.6) & (tau < 0.8)
     assert away.sum() > 100
-    assert v[away] == pytest.approx(np.interp(tau[away], *lines["theory (lattice)"].get_data()), abs=0.02)
+    assert v[away] == pytest.approx(
+        np.interp(tau[away], *lines["theory (lattice)"].get_data()), abs=0.02
+    )
     assert lines["threshold"].get_xdata()[0] == pytest.approx(0.447214, abs=1e-6)
 
 
 def test_precursors_grow_along_the_line(pulled):
-    """Events before the first slip of the whole bar; re-attachment and thresholds that differ scatter them."""
-    lines = {line.get_label(): line for line in ss.plot.precursor_lengths(pulled).get_lines()}
+    """Events before the first slip of the whole bar; re-attachment and thresholds
+    that differ scatter them.
+    """
+    lines = {
+        line.get_label(): line for line in ss.plot.precursor_lengths(pulled).get_lines()
+    }
     force, tip = lines["theory"].get_data()
     at, reach = lines["events of the run"].get_data()
     first = int(np.argmax(reach == 24))
@@ -313,9 +464,18 @@ def test_precursors_grow_along_the_line(pulled):
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
-        (lambda run: ss.plot.spacetime(run, "heat"), r"^plot: this Dataset has no heat of each block"),
-        (lambda run: ss.plot.slip_profiles(run.isel(time=slice(-9, None))), r"^slip_profiles: .* no event of 3"),
-        (ss.plot.front_curve, r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed"),
+        (
+            lambda run: ss.plot.spacetime(run, "heat"),
+            r"^plot: this Dataset has no heat of each block",
+        ),
+        (
+            lambda run: ss.plot.slip_profiles(run.isel(time=slice(-9, None))),
+            r"^slip_profiles: .* no event of 3",
+        ),
+        (
+            ss.plot.front_curve,
+            r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed",
+        ),
     ],
 )
 def test_pictures_that_cannot_be_drawn(pulled, ask, message):
@@ -324,33 +484,59 @@ def test_pictures_that_cannot_be_drawn(pulled, ask, message):
 
 
 def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):
-    rig, file, kept = pushed(bar(0.04, 0.01, 0.2, blocks=60), 0.8, 100.0), tmp_path / "rig.toml", tmp_path / "run.nc"
+    rig = pushed(bar(0.04, 0.01, 0.2, blocks=60), 0.8, 100.0)
+    file = tmp_path / "rig.toml"
+    kept = tmp_path / "run.nc"
     file.write_text(rig_files.to_toml(rig))
     (front,) = ss.measure.fronts(ss.simulate(rig))["front_speed"].values
-    line = f"blocks 0 to 59, the end; {front:.3g} blocks/time, {front:.3g} of the speed of sound\n1 event of at least 3"
-    for command in (("simulate", file, "-o", kept), ("measure", kept), ("rerun", kept, "-o", tmp_path / "again.nc")):
+    line = (
+        f"blocks 0 to 59, the end; {front:.3g} blocks/time, {front:.3g} of the "
+        "speed of sound\n1 event of at least 3"
+    )
+    for command in (
+        ("simulate", file, "-o", kept),
+        ("measure", kept),
+        ("rerun", kept, "-o", tmp_path / "again.nc"),
+    ):
         assert cli.main([str(word) for word in command]) == 0
         assert line in capsys.readouterr().out
     assert ss.load(tmp_path / "again.nc").identical(ss.load(kept))
     for kind in ("spacetime", "fronts", "precursors", "slips"):
-        assert cli.main(["plot", str(kept), str(tmp_path / f"{kind}.png"), "--kind", kind]) == 0
+        assert (
+            cli.main(["plot", str(kept), str(tmp_path / f"{kind}.png"), "--kind", kind])
+            == 0
+        )
 
 
-# ---------------------------------------------------------------- which wavelength slips first, and at which speeds
+# ------------------------------------ which wavelength slips first, and at which speeds
 
 
 def test_predict_tells_which_wave_grows_and_at_which_speeds():
-    """All modes meet the same contacts, so at the end of a wave's range of speeds its stiffness is the critical one."""
+    """All modes meet the same contacts, so at the end of a wave's range of speeds
+    its stiffness is the critical one.
+    """
     rig = sliding(blocks=32, coupling=20.0, leaf=1.0)
     found = ss.predict(rig)
     table = elastic.modes(rig)
     assert found.growing == int((table["growth"] > 0).sum()) == 3
-    assert [wave.wavelength for wave in found.waves] == table["wavelength"].values[:5].tolist()
-    assert [wave.growth for wave in found.waves] == pytest.approx(table["growth"].values[:5].tolist(), rel=1e-9)
+    assert [wave.wavelength for wave in found.waves] == table["wavelength"].values[
+        :5
+    ].tolist()
+    assert [wave.growth for wave in found.waves] == pytest.approx(
+        table["growth"].values[:5].tolist(), rel=1e-9
+    )
     for wave in found.waves:
-        for edge in {end for pair in wave.speeds for end in pair} - set(found.speeds_searched):
-            at = replace(rig, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426), drive=ss.constant(edge))
-            assert ss.stability.critical_spring(at) == pytest.approx(wave.stiffness, rel=1e-5)
+        for edge in {end for pair in wave.speeds for end in pair} - set(
+            found.speeds_searched
+        ):
+            at = replace(
+                rig,
+                slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.426),
+                drive=ss.constant(edge),
+            )
+            assert ss.stability.critical_spring(at) == pytest.approx(
+                wave.stiffness, rel=1e-5
+            )
     longest, *others = found.waves
     assert all(longest.speeds[0][0] < wave.speeds[0][0] for wave in others)
     assert found.speeds == longest.speeds
@@ -362,21 +548,34 @@ def test_a_bar_of_which_no_wave_grows_says_so():
     found = ss.predict(replace(BAR, drive=ss.constant(2000.0)))
     assert found.growing == 0
     assert "smooth sliding is linearly stable at every wavelength" in found.headline
-    at_once = ss.predict(replace(BAR, interface=replace(BAR.interface, delay=ss.Delay(0.0))))
+    at_once = ss.predict(
+        replace(BAR, interface=replace(BAR.interface, delay=ss.Delay(0.0)))
+    )
     assert at_once.verdict.startswith("undecided: without delay or ageing")
     assert at_once.plot().axes
 
 
 def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):
-    """The first block breaks loose where precursors begin: with slip as far as block 0, of the closed form."""
+    """The first block breaks loose where precursors begin: with slip as far as block
+    0, of the closed form.
+    """
     rig = bar(0.25, std=0.0, blocks=40, side=4.0, alpha=0.3)
     distance = 1.0 + float(elastic.precursor_force(rig).sel(tip=0)) / rig.slider.side
     short, beyond = (
-        ss.simulate(replace(rig, drive=ss.constant(0.01, duration=part * distance / 0.01), method=ss.Contacts(2)))
+        ss.simulate(
+            replace(
+                rig,
+                drive=ss.constant(0.01, duration=part * distance / 0.01),
+                method=ss.Contacts(2),
+            )
+        )
         for part in (0.5, 1.01)
     )
     ss.save(short, tmp_path / "short.nc")
     assert cli.main(["measure", str(tmp_path / "short.nc")]) == 0
-    said = "0 events of at least 3 blocks; the first block breaks loose when the drive has gone about"
+    said = (
+        "0 events of at least 3 blocks; the first block breaks loose when the drive "
+        "has gone about"
+    )
     assert f"{said} {distance:.3g} x_s" in capsys.readouterr().out
     assert np.flatnonzero(np.isfinite(beyond["first_break"])).tolist() == [0]

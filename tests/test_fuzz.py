@@ -1,6 +1,9 @@
-"""Whatever is given: an answer or one line, in seconds. Never another exception, a warning or a page of text.
+"""Whatever is given: an answer or one line, in seconds.
 
-The quick run takes a few examples, the slow one a thousand, always the same; `make fuzz` takes others.
+Never another exception, a warning or a page of text.
+
+The quick run takes a few examples, the slow one a thousand, always the same;
+`make fuzz` takes others.
 """
 
 import inspect
@@ -33,21 +36,72 @@ WORTH = 0.5
 """Runs that would take longer, in seconds, are not run here."""
 
 NUMBERS = st.one_of(
-    st.sampled_from([0, -1, 1, 1e-300, 5e-324, 1e300, 1e25, 1e-25, 1e12, 1e-12, 1e-4, 10**400, -0.0, 0.1, 2.5, 40]),
+    st.sampled_from(
+        [
+            0,
+            -1,
+            1,
+            1e-300,
+            5e-324,
+            1e300,
+            1e25,
+            1e-25,
+            1e12,
+            1e-12,
+            1e-4,
+            10**400,
+            -0.0,
+            0.1,
+            2.5,
+            40,
+        ]
+    ),
     st.floats(),
     st.integers(),
     st.booleans(),
 )
-UNITS = st.sampled_from(["N/m", "um", "mm/s", "ms", "g", "N", "m", "s", "1/s", "kg", "µm", "", "²", "furlong", "N m"])
+UNITS = st.sampled_from(
+    [
+        "N/m",
+        "um",
+        "mm/s",
+        "ms",
+        "g",
+        "N",
+        "m",
+        "s",
+        "1/s",
+        "kg",
+        "µm",
+        "",
+        "²",
+        "furlong",
+        "N m",
+    ]
+)
 TEXTS = st.one_of(
     st.text(max_size=12),
     st.builds("{} {}".format, NUMBERS, UNITS),
-    st.sampled_from(["never", "contacts", "master equation", "gaussian", "SI", "natural", "9**9**9 N/m", "4,0 MN/m"]),
+    st.sampled_from(
+        [
+            "never",
+            "contacts",
+            "master equation",
+            "gaussian",
+            "SI",
+            "natural",
+            "9**9**9 N/m",
+            "4,0 MN/m",
+        ]
+    ),
     st.integers(1, 100_000).map("x".__mul__),
 )
 VALUES = st.recursive(
     st.one_of(NUMBERS, TEXTS),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(st.text(max_size=6), inner, max_size=3)
+    ),
     max_leaves=6,
 )
 PLAIN = VALUES | st.none() | st.just(b"1") | st.just(1j) | st.just(object())
@@ -56,11 +110,26 @@ PLAIN = VALUES | st.none() | st.just(b"1") | st.just(1j) | st.just(object())
 @cache
 def documents_to_begin_with():
     small = rig_files.to_document(RIG)
-    speeds = {**small, "drive": {"velocity": {"from": 0.5, "to": 2.0}}, "feasible": {"stiffness": [1.0, 4.0]}}
-    pieces = {**small, "drive": {"pieces": [{"start": 1.0, "end": -1.0, "duration": 2.0}]}}
-    interfaces = [ss.Interface(thresholds=TENTH, **fields) for fields in MECHANISMS.values()]
-    mechanisms = [rig_files.to_document(replace(RIG, interface=interface)) for interface in interfaces]
-    shipped = [tomllib.loads(rig_files.example_file(name).read_text()) for name in rig_files.example_names()]
+    speeds = {
+        **small,
+        "drive": {"velocity": {"from": 0.5, "to": 2.0}},
+        "feasible": {"stiffness": [1.0, 4.0]},
+    }
+    pieces = {
+        **small,
+        "drive": {"pieces": [{"start": 1.0, "end": -1.0, "duration": 2.0}]},
+    }
+    interfaces = [
+        ss.Interface(thresholds=TENTH, **fields) for fields in MECHANISMS.values()
+    ]
+    mechanisms = [
+        rig_files.to_document(replace(RIG, interface=interface))
+        for interface in interfaces
+    ]
+    shipped = [
+        tomllib.loads(rig_files.example_file(name).read_text())
+        for name in rig_files.example_names()
+    ]
     return [small, speeds, pieces, rig_files.to_document(CHAIN), *mechanisms, *shipped]
 
 
@@ -73,7 +142,9 @@ def paths(node, at=()):
 
 @st.composite
 def rigs(draw):
-    """The content of a rig file with some of its values changed, taken away or added."""
+    """The content of a rig file with some of its values changed, taken away or
+    added.
+    """
     document = json.loads(json.dumps(draw(st.sampled_from(documents_to_begin_with()))))
     for _ in range(draw(st.integers(0, 3))):
         *where, last = draw(st.sampled_from(list(paths(document))))
@@ -86,7 +157,9 @@ def rigs(draw):
             case 1:
                 node[draw(st.text(min_size=1, max_size=8))] = draw(VALUES)
             case 2 if isinstance(node[last], (int, float)):
-                node[last] = node[last] * draw(st.sampled_from([1e-12, 1e-6, 1e-3, 0.1, -1, 10, 1e3, 1e6, 1e12]))
+                node[last] = node[last] * draw(
+                    st.sampled_from([1e-12, 1e-6, 1e-3, 0.1, -1, 10, 1e3, 1e6, 1e12])
+                )
             case _:
                 node[last] = draw(VALUES)
         if not any(True for _ in paths(document)):
@@ -116,22 +189,39 @@ def with_the_text_of_a_rig_file(changes, tmp_path):
 
 
 CELLS = st.one_of(
-    NUMBERS.map(str), st.sampled_from(["", "nan", "1,5", "1.2 N", "950 mN", "time", "#", "²", "12:30:00", "-"])
+    NUMBERS.map(str),
+    st.sampled_from(
+        ["", "nan", "1,5", "1.2 N", "950 mN", "time", "#", "²", "12:30:00", "-"]
+    ),
 )
 
 
 @st.composite
 def traces(draw):
-    """The text of a measured trace: a sawtooth with what loggers add to it, and what none does."""
+    """The text of a measured trace: a sawtooth with what loggers add to it, and what
+    none does.
+    """
     separator = draw(st.sampled_from([",", ";", "\t", " ", ", "]))
-    count, size = draw(st.sampled_from([0, 1, 3, 40, 400])), draw(st.sampled_from([1.0, 1e-9, 1e9, 1e-320, 1e308, 0.0]))
-    rows = [[f"{0.1 * i:.3f}", f"{size * (5 + 0.1 * (i % 20)):.6g}"] for i in range(count)]
+    count = draw(st.sampled_from([0, 1, 3, 40, 400]))
+    size = draw(st.sampled_from([1.0, 1e-9, 1e9, 1e-320, 1e308, 0.0]))
+    rows = [
+        [f"{0.1 * i:.3f}", f"{size * (5 + 0.1 * (i % 20)):.6g}"] for i in range(count)
+    ]
     for _ in range(draw(st.integers(0, 4))):
         if rows:
             row = draw(st.sampled_from(rows))
             row[draw(st.integers(0, 1)) if len(row) > 1 else 0] = draw(CELLS)
     header = draw(
-        st.sampled_from(["", "time,force\n", "Time,Force\ns,N\n", "t [s];F [N]\n", "[section]\n", "\ufeffa,b\n"])
+        st.sampled_from(
+            [
+                "",
+                "time,force\n",
+                "Time,Force\ns,N\n",
+                "t [s];F [N]\n",
+                "[section]\n",
+                "\ufeffa,b\n",
+            ]
+        )
     )
     return header + "\n".join(separator.join(row) for row in rows)
 
@@ -168,14 +258,20 @@ ROOMS = (
     ss.rate_state.velocity_step_in,
     ss.measure.fronts,
 )
-PUBLIC = [*(getattr(ss, name) for name in ss.__all__), *(getattr(ss.elastic, name) for name in ss.elastic.__all__)]
+PUBLIC = [
+    *(getattr(ss, name) for name in ss.__all__),
+    *(getattr(ss.elastic, name) for name in ss.elastic.__all__),
+]
 CALLS = {
     call.__name__: call
     for call in (*PUBLIC, *RECORDS, *ROOMS)
-    if inspect.isfunction(call) or (is_dataclass(call) and call.__module__.startswith("stickslip.model"))
+    if inspect.isfunction(call)
+    or (is_dataclass(call) and call.__module__.startswith("stickslip.model"))
 }
 """What users call and the records they give to it."""
-SAWTOOTH = "time,force\n" + "\n".join(f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600))
+SAWTOOTH = "time,force\n" + "\n".join(
+    f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600)
+)
 USUAL = {
     "interface": INTERFACE,
     "rig": RIG,
@@ -188,10 +284,50 @@ USUAL = {
     "edges": (0.5, 1.0),
     "holds": (1.0,),
     "name": "brake_pad",
-    **dict.fromkeys(("mean", "scale", "shape", "rate", "velocity", "before", "start", "push", "mass", "shear"), 1.0),
-    **dict.fromkeys(("stiffness", "distance", "after", "end", "duration", "high", "static_friction"), 2.0),
-    **dict.fromkeys(("std", "low", "slope", "width", "time", "temperature", "stretching", "prestress", "speed"), 0.1),
-    **dict.fromkeys(("attempts", "height", "coupling", "damping", "kinetic_friction"), 10.0),
+    **dict.fromkeys(
+        (
+            "mean",
+            "scale",
+            "shape",
+            "rate",
+            "velocity",
+            "before",
+            "start",
+            "push",
+            "mass",
+            "shear",
+        ),
+        1.0,
+    ),
+    **dict.fromkeys(
+        (
+            "stiffness",
+            "distance",
+            "after",
+            "end",
+            "duration",
+            "high",
+            "static_friction",
+        ),
+        2.0,
+    ),
+    **dict.fromkeys(
+        (
+            "std",
+            "low",
+            "slope",
+            "width",
+            "time",
+            "temperature",
+            "stretching",
+            "prestress",
+            "speed",
+        ),
+        0.1,
+    ),
+    **dict.fromkeys(
+        ("attempts", "height", "coupling", "damping", "kinetic_friction"), 10.0
+    ),
     **dict.fromkeys(("blocks", "along", "across"), 4),
 }
 """What a parameter is given that is not the one in question."""
@@ -199,13 +335,22 @@ USUAL = {
 
 @st.composite
 def arguments(draw):
-    """The name of a call, and its arguments by name, one or two of them odd: of a function one that it needs."""
+    """The name of a call, and its arguments by name, one or two of them odd: of a
+    function one that it needs.
+    """
     name = draw(st.sampled_from(sorted(CALLS)))
     parameters = inspect.signature(CALLS[name]).parameters
     needed = [each.name for each in parameters.values() if each.default is each.empty]
     first = needed if inspect.isfunction(CALLS[name]) else list(parameters)
-    odd = {draw(st.sampled_from(first)), draw(st.sampled_from(list(parameters)))} if first else set()
-    return name, {each: draw(PLAIN) if each in odd else USUAL.get(each, 0) for each in {*needed, *odd}}
+    odd = (
+        {draw(st.sampled_from(first)), draw(st.sampled_from(list(parameters)))}
+        if first
+        else set()
+    )
+    return name, {
+        each: draw(PLAIN) if each in odd else USUAL.get(each, 0)
+        for each in {*needed, *odd}
+    }
 
 
 def with_arguments(given_, _tmp_path):
@@ -215,7 +360,9 @@ def with_arguments(given_, _tmp_path):
 
 def with_a_message(message, _tmp_path):
     text, kind, document = message
-    request = documents.from_json(text if kind is None else json.dumps({**document, "kind": kind}))
+    request = documents.from_json(
+        text if kind is None else json.dumps({**document, "kind": kind})
+    )
     if kind is not None:
         for _ in getattr(simulate, kind)(request, ignored):
             pass
@@ -229,13 +376,26 @@ def ignored(_part):
 def messages(draw):
     if draw(st.integers(0, 3)) == 0:
         return (
-            draw(st.text(max_size=40) | st.integers(1, 2000).map(lambda n: "[" * n) | VALUES.map(json.dumps)),
+            draw(
+                st.text(max_size=40)
+                | st.integers(1, 2000).map(lambda n: "[" * n)
+                | VALUES.map(json.dumps)
+            ),
             None,
             {},
         )
     document = draw(rigs())
-    extra = draw(st.dictionaries(st.sampled_from(["cursor", "width", "turn", "units", "relative_damping"]), VALUES))
-    return "", draw(st.sampled_from(["run", "edit", "stretchings"])), {"document": document, **extra}
+    extra = draw(
+        st.dictionaries(
+            st.sampled_from(["cursor", "width", "turn", "units", "relative_damping"]),
+            VALUES,
+        )
+    )
+    return (
+        "",
+        draw(st.sampled_from(["run", "edit", "stretchings"])),
+        {"document": document, **extra},
+    )
 
 
 @cache
@@ -260,13 +420,18 @@ def half(a, seed):
     return {"b": a / 2 + 0 * seed}
 
 
-DAMAGE = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 7)), min_size=1, max_size=20)
+DAMAGE = st.lists(
+    st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 7)),
+    min_size=1,
+    max_size=20,
+)
 
 
 def damaged(content, bits, cut):
     content = bytearray(content)
     for at, bit in bits:
-        content[int(at**2 * len(content))] ^= 1 << bit  # its beginning holds what a file is made of
+        # its beginning holds what a file is made of
+        content[int(at**2 * len(content))] ^= 1 << bit
     return bytes(content if cut is None else content[: int(cut * len(content))])
 
 
@@ -284,17 +449,25 @@ def with_a_damaged_store(damage, tmp_path):
     place.write_bytes(damaged(run_as_bytes()[1], *damage))
     status_of(place)
     found = run_cases(half, {"a": [1.0, 2.0, 3.0]}, store=place)
-    assert np.array_equal(found["b"], [0.5, 1.0, 1.5]), "a damaged store is read as if it were whole"
+    assert np.array_equal(found["b"], [0.5, 1.0, 1.5]), (
+        "a damaged store is read as if it were whole"
+    )
 
 
 CUTS = st.none() | st.floats(0, 1)
-SPLICES = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4)
+SPLICES = st.lists(
+    st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4
+)
 WHOLE = rig_files.to_document(RIG)
 PROPERTIES = {
     "rig files": (with_a_rig_file, rigs(), WHOLE),
     "texts of rig files": (with_the_text_of_a_rig_file, SPLICES, []),
     "traces": (with_a_trace, traces(), SAWTOOTH),
-    "arguments": (with_arguments, arguments(), ("kinetic_friction", {"interface": INTERFACE, "velocity": 1.0})),
+    "arguments": (
+        with_arguments,
+        arguments(),
+        ("kinetic_friction", {"interface": INTERFACE, "velocity": 1.0}),
+    ),
     "messages": (with_a_message, messages(), ("", "run", {"document": WHOLE})),
     "damaged runs": (with_a_damaged_run, st.tuples(DAMAGE, CUTS), ([], None)),
     "damaged stores": (with_a_damaged_store, st.tuples(DAMAGE, CUTS), ([], None)),
@@ -302,7 +475,9 @@ PROPERTIES = {
 """What is done, with what, and an example that is whole."""
 
 
-@pytest.mark.parametrize("examples", [EXAMPLES, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "examples", [EXAMPLES, pytest.param(1000, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", PROPERTIES)
 def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
     use, strategy, whole = PROPERTIES[name]
@@ -330,7 +505,8 @@ def test_an_answer_or_one_line(name, examples, tmp_path, capfd):
 
 def told(use, what, tmp_path):
     """The line that refuses something, empty if there is none, and how long it took."""
-    begun, line = time.process_time(), ""
+    begun = time.process_time()
+    line = ""
     try:
         use(what, tmp_path)
     except (ss.InputError, UndecidedError) as error:

@@ -1,7 +1,8 @@
-"""Numbers that users have had: the same rig and seed give them again, and who changes one is told.
+"""Numbers that users have had: the same rig and seed give them again, and who changes
+one is told.
 
-The laws of tests/test_laws.py say what is right; here stands which of all right runs it is. Each test keeps a table in
-tests/data/drawn, a line for each case.
+The laws of tests/test_laws.py say what is right; here stands which of all right runs it
+is. Each test keeps a table in tests/data/drawn, a line for each case.
 """
 
 import math
@@ -12,30 +13,61 @@ import numpy as np
 import pytest
 import xarray as xr
 from drawn import assert_kept
-from test_laws import BARRIER, CHAIN, DELAY, DRIVE, MECHANISMS, PAIRS, SLIDER, TENTH, run_of
+from test_laws import (
+    BARRIER,
+    CHAIN,
+    DELAY,
+    DRIVE,
+    MECHANISMS,
+    PAIRS,
+    SLIDER,
+    TENTH,
+    run_of,
+)
 
 import stickslip as ss
 
 ROUNDING = 1e-7
-"""Far above what another processor rounds otherwise, far below what any solver is asked for."""
+"""Far above what another processor rounds otherwise, far below what any solver is
+asked for.
+"""
 RTOL = {"MasterEquation": 1e-5, "Population": 0.15}
-"""Where rounding alone decides whether one step more is made, and with it, in a population, which numbers are drawn."""
+"""Where rounding alone decides whether one step more is made, and with it, in a
+population, which numbers are drawn.
+"""
 DELAYED = ss.Interface(thresholds=TENTH, delay=DELAY)
 KINDS = {
-    **{mechanism: ss.Interface(thresholds=TENTH, **fields) for mechanism, fields in MECHANISMS.items()},
-    "parabolic": ss.Interface(thresholds=TENTH, temperature=ss.model.Parabolic(temperature=0.01, attempts=1e6)),
-    "Kramers": ss.Interface(thresholds=TENTH, temperature=replace(BARRIER, kramers=True)),
-    "wide at the beginning": ss.Interface(thresholds=TENTH, initial=ss.Uniform(low=-0.6, high=0.7)),
+    **{
+        mechanism: ss.Interface(thresholds=TENTH, **fields)
+        for mechanism, fields in MECHANISMS.items()
+    },
+    "parabolic": ss.Interface(
+        thresholds=TENTH, temperature=ss.model.Parabolic(temperature=0.01, attempts=1e6)
+    ),
+    "Kramers": ss.Interface(
+        thresholds=TENTH, temperature=replace(BARRIER, kramers=True)
+    ),
+    "wide at the beginning": ss.Interface(
+        thresholds=TENTH, initial=ss.Uniform(low=-0.6, high=0.7)
+    ),
 }
 
 
 def row(name: str, numbers: Mapping[str, object]) -> str:
     """Say the numbers of a case in a line."""
-    return f"{name}: " + ", ".join(f"{key} {_said(value)}" for key, value in numbers.items()) + "\n"
+    return (
+        f"{name}: "
+        + ", ".join(f"{key} {_said(value)}" for key, value in numbers.items())
+        + "\n"
+    )
 
 
 def _said(value: object) -> str:
-    return value if isinstance(value, str) else " ".join(f"{each:.9g}" for each in np.atleast_1d(value))
+    return (
+        value
+        if isinstance(value, str)
+        else " ".join(f"{each:.9g}" for each in np.atleast_1d(value))
+    )
 
 
 def table(rows: Mapping[str, Mapping[str, object]]) -> str:
@@ -57,10 +89,20 @@ def _more_runs(method: str) -> dict[str, xr.Dataset]:
     """Runs of other bodies, starts and drives than the laws ask for."""
     if method not in ("Contacts", "MasterEquation"):
         return {}
-    solver = ss.Contacts(15, seed=2) if method == "Contacts" else ss.MasterEquation(rtol=1e-2)
-    waiting = ss.ramp(0.0, 1.0, 1.0).until(ss.model.ForceAbove(0.2)).then(ss.constant(0.5, 1.0))
+    solver = (
+        ss.Contacts(15, seed=2)
+        if method == "Contacts"
+        else ss.MasterEquation(rtol=1e-2)
+    )
+    waiting = (
+        ss.ramp(0.0, 1.0, 1.0)
+        .until(ss.model.ForceAbove(0.2))
+        .then(ss.constant(0.5, 1.0))
+    )
     leaves = replace(CHAIN, side=0.5, viscosity=0.05)
-    sheet = ss.model.Sheet(along=4, across=2, coupling=5.0, shear=2.0, mass=1e-2, damping=15.0, leaf=8.0)
+    sheet = ss.model.Sheet(
+        along=4, across=2, coupling=5.0, shear=2.0, mass=1e-2, damping=15.0, leaf=8.0
+    )
     cases = {
         **{
             name: (KINDS[name], SLIDER, DRIVE, ss.FromRest())
@@ -68,14 +110,30 @@ def _more_runs(method: str) -> dict[str, xr.Dataset]:
         },
         "from sliding": (DELAYED, SLIDER, DRIVE, ss.FromSliding(perturbation=0.1)),
         "until a force": (DELAYED, SLIDER, waiting, ss.FromRest()),
-        "a ring": (DELAYED, replace(CHAIN, ends="periodic"), DRIVE, ss.FromSliding(perturbation=0.1)),
+        "a ring": (
+            DELAYED,
+            replace(CHAIN, ends="periodic"),
+            DRIVE,
+            ss.FromSliding(perturbation=0.1),
+        ),
         "side and leaf springs": (DELAYED, leaves, DRIVE, ss.FromRest()),
         "a bar until a force": (DELAYED, CHAIN, waiting, ss.FromRest()),
-        "a push": (DELAYED, CHAIN, ss.constant(0.0, 2.0), ss.Prestressed(stretching=0.6, push=2.0)),
-        "half at rest": (DELAYED, CHAIN, ss.constant(0.5, 1.0), ss.FromSliding(at_rest=2)),
+        "a push": (
+            DELAYED,
+            CHAIN,
+            ss.constant(0.0, 2.0),
+            ss.Prestressed(stretching=0.6, push=2.0),
+        ),
+        "half at rest": (
+            DELAYED,
+            CHAIN,
+            ss.constant(0.5, 1.0),
+            ss.FromSliding(at_rest=2),
+        ),
         "a sheet": (DELAYED, sheet, DRIVE, ss.FromRest()),
     }
-    output, found = ss.Output(interval=0.05), {}
+    output = ss.Output(interval=0.05)
+    found = {}
     for name, (interface, body, drive, start) in cases.items():
         rig = ss.Rig(interface, body, drive, method=solver, start=start, output=output)
         try:
@@ -86,11 +144,17 @@ def _more_runs(method: str) -> dict[str, xr.Dataset]:
 
 
 @pytest.mark.takes(5)
-@pytest.mark.parametrize("method", ["Contacts", "MasterEquation", "Population", "QuasiStatic"])
+@pytest.mark.parametrize(
+    "method", ["Contacts", "MasterEquation", "Population", "QuasiStatic"]
+)
 def test_runs_are_kept(method):
-    runs = {name: run_of(name) for name in PAIRS if name.startswith(method)} | _more_runs(method)
+    runs = {
+        name: run_of(name) for name in PAIRS if name.startswith(method)
+    } | _more_runs(method)
     rows = {name.removeprefix(f"{method}, "): of_run(run) for name, run in runs.items()}
-    assert_kept(table(rows), f"runs_{method}", rtol=RTOL.get(method, ROUNDING), atol=1e-12)
+    assert_kept(
+        table(rows), f"runs_{method}", rtol=RTOL.get(method, ROUNDING), atol=1e-12
+    )
 
 
 def _growth(rig: ss.Rig) -> float | str:
@@ -136,16 +200,28 @@ def test_rigid_motion_is_kept(distributions):
 
 
 def test_bars_are_kept():
-    never = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(math.inf), sliding_force=0.2)
-    rig = ss.Rig(never, ss.Chain(blocks=40, coupling=9.0, mass=0.5, damping=0.3, leaf=0.2), ss.constant(0.5, 1.0))
-    pulled = replace(rig, slider=ss.Chain(blocks=12, coupling=4.0, mass=0.5, damping=0.3, side=4.0))
+    never = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.0),
+        delay=ss.Delay(math.inf),
+        sliding_force=0.2,
+    )
+    rig = ss.Rig(
+        never,
+        ss.Chain(blocks=40, coupling=9.0, mass=0.5, damping=0.3, leaf=0.2),
+        ss.constant(0.5, 1.0),
+    )
+    pulled = replace(
+        rig, slider=ss.Chain(blocks=12, coupling=4.0, mass=0.5, damping=0.3, side=4.0)
+    )
     smooth = replace(rig, interface=DELAYED)
     found = {
         "modes": {"growth": ss.elastic.modes(smooth, count=6)["growth"].to_numpy()},
         "lengths": {"screening": ss.elastic.screening_length(rig)},
         "front": {
             "threshold": ss.elastic.front_threshold(rig),
-            "speeds": [ss.elastic.front_speed(rig, prestress=each).speed for each in (0.5, 0.8)],
+            "speeds": [
+                ss.elastic.front_speed(rig, prestress=each).speed for each in (0.5, 0.8)
+            ],
         },
         "precursor": {"forces": ss.elastic.precursor_force(pulled).to_numpy()[:4]},
     }
@@ -154,9 +230,12 @@ def test_bars_are_kept():
 
 def _made_up_forces() -> dict[str, np.ndarray]:
     """Forces every .1 s, that slip, oscillate, or do neither."""
-    rng, t = np.random.default_rng(7), np.arange(4000)
-    noise, walk = 0.02 * rng.normal(size=t.size), 0.05 * np.cumsum(rng.normal(size=t.size))
-    saw, sine = (t % 200) / 200.0, np.sin(0.06 * t)
+    rng = np.random.default_rng(7)
+    t = np.arange(4000)
+    noise = 0.02 * rng.normal(size=t.size)
+    walk = 0.05 * np.cumsum(rng.normal(size=t.size))
+    saw = (t % 200) / 200.0
+    sine = np.sin(0.06 * t)
     return {
         "slips": 5.0 + saw + noise,
         "one slip": 5.0 + ((t + 1000) % 3000) / 1000.0 + noise,
@@ -184,14 +263,24 @@ def test_what_is_measured_is_kept():
     rows = {}
     for name, force in _made_up_forces().items():
         time = ("time", 0.1 * np.arange(force.size), {"units": "s"})
-        rows[name] = _measured(xr.Dataset({"spring_force": ("time", force, {"units": "N"})}, coords={"time": time}))
+        rows[name] = _measured(
+            xr.Dataset(
+                {"spring_force": ("time", force, {"units": "N"})}, coords={"time": time}
+            )
+        )
     sliders = {
         "heavy": ss.Slider(stiffness=0.5, mass=0.05, damping=1.0),
         "light": ss.Slider(stiffness=0.2, mass=1e-4, damping=5.0),
     }
     for delay in (0.0, 0.2):
         for name, slider in sliders.items():
-            rig = ss.Rig(ss.Interface(thresholds=TENTH, delay=ss.Delay(delay)), slider, ss.constant(0.5, 30.0))
-            run = ss.simulate(rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.01))
+            rig = ss.Rig(
+                ss.Interface(thresholds=TENTH, delay=ss.Delay(delay)),
+                slider,
+                ss.constant(0.5, 30.0),
+            )
+            run = ss.simulate(
+                rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.01)
+            )
             rows[f"a run, delay {delay}, {name}"] = _measured(run)
     assert_kept(table(rows), "measured", rtol=ROUNDING, atol=1e-12)

@@ -1,4 +1,6 @@
-"""The small kernels, each against what it stands for; the engines that are made of them have tests of their own."""
+"""The small kernels, each against what it stands for; the engines that are made of
+them have tests of their own.
+"""
 
 import math
 
@@ -14,7 +16,9 @@ from stickslip.kernels.drive import Quadratic, drive_at
 from stickslip.kernels.hazard import BARRIER, BELL, PARABOLIC, Hazard
 from stickslip.kernels.oscillator import Load, Motion, Slider, travel
 
-changes = st.lists(st.tuples(st.integers(0, 10_000), st.floats(0, 1) | st.just(math.inf)), max_size=80)
+changes = st.lists(
+    st.tuples(st.integers(0, 10_000), st.floats(0, 1) | st.just(math.inf)), max_size=80
+)
 
 
 @settings(max_examples=100)
@@ -35,32 +39,51 @@ def test_a_tournament_knows_the_smallest_and_whose_it_is(slots, steps):
 
 
 def plain_turns(force, drop, rise):
-    """Peaks and troughs after them: the highest since the last trough, proved by a drop; and so on."""
-    found, falling, best = [], False, 0
+    """Peaks and troughs after them: the highest since the last trough, proved by a
+    drop; and so on.
+    """
+    found = []
+    falling = False
+    best = 0
     for i, value in enumerate(force):
         if (value < force[best]) if falling else (value > force[best]):
             best = i
         elif abs(value - force[best]) >= (rise if falling else drop):
             found.append(best)
-            falling, best = not falling, i
-    peaks, troughs = found[::2], found[1::2]
+            falling = not falling
+            best = i
+    peaks = found[::2]
+    troughs = found[1::2]
     return peaks[: len(troughs)], troughs
 
 
 @settings(max_examples=200)
-@given(st.lists(st.integers(-6, 6).map(float), min_size=1, max_size=80), st.integers(1, 5), st.integers(1, 5))
+@given(
+    st.lists(st.integers(-6, 6).map(float), min_size=1, max_size=80),
+    st.integers(1, 5),
+    st.integers(1, 5),
+)
 def test_turning_points(force, drop, rise):
     peaks, troughs = turning_points.pick(np.array(force), float(drop), float(rise))
     assert (peaks.tolist(), troughs.tolist()) == plain_turns(force, drop, rise)
 
 
-@pytest.mark.parametrize(("noise", "resolution", "error"), [(0.0, 0.0, 0.1), (0.0, 0.5, 0.4), (0.1, 0.0, 0.5)])
+@pytest.mark.parametrize(
+    ("noise", "resolution", "error"),
+    [(0.0, 0.0, 0.1), (0.0, 0.5, 0.4), (0.1, 0.0, 0.5)],
+)
 def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
-    """Samples fall at most one slope short of a peak; noise and rounding of the recorder come on top."""
-    peaks, troughs = np.array([9.0, 10.0, 8.0, 11.0, 9.0, 10.0]), np.array([2.0, 3.0, 1.0, 4.0, 2.0, 3.0])
+    """Samples fall at most one slope short of a peak; noise and rounding of the
+    recorder come on top.
+    """
+    peaks = np.array([9.0, 10.0, 8.0, 11.0, 9.0, 10.0])
+    troughs = np.array([2.0, 3.0, 1.0, 4.0, 2.0, 3.0])
     seen = np.full((2, 4), np.nan)
     sampling = turning_points.Sampling(0.1, noise, resolution, 2.0, 2.0)
-    assert turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), seen) == 4
+    assert (
+        turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), seen)
+        == 4
+    )
     assert seen[0] == pytest.approx(peaks[1:5], abs=error)
     assert seen[1] == pytest.approx(troughs[1:5], abs=error)
     if resolution:
@@ -69,7 +92,11 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
         assert np.all(seen[0] <= peaks[1:5] + 4 * noise)
         assert np.all(seen[1] >= troughs[1:5] - 4 * noise)
     few = np.full((2, 9), np.nan)
-    assert turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), few) == 4  # no more are there
+    # no more are there
+    assert (
+        turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), few)
+        == 4
+    )
 
 
 HAZARDS = [
@@ -95,16 +122,26 @@ def plain_rate(held, x, threshold):
 @pytest.mark.parametrize("held", HAZARDS)
 @pytest.mark.parametrize(("x", "threshold"), [(0.3, 1.1), (-0.5, 0.9), (0.85, 0.9)])
 def test_rates_and_their_slopes(held, x, threshold):
-    assert hazard.rate(held, x, threshold) == pytest.approx(plain_rate(held, x, threshold), rel=1e-12)
+    assert hazard.rate(held, x, threshold) == pytest.approx(
+        plain_rate(held, x, threshold), rel=1e-12
+    )
     log, *slopes = hazard.log_rate(held, abs(x), threshold)
-    assert held.attempts * math.exp(log) == pytest.approx(plain_rate(held, x, threshold), rel=1e-12)
+    assert held.attempts * math.exp(log) == pytest.approx(
+        plain_rate(held, x, threshold), rel=1e-12
+    )
     if not held.kramers:
         left = hazard.height(held, abs(x), threshold)
         assert left == pytest.approx(-log, rel=1e-12)
-        assert hazard.stretching_at(held, left, threshold) == pytest.approx(abs(x), rel=1e-12)
+        assert hazard.stretching_at(held, left, threshold) == pytest.approx(
+            abs(x), rel=1e-12
+        )
     at = np.array([abs(x), threshold])
     by_differences = [
-        (math.log(plain_rate(held, *(at + step))) - math.log(plain_rate(held, *(at - step)))) / 2e-6
+        (
+            math.log(plain_rate(held, *(at + step)))
+            - math.log(plain_rate(held, *(at - step)))
+        )
+        / 2e-6
         for step in 1e-6 * np.eye(2)
     ]
     assert slopes == pytest.approx(by_differences, rel=1e-6)
@@ -129,7 +166,9 @@ FLIGHTS = [
 
 @pytest.mark.parametrize(("eta", "w2", "v", "f0", "f1"), FLIGHTS)
 def test_out_of_reach_is_out_of_reach(eta, w2, v, f0, f1):
-    flight = flights.take_off(eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, 0.0)
+    flight = flights.take_off(
+        eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, 0.0
+    )
     t = np.linspace(0.0, 60.0, 200_001)
     y = np.array([flights.far(flight, h)[0] for h in t.tolist()])
     for ahead, behind in ((0.2, 0.15), (0.15, 0.2), (0.02, 0.03)):
@@ -140,21 +179,44 @@ def test_out_of_reach_is_out_of_reach(eta, w2, v, f0, f1):
 
 
 @pytest.mark.parametrize(
-    ("mass", "damping", "length", "tolerance"),  # the quadratures are of fourth order in the last doubling
-    [(0.02, 40.0, 0.3, 1e-5), (1.0, 2.0, 0.3, 1e-5), (1.0, 2.0, 1.0, 5e-4), (0.02, 3.0, 0.05, 1e-6)],
+    # the quadratures are of fourth order in the last doubling
+    ("mass", "damping", "length", "tolerance"),
+    [
+        (0.02, 40.0, 0.3, 1e-5),
+        (1.0, 2.0, 0.3, 1e-5),
+        (1.0, 2.0, 1.0, 5e-4),
+        (0.02, 3.0, 0.05, 1e-6),
+    ],
 )
 def test_work_of_the_oscillator(mass, damping, length, tolerance):
-    """Against the equation of motion, integrated: a drive that turns, contacts that break ever slower."""
-    K, begin, start = 1.5, 0.1, Motion(0.1, 0.15, -0.4)
-    drive, load = Quadratic(0.0, 0.2, -1.0, 2.0), Load(0.1, 0.5, 0.7, -0.3)
+    """Against the equation of motion, integrated: a drive that turns, contacts that
+    break ever slower.
+    """
+    K = 1.5
+    begin = 0.1
+    start = Motion(0.1, 0.15, -0.4)
+    drive = Quadratic(0.0, 0.2, -1.0, 2.0)
+    load = Load(0.1, 0.5, 0.7, -0.3)
 
     def slope(t, state):
         X, V, _, _ = state
         D, velocity = drive_at(drive, begin + t)
-        friction = load.force + load.stiffness * (X - start.X) - load.loss * t - 0.5 * load.ramp * t * t
-        return [V, (K * (D - X) - friction) / mass - damping * V, K * (D - X) * velocity, V * V]
+        friction = (
+            load.force
+            + load.stiffness * (X - start.X)
+            - load.loss * t
+            - 0.5 * load.ramp * t * t
+        )
+        return [
+            V,
+            (K * (D - X) - friction) / mass - damping * V,
+            K * (D - X) * velocity,
+            V * V,
+        ]
 
-    exact = solve_ivp(slope, (0, length), [start.X, start.V, 0, 0], "DOP853", rtol=1e-12, atol=1e-14)
+    exact = solve_ivp(
+        slope, (0, length), [start.X, start.V, 0, 0], "DOP853", rtol=1e-12, atol=1e-14
+    )
     X, V, work, squares = exact.y[:, -1]
     got = travel(Slider(K, mass, damping), drive, start, load, length)
     assert pytest.approx([X, V], abs=1e-12) == [got.X, got.V]

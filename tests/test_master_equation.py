@@ -1,4 +1,6 @@
-"""The master equation by its public name: its error follows its tolerance, whatever the rig."""
+"""The master equation by its public name: its error follows its tolerance, whatever
+the rig.
+"""
 
 import math
 
@@ -8,7 +10,13 @@ import pytest
 import stickslip as ss
 
 
-def rig(slider, *, thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2), duration=6.0):
+def rig(
+    slider,
+    *,
+    thresholds=ss.Gaussian(mean=1.0, std=0.1),
+    delay=ss.Delay(0.2),
+    duration=6.0,
+):
     stiffness, mass, damping = slider
     interface = ss.Interface(thresholds=thresholds, delay=delay)
     slider = ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
@@ -25,7 +33,9 @@ RIGS = {
 
 
 def force(case, rtol):
-    run = ss.simulate(case, method=ss.MasterEquation(rtol=rtol), output=ss.Output(interval=0.005))
+    run = ss.simulate(
+        case, method=ss.MasterEquation(rtol=rtol), output=ss.Output(interval=0.005)
+    )
     return run["spring_force"].to_numpy()
 
 
@@ -38,12 +48,26 @@ def test_the_error_is_within_a_factor_of_ten_of_the_tolerance(name):
 
 @pytest.mark.parametrize("ratio", [0.9, 0.97, 1.0, 1.2, 2.0])
 def test_an_arrest_in_a_hold_is_seen_by_all_methods_or_refused(ratio):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.OnArrest())
-    hold = ss.constant(0.85, duration=5.0).then(ss.constant(0.0, duration=5.0)).then(ss.constant(0.85, duration=5.0))
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.OnArrest()
+    )
+    hold = (
+        ss.constant(0.85, duration=5.0)
+        .then(ss.constant(0.0, duration=5.0))
+        .then(ss.constant(0.85, duration=5.0))
+    )
     damping = 2.0 * ratio * math.sqrt(0.36 / 1.5e-3)
-    rig = ss.Rig(interface, ss.Slider(stiffness=0.36, mass=1.5e-3, damping=damping), hold)
-    peaks, refusals = [], []
-    for method in (ss.Contacts(2000), ss.MasterEquation(), ss.MasterEquation(rtol=1e-6), ss.Population(10_000)):
+    rig = ss.Rig(
+        interface, ss.Slider(stiffness=0.36, mass=1.5e-3, damping=damping), hold
+    )
+    peaks = []
+    refusals = []
+    for method in (
+        ss.Contacts(2000),
+        ss.MasterEquation(),
+        ss.MasterEquation(rtol=1e-6),
+        ss.Population(10_000),
+    ):
         try:
             run = ss.simulate(rig, method=method, output=ss.Output(interval=0.01))
         except ss.InputError as refusal:
@@ -52,5 +76,7 @@ def test_an_arrest_in_a_hold_is_seen_by_all_methods_or_refused(ratio):
             assert float(run.attached.sel(time=9.9, method="nearest")) > 0.99
             peaks.append(float(run.spring_force[run.time > 10.0].max()))
     assert len(peaks) == (4 if ratio == 0.9 else 1 if ratio == 0.97 else 0)
-    assert all("no arrest at which contacts re-attach" in refusal for refusal in refusals)
+    assert all(
+        "no arrest at which contacts re-attach" in refusal for refusal in refusals
+    )
     assert peaks == pytest.approx([0.822] * len(peaks), abs=5 * 0.5 / math.sqrt(2000))

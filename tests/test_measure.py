@@ -1,4 +1,6 @@
-"""Events, regime and transitions: on made-up forces with a known answer, on true runs, and on real benches."""
+"""Events, regime and transitions: on made-up forces with a known answer, on true
+runs, and on real benches.
+"""
 
 import json
 import math
@@ -16,13 +18,22 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 import stickslip as ss
-from stickslip.measure import counted, drops, find_cycles, read_trace, regime, regime_and_drops, statistics, transitions
+from stickslip.measure import (
+    counted,
+    drops,
+    find_cycles,
+    read_trace,
+    regime,
+    regime_and_drops,
+    statistics,
+    transitions,
+)
 from stickslip.measure.periods import spectral_line
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 
 
-# ----------------------------------------------------------------------------------------------- made-up forces
+# ----------------------------------------------------------------------- made-up forces
 
 
 def trace(t, force, **more):
@@ -37,12 +48,22 @@ def trace(t, force, **more):
 def with_motion(t, force, *, stiffness=2.0, velocity=1.0):
     """The slider that goes with a force: X = v t - F/K."""
     X = velocity * t - force / stiffness
-    return trace(t, force, displacement=X, velocity=np.gradient(X, t), drive_velocity=velocity, attached=0.9)
+    return trace(
+        t,
+        force,
+        displacement=X,
+        velocity=np.gradient(X, t),
+        drive_velocity=velocity,
+        attached=0.9,
+    )
 
 
 def sawtooth(t, peaks, slips, *, fall=0.02, start=0.0):
-    """Linear loading to each peak (time, force), then a linear fall by the slip that lasts `fall`."""
-    times, forces = [0.0], [start]
+    """Linear loading to each peak (time, force), then a linear fall by the slip that
+    lasts `fall`.
+    """
+    times = [0.0]
+    forces = [start]
     for (when, force), drop in zip(peaks, slips, strict=True):
         times += [when, when + fall]
         forces += [force, force - drop]
@@ -53,30 +74,49 @@ def even_sawtooth(*, period=1.5, drop=0.7, cycles=12, step=0.01, fall=0.06, low=
     """A regular sawtooth that starts and ends on the way up."""
     t = np.arange(0.0, (cycles + 0.5) * period, step)
     when = period * np.arange(1, cycles + 1)
-    force = sawtooth(t, [(w, low + drop) for w in when], np.full(cycles, drop), fall=fall, start=low)
-    return t, np.where(t > when[-1] + fall, low + drop * (t - when[-1] - fall) / (period - fall), force)
+    force = sawtooth(
+        t, [(w, low + drop) for w in when], np.full(cycles, drop), fall=fall, start=low
+    )
+    return t, np.where(
+        t > when[-1] + fall, low + drop * (t - when[-1] - fall) / (period - fall), force
+    )
 
 
-def bench(*, cycles=100, samples=26, noise=0.0, variation=0.05, ringing=0.0, slip=0.06, seed=1):
-    """A noisy sawtooth in N and s: period 1.5 s, drops of about 1 N; and the drops it is made of."""
+def bench(
+    *, cycles=100, samples=26, noise=0.0, variation=0.05, ringing=0.0, slip=0.06, seed=1
+):
+    """A noisy sawtooth in N and s: period 1.5 s, drops of about 1 N; and the drops
+    it is made of.
+    """
     rng = np.random.default_rng(seed)
     sizes = np.maximum(1.0 + variation * rng.normal(size=cycles), 0.4)
-    when, lasts = np.cumsum(1.5 * sizes), 1.5 * slip
+    when = np.cumsum(1.5 * sizes)
+    lasts = 1.5 * slip
     t = np.arange(0.0, when[-1] + 0.7, 1.5 / samples)
     peaks = [(0.0, 5.0), *zip(when, 5.0 + sizes, strict=True), (when[-1] + 3.0, 7.0)]
     force = sawtooth(t, peaks[1:-1], sizes, fall=lasts, start=5.0)
-    force = np.where(t > when[-1] + lasts, 5.0 + 2.0 * (t - when[-1] - lasts) / (3.0 - lasts), force)
+    force = np.where(
+        t > when[-1] + lasts, 5.0 + 2.0 * (t - when[-1] - lasts) / (3.0 - lasts), force
+    )
     for w, size in zip(when, sizes, strict=True):
         since = np.maximum(t - w - lasts, 0.0)
-        force -= ringing * size * np.exp(-since / (2.0 * lasts)) * np.sin(2.0 * np.pi * since / lasts)
+        force -= (
+            ringing
+            * size
+            * np.exp(-since / (2.0 * lasts))
+            * np.sin(2.0 * np.pi * since / lasts)
+        )
     data = trace(t, force + noise * rng.normal(size=t.size))
-    data["spring_force"].attrs["units"], data["time"].attrs["units"] = "N", "s"
+    data["spring_force"].attrs["units"] = "N"
+    data["time"].attrs["units"] = "s"
     return data, sizes
 
 
 def wave(*, growth=0.0, size=0.2, mean=0.4):
     t = np.arange(0.0, 100.0, 0.01)
-    return with_motion(t, mean + size * np.exp(growth * (t - 100.0)) * np.cos(5.0 * t), stiffness=5.0)
+    return with_motion(
+        t, mean + size * np.exp(growth * (t - 100.0)) * np.cos(5.0 * t), stiffness=5.0
+    )
 
 
 def white(size, *, std=1.0, seed=1):
@@ -99,11 +139,19 @@ def slips_of_a_second(t):
 
 
 def to_and_fro(each, *, displacement=False):
-    """A test of six strokes to and fro: each(s) is the force along a stroke of length 10, at s."""
+    """A test of six strokes to and fro: each(s) is the force along a stroke of
+    length 10, at s.
+    """
     s = np.linspace(0.0, 10.0, 2000, endpoint=False)
-    force = np.concatenate([(-1) ** i * each(s) * np.minimum(s / 0.05, 1.0) for i in range(6)])
+    force = np.concatenate(
+        [(-1) ** i * each(s) * np.minimum(s / 0.05, 1.0) for i in range(6)]
+    )
     way = np.concatenate([s if i % 2 == 0 else 10.0 - s for i in range(6)])
-    return trace(np.arange(force.size) * 0.005, force, **({"measured_displacement": way} if displacement else {}))
+    return trace(
+        np.arange(force.size) * 0.005,
+        force,
+        **({"measured_displacement": way} if displacement else {}),
+    )
 
 
 def stroke_of_slips(s):
@@ -116,14 +164,23 @@ def noisy_stroke(s):
 
 def paper(name):
     """Paper on paper, measured; as an expert reads it: data/README.md."""
-    return trace(*np.loadtxt(TRACE.parent / "paper_on_paper" / f"{name}.csv.gz", delimiter=",", skiprows=1).T)
+    return trace(
+        *np.loadtxt(
+            TRACE.parent / "paper_on_paper" / f"{name}.csv.gz",
+            delimiter=",",
+            skiprows=1,
+        ).T
+    )
 
 
 def overshooting():
-    """A soft spring: each slip throws the slider past the drive, it oscillates back once, and is loaded again."""
+    """A soft spring: each slip throws the slider past the drive, it oscillates back
+    once, and is loaded again.
+    """
     t = np.arange(0.0, 720.0, 0.05)
     force = np.interp(t % 60.0, [0.0, 59.0, 59.5, 60.0], [0.0, 0.59, -0.45, 0.0])
-    # Every other cycle is a little smaller, so that a rebound stays well below the peak before.
+    # Every other cycle is a little smaller, so that a rebound stays well below the peak
+    # before.
     return with_motion(t, np.where(t % 120.0 < 60.0, 1.0, 0.6) * force, stiffness=0.01)
 
 
@@ -134,20 +191,30 @@ def driven(velocity):
 
 
 def changing(factor, about, rms, unit=1.0):
-    """Slow noise that changes by a factor over 20 time units, of which the last 40 are judged."""
+    """Slow noise that changes by a factor over 20 time units, of which the last 40
+    are judged.
+    """
     t = np.arange(0.0, 100.0, 0.01)
     size = np.where(t < 55.0, 0.01, rms * factor ** ((t - about) / 20.0))
-    return with_motion(t, unit * (0.45 + size * slow(t.size)), stiffness=2.0 * unit, velocity=10.0)
+    return with_motion(
+        t, unit * (0.45 + size * slow(t.size)), stiffness=2.0 * unit, velocity=10.0
+    )
 
 
 def alone(end, step, force, noise=0.0, seed=1):
     """A way to make a trace of the force alone, with noise."""
-    return lambda: at(end, step, lambda t: force(t) + white(t.size, std=noise, seed=seed))
+    return lambda: at(
+        end, step, lambda t: force(t) + white(t.size, std=noise, seed=seed)
+    )
 
 
 def of_contacts(count):
-    """Slow noise of 3 %: that of three hundred contacts, and more than that of a million."""
-    return at(200.0, 0.01, lambda t: 5.0 + 0.15 * slow(t.size)).assign_attrs(contacts=count)
+    """Slow noise of 3 %: that of three hundred contacts, and more than that of a
+    million.
+    """
+    return at(200.0, 0.01, lambda t: 5.0 + 0.15 * slow(t.size)).assign_attrs(
+        contacts=count
+    )
 
 
 def tone(size, t):
@@ -155,7 +222,9 @@ def tone(size, t):
 
 
 def stops(when, noise):
-    return alone(40.0, 0.01, lambda t: np.where(t < when, slips_of_a_second(t), 2.5), noise)
+    return alone(
+        40.0, 0.01, lambda t: np.where(t < when, slips_of_a_second(t), 2.5), noise
+    )
 
 
 def pauses(t):
@@ -163,60 +232,233 @@ def pauses(t):
 
 
 FORCES = {
-    "a sine that lasts": (wave, "sustained oscillation", "periodic, 66.7 % .*; the slider never sticks"),
-    "that grows": (lambda: wave(growth=0.02), "undecided", "still grows, .* about 80 more would decide"),
-    "that is small, and grows": (lambda: wave(size=0.003, growth=0.02), "undecided", "still grows"),
-    "that decays slowly": (lambda: wave(growth=-0.005, size=0.12), "undecided", r"decays, .* about \d+ more would"),
+    "a sine that lasts": (
+        wave,
+        "sustained oscillation",
+        "periodic, 66.7 % .*; the slider never sticks",
+    ),
+    "that grows": (
+        lambda: wave(growth=0.02),
+        "undecided",
+        "still grows, .* about 80 more would decide",
+    ),
+    "that is small, and grows": (
+        lambda: wave(size=0.003, growth=0.02),
+        "undecided",
+        "still grows",
+    ),
+    "that decays slowly": (
+        lambda: wave(growth=-0.005, size=0.12),
+        "undecided",
+        r"decays, .* about \d+ more would",
+    ),
     "that decays from much": (lambda: wave(growth=-0.1), "undecided", "decays"),
-    "that decays, not small": (lambda: wave(growth=-0.02, size=0.027, mean=0.1), "undecided", "decays"),
-    "that decays, small": (lambda: wave(growth=-0.05, size=0.0013), "smooth sliding", "decays"),
-    "that is tiny": (lambda: wave(size=0.003), "smooth sliding", "oscillates by 1.49 %"),
-    "sampled too rarely": (lambda: wave().isel(time=slice(None, None, 40)), "undecided", "record more often"),
-    "a beat": (alone(40.0, 0.01, lambda t: 3.0 + tone(0.5, t) + tone(0.5, 1.1 * t)), None, "^(?!.*periodic)"),
-    "a tiny sine in noise": (alone(40.0, 0.01, lambda t: 3 + tone(0.024, t), 3e-3), "smooth sliding", "oscillates by"),
-    "a small one": (alone(40.0, 0.01, lambda t: 3 + tone(0.036, t), 3e-3), "sustained oscillation", "periodic"),
-    "noise as large": (alone(100.0, 0.02, lambda t: 5 + tone(0.1, t), 0.1), "undecided", "period of 1 stands out"),
-    "slips of 12 samples": (lambda: bench(samples=12, noise=0.2)[0], "undecided", "a period of 1.5 s stands out"),
-    "slips below noise": (alone(20.0, 0.01, lambda t: 5.0 + 0.8 * (t / 2 % 1), 0.2, 3), "stick-slip", "periodic"),
-    "noise that masks": (alone(20.0, 0.01, lambda t: 5.0 + 0 * t, 1.5, 3), "undecided", "masks any oscillation"),
-    "slow noise": (alone(200.0, 0.01, lambda t: 5.0 + 0.3 * slow(t.size)), "smooth sliding", "as slow noise does"),
-    "noise of 300 contacts": (lambda: of_contacts(300), None, "^[^\n]*noise of 300 contacts"),
-    "more than of a million": (lambda: of_contacts(1_000_000), None, r"^(?![^\n]*noise of)"),
-    "noise that grows": (lambda: changing(5.0, 80.0, 0.01), "undecided", r"amplitude still grows, by a factor 5\.\d "),
-    "that decays to little": (lambda: changing(0.2, 70.0, 0.03), "smooth sliding", "amplitude decays, by a factor"),
+    "that decays, not small": (
+        lambda: wave(growth=-0.02, size=0.027, mean=0.1),
+        "undecided",
+        "decays",
+    ),
+    "that decays, small": (
+        lambda: wave(growth=-0.05, size=0.0013),
+        "smooth sliding",
+        "decays",
+    ),
+    "that is tiny": (
+        lambda: wave(size=0.003),
+        "smooth sliding",
+        "oscillates by 1.49 %",
+    ),
+    "sampled too rarely": (
+        lambda: wave().isel(time=slice(None, None, 40)),
+        "undecided",
+        "record more often",
+    ),
+    "a beat": (
+        alone(40.0, 0.01, lambda t: 3.0 + tone(0.5, t) + tone(0.5, 1.1 * t)),
+        None,
+        "^(?!.*periodic)",
+    ),
+    "a tiny sine in noise": (
+        alone(40.0, 0.01, lambda t: 3 + tone(0.024, t), 3e-3),
+        "smooth sliding",
+        "oscillates by",
+    ),
+    "a small one": (
+        alone(40.0, 0.01, lambda t: 3 + tone(0.036, t), 3e-3),
+        "sustained oscillation",
+        "periodic",
+    ),
+    "noise as large": (
+        alone(100.0, 0.02, lambda t: 5 + tone(0.1, t), 0.1),
+        "undecided",
+        "period of 1 stands out",
+    ),
+    "slips of 12 samples": (
+        lambda: bench(samples=12, noise=0.2)[0],
+        "undecided",
+        "a period of 1.5 s stands out",
+    ),
+    "slips below noise": (
+        alone(20.0, 0.01, lambda t: 5.0 + 0.8 * (t / 2 % 1), 0.2, 3),
+        "stick-slip",
+        "periodic",
+    ),
+    "noise that masks": (
+        alone(20.0, 0.01, lambda t: 5.0 + 0 * t, 1.5, 3),
+        "undecided",
+        "masks any oscillation",
+    ),
+    "slow noise": (
+        alone(200.0, 0.01, lambda t: 5.0 + 0.3 * slow(t.size)),
+        "smooth sliding",
+        "as slow noise does",
+    ),
+    "noise of 300 contacts": (
+        lambda: of_contacts(300),
+        None,
+        "^[^\n]*noise of 300 contacts",
+    ),
+    "more than of a million": (
+        lambda: of_contacts(1_000_000),
+        None,
+        r"^(?![^\n]*noise of)",
+    ),
+    "noise that grows": (
+        lambda: changing(5.0, 80.0, 0.01),
+        "undecided",
+        r"amplitude still grows, by a factor 5\.\d ",
+    ),
+    "that decays to little": (
+        lambda: changing(0.2, 70.0, 0.03),
+        "smooth sliding",
+        "amplitude decays, by a factor",
+    ),
     "a rise": (alone(100.0, 0.05, lambda t: 0.1 * t), "undecided", "still rises"),
-    "a constant": (alone(100.0, 0.05, lambda t: 3.0 + 0 * t), "undecided", "never changes"),
-    "half a period": (alone(100.0, 0.05, lambda t: 0.5 + 0.3 * np.cos(0.05 * t)), "undecided", "no complete"),
-    "three slips": (lambda: trace(*even_sawtooth(cycles=3)), "undecided", r"too short: .* about \d\.\d+ more"),
+    "a constant": (
+        alone(100.0, 0.05, lambda t: 3.0 + 0 * t),
+        "undecided",
+        "never changes",
+    ),
+    "half a period": (
+        alone(100.0, 0.05, lambda t: 0.5 + 0.3 * np.cos(0.05 * t)),
+        "undecided",
+        "no complete",
+    ),
+    "three slips": (
+        lambda: trace(*even_sawtooth(cycles=3)),
+        "undecided",
+        r"too short: .* about \d\.\d+ more",
+    ),
     "few slips": (lambda: with_motion(*even_sawtooth()), "stick-slip", "periodic"),
-    "creep between slips": (lambda: with_motion(*even_sawtooth(cycles=60)), "stick-slip", "periodic and persistent"),
+    "creep between slips": (
+        lambda: with_motion(*even_sawtooth(cycles=60)),
+        "stick-slip",
+        "periodic and persistent",
+    ),
     "a slip that overshoots": (overshooting, "stick-slip", "peak slider velocity"),
-    "a drive that speeds up": (lambda: driven(lambda t: 0.5 + t / 60.0), "undecided", "use transitions"),
-    "that has sped up": (lambda: driven(lambda t: np.minimum(0.1 + t / 30, 1)), "stick-slip", r"over t = 6\d\.\d+ to"),
+    "a drive that speeds up": (
+        lambda: driven(lambda t: 0.5 + t / 60.0),
+        "undecided",
+        "use transitions",
+    ),
+    "that has sped up": (
+        lambda: driven(lambda t: np.minimum(0.1 + t / 30, 1)),
+        "stick-slip",
+        r"over t = 6\d\.\d+ to",
+    ),
     "that stands still": (lambda: driven(lambda t: 0 * t), "undecided", "stands still"),
-    "slips on a drift": (alone(20.0, 0.01, lambda t: 10 + 6 * t + 3 * (t / 0.5 % 1)), "stick-slip", "drifts by 6"),
-    "through zero": (lambda: trace(*even_sawtooth(cycles=40, drop=2.0, low=-1.1)), "stick-slip", "^(?!.*strokes)"),
-    "saturated": (lambda: bench(noise=0.01, samples=100)[0].clip(max=5.7), "stick-slip", "flat at 5.7: .* saturated"),
-    "rounded": (lambda: (bench(samples=100)[0] / 0.05).round() * 0.05, "stick-slip", "^(?!.*note)"),
-    "mirrored": (lambda: 6.0 - bench(samples=50, noise=0.02, slip=0.1, ringing=0.4)[0], "undecided", "--flip on"),
-    "mirrored, restless": (lambda: 0.1 - paper("k168_v1100"), "undecided", "--flip on .*flip=True"),
-    "of either sign": (alone(9.0, 0.01, lambda t: -0.5 - tone(1.0, t)), None, "periodic, 133 % of the largest force"),
-    "flipped": (lambda: (bench()[0] - 12.0).assign_attrs(flipped=1), "stick-slip", ""),  # by read_trace(flip=True)
-    "smooth strokes": (lambda: to_and_fro(noisy_stroke, displacement=True), "smooth sliding", "6 strokes"),
-    "strokes of slips": (lambda: to_and_fro(stroke_of_slips), "stick-slip", r"6 strokes .*\(6 stick-slip\)"),
-    "in parts": (alone(60.0, 0.01, pauses, 0.01), "undecided", "slip to t = 20, smooth sliding to t = 35, then stick-"),
-    "slips that stop": (stops(20.0, 0.01), "undecided", "stick-slip to t = 20, then smooth sliding: judge"),
-    "that stop late": (stops(35.0, 0.0), "undecided", "stick-slip to t = 35, then smooth sliding: judge"),
+    "slips on a drift": (
+        alone(20.0, 0.01, lambda t: 10 + 6 * t + 3 * (t / 0.5 % 1)),
+        "stick-slip",
+        "drifts by 6",
+    ),
+    "through zero": (
+        lambda: trace(*even_sawtooth(cycles=40, drop=2.0, low=-1.1)),
+        "stick-slip",
+        "^(?!.*strokes)",
+    ),
+    "saturated": (
+        lambda: bench(noise=0.01, samples=100)[0].clip(max=5.7),
+        "stick-slip",
+        "flat at 5.7: .* saturated",
+    ),
+    "rounded": (
+        lambda: (bench(samples=100)[0] / 0.05).round() * 0.05,
+        "stick-slip",
+        "^(?!.*note)",
+    ),
+    "mirrored": (
+        lambda: 6.0 - bench(samples=50, noise=0.02, slip=0.1, ringing=0.4)[0],
+        "undecided",
+        "--flip on",
+    ),
+    "mirrored, restless": (
+        lambda: 0.1 - paper("k168_v1100"),
+        "undecided",
+        "--flip on .*flip=True",
+    ),
+    "of either sign": (
+        alone(9.0, 0.01, lambda t: -0.5 - tone(1.0, t)),
+        None,
+        "periodic, 133 % of the largest force",
+    ),
+    # by read_trace(flip=True)
+    "flipped": (lambda: (bench()[0] - 12.0).assign_attrs(flipped=1), "stick-slip", ""),
+    "smooth strokes": (
+        lambda: to_and_fro(noisy_stroke, displacement=True),
+        "smooth sliding",
+        "6 strokes",
+    ),
+    "strokes of slips": (
+        lambda: to_and_fro(stroke_of_slips),
+        "stick-slip",
+        r"6 strokes .*\(6 stick-slip\)",
+    ),
+    "in parts": (
+        alone(60.0, 0.01, pauses, 0.01),
+        "undecided",
+        "slip to t = 20, smooth sliding to t = 35, then stick-",
+    ),
+    "slips that stop": (
+        stops(20.0, 0.01),
+        "undecided",
+        "stick-slip to t = 20, then smooth sliding: judge",
+    ),
+    "that stop late": (
+        stops(35.0, 0.0),
+        "undecided",
+        "stick-slip to t = 35, then smooth sliding: judge",
+    ),
     "smaller ones": (
         alone(60.0, 0.01, lambda t: 2 + np.where(t < 30, 1, 0.4) * (t % 1), 0.01),
         "stick-slip",
         "in 2 segments: drop 0.989 to t = 30, then drop 0.396",
     ),
-    "paper, K 168, V 42": (lambda: paper("k168_v42"), "stick-slip", "irregular and persistent; slipping takes 5 %"),
-    "paper, K 168, V 1100": (lambda: paper("k168_v1100"), "stick-slip", r"at its full rate for 5\d % of the time"),
-    "paper, K 1002, V 42": (lambda: paper("k1002_v42"), "stick-slip", "irregular and persistent"),
-    "paper, K 1002, V 4300": (lambda: paper("k1002_v4300"), "sustained oscillation", "the force alone does not tell"),
-    "paper, K 2254, V 42": (lambda: paper("k2254_v42"), "smooth sliding", "without a period, as slow noise does"),
+    "paper, K 168, V 42": (
+        lambda: paper("k168_v42"),
+        "stick-slip",
+        "irregular and persistent; slipping takes 5 %",
+    ),
+    "paper, K 168, V 1100": (
+        lambda: paper("k168_v1100"),
+        "stick-slip",
+        r"at its full rate for 5\d % of the time",
+    ),
+    "paper, K 1002, V 42": (
+        lambda: paper("k1002_v42"),
+        "stick-slip",
+        "irregular and persistent",
+    ),
+    "paper, K 1002, V 4300": (
+        lambda: paper("k1002_v4300"),
+        "sustained oscillation",
+        "the force alone does not tell",
+    ),
+    "paper, K 2254, V 42": (
+        lambda: paper("k2254_v42"),
+        "smooth sliding",
+        "without a period, as slow noise does",
+    ),
 }
 
 
@@ -230,19 +472,34 @@ def test_what_is_said_of_a_force(name):
 
 @pytest.mark.parametrize("scale", [-1.0, 1e-3, 1e6])
 @pytest.mark.parametrize("slower", [1.0, 1e-6, 1e3])
-@pytest.mark.parametrize("name", ["a sine that lasts", "creep between slips", "noise that grows", "paper, K 168, V 42"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "a sine that lasts",
+        "creep between slips",
+        "noise that grows",
+        "paper, K 168, V 42",
+    ],
+)
 def test_units_of_force_and_time_and_the_direction_change_nothing(name, scale, slower):
     data = FORCES[name][0]()
     other = data.assign_coords(time=slower * data.time)
-    for each in {"spring_force", "displacement", "velocity", "drive_velocity"} & set(data):
+    for each in {"spring_force", "displacement", "velocity", "drive_velocity"} & set(
+        data
+    ):
         size = scale / slower if "velocity" in each else scale
         other[each] = "time", size * data[each].values
-    there, back = regime(data), regime(other)
+    there = regime(data)
+    back = regime(other)
     assert (back.kind, back.cycles) == (there.kind, there.cycles)
     assert back.period == pytest.approx(slower * there.period, rel=1e-6, nan_ok=True)
     assert back.drop == pytest.approx(abs(scale) * there.drop, rel=1e-6)
     for one, two in zip(there.table, back.table, strict=True):
-        assert (two.name, two.statistic, two.passed) == (one.name, pytest.approx(one.statistic, rel=1e-5), one.passed)
+        assert (two.name, two.statistic, two.passed) == (
+            one.name,
+            pytest.approx(one.statistic, rel=1e-5),
+            one.passed,
+        )
 
 
 @settings(max_examples=50)
@@ -250,20 +507,30 @@ def test_units_of_force_and_time_and_the_direction_change_nothing(name, scale, s
 def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, std):
     rng = np.random.default_rng(seed)
     drawn = np.maximum(rng.normal(6.0, 6.0 * std, 30), 1.5)
-    gaps = np.append(drawn, rng.permutation(drawn))  # so that nothing decays, even by chance
-    when, sizes = np.cumsum(gaps), 0.5 * np.append(gaps[1:], 6.0)
+    # so that nothing decays, even by chance
+    gaps = np.append(drawn, rng.permutation(drawn))
+    when = np.cumsum(gaps)
+    sizes = 0.5 * np.append(gaps[1:], 6.0)
     t = np.arange(0.0, when[-1] + 4.0, 0.25)
-    force = sawtooth(t, [(w, 11.0) for w in when], sizes, fall=0.4) + rng.normal(0.0, 0.03, t.size)
+    force = sawtooth(t, [(w, 11.0) for w in when], sizes, fall=0.4) + rng.normal(
+        0.0, 0.03, t.size
+    )
     result = regime(trace(t, force))
     assert result.kind == "stick-slip"
     assert result.period == pytest.approx(drawn.mean(), rel=0.3)
 
 
 @settings(max_examples=20)
-@given(when=st.floats(12.0, 48.0), factor=st.floats(2.5, 8.0), level=st.floats(-1.0, 1.0))
+@given(
+    when=st.floats(12.0, 48.0), factor=st.floats(2.5, 8.0), level=st.floats(-1.0, 1.0)
+)
 def test_steps_of_amplitude_and_level_are_found_where_they_are(when, factor, level):
     t = np.arange(0.0, 60.0, 0.01)
-    force = 5.0 + np.where(t < when, t % 1.0, level + t % 1.0 / factor) + white(t.size, std=0.01)
+    force = (
+        5.0
+        + np.where(t < when, t % 1.0, level + t % 1.0 / factor)
+        + white(t.size, std=0.01)
+    )
     seen = regime(trace(t, force))
     assert [part.kind for part in seen.segments] == ["stick-slip", "stick-slip"]
     assert seen.segments[0].window[1] == pytest.approx(when, abs=1.0)  # a cycle
@@ -276,7 +543,12 @@ def test_steps_of_amplitude_and_level_are_found_where_they_are(when, factor, lev
 def test_noise_has_no_steps_whatever_its_colour(memory):
     t = 0.05 * np.arange(4000)
     stepped = [
-        bool(regime(trace(t, 5.0 + 0.2 * slow(t.size, memory=memory, seed=seed))).segments) for seed in range(40)
+        bool(
+            regime(
+                trace(t, 5.0 + 0.2 * slow(t.size, memory=memory, seed=seed))
+            ).segments
+        )
+        for seed in range(40)
     ]
     assert sum(stepped) <= 5
 
@@ -297,9 +569,13 @@ def test_a_force_over_its_times_is_enough():
 @pytest.mark.parametrize("samples", [300, 2000, 20_000])
 @pytest.mark.parametrize("noise", [0.03, 0.1])
 def test_a_force_that_is_noise_is_smooth_sliding_however_long_it_lasts(samples, noise):
-    """Drops that noise shows by chance where it was smoothed are no slips, and more samples would bring no others."""
+    """Drops that noise shows by chance where it was smoothed are no slips, and more
+    samples would bring no others.
+    """
     for seed in range(6):
-        seen = regime(trace(0.01 * np.arange(samples), 5.0 + white(samples, std=noise, seed=seed)))
+        seen = regime(
+            trace(0.01 * np.arange(samples), 5.0 + white(samples, std=noise, seed=seed))
+        )
         assert seen.kind == "smooth sliding"
         assert seen.reason.startswith("the force shows noise only")
 
@@ -308,7 +584,14 @@ def test_samples_that_step_over_slips_do_not_make_them_smooth():
     data = with_motion(*even_sawtooth(cycles=60))
     for every in (1, 5, 10, 20):  # 150 to 7.5 samples in a cycle, 6 to .3 in a fall
         thin = data.isel(time=slice(None, None, every))
-        assert regime(thin.assign(velocity=("time", np.gradient(thin.displacement, thin.time)))).kind == "stick-slip"
+        assert (
+            regime(
+                thin.assign(
+                    velocity=("time", np.gradient(thin.displacement, thin.time))
+                )
+            ).kind
+            == "stick-slip"
+        )
     assert regime(data.isel(time=slice(None, None, 60))).kind == "undecided"
 
 
@@ -321,27 +604,42 @@ def test_a_cycle_that_is_no_whole_number_of_samples_is_one_cycle(samples):
 
 def test_the_evidence_of_a_sine():
     seen = regime(wave())
-    assert [seen.period, seen.peak_to_peak, seen.trend] == pytest.approx([0.4 * math.pi, 0.4, 1.0], rel=0.01)
-    assert [seen.slip_phase, seen.largest_velocity, *seen.window] == pytest.approx([0.5, 1.2, 60.0, 100.0], rel=0.03)
+    assert [seen.period, seen.peak_to_peak, seen.trend] == pytest.approx(
+        [0.4 * math.pi, 0.4, 1.0], rel=0.01
+    )
+    assert [seen.slip_phase, seen.largest_velocity, *seen.window] == pytest.approx(
+        [0.5, 1.2, 60.0, 100.0], rel=0.03
+    )
     assert math.log(regime(wave(growth=0.02)).trend) == pytest.approx(0.4, abs=0.02)
     rows = {row.name: row for row in seen.table}
     assert {row.source for row in seen.table} == {"theory", "statistics", "convention"}
     fast = rows["largest slider velocity over the drive's"]
-    assert (fast.limit, fast.passed, fast.statistic) == (3.5, False, pytest.approx(1.2, rel=0.01))
-    assert [row["name"] for row in json.loads(json.dumps(seen.to_dict()))["table"]] == list(rows)
+    assert (fast.limit, fast.passed, fast.statistic) == (
+        3.5,
+        False,
+        pytest.approx(1.2, rel=0.01),
+    )
+    assert [
+        row["name"] for row in json.loads(json.dumps(seen.to_dict()))["table"]
+    ] == list(rows)
     assert seen in {"sustained oscillation"}
     assert replace(seen, trend=math.nan) == replace(seen, trend=math.nan)
 
 
-# ----------------------------------------------------------------------------------------------- drops
+# -------------------------------------------------------------------------------- drops
 
 
 @settings(max_examples=50)
 @given(
-    drop=st.floats(0.01, 100.0), period=st.floats(0.5, 50.0), level=st.floats(-200.0, 200.0), cycles=st.integers(3, 30)
+    drop=st.floats(0.01, 100.0),
+    period=st.floats(0.5, 50.0),
+    level=st.floats(-200.0, 200.0),
+    cycles=st.integers(3, 30),
 )
 def test_a_sawtooth_has_the_slips_it_was_made_of(drop, period, level, cycles):
-    t, force = even_sawtooth(period=period, drop=drop, cycles=cycles, step=period / 100, fall=0.04 * period)
+    t, force = even_sawtooth(
+        period=period, drop=drop, cycles=cycles, step=period / 100, fall=0.04 * period
+    )
     if level < 0:  # a load cell that counts pull as negative
         found = drops(trace(t, level - 2 * drop - (force - 0.1)))
         assert np.all(found.force_after > found.force_before)
@@ -363,7 +661,9 @@ def test_drops_ten_times_the_noise_are_all_found_and_not_overstated(samples, noi
     assert found.sizes["event"] == sizes.size
     assert found.attrs["noise"] == pytest.approx(noise, rel=0.3)
     # The extremes of a noisy slip would lie 2 to 3 standard deviations further apart.
-    assert float(found["drop"].mean()) == pytest.approx(float(drops(clean)["drop"].mean()), rel=0.03)
+    assert float(found["drop"].mean()) == pytest.approx(
+        float(drops(clean)["drop"].mean()), rel=0.03
+    )
     assert regime(data).kind == "stick-slip"
 
 
@@ -371,18 +671,25 @@ def test_drops_ten_times_the_noise_are_all_found_and_not_overstated(samples, noi
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 @pytest.mark.parametrize("ringing", [0.12, 0.2, 0.4])
 def test_ringing_is_not_counted(ringing, noise, samples):
-    data, sizes = bench(ringing=ringing, noise=noise, samples=samples, slip=0.08, variation=0.2)
+    data, sizes = bench(
+        ringing=ringing, noise=noise, samples=samples, slip=0.08, variation=0.2
+    )
     # A small slip within strong ringing may go under.
-    assert drops(data).sizes["event"] == pytest.approx(sizes.size, abs=1 if ringing > 0.3 else 0)
+    assert drops(data).sizes["event"] == pytest.approx(
+        sizes.size, abs=1 if ringing > 0.3 else 0
+    )
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 @pytest.mark.parametrize("ringing", [0.0, 0.2])
 def test_loading_that_quickens_makes_no_slip_ringing(ringing, noise):
     (slow_part, _), (quick, _) = (
-        bench(cycles=60, samples=60 * n, noise=noise, ringing=ringing, seed=n) for n in (1, 4)
+        bench(cycles=60, samples=60 * n, noise=noise, ringing=ringing, seed=n)
+        for n in (1, 4)
     )
-    t = np.concatenate([slow_part.time, slow_part.time.values[-1] + 0.025 + 0.25 * quick.time])
+    t = np.concatenate(
+        [slow_part.time, slow_part.time.values[-1] + 0.025 + 0.25 * quick.time]
+    )
     force = np.concatenate([slow_part.spring_force, quick.spring_force])
     assert drops(trace(t, force)).sizes["event"] == pytest.approx(120, abs=4)
 
@@ -392,7 +699,9 @@ def test_small_slips_beside_large_ones_are_kept():
     sizes = np.array([5.0, 4.0, 1.0, 0.7, 6.0, 3.0, 0.7, 5.0])
     when = np.array([7.0, 14.0, 18.0, 22.0, 33.0, 40.0, 44.0, 55.0])
     peaks = np.array([11.0, 11.5, 10.0, 10.5, 14.0, 12.0, 11.0, 13.0])
-    found = drops(trace(t, sawtooth(t, list(zip(when, peaks, strict=True)), sizes, fall=0.3)))
+    found = drops(
+        trace(t, sawtooth(t, list(zip(when, peaks, strict=True)), sizes, fall=0.3))
+    )
     np.testing.assert_allclose(found["drop"], sizes, atol=0.2)
     assert drops(overshooting()).sizes["event"] == 12
 
@@ -402,13 +711,16 @@ def test_slip_length_and_peak_velocity_come_with_the_motion():
     found = drops(with_motion(t, force, stiffness=2.0))
     # 5 % of the fall are left out on either side
     np.testing.assert_allclose(found["slip"], 0.35 + 0.06, atol=0.06)
-    np.testing.assert_allclose(found["peak_velocity"], 1.0 + 0.7 / 0.06 / 2.0, rtol=0.01)
+    np.testing.assert_allclose(
+        found["peak_velocity"], 1.0 + 0.7 / 0.06 / 2.0, rtol=0.01
+    )
     assert "slip" not in drops(trace(t, force))
     assert found["loading_rate"].attrs["mean"] == pytest.approx(0.7 / 1.44, rel=0.1)
 
 
 def test_falls_cut_off_at_the_ends_are_left_out_and_counted():
-    found = drops(trace(*even_sawtooth(cycles=10)).sel(time=slice(1.53, 13.53)))  # from the middle of a fall to another
+    # from the middle of a fall to another
+    found = drops(trace(*even_sawtooth(cycles=10)).sel(time=slice(1.53, 13.53)))
     assert (found.sizes["event"], found.attrs["cut"]) == (7, 2)
 
 
@@ -428,7 +740,8 @@ def test_noise_alone_has_no_drops_unless_asked_for():
 def test_after_holds_for_the_slips_as_for_the_regime():
     data, _ = bench(noise=0.02)
     late = drops(data, after=75.0)
-    assert regime(data, after=75.0).window[0] == pytest.approx(75.0, abs=0.06)  # a sample
+    # a sample
+    assert regime(data, after=75.0).window[0] == pytest.approx(75.0, abs=0.06)
     assert float(late["start"].min()) >= 75.0
     assert late.sizes["event"] == pytest.approx(50, abs=3)
 
@@ -437,7 +750,8 @@ def test_drops_of_strokes():
     found = drops(to_and_fro(stroke_of_slips))
     assert set(found["stroke"].values.tolist()) == set(range(6))
     before = found["force_before"]
-    assert before.attrs["mean"] == pytest.approx(float(np.abs(before).mean()))  # along each stroke: no mean of signs
+    # along each stroke: no mean of signs
+    assert before.attrs["mean"] == pytest.approx(float(np.abs(before).mean()))
     assert found.sizes["event"] == found.attrs["count"] == pytest.approx(6 * 19, abs=6)
     assert float(found["drop"].max()) < 1.2  # no reversal among them
 
@@ -446,7 +760,8 @@ def test_a_gap_in_a_record_is_told_and_no_slip():
     t = np.arange(0.0, 60.0, 0.02)
     t = t[(t < 20.0) | (t > 25.0)]
     data = trace(t, slips_of_a_second(t / 0.7) + white(t.size, std=0.01))
-    seen, found = regime(data), drops(data)
+    seen = regime(data)
+    found = drops(data)
     assert seen == "stick-slip"
     assert seen.window[0] > 25.0
     assert "no readings from t = 19.98 to 25" in str(seen)
@@ -457,8 +772,13 @@ def test_a_gap_in_a_record_is_told_and_no_slip():
 
 def test_numbers_have_the_units_and_the_prefix_that_suit_them():
     data = trace(*even_sawtooth(cycles=30))
-    for force, drop, rate in (("N", "700 ± 0 mN", "mN/s"), ("mN", "700 ± 0 uN", "uN/s"), ("1", "0.7 ± 0", "1/s")):
-        data["spring_force"].attrs["units"], data["time"].attrs["units"] = force, "s"
+    for force, drop, rate in (
+        ("N", "700 ± 0 mN", "mN/s"),
+        ("mN", "700 ± 0 uN", "uN/s"),
+        ("1", "0.7 ± 0", "1/s"),
+    ):
+        data["spring_force"].attrs["units"] = force
+        data["time"].attrs["units"] = "s"
         rows = dict(statistics(drops(data)))
         assert rows["drop"].replace("µ", "u").startswith(drop)
         assert f" {rate} (CV " in rows["loading rate"].replace("µ", "u")
@@ -470,19 +790,33 @@ def test_numbers_have_the_units_and_the_prefix_that_suit_them():
 def test_the_coefficient_of_friction_is_told_beside_the_force(tmp_path):
     t = np.arange(0.0, 20.0, 0.01)
     load = 40.0 + 4.0 * np.sin(t)
-    rows = [f"{a:.2f},{1000 * b * c:.3f},{c:.5f}" for a, b, c in zip(t, 0.2 + 0.1 * (t / 0.5 % 1.0), load, strict=True)]
-    (file := tmp_path / "mu.csv").write_text("\n".join(["time [s],force [mN],normal load [N]", *rows]))
+    rows = [
+        f"{a:.2f},{1000 * b * c:.3f},{c:.5f}"
+        for a, b, c in zip(t, 0.2 + 0.1 * (t / 0.5 % 1.0), load, strict=True)
+    ]
+    (file := tmp_path / "mu.csv").write_text(
+        "\n".join(["time [s],force [mN],normal load [N]", *rows])
+    )
     seen, found = regime_and_drops(read_trace(file))
-    assert (seen.mean_mu, seen.static_mu) == (pytest.approx(0.249, abs=0.002), pytest.approx(0.298, abs=0.002))
-    assert "coefficient of friction 0.249 on average (kinetic), 0.298 at most (static)" in str(seen)
+    assert (seen.mean_mu, seen.static_mu) == (
+        pytest.approx(0.249, abs=0.002),
+        pytest.approx(0.298, abs=0.002),
+    )
+    assert (
+        "coefficient of friction 0.249 on average (kinetic), 0.298 at most (static)"
+        in str(seen)
+    )
     np.testing.assert_allclose(found["mu_before"], 0.298, atol=1e-3)
     np.testing.assert_allclose(found["mu_drop"], 0.098, atol=1e-3)
     assert dict(statistics(found))["mu after"].startswith("0.2")
-    assert "coefficient of friction" in {ax.get_ylabel() for ax in ss.plot.overview(read_trace(file)).axes}
+    assert "coefficient of friction" in {
+        ax.get_ylabel() for ax in ss.plot.overview(read_trace(file)).axes
+    }
 
 
 def test_spikes_are_replaced_and_slips_are_not(tmp_path):
-    rng, t = np.random.default_rng(1), np.arange(0.0, 20.0, 0.01)
+    rng = np.random.default_rng(1)
+    t = np.arange(0.0, 20.0, 0.01)
     spiky = np.append(0, np.arange(37, t.size, 190))
     ringing = bench(samples=12, noise=0.03, ringing=0.4)[0]
     for force, spikes, slips in (
@@ -491,13 +825,21 @@ def test_spikes_are_replaced_and_slips_are_not(tmp_path):
         (ringing["spring_force"].values, spiky[:0], 100),
     ):
         force = force.copy()
-        force[spikes] += np.resize([1.0, -1.0], spikes.size) * rng.uniform(4.0, 9.0, spikes.size)
-        (file := tmp_path / "spikes.csv").write_text("force [N]\n" + "\n".join(map("{:.4f}".format, force)))
+        force[spikes] += np.resize([1.0, -1.0], spikes.size) * rng.uniform(
+            4.0, 9.0, spikes.size
+        )
+        (file := tmp_path / "spikes.csv").write_text(
+            "force [N]\n" + "\n".join(map("{:.4f}".format, force))
+        )
         data = read_trace(file, step=0.01)
         assert int(data["filled"].sum()) == spikes[1:].size  # a first row is left out
-        assert (f"{spikes.size} spikes of a single sample" in data.attrs["note"]) == (spikes.size > 0)
+        assert (f"{spikes.size} spikes of a single sample" in data.attrs["note"]) == (
+            spikes.size > 0
+        )
         moving = ss.measure.motion(data, stiffness=10.0, velocity=1.0)
-        assert ss.measure.kinematics(moving).spikes == data.attrs["spikes"] == spikes.size
+        assert (
+            ss.measure.kinematics(moving).spikes == data.attrs["spikes"] == spikes.size
+        )
         assert drops(data).sizes["event"] == pytest.approx(slips, abs=1)
 
 
@@ -506,10 +848,22 @@ def test_spikes_are_replaced_and_slips_are_not(tmp_path):
     [
         (lambda d: d.drop_vars("spring_force"), {}, "spring_force along time"),
         (lambda d: d.isel(time=slice(5)), {}, "5 samples"),
-        (lambda d: d.assign(spring_force=d.spring_force.where(d.time != 3.0)), {}, "spring_force = nan at t = 3"),
+        (
+            lambda d: d.assign(spring_force=d.spring_force.where(d.time != 3.0)),
+            {},
+            "spring_force = nan at t = 3",
+        ),
         (lambda d: d.assign_coords(time=d.time.values[::-1]), {}, "rising"),
-        (lambda d: d.assign_coords(time=1e-308 * d.time.values), {}, "between 1e-30 and"),
-        (lambda d: d.assign(displacement=d.spring_force.expand_dims(seed=2).T), {}, "displacement has shape"),
+        (
+            lambda d: d.assign_coords(time=1e-308 * d.time.values),
+            {},
+            "between 1e-30 and",
+        ),
+        (
+            lambda d: d.assign(displacement=d.spring_force.expand_dims(seed=2).T),
+            {},
+            "displacement has shape",
+        ),
         (lambda d: d, {"after": 500.0}, "after = 500"),
         (lambda d: d, {"minimum_drop": 0.0}, "minimum_drop"),
         (lambda d: d, {"minimum_drop": "much"}, "minimum_drop"),
@@ -521,7 +875,7 @@ def test_what_cannot_be_measured_is_refused(spoil, options, message):
         regime_and_drops(spoil(trace(np.round(t, 6), force)), **options)
 
 
-# ----------------------------------------------------------------------------------------------- periods
+# ------------------------------------------------------------------------------ periods
 
 
 TWO_RATES = np.cumsum(np.where(np.arange(20_000) // 2500 % 2 == 0, 0.01, 0.03))
@@ -532,10 +886,16 @@ MANY = np.cumsum(np.where(np.arange(263_000) < 131_500, 0.0005, 0.0015))
     ("t", "period"),
     [
         (np.arange(0.0, 200.0, 0.1), 5.0),
-        (1e-3 * np.concatenate([np.arange(0.0, 400.0), np.arange(400.0, 800.0, 0.62)]), 0.02),
+        (
+            1e-3
+            * np.concatenate([np.arange(0.0, 400.0), np.arange(400.0, 800.0, 0.62)]),
+            0.02,
+        ),
         (TWO_RATES, 1.37),
         (np.linspace(0.0, 1.0, 2_000_000), 1.0 / 6.0),  # few cycles of many samples
-        (MANY, 1.7),  # more than are correlated at once: from averages of some samples, or from the beginning
+        # more than are correlated at once: from averages of some samples, or from the
+        # beginning
+        (MANY, 1.7),
         (MANY, 0.01),
     ],
 )
@@ -548,18 +908,30 @@ def test_the_period_is_found_however_a_force_is_sampled(t, period):
 
 @pytest.mark.parametrize("memory", [0.0, 0.9, 0.999])
 def test_a_line_of_a_spectrum_is_seldom_chance_whatever_the_colour_of_noise(memory):
-    t, chance = np.arange(1000.0), 0.01
-    lines = [spectral_line(t, slow(t.size, memory=memory, seed=seed), chance)[0] for seed in range(1000)]
-    assert 1 <= np.count_nonzero(np.isfinite(lines)) <= 22  # 10 on average, four standard errors
-    period, swing = spectral_line(t, slow(t.size, memory=memory) + tone(1.0, t / 12.5), chance)
-    assert (period, swing) == (pytest.approx(12.5, rel=1e-3), pytest.approx(2.0, abs=0.3))
+    t = np.arange(1000.0)
+    chance = 0.01
+    lines = [
+        spectral_line(t, slow(t.size, memory=memory, seed=seed), chance)[0]
+        for seed in range(1000)
+    ]
+    # 10 on average, four standard errors
+    assert 1 <= np.count_nonzero(np.isfinite(lines)) <= 22
+    period, swing = spectral_line(
+        t, slow(t.size, memory=memory) + tone(1.0, t / 12.5), chance
+    )
+    assert (period, swing) == (
+        pytest.approx(12.5, rel=1e-3),
+        pytest.approx(2.0, abs=0.3),
+    )
 
 
-# ----------------------------------------------------------------------------------------------- kinematics
+# --------------------------------------------------------------------------- kinematics
 
 
 def labelled_paper(name):
-    """Paper on paper, with units, without spikes, and with the stiffness and the velocity that its name tells."""
+    """Paper on paper, with units, without spikes, and with the stiffness and the
+    velocity that its name tells.
+    """
     data = read_trace(TRACE.parent / "paper_on_paper" / f"{name}.csv.gz")
     stiffness, velocity = (float(each[1:]) for each in name.split("_"))
     return data, {"stiffness": stiffness, "velocity": 1e-6 * velocity}
@@ -569,14 +941,45 @@ def labelled_paper(name):
     ("name", "kind", "motion", "stuck", "swing", "drop", "recurrence", "loading"),
     [
         ("k168_v42", "stick-slip", "sticks and slips", 0.87, 4.4, 69e-6, 1.63, 1.08),
-        ("k168_v1100", "stick-slip", "sticks and slips", 0.60, 2.0, 104e-6, 0.132, 1.11),
+        (
+            "k168_v1100",
+            "stick-slip",
+            "sticks and slips",
+            0.60,
+            2.0,
+            104e-6,
+            0.132,
+            1.11,
+        ),
         ("k1002_v42", "stick-slip", "sticks and slips", 0.76, 2.6, 24e-6, 0.65, 0.94),
-        ("k1002_v4300", "sustained oscillation", "oscillates", 0.22, 0.71, 39e-6, 0.0286, 0.84),
-        ("k2254_v42", "smooth sliding", "moves unevenly, without stops", 0.016, 0.47, None, None, 0.19),
+        (
+            "k1002_v4300",
+            "sustained oscillation",
+            "oscillates",
+            0.22,
+            0.71,
+            39e-6,
+            0.0286,
+            0.84,
+        ),
+        (
+            "k2254_v42",
+            "smooth sliding",
+            "moves unevenly, without stops",
+            0.016,
+            0.47,
+            None,
+            None,
+            0.19,
+        ),
     ],
 )
-def test_how_paper_slides_on_paper(name, kind, motion, stuck, swing, drop, recurrence, loading):
-    """As an expert measured it, with another picker and another estimate of the noise of the sensor."""
+def test_how_paper_slides_on_paper(
+    name, kind, motion, stuck, swing, drop, recurrence, loading
+):
+    """As an expert measured it, with another picker and another estimate of the
+    noise of the sensor.
+    """
     data, bench = labelled_paper(name)
     moving = ss.measure.motion(data, **bench)
     seen = ss.measure.kinematics(moving, mass="30.7 g")
@@ -586,20 +989,29 @@ def test_how_paper_slides_on_paper(name, kind, motion, stuck, swing, drop, recur
     assert seen.swing == pytest.approx(swing, rel=0.08)
     assert seen.loading == pytest.approx(loading, abs=0.03)
     if drop is not None:
-        assert (seen.drop, seen.recurrence) == (pytest.approx(drop, rel=0.07), pytest.approx(recurrence, rel=0.07))
-    if math.isfinite(seen.effective_mass):  # of a light slider, of which a part of the spring and the sensor rings
+        assert (seen.drop, seen.recurrence) == (
+            pytest.approx(drop, rel=0.07),
+            pytest.approx(recurrence, rel=0.07),
+        )
+    # of a light slider, of which a part of the spring and the sensor rings
+    if math.isfinite(seen.effective_mass):
         assert 0.5 <= seen.effective_mass / seen.mass <= 1.1
 
 
 def test_the_velocity_of_a_slider_by_its_force_is_that_of_the_run():
-    """A run of stick-slip, its force with noise of a sensor, read as a trace: as it moved, within the window."""
+    """A run of stick-slip, its force with noise of a sensor, read as a trace: as it
+    moved, within the window.
+    """
     run = ss.simulate(fig4(2.0, 0.2, damping=20.0)).sel(time=slice(60.0, None))
     force = 1e4 * run["spring_force"].values
     data = trace(run.time.values, force + white(force.size, std=2e-4 * np.ptp(force)))
-    data["spring_force"].attrs["units"], data["time"].attrs["units"] = "N", "s"
+    data["spring_force"].attrs["units"] = "N"
+    data["time"].attrs["units"] = "s"
     moving = ss.measure.motion(data, stiffness=2e4, velocity=1.0)
     assert float(np.mean(np.abs(moving["velocity"] - run["velocity"].values))) < 0.1
-    np.testing.assert_allclose(np.diff(moving["displacement"]), np.diff(run["displacement"]), atol=3e-3)
+    np.testing.assert_allclose(
+        np.diff(moving["displacement"]), np.diff(run["displacement"]), atol=3e-3
+    )
     assert regime(moving) == "stick-slip"
     assert "peak_velocity" in drops(moving)
 
@@ -625,18 +1037,24 @@ def test_a_motion_that_cannot_be_told_is_refused(unit, options, message):
         ss.measure.motion(with_motion(*even_sawtooth()), stiffness=1.0, velocity=1.0)
 
 
-# ----------------------------------------------------------------------------------------------- true runs
+# ---------------------------------------------------------------------------- true runs
 
 
 def rig(interface, slider, duration, count, seed, velocity=1.0):
     """A slider of a stiffness, a mass and a damping."""
-    slider = ss.Slider(**dict(zip(("stiffness", "mass", "damping"), slider, strict=True)))
-    method = count if isinstance(count, ss.MasterEquation) else ss.Contacts(count, seed=seed)
+    slider = ss.Slider(
+        **dict(zip(("stiffness", "mass", "damping"), slider, strict=True))
+    )
+    method = (
+        count if isinstance(count, ss.MasterEquation) else ss.Contacts(count, seed=seed)
+    )
     return ss.Rig(interface, slider, ss.constant(velocity, duration), method=method)
 
 
 def delayed(thresholds, delay, *numbers, **more):
-    return rig(ss.Interface(thresholds=thresholds, delay=ss.Delay(delay), **more), *numbers)
+    return rig(
+        ss.Interface(thresholds=thresholds, delay=ss.Delay(delay), **more), *numbers
+    )
 
 
 def gaussian(std):
@@ -650,27 +1068,69 @@ def uniform(std):
 def fig4(stiffness, delay, *, damping=200.0, duration=100.0, count=10_000):
     """A rig of Fig. 4."""
     numbers = (stiffness, 1e-4, damping), duration, count, 1
-    return delayed(gaussian(0.1), delay, *numbers, initial=ss.Gaussian(mean=0.0, std=0.01))
+    return delayed(
+        gaussian(0.1), delay, *numbers, initial=ss.Gaussian(mean=0.0, std=0.01)
+    )
 
 
 def few(contacts, stiffness, delay=0.0):
     """So few contacts that each slip is seen, or their noise is most of the force."""
     mass = 1e-4 * (stiffness + 1.0)
     numbers = (stiffness, mass, math.sqrt(stiffness / mass)), 100.0, contacts, 3
-    return delayed(gaussian(0.3), delay, *numbers, initial=ss.Gaussian(mean=0.0, std=0.05))
+    return delayed(
+        gaussian(0.3), delay, *numbers, initial=ss.Gaussian(mean=0.0, std=0.05)
+    )
 
 
-SMOOTH, STICK_SLIP, SUSTAINED = "smooth sliding", "stick-slip", "sustained oscillation"
-NOT_YET, FAST, MASTER = f"{SMOOTH}, undecided", {"largest_velocity": (10.0, math.inf)}, ss.MasterEquation()
+SMOOTH = "smooth sliding"
+STICK_SLIP = "stick-slip"
+SUSTAINED = "sustained oscillation"
+NOT_YET = f"{SMOOTH}, undecided"
+FAST = {"largest_velocity": (10.0, math.inf)}
+MASTER = ss.MasterEquation()
 PERIOD = reference.PERIOD - 0.010, reference.PERIOD + 0.010
-RELAXES = {"peak_to_peak": (0.75, 0.79), "largest_velocity": (12.3, 13.7), "period_variation": (0, 0.01)}
-SWINGS = {"peak_to_peak": (0.62, 0.65), "period": (1.37, 1.39), "largest_velocity": (0.0, 3.0)}
-FOUR_MODES = ss.Gamma(mean=1.0, std=0.077), 0.03931, (0.39341, 0.0055601, 0.55264), 120.0
-TWO_DROPS = ss.Gamma(mean=1.0, std=0.2978), 0.85202, (0.47383, 0.026935, 0.042596), 120.0, 2000, 70
-NO_DELAY = ss.Weibull(scale=1.0874688, shape=5.1335692), 0.0, (0.1806, 1.2771e-6, 5.8861), 120.0, 2000, 3
+RELAXES = {
+    "peak_to_peak": (0.75, 0.79),
+    "largest_velocity": (12.3, 13.7),
+    "period_variation": (0, 0.01),
+}
+SWINGS = {
+    "peak_to_peak": (0.62, 0.65),
+    "period": (1.37, 1.39),
+    "largest_velocity": (0.0, 3.0),
+}
+FOUR_MODES = (
+    ss.Gamma(mean=1.0, std=0.077),
+    0.03931,
+    (0.39341, 0.0055601, 0.55264),
+    120.0,
+)
+TWO_DROPS = (
+    ss.Gamma(mean=1.0, std=0.2978),
+    0.85202,
+    (0.47383, 0.026935, 0.042596),
+    120.0,
+    2000,
+    70,
+)
+NO_DELAY = (
+    ss.Weibull(scale=1.0874688, shape=5.1335692),
+    0.0,
+    (0.1806, 1.2771e-6, 5.8861),
+    120.0,
+    2000,
+    3,
+)
 AMPLIFIES = uniform(0.335), 0.746365, (3.695489, 8.567306e-4, 1.688416), 360.0, 2000, 5
 NARROW = uniform(0.2713), 0.16456, (1.84587, 0.0589937, 0.250851), 133.0, 1062, 1047
-SHAKEN = ss.LogNormal(mean=1.0, std=0.27266), 0.0756861, (0.2054, 0.03459, 0.653982), 85.7, 114, 5054
+SHAKEN = (
+    ss.LogNormal(mean=1.0, std=0.27266),
+    0.0756861,
+    (0.2054, 0.03459, 0.653982),
+    85.7,
+    114,
+    5054,
+)
 RINGS = uniform(0.0363), 0.28133, (0.10183, 2.3339e-5, 4.4319), 151.5, 2000, 56
 AGED = ss.Interface(thresholds=gaussian(0.3106), ageing=ss.Langevin(rate=0.30041))
 
@@ -681,7 +1141,11 @@ AGED = ss.Interface(thresholds=gaussian(0.3106), ageing=ss.Langevin(rate=0.30041
         (fig4(2.0, 0.0), SMOOTH, {"peak_to_peak": (0.0, 0.05), "alone": (True, True)}),
         (fig4(2.0, 0.085), SMOOTH, {"peak_to_peak": (0.0, 0.05)}),
         (fig4(2.0, 0.105), STICK_SLIP, {}),
-        (fig4(2.0, 0.2), STICK_SLIP, RELAXES | {"period": PERIOD, "alone": (True, True)}),
+        (
+            fig4(2.0, 0.2),
+            STICK_SLIP,
+            RELAXES | {"period": PERIOD, "alone": (True, True)},
+        ),
         (fig4(5.0, 0.1), SMOOTH, {"peak_to_peak": (0.0, 0.04)}),
         (fig4(5.0, 0.2), NOT_YET, {}),
         (fig4(5.0, 0.3), SUSTAINED, SWINGS | {"alone": (True, True)}),
@@ -695,19 +1159,28 @@ AGED = ss.Interface(thresholds=gaussian(0.3106), ageing=ss.Langevin(rate=0.30041
         (delayed(*RINGS), STICK_SLIP, {"period": (8.53, 8.87)}),
         # A large and a small drop in each cycle.
         (delayed(*TWO_DROPS), STICK_SLIP, {"period": (3.44, 3.58)}),
-        # The thresholds age: in sliding the force is a thirtieth of static friction, and so is its noise.
-        (rig(AGED, (0.04518344, 1.6051970e-4, 7.01152), 27.06, 630, 13, 2.2172), STICK_SLIP, {}),
-        # Without a delay nothing can grow: what fluctuates is noise of the contacts, however fast.
+        # The thresholds age: in sliding the force is a thirtieth of static friction,
+        # and so is its noise.
+        (
+            rig(AGED, (0.04518344, 1.6051970e-4, 7.01152), 27.06, 630, 13, 2.2172),
+            STICK_SLIP,
+            {},
+        ),
+        # Without a delay nothing can grow: what fluctuates is noise of the contacts,
+        # however fast.
         (delayed(*NO_DELAY), SMOOTH, {}),
-        # Stable, and so lightly damped that it amplifies the noise of its contacts, in proportion to it.
+        # Stable, and so lightly damped that it amplifies the noise of its contacts, in
+        # proportion to it.
         (delayed(*AMPLIFIES), SMOOTH, {}),
-        # The same, four times what evenly stretched contacts make; with few contacts, but unstable: no noise.
+        # The same, four times what evenly stretched contacts make; with few contacts,
+        # but unstable: no noise.
         (delayed(*NARROW), SMOOTH, {}),
         (delayed(*SHAKEN), SUSTAINED, {}),
         # Four growing modes; the noise of the contacts shakes a sustained oscillation.
         (delayed(*FOUR_MODES, 2000, 67), SUSTAINED, {}),
         (delayed(*FOUR_MODES, 10_000, 1), SUSTAINED, {"period": (0.727, 0.757)}),
-        # The force jumps by a quarter of static friction and more, at many times the speed of the drive.
+        # The force jumps by a quarter of static friction and more, at many times the
+        # speed of the drive.
         (few(10, 0.3), STICK_SLIP, FAST),
         (few(31, 0.05), STICK_SLIP, FAST),
         (few(10, 5.0, delay=0.1), SUSTAINED, {}),
@@ -724,52 +1197,77 @@ def test_the_regimes_of_runs(made, kinds, numbers):
         assert least <= measured[name] <= most, name
     if "period" in numbers:
         begin, end = seen.window
-        assert drops(data, after=begin).sizes["event"] == pytest.approx((end - begin) / seen.period, abs=2)
-    if seen == SMOOTH and made.drive.duration > 100:  # what is listed came before, and is more than the sliding shows
+        assert drops(data, after=begin).sizes["event"] == pytest.approx(
+            (end - begin) / seen.period, abs=2
+        )
+    # what is listed came before, and is more than the sliding shows
+    if seen == SMOOTH and made.drive.duration > 100:
         assert bool((found["start"] < seen.window[0]).all())
         assert bool((found["drop"] > seen.peak_to_peak).all())
-        assert "smooth" in found.attrs["criterion"] or "noise" in found.attrs["criterion"]
+        assert (
+            "smooth" in found.attrs["criterion"] or "noise" in found.attrs["criterion"]
+        )
 
 
 def test_drops_of_an_oscillation_without_sticking_are_cycles_and_no_slips():
     run = ss.simulate(ss.example("precision_stage").replace(velocity="2 mm/s"))
     seen, found = regime_and_drops(run)
-    assert (seen.kind, seen.drops_are, found.attrs["drops_are"]) == (SUSTAINED, "cycles", "cycles")
+    assert (seen.kind, seen.drops_are, found.attrs["drops_are"]) == (
+        SUSTAINED,
+        "cycles",
+        "cycles",
+    )
     assert counted(found) == f"{found.sizes['event']} cycles"
-    assert counted(found) in {line.get_label() for line in ss.plot.overview(run, events=found).axes[0].lines}
+    assert counted(found) in {
+        line.get_label() for line in ss.plot.overview(run, events=found).axes[0].lines
+    }
     assert counted(ss.drops(ss.simulate(ss.example("brake_pad")))).endswith(" slips")
 
 
 def test_drops_before_the_window_and_slow_ones_stay_in_the_table(wiper):
-    # A drive that speeds up has slow drops; in the window of a run that grows there are four, after one fast slip.
+    # A drive that speeds up has slow drops; in the window of a run that grows there are
+    # four, after one fast slip.
     assert drops(wiper).sizes["event"] > 10
     assert drops(wiper).attrs["drops_are"] == "drops"
     t = np.arange(0.0, 100.0, 0.01)
-    data = with_motion(t, np.where(t < 40.0, 0.4 + 0.3 * (t % 2.0), 0.6) + white(t.size, std=0.002), stiffness=5.0)
+    data = with_motion(
+        t,
+        np.where(t < 40.0, 0.4 + 0.3 * (t % 2.0), 0.6) + white(t.size, std=0.002),
+        stiffness=5.0,
+    )
     seen, found = regime_and_drops(data)
     assert (seen.kind, found.sizes["event"]) == (SMOOTH, 20)
     assert float(found["start"].max()) < seen.window[0]
 
 
-# ----------------------------------------------------------------------------------------------- transitions
+# -------------------------------------------------------------------------- transitions
 
 
 def loop(up, down, *, noise=0.0, start=0.0):
-    """A run up and down a ramp, whose force oscillates by .8 between two velocities; its wavelength is 1.3 of travel.
+    """A run up and down a ramp, whose force oscillates by .8 between two velocities;
+    its wavelength is 1.3 of travel.
 
-    Where the first is larger, beyond them. At the start of each way it oscillates by `start` more, which soon decays.
+    Where the first is larger, beyond them. At the start of each way it oscillates by
+    `start` more, which soon decays.
     """
     t = np.arange(0.0, 800.0, 0.02)
     v = 3.0 - 2.9 * np.abs(t - 400.0) / 400.0
     travel = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
     low, high = np.where(t <= 400.0, np.transpose([up]), np.transpose([down]))
-    size = np.where(1 * (v > low) + (v < high) + (low > high) > 1, 0.8, 0.01) + start * np.exp(-(t % 400.0) / 7.0)
-    force = 0.45 + 0.5 * size * np.cos(2 * np.pi * travel / 1.3) + white(t.size, std=noise)
+    size = np.where(
+        1 * (v > low) + (v < high) + (low > high) > 1, 0.8, 0.01
+    ) + start * np.exp(-(t % 400.0) / 7.0)
+    force = (
+        0.45 + 0.5 * size * np.cos(2 * np.pi * travel / 1.3) + white(t.size, std=noise)
+    )
     return trace(t, force, drive_velocity=v)
 
 
 @settings(max_examples=20)
-@given(up=st.tuples(st.floats(0.6, 1.2), st.floats(1.8, 2.6)), down=st.tuples(st.floats(0.3, 1.0), st.floats(1.6, 2.6)))
+@given(
+    up=st.tuples(st.floats(0.6, 1.2), st.floats(1.8, 2.6)),
+    down=st.tuples(st.floats(0.3, 1.0), st.floats(1.6, 2.6)),
+)
 def test_transitions_of_a_made_up_loop(up, down):
     found = transitions(loop(up, down, noise=0.01))
     assert (found.v1, found.v2) == pytest.approx(up, abs=0.04)
@@ -777,29 +1275,73 @@ def test_transitions_of_a_made_up_loop(up, down):
     assert found.attrs["notes"] == ""
 
 
-BOTH, UP, DOWN, NOWHERE = slice(None), slice(0.0, 400.0), slice(400.01, None), (8.0, 9.0)
+BOTH = slice(None)
+UP = slice(0.0, 400.0)
+DOWN = slice(400.01, None)
+NOWHERE = (8.0, 9.0)
 
 
 @pytest.mark.parametrize(
     ("up", "down", "start", "part", "seen", "note"),
     [
-        ((1.4, 9.0), (0.7, 9.0), 0.0, BOTH, {"v1": 1.4, "v1_down": 0.7}, "v2 not seen: stick-slip in "),
-        ((1.4, 9.0), (0.7, 9.0), 0.9, BOTH, {"v1": 1.4, "v1_down": 0.7}, "from the start"),
+        (
+            (1.4, 9.0),
+            (0.7, 9.0),
+            0.0,
+            BOTH,
+            {"v1": 1.4, "v1_down": 0.7},
+            "v2 not seen: stick-slip in ",
+        ),
+        (
+            (1.4, 9.0),
+            (0.7, 9.0),
+            0.9,
+            BOTH,
+            {"v1": 1.4, "v1_down": 0.7},
+            "from the start",
+        ),
         (NOWHERE, NOWHERE, 0.0, BOTH, {}, "v1 and v2 not seen: stick-slip in 0 of "),
-        ((1.4, 2.4), (0.7, 2.0), 0.0, UP, {"v1": 1.4, "v2": 2.4}, "in 0 of 0 windows on the way down"),
-        (NOWHERE, (0.0, 2.0), 0.9, DOWN, {"v2_down": 2.0}, r"way up.*it sets in at \S* and persists"),
-        (NOWHERE, (2.4, 1.0), 0.0, DOWN, {"v1_down": 2.4, "v2_down": 1.0}, "start, ends at .*, sets in at .* persists"),
+        (
+            (1.4, 2.4),
+            (0.7, 2.0),
+            0.0,
+            UP,
+            {"v1": 1.4, "v2": 2.4},
+            "in 0 of 0 windows on the way down",
+        ),
+        (
+            NOWHERE,
+            (0.0, 2.0),
+            0.9,
+            DOWN,
+            {"v2_down": 2.0},
+            r"way up.*it sets in at \S* and persists",
+        ),
+        (
+            NOWHERE,
+            (2.4, 1.0),
+            0.0,
+            DOWN,
+            {"v1_down": 2.4, "v2_down": 1.0},
+            "start, ends at .*, sets in at .* persists",
+        ),
     ],
 )
-def test_what_a_ramp_does_not_show_is_not_seen_and_why(up, down, start, part, seen, note):
+def test_what_a_ramp_does_not_show_is_not_seen_and_why(
+    up, down, start, part, seen, note
+):
     found = transitions(run := loop(up, down, start=start).sel(time=part))
     for name in ("v1", "v2", "v1_down", "v2_down"):
-        assert float(found[name]) == pytest.approx(seen.get(name, math.nan), abs=0.04, nan_ok=True)
+        assert float(found[name]) == pytest.approx(
+            seen.get(name, math.nan), abs=0.04, nan_ok=True
+        )
     assert re.search(note, f"{found.attrs['notes']} {ss.measure.ramps.in_words(run)}")
     if {"v1", "v1_down"} <= set(seen):
         for velocity, difference in ((1.05, 0.8), (2.5, 0.0)):
             there = found.sel(velocity=velocity, method="nearest")
-            assert float(there["down"] - there["up"]) == pytest.approx(difference, abs=0.05)
+            assert float(there["down"] - there["up"]) == pytest.approx(
+                difference, abs=0.05
+            )
 
 
 @pytest.mark.parametrize(
@@ -807,11 +1349,31 @@ def test_what_a_ramp_does_not_show_is_not_seen_and_why(up, down, start, part, se
     [
         (lambda d: transitions(d[["spring_force"]]), ss.InputError, "drive_velocity"),
         (lambda d: transitions(d, level=0.0), ss.InputError, "level"),
-        (lambda d: transitions(d.assign(drive_velocity=d.drive_velocity - 1.0)), ss.InputError, "turns back"),
-        (lambda d: transitions(d.assign(drive_velocity=1.0 + 0.0 * d.time)), ss.UndecidedError, "keeps its velocity"),
-        (lambda d: transitions(d.assign(drive_velocity=2 - np.cos(d.time / 64))), ss.UndecidedError, "2 times"),
-        (lambda d: transitions(d.isel(time=slice(None, 300))), ss.UndecidedError, "run it longer"),
-        (lambda d: transitions(d.isel(time=slice(None, None, 100))), ss.UndecidedError, "record more often"),
+        (
+            lambda d: transitions(d.assign(drive_velocity=d.drive_velocity - 1.0)),
+            ss.InputError,
+            "turns back",
+        ),
+        (
+            lambda d: transitions(d.assign(drive_velocity=1.0 + 0.0 * d.time)),
+            ss.UndecidedError,
+            "keeps its velocity",
+        ),
+        (
+            lambda d: transitions(d.assign(drive_velocity=2 - np.cos(d.time / 64))),
+            ss.UndecidedError,
+            "2 times",
+        ),
+        (
+            lambda d: transitions(d.isel(time=slice(None, 300))),
+            ss.UndecidedError,
+            "run it longer",
+        ),
+        (
+            lambda d: transitions(d.isel(time=slice(None, None, 100))),
+            ss.UndecidedError,
+            "record more often",
+        ),
     ],
 )
 def test_ramps_that_cannot_be_read_are_refused(ask, error, words):
@@ -831,35 +1393,47 @@ def test_a_window_holds_two_cycles_at_every_velocity(wiper):
         up = found.isel(travel=found.middle.to_numpy() < 0.5)
         nearest = int(np.abs(up.drive_velocity.to_numpy() - v).argmin())
         assert 2 * period <= float(up.end[nearest] - up.begin[nearest]) <= 5 * period
-    # By eye: swings of 5 to 11 N from the first slip on, of 3 N at .94 m/s, none while it slows down to .2 m/s.
+    # By eye: swings of 5 to 11 N from the first slip on, of 3 N at .94 m/s, none while
+    # it slows down to .2 m/s.
     assert np.isnan([found.v1, found.v1_down]).all()
     assert float(found.v2) == pytest.approx(0.944, abs=0.02)
     assert 0.1 <= float(found.v2_down) <= 0.2
     assert found.attrs["level"] == pytest.approx(0.4 * 7.2)
     assert ss.measure.ramps.in_words(wiper).endswith(
-        f"speeding up, it is there from the start and ends at {1e3 * float(found.v2):.3g} mm/s; "
-        f"slowing down, it sets in at {1e3 * float(found.v2_down):.3g} mm/s and persists to the end"
+        "speeding up, it is there from the start and ends at "
+        f"{1e3 * float(found.v2):.3g} mm/s; "
+        f"slowing down, it sets in at {1e3 * float(found.v2_down):.3g} mm/s and "
+        "persists to the end"
     )
     del (unknown := wiper.copy()).attrs["provenance"]  # of a rig that is not known
-    with pytest.raises(ss.InputError, match="spring_force is in N: the run does not say what f_s"):
+    with pytest.raises(
+        ss.InputError, match="spring_force is in N: the run does not say what f_s"
+    ):
         transitions(unknown)
 
 
-# ----------------------------------------------------------------------------------------------- a real bench
+# ------------------------------------------------------------------------- a real bench
 
 
 def test_the_real_trace():
     data = read_trace(TRACE, step=0.25)
-    assert re.search(r"1 of 4262 rows could not be read.*\(line 3295: 'NaN N1'\)", data.note)
+    assert re.search(
+        r"1 of 4262 rows could not be read.*\(line 3295: 'NaN N1'\)", data.note
+    )
     found = drops(data)
     mean = {name: column.attrs.get("mean") for name, column in found.data_vars.items()}
     assert (data.sizes["time"], found.attrs["count"]) == (4262, 168)
     assert 2.6 <= mean["drop"] <= 3.6
     assert 5.3 <= mean["recurrence"] <= 6.8
     assert 0.24 <= found["recurrence"].attrs["std"] / mean["recurrence"] <= 0.36
-    assert [mean[name] for name in ("force_before", "force_after")] == pytest.approx([11.8, 8.7], abs=0.2)
+    assert [mean[name] for name in ("force_before", "force_after")] == pytest.approx(
+        [11.8, 8.7], abs=0.2
+    )
     assert mean["loading_rate"] == pytest.approx(0.55, abs=0.06)
     assert str(regime(data)).startswith("stick-slip: irregular")
     for every in (8, 10, 12, 16, 20, 24):
         rarely = regime(data.isel(time=slice(None, None, every)))
-        assert (rarely.kind, "record more often" in rarely.reason) == ("undecided", True)
+        assert (rarely.kind, "record more often" in rarely.reason) == (
+            "undecided",
+            True,
+        )

@@ -1,4 +1,6 @@
-"""Sliding force, newborn stretchings, re-attachment on arrest, track scatter: all solvers, closed forms, files."""
+"""Sliding force, newborn stretchings, re-attachment on arrest, track scatter: all
+solvers, closed forms, files.
+"""
 
 import math
 from dataclasses import replace
@@ -18,16 +20,37 @@ from stickslip.theory import attached_fraction
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
 STRETCHED = ss.Uniform(low=-0.1, high=0.4)
-NEWBORNS = [ss.Gaussian(mean=0.3, std=0.0), ss.Gaussian(mean=-0.3, std=0.0), STRETCHED, ss.Gaussian(mean=0.1, std=0.3)]
+NEWBORNS = [
+    ss.Gaussian(mean=0.3, std=0.0),
+    ss.Gaussian(mean=-0.3, std=0.0),
+    STRETCHED,
+    ss.Gaussian(mean=0.1, std=0.3),
+]
 
 
-def rig_of(interface, drive=None, *, damping=200.0, stiffness=2.0, mass=1e-4, count=1000, seed=1, start=None):
+def rig_of(
+    interface,
+    drive=None,
+    *,
+    damping=200.0,
+    stiffness=2.0,
+    mass=1e-4,
+    count=1000,
+    seed=1,
+    start=None,
+):
     slider = ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
     drive = drive or ss.constant(1.0, duration=10)
-    return ss.Rig(interface, slider, drive, method=ss.Contacts(count, seed=seed), start=start or ss.FromRest())
+    return ss.Rig(
+        interface,
+        slider,
+        drive,
+        method=ss.Contacts(count, seed=seed),
+        start=start or ss.FromRest(),
+    )
 
 
-# ------------------------------------------------------------------------------------------------ contacts
+# ----------------------------------------------------------------------------- contacts
 
 THERE_AND_BACK = ss.ramp(2, -2, duration=4).then(ss.ramp(-2, 2, duration=4))
 
@@ -35,23 +58,37 @@ CREEP = ss.LogarithmicGrowth(slope=0.02, time=0.05)
 
 
 def reference(rig, dt):
-    """One contact after the other in small steps: the rules to the letter, and nothing in common with the engine."""
-    interface, slider, count = rig.interface, rig.slider, rig.method.count
-    K, M, eta = slider.stiffness, slider.mass, slider.damping
-    limit, delay = interface.sliding_force, interface.delay.time
+    """One contact after the other in small steps: the rules to the letter, and
+    nothing in common with the engine.
+    """
+    interface = rig.interface
+    slider = rig.slider
+    count = rig.method.count
+    K = slider.stiffness
+    M = slider.mass
+    eta = slider.damping
+    limit = interface.sliding_force
+    delay = interface.delay.time
     stretching = 0.0 if interface.newborn is None else interface.newborn.moment(1)
-    strength, growth = interface.thresholds.moment(1), interface.ageing
+    strength = interface.thresholds.moment(1)
+    growth = interface.ageing
     k = 1.0 if interface.areas is None else math.sqrt(strength)
-    x, back = np.zeros(count), np.zeros(count)  # stretchings; times of attachment, or re-attachment of those detached
+    # stretchings; times of attachment, or re-attachment of those detached
+    x = np.zeros(count)
+    back = np.zeros(count)
     on = np.ones(count, dtype=bool)
     X = v = element = 0.0
-    direction, rows = 1.0, []
-    pieces, times = rig.drive.pieces, dt * np.arange(round(rig.drive.duration / dt))
+    direction = 1.0
+    rows = []
+    pieces = rig.drive.pieces
+    times = dt * np.arange(round(rig.drive.duration / dt))
     ends = np.cumsum([0.0, *(piece.duration for piece in pieces)])
     speeds = np.interp(times, ends, [pieces[0].start, *(piece.end for piece in pieces)])
     way = np.append(0.0, np.cumsum(0.5 * dt * (speeds[1:] + speeds[:-1])))
     for t, D in zip(times, way, strict=True):
-        rows.append((t, X, v, (k * x[on].sum() + (~on).sum() * element) / count, on.mean()))
+        rows.append(
+            (t, X, v, (k * x[on].sum() + (~on).sum() * element) / count, on.mean())
+        )
         force = K * (D - X) - rows[-1][3]
         v = (v * (1 - eta * dt / 2) + force / M * dt) / (1 + eta * dt / 2)
         X += v * dt
@@ -61,12 +98,15 @@ def reference(rig, dt):
         threshold = (
             strength
             if growth is None
-            else strength + growth.slope * np.log1p(np.maximum(t + dt - back, 0.0) / growth.time)
+            else strength
+            + growth.slope * np.log1p(np.maximum(t + dt - back, 0.0) / growth.time)
         )
         broken = on & (k * np.abs(x) >= threshold)
-        on[broken], back[broken] = False, t + dt + delay
+        on[broken] = False
+        back[broken] = t + dt + delay
         born = ~on & (back <= t + dt)
-        on[born], x[born] = True, direction * stretching
+        on[born] = True
+        x[born] = direction * stretching
     return np.array(rows).T
 
 
@@ -80,11 +120,20 @@ def reference(rig, dt):
         ({"ageing": CREEP, "sliding_force": 0.4}, 20.0),
         ({"ageing": CREEP, "newborn": ss.Gaussian(mean=0.3, std=0.0)}, 20.0),
         ({"areas": "fresh", "sliding_force": 0.3}, 20.0),
-        ({"areas": "site", "ageing": CREEP, "newborn": ss.Gaussian(mean=0.2, std=0.0)}, 20.0),
+        (
+            {
+                "areas": "site",
+                "ageing": CREEP,
+                "newborn": ss.Gaussian(mean=0.2, std=0.0),
+            },
+            20.0,
+        ),
     ],
 )
 def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
-    """Equal contacts, a heavy slider: no randomness, so runs can be compared sample by sample."""
+    """Equal contacts, a heavy slider: no randomness, so runs can be compared sample
+    by sample.
+    """
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=0.7 if "areas" in changes else 1.0, std=0.0),
         initial=ss.Gaussian(mean=0.0, std=0.0),
@@ -101,7 +150,9 @@ def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
     assert np.ptp(X) > 1.5
     assert np.min(attached) == 0.0
     assert np.max(np.abs(run["displacement"].to_numpy()[first] - at)) < 30 * dt
-    away = np.abs(run["friction_force"].to_numpy()[first] - np.interp(time[first], t, force))
+    away = np.abs(
+        run["friction_force"].to_numpy()[first] - np.interp(time[first], t, force)
+    )
     assert np.quantile(away, 0.95) < 30 * dt  # beside the jumps, which are steps late
 
 
@@ -119,14 +170,24 @@ def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
     [
         {"delay": ss.Delay(0.15), "sliding_force": 0.3},
         {"newborn": STRETCHED},
-        {"delay": ss.OnArrest(), "sliding_force": 0.2, "newborn": STRETCHED, "track_scatter": 0.2},
+        {
+            "delay": ss.OnArrest(),
+            "sliding_force": 0.2,
+            "newborn": STRETCHED,
+            "track_scatter": 0.2,
+        },
         {"delay": ss.RandomDelay(mean=0.1, std=0.1)},
     ],
     ids=["sliding force", "newborns", "arrests", "random delays"],
 )
-def test_a_rule_of_breaking_that_changes_nothing_gives_the_run_without_it(nothing, fields):
+def test_a_rule_of_breaking_that_changes_nothing_gives_the_run_without_it(
+    nothing, fields
+):
     cold = ss.Interface(thresholds=TENTH, **fields)
-    rigs = [rig_of(each, THERE_AND_BACK, damping=20.0, count=100) for each in (cold, replace(cold, **nothing))]
+    rigs = [
+        rig_of(each, THERE_AND_BACK, damping=20.0, count=100)
+        for each in (cold, replace(cold, **nothing))
+    ]
     runs = [ss.simulate(rig, output=ss.Output(interval=0.05)) for rig in rigs]
     for name in ("displacement", "friction_force", "attached", "broken_energy"):
         np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=0, atol=1e-6)
@@ -134,32 +195,65 @@ def test_a_rule_of_breaking_that_changes_nothing_gives_the_run_without_it(nothin
 
 @pytest.mark.parametrize(
     "fields",
-    [{}, {"newborn": STRETCHED, "delay": ss.Delay(0.1)}, {"delay": ss.OnArrest(), "sliding_force": 0.2}],
+    [
+        {},
+        {"newborn": STRETCHED, "delay": ss.Delay(0.1)},
+        {"delay": ss.OnArrest(), "sliding_force": 0.2},
+    ],
     ids=["none", "newborns", "arrests"],
 )
-@pytest.mark.parametrize("bell", [ss.Bell(width=0.02, attempts=1e4), ss.Bell(width=0.1, attempts=1e2)], ids=str)
+@pytest.mark.parametrize(
+    "bell",
+    [ss.Bell(width=0.02, attempts=1e4), ss.Bell(width=0.1, attempts=1e2)],
+    ids=str,
+)
 def test_contacts_that_share_a_clock_break_as_those_in_boxes(fields, bell):
-    """Thresholds that grow by next to nothing put each contact in a box of its own: other draws, one distribution."""
-    cold = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), temperature=bell, **fields)
+    """Thresholds that grow by next to nothing put each contact in a box of its own:
+    other draws, one distribution.
+    """
+    cold = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.3), temperature=bell, **fields
+    )
     apart = replace(cold, ageing=ss.LogarithmicGrowth(slope=1e-9, time=1.0))
     found = []
     for interface, seeds in ((cold, range(20)), (apart, range(100, 120))):
-        rigs = (rig_of(interface, THERE_AND_BACK, damping=20.0, mass=1e-2, count=300, seed=seed) for seed in seeds)
+        rigs = (
+            rig_of(
+                interface, THERE_AND_BACK, damping=20.0, mass=1e-2, count=300, seed=seed
+            )
+            for seed in seeds
+        )
         runs = [ss.simulate(rig, output=ss.Output(interval=0.05)) for rig in rigs]
-        means = [(run["friction_force"].mean(), run["attached"].mean(), run["broken_energy"][-1]) for run in runs]
+        means = [
+            (
+                run["friction_force"].mean(),
+                run["attached"].mean(),
+                run["broken_energy"][-1],
+            )
+            for run in runs
+        ]
         found.append(np.array(means))
     error = np.sqrt(sum(means.var(axis=0, ddof=1) for means in found) / 20)
-    assert np.all(np.abs(found[0].mean(axis=0) - found[1].mean(axis=0)) <= 4 * error + 1e-12)
+    assert np.all(
+        np.abs(found[0].mean(axis=0) - found[1].mean(axis=0)) <= 4 * error + 1e-12
+    )
 
 
 RE_STUCK = ss.Interface(
-    thresholds=TENTH, delay=ss.OnArrest(), sliding_force=0.5, newborn=ss.Gaussian(mean=0.5, std=0.0)
+    thresholds=TENTH,
+    delay=ss.OnArrest(),
+    sliding_force=0.5,
+    newborn=ss.Gaussian(mean=0.5, std=0.0),
 )
-"""Contacts that re-attach as they slide, when the slider stops: sustained stick-slip."""
+"""Contacts that re-attach as they slide, when the slider stops: sustained
+stick-slip.
+"""
 
 
 def stick_slip(interface, *, duration=1500, interval=0.05, count=100):
-    """A soft spring, little damping and a slow drive: the slider stops within each slip."""
+    """A soft spring, little damping and a slow drive: the slider stops within each
+    slip.
+    """
     drive = ss.constant(0.05, duration=duration)
     rig = rig_of(interface, drive, damping=20.0, stiffness=0.5, count=count)
     return ss.simulate(rig, output=ss.Output(interval=interval))
@@ -167,7 +261,8 @@ def stick_slip(interface, *, duration=1500, interval=0.05, count=100):
 
 def test_contacts_stay_detached_until_the_slider_stops_and_then_all_re_attach():
     run = stick_slip(RE_STUCK)
-    attached, force = run["attached"].to_numpy(), run["spring_force"].to_numpy()
+    attached = run["attached"].to_numpy()
+    force = run["spring_force"].to_numpy()
     drops = ss.drops(run)
     assert drops.sizes["event"] > 40
     assert np.mean(attached == 1.0) > 0.9  # before the first breaks and between slips
@@ -182,66 +277,103 @@ def test_contacts_stay_detached_until_the_slider_stops_and_then_all_re_attach():
 
 
 @pytest.mark.parametrize(("newborn", "let_go"), [(RE_STUCK.newborn, 0.0), (None, 0.5)])
-def test_at_an_arrest_contacts_let_go_of_what_newborns_do_not_take_over(newborn, let_go):
+def test_at_an_arrest_contacts_let_go_of_what_newborns_do_not_take_over(
+    newborn, let_go
+):
     run = stick_slip(replace(RE_STUCK, newborn=newborn), duration=55, interval=2e-4)
-    attached, friction = run["attached"].to_numpy(), run["friction_force"].to_numpy()
+    attached = run["attached"].to_numpy()
+    friction = run["friction_force"].to_numpy()
     (back,) = np.flatnonzero(np.diff(attached) > 0.8)
     assert attached[back + 1] == 1.0
-    assert friction[back + 1] - friction[back] == pytest.approx(-let_go * (1.0 - attached[back]), abs=0.02)
+    assert friction[back + 1] - friction[back] == pytest.approx(
+        -let_go * (1.0 - attached[back]), abs=0.02
+    )
 
 
 @pytest.mark.parametrize("areas", [None, "fresh", "site"])
 def test_peaks_of_slips_follow_the_factor_of_their_track(areas):
     peaks = {}
     for scatter in (0.0, 0.15):
-        interface = replace(RE_STUCK, thresholds=ss.Gaussian(mean=1.0, std=0.02), track_scatter=scatter, areas=areas)
+        interface = replace(
+            RE_STUCK,
+            thresholds=ss.Gaussian(mean=1.0, std=0.02),
+            track_scatter=scatter,
+            areas=areas,
+        )
         run = stick_slip(interface, count=200)
         peaks[scatter] = ss.drops(run)["force_before"].to_numpy()[1:]
     n = peaks[0.15].size
     assert n > 30
     assert peaks[0.0].std() < 0.02
-    assert peaks[0.15].mean() == pytest.approx(peaks[0.0].mean(), abs=4 * 0.15 / math.sqrt(n))
-    assert peaks[0.15].std() == pytest.approx(0.15 * peaks[0.0].mean(), rel=4 / math.sqrt(2 * n))
+    assert peaks[0.15].mean() == pytest.approx(
+        peaks[0.0].mean(), abs=4 * 0.15 / math.sqrt(n)
+    )
+    assert peaks[0.15].std() == pytest.approx(
+        0.15 * peaks[0.0].mean(), rel=4 / math.sqrt(2 * n)
+    )
 
 
 def peaks_of_a_block(method, scatter):
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.02), delay=ss.Delay(0.1), track_scatter=scatter)
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.02),
+        delay=ss.Delay(0.1),
+        track_scatter=scatter,
+    )
     alone = ss.Chain(blocks=2, coupling=1e-6, mass=1e-4, damping=100.0, leaf=0.3)
     run = ss.simulate(ss.Rig(interface, alone, ss.constant(1.0, 150.0), method=method))
-    return ss.drops(run["friction_force"].isel(block=0).rename("spring_force").to_dataset())["force_before"][1:]
+    return ss.drops(
+        run["friction_force"].isel(block=0).rename("spring_force").to_dataset()
+    )["force_before"][1:]
 
 
-@pytest.mark.parametrize("method", [ss.Contacts(200, seed=1), ss.QuasiStatic(200, seed=1)])
+@pytest.mark.parametrize(
+    "method", [ss.Contacts(200, seed=1), ss.QuasiStatic(200, seed=1)]
+)
 def test_each_block_of_a_chain_goes_from_track_to_track(method):
-    peaks, none = peaks_of_a_block(method, 0.15), peaks_of_a_block(method, 0.0)
+    peaks = peaks_of_a_block(method, 0.15)
+    none = peaks_of_a_block(method, 0.0)
     assert peaks.size > 25
     assert float(none.std() / none.mean()) < 0.02
-    assert float(peaks.mean() / none.mean()) == pytest.approx(1.0, abs=4 * 0.15 / math.sqrt(peaks.size))
-    assert float(peaks.std() / none.mean()) == pytest.approx(0.15, rel=4 / math.sqrt(2 * peaks.size))
+    assert float(peaks.mean() / none.mean()) == pytest.approx(
+        1.0, abs=4 * 0.15 / math.sqrt(peaks.size)
+    )
+    assert float(peaks.std() / none.mean()) == pytest.approx(
+        0.15, rel=4 / math.sqrt(2 * peaks.size)
+    )
 
 
 def test_blocks_that_never_stop_keep_their_track():
     """The friction of each is that of smooth sliding, times its factor."""
     interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.05), track_scatter=0.2)
     loose = ss.Chain(blocks=60, coupling=1e-3, mass=1e-3, damping=200.0, leaf=20.0)
-    rig = ss.Rig(interface, loose, ss.constant(1.0, 6.0), method=ss.Contacts(300, seed=2), start=ss.FromSliding())
+    rig = ss.Rig(
+        interface,
+        loose,
+        ss.constant(1.0, 6.0),
+        method=ss.Contacts(300, seed=2),
+        start=ss.FromSliding(),
+    )
     steady = ss.kinetic_friction(replace(interface, track_scatter=0.0), 1.0)
     friction = ss.simulate(rig)["friction_force"].mean("time") / steady
     assert float(friction.mean()) == pytest.approx(1.0, abs=4 * 0.2 / math.sqrt(60))
     assert float(friction.std()) == pytest.approx(0.2, rel=4 / math.sqrt(120))
 
 
-# ------------------------------------------------------------------------------------------------ closed forms
+# ------------------------------------------------------------------------- closed forms
 
 
 def test_steady_force_in_numbers():
     interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1), sliding_force=0.3)
-    assert ss.kinetic_friction(interface, 1.5) == pytest.approx((0.505 + 0.3 * 0.15) / 1.15, rel=1e-12)
+    assert ss.kinetic_friction(interface, 1.5) == pytest.approx(
+        (0.505 + 0.3 * 0.15) / 1.15, rel=1e-12
+    )
     life = mean_life(replace(interface, newborn=ss.Gaussian(mean=0.25, std=0.0)))
     assert life == pytest.approx((0.75, (1.01 - 0.0625) / 2), rel=1e-12)
     # Friction falls with velocity only below k m2/(2 m1) = .505.
     slope = [
-        ss.kinetic_friction(replace(interface, sliding_force=f), np.array([1.0, 2.0])) @ [-1, 1] for f in (0.504, 0.506)
+        ss.kinetic_friction(replace(interface, sliding_force=f), np.array([1.0, 2.0]))
+        @ [-1, 1]
+        for f in (0.504, 0.506)
     ]
     assert slope[0] < 0 < slope[1]
 
@@ -260,16 +392,22 @@ HOT = {"temperature": ss.Bell(width=0.01, attempts=1e6)}
             for f in (0.0, 0.1, 0.3)
             for born in (None, NEWBORNS[0])
         ),
-        *(({"delay": ss.Delay(delay)}, 1.0, 42.426, 1e-7) for delay in (0.1, 0.13, 0.2)),
+        *(
+            ({"delay": ss.Delay(delay)}, 1.0, 42.426, 1e-7)
+            for delay in (0.1, 0.13, 0.2)
+        ),
         ({"delay": ss.Delay(0.2)}, 1.0, 200.0, 1e-7),
         ({"delay": ss.RandomDelay(mean=0.2, std=0.06)}, 2.0, 42.426, 1e-7),
         pytest.param(HOT, 1.5, 42.426, 1e-5, marks=pytest.mark.slow),
     ],
 )
 @pytest.mark.eq(11)
-def test_the_master_equation_grows_as_the_linear_response_says(fields, velocity, damping, rtol):
+def test_the_master_equation_grows_as_the_linear_response_says(
+    fields, velocity, damping, rtol
+):
     """The growth rate in the difference of two perturbed runs."""
-    interface, interval = replace(FIG7, **fields), 0.02
+    interface = replace(FIG7, **fields)
+    interval = 0.02
     rig = rig_of(interface, ss.constant(velocity, duration=14.0), damping=damping)
     one, two = (
         ss.simulate(
@@ -280,21 +418,31 @@ def test_the_master_equation_grows_as_the_linear_response_says(fields, velocity,
         )
         for change in (1e-3, -1e-3)
     )
-    assert float(one.friction_force[0]) == pytest.approx(ss.kinetic_friction(interface, velocity), rel=rtol)
-    found = oscillations((one.displacement - two.displacement).to_numpy()[100:], interval)
+    assert float(one.friction_force[0]) == pytest.approx(
+        ss.kinetic_friction(interface, velocity), rel=rtol
+    )
+    found = oscillations(
+        (one.displacement - two.displacement).to_numpy()[100:], interval
+    )
     root = stability.growth_rate(rig)
     assert found[np.argmin(np.abs(found - root))] == pytest.approx(root, abs=1e-4)
 
 
 def roots_counted_on_a_contour(rig, reach=400.0):
-    """Number of roots with ``Re s > 0`` by plain phases along a large half circle: slow and simple."""
-    slider, interface, v = rig.slider, rig.interface, rig.velocity
+    """Number of roots with ``Re s > 0`` by plain phases along a large half circle:
+    slow and simple.
+    """
+    slider = rig.slider
+    interface = rig.interface
+    v = rig.velocity
 
     def total(s):
         z = slider.stiffness + slider.mass * s * s + slider.mass * slider.damping * s
         return z + stability.dynamic_stiffness(interface, v, s)
 
-    up = 1j * np.concatenate([np.geomspace(1e-6, 1, 2000), np.linspace(1, reach, 200_000)])
+    up = 1j * np.concatenate(
+        [np.geomspace(1e-6, 1, 2000), np.linspace(1, reach, 200_000)]
+    )
     turned = np.sum(np.angle(total(up)[1:] / total(up)[:-1]))
     arc = reach * np.exp(1j * np.linspace(math.pi / 2, 0, 2001))
     turned_back = np.sum(np.angle(total(arc)[1:] / total(arc)[:-1]))
@@ -302,12 +450,19 @@ def roots_counted_on_a_contour(rig, reach=400.0):
 
 
 @pytest.mark.parametrize("sliding_force", [0.0, 0.1, 0.5, 0.9, 1.5])
-@pytest.mark.parametrize(("velocity", "stiffness"), [(0.3, 0.2), (1.5, 0.5), (4.0, 2.0)])
+@pytest.mark.parametrize(
+    ("velocity", "stiffness"), [(0.3, 0.2), (1.5, 0.5), (4.0, 2.0)]
+)
 @pytest.mark.parametrize("damping", [0.0, 42.0])
 def test_unstable_modes_are_all_counted(sliding_force, velocity, stiffness, damping):
-    """A sliding force keeps the response from fading at high frequencies, where modes may hide."""
+    """A sliding force keeps the response from fading at high frequencies, where
+    modes may hide.
+    """
     rig = rig_of(
-        replace(FIG7, sliding_force=sliding_force), ss.constant(velocity), damping=damping, stiffness=stiffness
+        replace(FIG7, sliding_force=sliding_force),
+        ss.constant(velocity),
+        damping=damping,
+        stiffness=stiffness,
     )
     counted = stability.count_unstable(rig)
     assert counted == roots_counted_on_a_contour(rig)
@@ -321,41 +476,81 @@ SCATTERED = ss.RandomDelay(mean=0.3, std=0.1)
 @pytest.mark.parametrize(
     ("newborn", "delay"),
     [
-        *((None, delay) for delay in (ss.Delay(0.0), ss.Delay(0.2), ss.Delay(math.inf), SCATTERED)),
+        *(
+            (None, delay)
+            for delay in (ss.Delay(0.0), ss.Delay(0.2), ss.Delay(math.inf), SCATTERED)
+        ),
         *((newborn, ss.Delay(time)) for newborn in NEWBORNS for time in (0.0, 0.2)),
         (NEWBORNS[0], SCATTERED),
     ],
 )
 @pytest.mark.eq(1, 2, 3, 4)
-def test_rigid_motion_is_that_of_contacts_and_of_cohorts_and_its_stiffness_is_its_slope(newborn, delay):
-    interface = ss.Interface(thresholds=WIDE if newborn else TENTH, delay=delay, sliding_force=0.4, newborn=newborn)
-    method, count = (ss.model.Renewal(600), 20_000) if newborn else (ss.model.Renewal(), 100_000)
+def test_rigid_motion_is_that_of_contacts_and_of_cohorts_and_its_stiffness_is_its_slope(
+    newborn, delay
+):
+    interface = ss.Interface(
+        thresholds=WIDE if newborn else TENTH,
+        delay=delay,
+        sliding_force=0.4,
+        newborn=newborn,
+    )
+    method, count = (
+        (ss.model.Renewal(600), 20_000) if newborn else (ss.model.Renewal(), 100_000)
+    )
     exact = ss.rigid_slide(interface, 3.0, method=method)
     X = exact["displacement"].to_numpy()
-    # Of cohorts second order in the step of 1/400 of x_s, times curvatures of some (1/.1)^2.
-    for solver, slack in ((ss.Contacts(count, seed=2), 5 * 0.5 / math.sqrt(count)), (ss.MasterEquation(), 3e-4)):
+    # Of cohorts second order in the step of 1/400 of x_s, times curvatures of some
+    # (1/.1)^2.
+    for solver, slack in (
+        (ss.Contacts(count, seed=2), 5 * 0.5 / math.sqrt(count)),
+        (ss.MasterEquation(), 3e-4),
+    ):
         run = ss.rigid_slide(interface, 3.0, method=solver)
         for name in ("friction_force", "attached"):
-            assert np.max(np.abs(np.interp(run["displacement"], X, exact[name]) - run[name])) < slack
+            assert (
+                np.max(
+                    np.abs(np.interp(run["displacement"], X, exact[name]) - run[name])
+                )
+                < slack
+            )
     force = exact["friction_force"].to_numpy()
     slope = (force[2:] - force[:-2]) / (X[2:] - X[:-2])
-    smooth = np.abs(X[1:-1] - 0.4) > (0.02 if newborn else 0.01)  # but beside the kink where all detached slide
-    assert np.allclose(slope[smooth], exact["stiffness"][1:-1][smooth], atol=2e-3 if newborn else 2e-4)
+    # but beside the kink where all detached slide
+    smooth = np.abs(X[1:-1] - 0.4) > (0.02 if newborn else 0.01)
+    assert np.allclose(
+        slope[smooth], exact["stiffness"][1:-1][smooth], atol=2e-3 if newborn else 2e-4
+    )
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.2])
 @pytest.mark.parametrize(
     ("thresholds", "newborn"),
-    [*((each, None) for each in DISTRIBUTIONS.values()), *((WIDE, each) for each in NEWBORNS)],
+    [
+        *((each, None) for each in DISTRIBUTIONS.values()),
+        *((WIDE, each) for each in NEWBORNS),
+    ],
     ids=str,
 )
 def test_rigid_motion_ends_in_the_steady_state(thresholds, newborn, delay):
-    """What is left of the oscillation decays as exp(-X q), q = 2 pi^2 variance/(m1 + v tau)^3, at least .11 here."""
-    interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(delay), sliding_force=0.25, newborn=newborn)
+    """What is left of the oscillation decays as exp(-X q), q = 2 pi^2 variance/(m1 +
+    v tau)^3, at least .11 here.
+    """
+    interface = ss.Interface(
+        thresholds=thresholds,
+        delay=ss.Delay(delay),
+        sliding_force=0.25,
+        newborn=newborn,
+    )
     last = ss.rigid_slide(interface, 160.0).isel(displacement=-1)
-    assert float(last["friction_force"]) == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=1e-7)
-    assert float(last["attached"]) == pytest.approx(attached_fraction(interface, 1.0), abs=1e-7)
-    assert float(last["breaking_rate"]) == pytest.approx(1.0 / (mean_life(interface)[0] + delay), abs=1e-6)
+    assert float(last["friction_force"]) == pytest.approx(
+        ss.kinetic_friction(interface, 1.0), abs=1e-7
+    )
+    assert float(last["attached"]) == pytest.approx(
+        attached_fraction(interface, 1.0), abs=1e-7
+    )
+    assert float(last["breaking_rate"]) == pytest.approx(
+        1.0 / (mean_life(interface)[0] + delay), abs=1e-6
+    )
     assert float(last["stiffness"]) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -363,17 +558,25 @@ def test_newborns_enter_the_falling_force_where_contacts_re_attach():
     plain = ss.Interface(thresholds=TENTH)
     for newborn in NEWBORNS:
         interface = replace(plain, newborn=newborn)
-        steepest = float(np.max(effective_stiffness(interface, np.linspace(0.0, 3.0, 3001))))
+        steepest = float(
+            np.max(effective_stiffness(interface, np.linspace(0.0, 3.0, 3001)))
+        )
         assert ss.critical_stiffness(interface) == pytest.approx(steepest, rel=1e-4)
         never = ss.critical_stiffness(interface, reattachment=False)
-        assert never == pytest.approx(ss.critical_stiffness(plain, reattachment=False), rel=1e-9)
+        assert never == pytest.approx(
+            ss.critical_stiffness(plain, reattachment=False), rel=1e-9
+        )
         run = ss.rigid_slide(interface, 3.0, method=ss.Contacts(40_000, seed=1))
         largest = float(run["friction_force"].max())
-        assert ss.static_friction(interface)[0] == pytest.approx(largest, abs=5 * 0.5 / math.sqrt(40_000))
+        assert ss.static_friction(interface)[0] == pytest.approx(
+            largest, abs=5 * 0.5 / math.sqrt(40_000)
+        )
 
 
-def test_the_critical_stiffness_knows_the_sliding_force_only_where_contacts_stay_detached():
-    plain, sliding = (ss.Interface(thresholds=TENTH, sliding_force=force) for force in (0.0, 0.4))
+def test_the_critical_stiffness_knows_the_sliding_force_only_where_contacts_stay_detached():  # noqa: E501
+    plain, sliding = (
+        ss.Interface(thresholds=TENTH, sliding_force=force) for force in (0.0, 0.4)
+    )
     assert ss.critical_stiffness(plain) == ss.critical_stiffness(sliding)
     assert ss.static_friction(plain) == ss.static_friction(sliding)
     never = [ss.critical_stiffness(one, reattachment=False) for one in (plain, sliding)]
@@ -381,7 +584,7 @@ def test_the_critical_stiffness_knows_the_sliding_force_only_where_contacts_stay
     assert never[1] == pytest.approx(0.6 * never[0], rel=0.07)
 
 
-# ------------------------------------------------------------------------------------------------ rig files
+# ---------------------------------------------------------------------------- rig files
 
 
 @pytest.mark.parametrize("sliding_force", ["0 N", "100 N"])
@@ -391,7 +594,11 @@ def test_at_the_speed_v_half_the_friction_has_halved(sliding_force):
     document["interface"] |= {"v_half": "1.3 mm/s", "sliding_force": sliding_force}
     rig = rig_files.from_document(document)
     at = rig.scales.natural(1.3e-3, "velocity")
-    assert ss.kinetic_friction(rig.interface, at) == pytest.approx(0.5 * ss.kinetic_friction(rig.interface), rel=1e-12)
+    assert ss.kinetic_friction(rig.interface, at) == pytest.approx(
+        0.5 * ss.kinetic_friction(rig.interface), rel=1e-12
+    )
     document["interface"]["sliding_force"] = "300 N"
-    with pytest.raises(InputError, match=r"interface\.v_half: the friction never halves"):
+    with pytest.raises(
+        InputError, match=r"interface\.v_half: the friction never halves"
+    ):
         rig_files.from_document(document)

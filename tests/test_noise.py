@@ -1,4 +1,6 @@
-"""The noise of N contacts in steady sliding: theory against closed forms, and against runs of as many contacts."""
+"""The noise of N contacts in steady sliding: theory against closed forms, and
+against runs of as many contacts.
+"""
 
 import math
 from dataclasses import replace
@@ -19,15 +21,20 @@ DRAWN = {  # newborns of different stretchings, contacts of different areas
         newborn=ss.Uniform(low=-0.1, high=0.4),
         sliding_force=0.2,
     ),
-    "areas": replace(TENTHS, thresholds=ss.Exponential(mean=1.0), areas="fresh", sliding_force=0.1),
+    "areas": replace(
+        TENTHS, thresholds=ss.Exponential(mean=1.0), areas="fresh", sliding_force=0.1
+    ),
 }
 INTERFACES = {
     "delay": TENTHS,
     "none": ss.Interface(thresholds=ss.LogNormal(mean=1.0, std=0.4)),
     "random delay": ss.Interface(
-        thresholds=ss.Gamma(mean=1.0, std=0.6), delay=ss.RandomDelay(mean=0.1, std=0.08, negative="redraw")
+        thresholds=ss.Gamma(mean=1.0, std=0.6),
+        delay=ss.RandomDelay(mean=0.1, std=0.08, negative="redraw"),
     ),
-    "sliding force": replace(TENTHS, sliding_force=0.3, newborn=ss.Gaussian(mean=0.2, std=0.0)),
+    "sliding force": replace(
+        TENTHS, sliding_force=0.3, newborn=ss.Gaussian(mean=0.2, std=0.0)
+    ),
     "Bell": replace(TENTHS, temperature=ss.Bell(width=0.02, attempts=1e4)),
     "growth": replace(TENTHS, ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-3)),
     "Langevin": replace(TENTHS, ageing=ss.Langevin(rate=1.5, newborn=0.2)),
@@ -35,16 +42,26 @@ INTERFACES = {
 
 
 def rig_of(interface, count=1000, slider=SLIDER, velocity=1.0):
-    return ss.Rig(interface, slider, ss.constant(velocity), method=ss.Contacts(count), start=ss.FromSliding())
+    return ss.Rig(
+        interface,
+        slider,
+        ss.constant(velocity),
+        method=ss.Contacts(count),
+        start=ss.FromSliding(),
+    )
 
 
 def in_runs(rig, noise, error, seeds=3):
-    """Sizes of the fluctuations of force and velocity in runs, over theory, that of the force known to an error."""
+    """Sizes of the fluctuations of force and velocity in runs, over theory, that of
+    the force known to an error.
+    """
     warm = 20.0 * noise.memory
     duration = noise.memory / (2.0 * error**2 * seeds)
     interval = min(noise.memory / 15.0, 0.05 / rig.velocity)
-    white = float(noise.spectrum.spring_force[0]) / 2.0  # variance that the mean of a run takes, times its length
-    force, velocity = [], []
+    # variance that the mean of a run takes, times its length
+    white = float(noise.spectrum.spring_force[0]) / 2.0
+    force = []
+    velocity = []
     for seed in range(seeds):
         run = ss.simulate(
             rig.replace(drive=ss.constant(rig.velocity, duration=warm + duration)),
@@ -53,12 +70,16 @@ def in_runs(rig, noise, error, seeds=3):
         ).sel(time=slice(warm, None))
         force.append(float(run.spring_force.var()) + white / duration)
         velocity.append(float(run.velocity.var()))
-    return math.sqrt(np.mean(force)) / noise.spring_force, math.sqrt(np.mean(velocity)) / noise.velocity
+    return math.sqrt(np.mean(force)) / noise.spring_force, math.sqrt(
+        np.mean(velocity)
+    ) / noise.velocity
 
 
 @pytest.mark.parametrize("interface", INTERFACES.values(), ids=INTERFACES)
 def test_contacts_fluctuate_as_theory_says(interface):
-    """Whatever the contacts; three standard errors, and 1 % of what is beyond leading order."""
+    """Whatever the contacts; three standard errors, and 1 % of what is beyond
+    leading order.
+    """
     rig = rig_of(interface)
     noise = contact_noise(rig)
     assert noise.relative_velocity < 0.2
@@ -74,28 +95,48 @@ def test_a_population_fluctuates_as_theory_says():
 
 
 def test_on_a_stiff_spring_the_noise_is_that_of_the_contacts(distribution):
-    """Which has a closed form with any delay and sliding force; what is faster than the slider is lost."""
-    velocity, force, delay = 0.7, 0.3, 0.2
+    """Which has a closed form with any delay and sliding force; what is faster than
+    the slider is lost.
+    """
+    velocity = 0.7
+    force = 0.3
+    delay = 0.2
     moment = [distribution.positive().moment(order) for order in range(4)]
     slider = ss.Slider(stiffness=1e4, mass=1e-4, damping=2e4)
     for tau, pull in ((0.0, 0.0), (delay, 0.0), (delay, force)):
-        interface = ss.Interface(thresholds=distribution, delay=ss.Delay(tau), sliding_force=pull)
+        interface = ss.Interface(
+            thresholds=distribution, delay=ss.Delay(tau), sliding_force=pull
+        )
         way = moment[1] + velocity * tau
         square = (moment[3] / 3.0 + pull**2 * velocity * tau) / way
         mean = (moment[2] / 2.0 + pull * velocity * tau) / way
-        found = contact_noise(rig_of(interface, 100, slider, velocity)).spring_force ** 2 * 100
-        jumps = (moment[2] - 2.0 * pull * moment[1] + 2.0 * pull**2) * velocity / way  # squares, by time
+        found = (
+            contact_noise(rig_of(interface, 100, slider, velocity)).spring_force ** 2
+            * 100
+        )
+        # squares, by time
+        jumps = (moment[2] - 2.0 * pull * moment[1] + 2.0 * pull**2) * velocity / way
         lost = 4.0 * jumps / (math.pi * slider.frequency)
         assert found == pytest.approx(square - mean**2, abs=lost + 1e-4 * square)
 
 
-@pytest.mark.parametrize(("std", "sliding_force"), [(0.2, 0.0), (0.04, 0.3)])  # the latter break together
+# the latter break together
+@pytest.mark.parametrize(("std", "sliding_force"), [(0.2, 0.0), (0.04, 0.3)])
 def test_newborns_that_scatter_hardly_answer_as_those_that_do_not(std, sliding_force):
-    thresholds, born = ss.Gaussian(mean=1.0, std=std), (ss.Gaussian(mean=0.2, std=part * std) for part in (0.0, 5e-4))
-    alike, nearly = (replace(TENTHS, thresholds=thresholds, newborn=x, sliding_force=sliding_force) for x in born)
+    thresholds = ss.Gaussian(mean=1.0, std=std)
+    born = (ss.Gaussian(mean=0.2, std=part * std) for part in (0.0, 5e-4))
+    alike, nearly = (
+        replace(TENTHS, thresholds=thresholds, newborn=x, sliding_force=sliding_force)
+        for x in born
+    )
     s = 1j * np.array([0.01, 1.0, 6.0, 30.0, 300.0])
-    assert dynamic_stiffness(nearly, 1.0, s) == pytest.approx(dynamic_stiffness(alike, 1.0, s), abs=1e-6)
-    sizes = [contact_noise(rig_of(x, slider=replace(SLIDER, stiffness=30.0))).spring_force for x in (alike, nearly)]
+    assert dynamic_stiffness(nearly, 1.0, s) == pytest.approx(
+        dynamic_stiffness(alike, 1.0, s), abs=1e-6
+    )
+    sizes = [
+        contact_noise(rig_of(x, slider=replace(SLIDER, stiffness=30.0))).spring_force
+        for x in (alike, nearly)
+    ]
     assert sizes[1] == pytest.approx(sizes[0], rel=1e-6)
 
 
@@ -104,18 +145,26 @@ def test_how_many_contacts_a_size_takes():
     least = noise.contacts_for(0.01)
     assert contact_noise(rig_of(TENTHS, least)).relative_force <= 0.01
     assert contact_noise(rig_of(TENTHS), contacts=least - 1).relative_force > 0.01
-    assert noise.spring_force == pytest.approx(5.0 * contact_noise(rig_of(TENTHS, 10_000)).spring_force, rel=1e-12)
+    assert noise.spring_force == pytest.approx(
+        5.0 * contact_noise(rig_of(TENTHS, 10_000)).spring_force, rel=1e-12
+    )
 
 
 def test_near_the_limit_the_noise_grows_and_is_remembered_for_half_the_time_of_decay():
-    """The slowest mode is then all of it, and its size goes with the root of its time."""
+    """The slowest mode is then all of it, and its size goes with the root of its
+    time.
+    """
     narrow = replace(TENTHS, thresholds=ss.Gaussian(mean=1.0, std=0.1))
     rig = rig_of(narrow, slider=ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4))
     edge = ss.critical(rig, "delay", between=(0.05, 0.3)).edges[0].value
-    near, nearer = (contact_noise(rig.replace(delay=edge * part)) for part in (0.99, 0.998))
+    near, nearer = (
+        contact_noise(rig.replace(delay=edge * part)) for part in (0.99, 0.998)
+    )
     for noise in (near, nearer):
         assert noise.memory == pytest.approx(-0.5 / noise.growth_rate, rel=0.1)
-    assert nearer.spring_force / near.spring_force == pytest.approx(math.sqrt(nearer.memory / near.memory), rel=0.05)
+    assert nearer.spring_force / near.spring_force == pytest.approx(
+        math.sqrt(nearer.memory / near.memory), rel=0.05
+    )
     with pytest.raises(InputError, match="unstable, with 2 growing modes"):
         contact_noise(rig.replace(delay=1.01 * edge))
 
@@ -125,11 +174,16 @@ def test_spectra_hold_the_sizes_in_the_units_of_the_rig():
     scales = ss.model.Scales(force=300.0, stretching=2e-6, time=1e-3)
     found = contact_noise(replace(rig_of(TENTHS), scales=scales))
     for name, unit in (("spring_force", "f_s"), ("velocity", "x_s/time")):
-        assert getattr(found, name) == pytest.approx(scales.unit(unit) * getattr(natural, name), rel=1e-12)
+        assert getattr(found, name) == pytest.approx(
+            scales.unit(unit) * getattr(natural, name), rel=1e-12
+        )
         square = float(found.spectrum[name].integrate("frequency"))
-        assert square == pytest.approx(getattr(found, name) ** 2, rel=0.02)  # by trapezia
+        # by trapezia
+        assert square == pytest.approx(getattr(found, name) ** 2, rel=0.02)
     assert found.spectrum.velocity.units == "(m/s)^2 / Hz"
-    assert str(found).startswith("smooth sliding with 1000 contacts: the spring force fluctuates by 2")
+    assert str(found).startswith(
+        "smooth sliding with 1000 contacts: the spring force fluctuates by 2"
+    )
     assert found.plot().axes[0].get_xlabel() == "frequency [Hz]"
     assert found.to_dict()["contacts_for_5_percent"] == natural.contacts_for(0.05)
 
@@ -137,4 +191,7 @@ def test_spectra_hold_the_sizes_in_the_units_of_the_rig():
 def test_beyond_linear_theory_the_answer_says_so():
     few = contact_noise(rig_of(TENTHS, 3))
     assert not few.linear
-    assert f"theory holds from {few.contacts_for(1.0, of='velocity')} contacts on" in str(few)
+    assert (
+        f"theory holds from {few.contacts_for(1.0, of='velocity')} contacts on"
+        in str(few)
+    )

@@ -1,4 +1,6 @@
-"""The master equation on panels: conserving always, of high order where it is smooth, to its tolerance elsewhere."""
+"""The master equation on panels: conserving always, of high order where it is
+smooth, to its tolerance elsewhere.
+"""
 
 import math
 from functools import cache
@@ -23,7 +25,9 @@ SLIDER = Slider(stiffness=2.0, mass=1e-4, damping=200.0)  # of Fig. 4
 
 @pytest.fixture
 def regular(distribution):
-    """A distribution whose survival polynomials can follow: without an infinite slope at 0."""
+    """A distribution whose survival polynomials can follow: without an infinite
+    slope at 0.
+    """
     if distribution.density(1e-9) > 5:
         pytest.skip("its start is singular")
     return distribution
@@ -34,15 +38,22 @@ def breaking(distribution):
     """At fixed thresholds."""
     distribution = distribution.positive()
     top = float(distribution.inverse_survival(1e-13))
-    knots = np.array([knot for knot in distribution.knots if 0 < knot <= top * 1.000001])
+    knots = np.array(
+        [knot for knot in distribution.knots if 0 < knot <= top * 1.000001]
+    )
     top = 1.02 * top if knots.size and knots[-1] > 0.999999 * top else top
     table = survival.tabulate(distribution.survival, top, knots)
     return Breaking(table, knots, table, 0.0, 0.0, FIXED)
 
 
 def after(*times):
-    times, weights = np.array(times, float), np.full(len(times), 1.0 / max(len(times), 1))
-    return Delays(times, weights, survival.EMPTY, 0.0, 1.0, float(times @ weights), False, False)
+    times, weights = (
+        np.array(times, float),
+        np.full(len(times), 1.0 / max(len(times), 1)),
+    )
+    return Delays(
+        times, weights, survival.EMPTY, 0.0, 1.0, float(times @ weights), False, False
+    )
 
 
 NO_DELAY = after(0.0)
@@ -63,7 +74,10 @@ AT_REST = np.zeros((1, 4)), np.full((1, 4), 0.25)
 @cache
 def accuracy(distribution, tolerance):
     contacts = breaking(distribution)
-    return Accuracy(tolerance, survival.widest(contacts.thresholds, contacts.knots, tolerance, 0.3, order=1))
+    return Accuracy(
+        tolerance,
+        survival.widest(contacts.thresholds, contacts.knots, tolerance, 0.3, order=1),
+    )
 
 
 def run(
@@ -79,13 +93,21 @@ def run(
     tolerance=1e-5,
     **options,
 ):
-    """Pull relaxed contacts at constant velocity, or go on from a state; sampled every 0.01."""
-    state = start or initial_state(breaking(distribution), delays, *narrow(), velocity=velocity)
+    """Pull relaxed contacts at constant velocity, or go on from a state; sampled
+    every 0.01.
+    """
+    state = start or initial_state(
+        breaking(distribution), delays, *narrow(), velocity=velocity
+    )
     motion = state.motion
     spring = 0.0 if is_rigid(slider) else motion.drive_force / slider.stiffness
     drive = pull or Quadratic(motion.time, motion.position + spring, velocity, 0.0)
-    case = Case(breaking(distribution), delays, slider, accuracy(distribution, tolerance), drive)
-    passed = motion.time + np.arange(0.0, duration + 1e-9, 0.01) if times is None else times
+    case = Case(
+        breaking(distribution), delays, slider, accuracy(distribution, tolerance), drive
+    )
+    passed = (
+        motion.time + np.arange(0.0, duration + 1e-9, 0.01) if times is None else times
+    )
     return Run(*panels.advance(state, case, motion.time + duration, passed, **options))
 
 
@@ -102,11 +124,22 @@ class Run(NamedTuple):
 
 @pytest.mark.parametrize(
     ("t", "eta", "w"),
-    [(0.01, 200, 2e4), (0.3, 42, 2e4), (1, 200, 1e4), (0.2, 10, -300), (0.5, 0, 0), (100, 200, 3e4), (5, 1e4, 1)],
+    [
+        (0.01, 200, 2e4),
+        (0.3, 42, 2e4),
+        (1, 200, 1e4),
+        (0.2, 10, -300),
+        (0.5, 0, 0),
+        (100, 200, 3e4),
+        (5, 1e4, 1),
+    ],
 )
 def test_response_is_the_matrix_exponential_for_every_kind_of_damping(t, eta, w):
     chain = np.diag([0.0, 1, 1, 1], 1)[:5, :5]
-    chain[0, 1], chain[1, 0], chain[1, 1], chain[1, 2] = 1, -w, -eta, 1
+    chain[0, 1] = 1
+    chain[1, 0] = -w
+    chain[1, 1] = -eta
+    chain[1, 2] = 1
     exact = expm(chain * t)
     found = response(float(t), float(eta), float(w))
     assert found == pytest.approx([exact[1, 1], *exact[0, 1:]], rel=1e-10, abs=1e-14)
@@ -116,32 +149,58 @@ def test_response_is_the_matrix_exponential_for_every_kind_of_damping(t, eta, w)
 def test_table_gives_the_survival_to_rounding(regular):
     table = breaking(regular).thresholds
     x = np.random.default_rng(1).uniform(0.0, 1.1 * table.top, 2000)
-    assert survival.values_at(table, x) == pytest.approx(regular.positive().survival(x), abs=1e-12)
+    assert survival.values_at(table, x) == pytest.approx(
+        regular.positive().survival(x), abs=1e-12
+    )
 
 
 # ---------------------------------------------------------------- closed forms
 
 
 @pytest.mark.eq(11)
-@pytest.mark.parametrize("damping", [20.0, 2 * math.sqrt(3.0 / 1e-4), 1000.0], ids=["under", "critical", "over"])
+@pytest.mark.parametrize(
+    "damping",
+    [20.0, 2 * math.sqrt(3.0 / 1e-4), 1000.0],
+    ids=["under", "critical", "over"],
+)
 def test_nothing_breaks_the_slider_is_an_oscillator(damping):
     slider = SLIDER._replace(damping=damping)
     pull = Quadratic(0.0, 0.05, 0.3, 0.4)
-    start = initial_state(breaking(Uniform(low=5.0, high=6.0)), NO_DELAY, *AT_REST, velocity=2.0)
+    start = initial_state(
+        breaking(Uniform(low=5.0, high=6.0)), NO_DELAY, *AT_REST, velocity=2.0
+    )
     rows = run(
-        1.0, distribution=Uniform(low=5.0, high=6.0), slider=slider, start=start, pull=pull, tolerance=1e-10
+        1.0,
+        distribution=Uniform(low=5.0, high=6.0),
+        slider=slider,
+        start=start,
+        pull=pull,
+        tolerance=1e-10,
     ).rows
     # state: X, V, 1, t, t^2/2
-    K, M = slider.stiffness, slider.mass
+    K = slider.stiffness
+    M = slider.mass
     chain = np.zeros((5, 5))
-    chain[0, 1], chain[3, 2], chain[4, 3] = 1, 1, 1
-    chain[1] = [-(K + 1) / M, -damping, K * pull.position / M, K * pull.velocity / M, K * pull.acceleration / M]
+    chain[0, 1] = 1
+    chain[3, 2] = 1
+    chain[4, 3] = 1
+    chain[1] = [
+        -(K + 1) / M,
+        -damping,
+        K * pull.position / M,
+        K * pull.velocity / M,
+        K * pull.acceleration / M,
+    ]
     exact = np.array([expm(chain * t) @ [0, 2, 1, 0, 0] for t in rows.time])
     assert rows.position == pytest.approx(exact[:, 0], abs=1e-9)
     # Between the nodes the velocity is a slope.
-    assert rows.velocity == pytest.approx(exact[:, 1], abs=1e-7 * math.sqrt((K + 1) / M))
+    assert rows.velocity == pytest.approx(
+        exact[:, 1], abs=1e-7 * math.sqrt((K + 1) / M)
+    )
     assert rows.contact_force == pytest.approx(exact[:, 0], abs=1e-9)
-    far = pull.position + rows.time * (pull.velocity + 0.5 * pull.acceleration * rows.time)
+    far = pull.position + rows.time * (
+        pull.velocity + 0.5 * pull.acceleration * rows.time
+    )
     assert rows.drive_force == pytest.approx(K * (far - exact[:, 0]), abs=2e-9)
 
 
@@ -149,31 +208,55 @@ def test_nothing_breaks_the_slider_is_an_oscillator(damping):
 def test_contacts_that_never_come_back_follow_the_survival_there_and_back(regular):
     distribution = regular
     start = initial_state(breaking(distribution), NEVER_BACK, *AT_REST)
-    out = run(0.81, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=start)
-    back = run(2.02, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=out.state, velocity=-1.0)
+    out = run(
+        0.81, distribution=distribution, delays=NEVER_BACK, slider=RIGID, start=start
+    )
+    back = run(
+        2.02,
+        distribution=distribution,
+        delays=NEVER_BACK,
+        slider=RIGID,
+        start=out.state,
+        velocity=-1.0,
+    )
     rows = np.concatenate([out.rows, back.rows]).view(np.recarray)
-    attached = distribution.positive().survival(np.maximum.accumulate(np.abs(rows.position)))
-    assert rows.attached == pytest.approx(attached, abs=3e-4)  # between the ends of a step, to its tolerance
+    attached = distribution.positive().survival(
+        np.maximum.accumulate(np.abs(rows.position))
+    )
+    # between the ends of a step, to its tolerance
+    assert rows.attached == pytest.approx(attached, abs=3e-4)
     at_ends = [out.rows[-1], back.rows[-1]]
     reached = distribution.positive().survival([0.81, 1.21])
     assert [row.attached for row in at_ends] == pytest.approx(reached, abs=1e-11)
-    assert [row.contact_force for row in at_ends] == pytest.approx([0.81 * reached[0], -1.21 * reached[1]], abs=1e-11)
+    assert [row.contact_force for row in at_ends] == pytest.approx(
+        [0.81 * reached[0], -1.21 * reached[1]], abs=1e-11
+    )
 
 
 @pytest.mark.eq(1, 2, 4)
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 def test_exponential_thresholds_have_a_closed_form(tolerance):
     start = initial_state(breaking(Exponential(mean=1.0)), NO_DELAY, *AT_REST)
-    rows = run(3.0, distribution=Exponential(mean=1.0), slider=RIGID, start=start, tolerance=tolerance).rows
-    assert np.abs(rows.contact_force - (1 - np.exp(-rows.position))).max() < 3 * tolerance
+    rows = run(
+        3.0,
+        distribution=Exponential(mean=1.0),
+        slider=RIGID,
+        start=start,
+        tolerance=tolerance,
+    ).rows
+    assert (
+        np.abs(rows.contact_force - (1 - np.exp(-rows.position))).max() < 3 * tolerance
+    )
 
 
-# ---------------------------------------------------------------- conservation and fixed point
+# --------------------------------------------------------- conservation and fixed point
 
 
 @pytest.mark.parametrize("times", [(), (0.0,), (0.2,), (0.0, 0.1, 0.35)])
 def test_mass_is_conserved_to_rounding(distribution, times):
-    motion = run(3.0, distribution=distribution, delays=after(*times), tolerance=1e-3).state.motion
+    motion = run(
+        3.0, distribution=distribution, delays=after(*times), tolerance=1e-3
+    ).state.motion
     assert motion.mass_in + motion.mass_out == pytest.approx(1.0, abs=1e-12)
     assert motion.mass_out > -1e-3  # to the tolerance
 
@@ -181,33 +264,44 @@ def test_mass_is_conserved_to_rounding(distribution, times):
 # ---------------------------------------------------------------- order of convergence
 
 
-@pytest.mark.parametrize("delays", [NEVER_BACK, NO_DELAY, after(0.2), after(0.1, 0.2, 0.3)])
+@pytest.mark.parametrize(
+    "delays", [NEVER_BACK, NO_DELAY, after(0.2), after(0.1, 0.2, 0.3)]
+)
 def test_fourth_order_and_more_in_the_number_of_steps_through_a_slip(delays):
     exact = run(2.0, delays=delays, tolerance=1e-10).rows
-    steps, errors = [], []
+    steps = []
+    errors = []
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7):
         found = run(2.0, delays=delays, tolerance=tolerance)
         used = found.state.used
         steps.append(used.steps - used.rejected)
-        errors.append(np.sqrt(np.mean((found.rows.drive_force - exact.drive_force) ** 2)))
+        errors.append(
+            np.sqrt(np.mean((found.rows.drive_force - exact.drive_force) ** 2))
+        )
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] > 4.0
 
 
-# ---------------------------------------------------------------- any direction of motion
+# -------------------------------------------------------------- any direction of motion
 
 
 def test_a_ringing_slider_breaks_what_its_widest_swing_reaches():
-    # Let go with a stretched spring and no damping: the first oscillation decides what breaks, however long the
-    # steps.
+    # Let go with a stretched spring and no damping: the first oscillation decides what
+    # breaks, however long the steps.
     slider = SLIDER._replace(damping=0.0)
     start = initial_state(breaking(GAUSSIAN), NEVER_BACK, *AT_REST)
     found = [
         run(
-            0.2, delays=NEVER_BACK, slider=slider, start=start, pull=Quadratic(0.0, 0.70, 0.0, 0.0), tolerance=tolerance
+            0.2,
+            delays=NEVER_BACK,
+            slider=slider,
+            start=start,
+            pull=Quadratic(0.0, 0.70, 0.0, 0.0),
+            tolerance=tolerance,
         ).state.motion.attached
         for tolerance in (1e-4, 1e-7)
     ]
-    # Energy: 1/2 K D^2 = 1/2 K (D - A)^2 + Int_0^A x J dx at the end of the oscillation.
+    # Energy: 1/2 K D^2 = 1/2 K (D - A)^2 + Int_0^A x J dx at the end of the
+    # oscillation.
     oscillation = np.linspace(0.8, 1.1, 300_001)
     distribution = GAUSSIAN.positive()
     pulled = (
@@ -226,7 +320,9 @@ def test_a_ringing_slider_breaks_what_its_widest_swing_reaches():
 def test_memoryless_approximation_is_exact_for_the_mean_force_of_steady_sliding():
     delays = NO_DELAY._replace(mean=0.2, memoryless=True)
     rows = run(40.0, delays=delays, slider=RIGID, velocity=1.5).rows
-    assert rows[-500:].contact_force.mean() == pytest.approx(1.01 / 2 / (1 + 1.5 * 0.2), rel=1e-4)
+    assert rows[-500:].contact_force.mean() == pytest.approx(
+        1.01 / 2 / (1 + 1.5 * 0.2), rel=1e-4
+    )
     assert rows[-500:].attached.mean() == pytest.approx(1 / (1 + 1.5 * 0.2), rel=1e-4)
 
 
@@ -234,19 +330,38 @@ def test_memoryless_approximation_is_exact_for_the_mean_force_of_steady_sliding(
 
 
 def test_slow_and_resting_sliders_need_few_steps():
-    slow = run(5e4, delays=after(0.2), velocity=1e-4, times=np.zeros(0), max_steps=20_000)
+    slow = run(
+        5e4, delays=after(0.2), velocity=1e-4, times=np.zeros(0), max_steps=20_000
+    )
     assert slow.reason == FINISHED
-    rest = run(1e6, delays=after(0.2), start=slow.state, velocity=0.0, times=np.zeros(0), max_steps=5_000)
+    rest = run(
+        1e6,
+        delays=after(0.2),
+        start=slow.state,
+        velocity=0.0,
+        times=np.zeros(0),
+        max_steps=5_000,
+    )
     assert rest.reason == FINISHED
     assert rest.state.motion.mass_out == pytest.approx(0.0, abs=1e-12)
     assert rest.state.used.cohorts < 1000
 
 
 def test_distributions_all_but_equal_do_not_stall_it():
-    progress = run(3.0, distribution=Uniform(low=1.0, high=1.0 + 1e-7), delays=after(0.1), max_steps=50_000)
+    progress = run(
+        3.0,
+        distribution=Uniform(low=1.0, high=1.0 + 1e-7),
+        delays=after(0.1),
+        max_steps=50_000,
+    )
     assert progress.reason == FINISHED
-    # What attaches jumps where all had broken at once: no step there is taken that was not solved, with all at rest.
+    # What attaches jumps where all had broken at once: no step there is taken that was
+    # not solved, with all at rest.
     motion = progress.state.motion
-    held = 0.5 * SLIDER.mass * motion.velocity**2 + 0.5 * motion.drive_force**2 / SLIDER.stiffness + motion.stored
+    held = (
+        0.5 * SLIDER.mass * motion.velocity**2
+        + 0.5 * motion.drive_force**2 / SLIDER.stiffness
+        + motion.stored
+    )
     assert motion.work == pytest.approx(held + motion.damped + motion.lost, abs=1e-4)
     assert motion.attached == pytest.approx(motion.mass_in, abs=1e-9)

@@ -1,4 +1,5 @@
-"""The figures of the paper: claims come out as settled, pictures have ink and labels, data make their way to a file.
+"""The figures of the paper: claims come out as settled, pictures have ink and labels,
+data make their way to a file.
 
 The quick versions here; `python -m verification` makes the full ones.
 """
@@ -21,14 +22,21 @@ from stickslip.paper.figure import at_most, near, weighed
 from stickslip.paper.instability import first_instability
 from stickslip.rigid import effective_stiffness
 
-READ, PRINTED, NOT = "reproduced under the stated reading", "reproduced", "not reproduced"
+READ = "reproduced under the stated reading"
+PRINTED = "reproduced"
+NOT = "not reproduced"
 
-# Quick versions take their time, too: those of figures 9 to 11 for runs of some thousand time units.
-LONG = {name: pytest.mark.takes(seconds) for name, seconds in {"fig4": 3, "fig6": 7, "fig7": 9, "fig8": 6}.items()}
+# Quick versions take their time, too: those of figures 9 to 11 for runs of some
+# thousand time units.
+LONG = {
+    name: pytest.mark.takes(seconds)
+    for name, seconds in {"fig4": 3, "fig6": 7, "fig7": 9, "fig8": 6}.items()
+}
 LONG |= dict.fromkeys(("fig9", "fig10", "fig11"), pytest.mark.slow)
 QUICKLY = [pytest.param(name, marks=LONG.get(name, ())) for name in FIGURES]
 
-# Claims about oscillations of which rounding tells all but the first digits, and how far that goes.
+# Claims about oscillations of which rounding tells all but the first digits, and how
+# far that goes.
 ROUNDED = {"fig4": {"atol": 1e-4}, "fig5": {"rtol": 0.03}}
 
 
@@ -63,10 +71,20 @@ def test_picture_is_what_it_was_and_its_words_stay_within(quick, name):
     FigureCanvasAgg(picture).draw()
     for ax in picture.axes:
         assert ax.has_data() or not ax.axison
-        labels = [axis.label for axis in (ax.xaxis, ax.yaxis) if axis.get_visible() and ax.axison]
-        for words in [*labels, *(each for each in ax.get_children() if isinstance(each, Text))]:
-            box, page = words.get_window_extent(), picture.bbox.padded(1)
-            assert not words.get_text() or (page.contains(*box.min) and page.contains(*box.max)), words
+        labels = [
+            axis.label
+            for axis in (ax.xaxis, ax.yaxis)
+            if axis.get_visible() and ax.axison
+        ]
+        for words in [
+            *labels,
+            *(each for each in ax.get_children() if isinstance(each, Text)),
+        ]:
+            box = words.get_window_extent()
+            page = picture.bbox.padded(1)
+            assert not words.get_text() or (
+                page.contains(*box.min) and page.contains(*box.max)
+            ), words
 
 
 @pytest.mark.parametrize("name", QUICKLY)
@@ -77,7 +95,10 @@ def test_data_are_labelled_and_go_through_a_file(quick, name, tmp_path):
     loaded = store.load(store.save(data, tmp_path / "data.nc"))
     xr.testing.assert_identical(loaded, data)
     assert store.read_provenance(loaded)["arguments"] == {"figure": name, "quick": True}
-    told, before = (json.dumps([c.plain() for c in FIGURES[name].check(each)]) for each in (loaded, data))
+    told, before = (
+        json.dumps([c.plain() for c in FIGURES[name].check(each)])
+        for each in (loaded, data)
+    )
     assert told == before
 
 
@@ -93,11 +114,39 @@ PAIR = {"reattachment": "at once", "initial_std": 0.01, "threshold_std": 0.1}
 @pytest.mark.parametrize(
     ("figure", "number", "name", "where", "value", "verdict"),
     [
-        ("fig3", 5, "critical_stiffness", PAIR | {"initial_std": 0.0, "threshold_std": 0.3}, 99.0, NOT),
-        ("fig3", 5, "critical_stiffness", PAIR | {"initial_std": 0.0, "threshold_std": 0.02}, 40.0, NOT),
-        ("fig3", 6, "critical_stiffness", PAIR, reference.CRITICAL_STIFFNESS_PRINTED, PRINTED),
+        (
+            "fig3",
+            5,
+            "critical_stiffness",
+            PAIR | {"initial_std": 0.0, "threshold_std": 0.3},
+            99.0,
+            NOT,
+        ),
+        (
+            "fig3",
+            5,
+            "critical_stiffness",
+            PAIR | {"initial_std": 0.0, "threshold_std": 0.02},
+            40.0,
+            NOT,
+        ),
+        (
+            "fig3",
+            6,
+            "critical_stiffness",
+            PAIR,
+            reference.CRITICAL_STIFFNESS_PRINTED,
+            PRINTED,
+        ),
         *(
-            ("fig4", 7, "kind", {"solver": "contacts", "stiffness": stiffness, "delay": delay}, kind, NOT)
+            (
+                "fig4",
+                7,
+                "kind",
+                {"solver": "contacts", "stiffness": stiffness, "delay": delay},
+                kind,
+                NOT,
+            )
             for stiffness, delay, kind in (
                 (5.0, 0.1, "stick-slip"),
                 (2.0, 0.085, "stick-slip"),
@@ -107,14 +156,23 @@ PAIR = {"reattachment": "at once", "initial_std": 0.01, "threshold_std": 0.1}
         ),
         # Of the linear critical delay, too, as the paper has it.
         ("fig6", 9, "linear", {}, "sustained", PRINTED),
-        ("fig7", 12, "sustained", {"case": "0.12, clip"}, [0.5, 2.0], PRINTED),  # smooth again, delays as in the paper
-        pytest.param("fig10", 16, "v2", {"rate": 0.8}, math.nan, NOT, marks=pytest.mark.slow),
+        # smooth again, delays as in the paper
+        ("fig7", 12, "sustained", {"case": "0.12, clip"}, [0.5, 2.0], PRINTED),
+        pytest.param(
+            "fig10", 16, "v2", {"rate": 0.8}, math.nan, NOT, marks=pytest.mark.slow
+        ),
     ],
 )
-def test_data_that_say_otherwise_fail_their_claim(quick, figure, number, name, where, value, verdict):
+def test_data_that_say_otherwise_fail_their_claim(
+    quick, figure, number, name, where, value, verdict
+):
     data = quick(figure).copy(deep=True)
-    data[name].loc[where] = data.get(value) if isinstance(value, str) and value in data else value
-    (claim,) = (claim for claim in FIGURES[figure].check(data) if claim.number == number)
+    data[name].loc[where] = (
+        data.get(value) if isinstance(value, str) and value in data else value
+    )
+    (claim,) = (
+        claim for claim in FIGURES[figure].check(data) if claim.number == number
+    )
     assert claim.verdict == verdict
     assert not claim.ok
     assert f"expected: {claim.settled}" in str(claim)
@@ -122,9 +180,15 @@ def test_data_that_say_otherwise_fail_their_claim(quick, figure, number, name, w
 
 @pytest.mark.eq(6, 7)
 @pytest.mark.parametrize(
-    ("interface", "expected"), [(FIG5.interface, reference.INSTABILITY_NEVER), (FIG2.interface, reference.INSTABILITY)]
+    ("interface", "expected"),
+    [
+        (FIG5.interface, reference.INSTABILITY_NEVER),
+        (FIG2.interface, reference.INSTABILITY),
+    ],
 )
-def test_instability_is_where_the_stiffness_of_the_interface_reaches_that_of_the_spring(interface, expected):
+def test_instability_is_where_the_stiffness_of_the_interface_reaches_that_of_the_spring(
+    interface, expected
+):
     found = first_instability(interface, 2.0)
     assert found == pytest.approx(expected, abs=1e-4)
     assert effective_stiffness(interface, [found[0]]) == pytest.approx(2.0, abs=1e-6)
@@ -142,7 +206,13 @@ def test_fig_4_smooth_sliding_carries_the_mean_force_of_the_closed_form(quick):
 
 
 def claim(value=2.9891, **said):
-    return weighed(6, "K* = 3.59", near("K*", value, 2.989, 0.003, "k"), evidence="computed", **said)
+    return weighed(
+        6,
+        "K* = 3.59",
+        near("K*", value, 2.989, 0.003, "k"),
+        evidence="computed",
+        **said,
+    )
 
 
 @pytest.mark.parametrize(
@@ -156,7 +226,9 @@ def claim(value=2.9891, **said):
         ({"value": math.nan}, NOT, PRINTED),
     ],
 )
-def test_a_claim_holds_where_the_verdict_is_the_settled_one_and_its_numbers_are_met(said, verdict, settled):
+def test_a_claim_holds_where_the_verdict_is_the_settled_one_and_its_numbers_are_met(
+    said, verdict, settled
+):
     made = claim(**said)
     assert (made.verdict, made.settled) == (verdict, settled)
     assert made.ok == (verdict == settled and said.get("value", 2.9891) == 2.9891)
@@ -168,4 +240,6 @@ def test_a_claim_that_fails_in_words_and_as_json():
     plain = json.loads(json.dumps(failed.plain(), allow_nan=False))
     assert plain["number"] == 6
     assert plain["ok"] is False
-    assert plain["measured"] == [{"name": "p", "value": None, "low": None, "high": 0.05, "unit": "", "ok": False}]
+    assert plain["measured"] == [
+        {"name": "p", "value": None, "low": None, "high": 0.05, "unit": "", "ok": False}
+    ]

@@ -1,6 +1,8 @@
-"""With the compiler off the kernels are plain Python, the readable reference: the same numbers, rounding aside.
+"""With the compiler off the kernels are plain Python, the readable reference: the same
+numbers, rounding aside.
 
-`python test_plain.py` prints the results of small cases that between them go through every kernel.
+`python test_plain.py` prints the results of small cases that between them go through
+every kernel.
 """
 
 import json
@@ -23,7 +25,12 @@ SLIDER = ss.Slider(stiffness=2.0, mass=1e-3, damping=30.0)
 LIGHT = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.0)
 THERE_AND_BACK = ss.constant(1.0, 1.6).then(ss.ramp(-1.0, 0.0, 1.0))
 BACK = ss.constant(0.5, 0.5).then(ss.constant(-0.5, 0.2))
-UNTIL = ss.constant(1.0, 5.0).until(ss.model.Travel(1.0)).then(ss.ramp(1.0, 0.1, 2.0)).until(ss.model.ForceBelow(0.4))
+UNTIL = (
+    ss.constant(1.0, 5.0)
+    .until(ss.model.Travel(1.0))
+    .then(ss.ramp(1.0, 0.1, 2.0))
+    .until(ss.model.ForceBelow(0.4))
+)
 DELAYS = {
     "no delay": ss.Delay(0.0),
     "delay": ss.Delay(0.2),
@@ -33,22 +40,40 @@ DELAYS = {
 SNAPSHOTS = ss.Output(interval=0.25, snapshots=(0.5, 1.0), bins=5)
 
 
-def run(interface, method, slider=SLIDER, drive=THERE_AND_BACK, output=ss.Output(interval=0.1), **options):
-    made = ss.simulate(ss.Rig(interface, slider, drive), method=method, output=output, **options)
+def run(
+    interface,
+    method,
+    slider=SLIDER,
+    drive=THERE_AND_BACK,
+    output=ss.Output(interval=0.1),
+    **options,
+):
+    made = ss.simulate(
+        ss.Rig(interface, slider, drive), method=method, output=output, **options
+    )
     return {str(name): made[name].to_numpy().tolist() for name in made.data_vars}
 
 
 def rigid(interface, method):
-    return ss.rigid_slide(interface, 2.0, method=method)["friction_force"].to_numpy()[::20].tolist()
+    return (
+        ss.rigid_slide(interface, 2.0, method=method)["friction_force"]
+        .to_numpy()[::20]
+        .tolist()
+    )
 
 
 def small_cases():
-    few, coarse, sliding = ss.Contacts(12, seed=1), ss.MasterEquation(rtol=1e-2), {"start": ss.FromSliding()}
+    few = ss.Contacts(12, seed=1)
+    coarse = ss.MasterEquation(rtol=1e-2)
+    sliding = {"start": ss.FromSliding()}
     at_once = ss.Interface(thresholds=TENTH)
     delayed = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
-    strong = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=0.2), delay=ss.Delay(0.1))
-    slow, short = {"drive": ss.constant(0.5, 0.4)}, ss.constant(1.0, 1.5)
+    strong = ss.Interface(
+        thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=0.2), delay=ss.Delay(0.1)
+    )
+    slow = {"drive": ss.constant(0.5, 0.4)}
+    short = ss.constant(1.0, 1.5)
     cases = {}
     for name, delay in DELAYS.items():
         interface = ss.Interface(thresholds=TENTH, delay=delay)
@@ -58,19 +83,31 @@ def small_cases():
     for method in (few, coarse):
         cases |= {
             f"{method}, undamped": partial(run, delayed, method, LIGHT, short),
-            f"{method}, sliding": partial(run, delayed, method, start=ss.FromSliding(perturbation=0.1)),
-            f"{method}, snapshots": partial(run, delayed, method, drive=short, output=SNAPSHOTS),
+            f"{method}, sliding": partial(
+                run, delayed, method, start=ss.FromSliding(perturbation=0.1)
+            ),
+            f"{method}, snapshots": partial(
+                run, delayed, method, drive=short, output=SNAPSHOTS
+            ),
             f"{method}, until": partial(run, at_once, method, drive=UNTIL),
             f"{method}, rigid": partial(rigid, delayed, method),
             f"{method}, ageing": partial(run, ageing, method, drive=BACK),
         }
     cases |= {
-        "memoryless": partial(run, delayed, ss.MasterEquation(rtol=1e-2, memoryless=True)),
+        "memoryless": partial(
+            run, delayed, ss.MasterEquation(rtol=1e-2, memoryless=True)
+        ),
         "contacts, ageing with a delay": partial(run, strong, few, **slow),
         "contacts, ageing, sliding": partial(run, ageing, few, **slow, **sliding),
-        "contacts, ageing, in one place": partial(run, ageing, few, drive=ss.constant(0.0, 0.4)),
-        "kinetic equation, sliding": partial(run, ageing, coarse, drive=ss.constant(2.0, 0.2), **sliding),
-        "kinetic equation, a snapshot": partial(run, ageing, coarse, drive=short, output=SNAPSHOTS),
+        "contacts, ageing, in one place": partial(
+            run, ageing, few, drive=ss.constant(0.0, 0.4)
+        ),
+        "kinetic equation, sliding": partial(
+            run, ageing, coarse, drive=ss.constant(2.0, 0.2), **sliding
+        ),
+        "kinetic equation, a snapshot": partial(
+            run, ageing, coarse, drive=short, output=SNAPSHOTS
+        ),
     }
     for growth, delay in (
         (ss.ExponentialGrowth(rate=2.0, newborn=0.1), ss.Delay(0.0)),
@@ -78,20 +115,27 @@ def small_cases():
     ):
         growing = ss.Interface(thresholds=TENTH, ageing=growth, delay=delay)
         cases[f"{growth}, {delay}"] = partial(run, growing, few)
-        cases[f"{growth}, {delay}, sliding"] = partial(run, growing, few, drive=BACK, **sliding)
+        cases[f"{growth}, {delay}, sliding"] = partial(
+            run, growing, few, drive=BACK, **sliding
+        )
         cases[f"{growth}, friction"] = partial(ss.kinetic_friction, growing, 0.5)
     return cases | {
         "steady moments": lambda: [
-            steady_moments(Life(u, 0.1, newborn), 8) for u in (0.1, 1.5) for newborn in (0.0, 0.3)
+            steady_moments(Life(u, 0.1, newborn), 8)
+            for u in (0.1, 1.5)
+            for newborn in (0.0, 0.3)
         ],
         "dynamic stiffness": lambda: [
             [value.real, value.imag]
             for newborn in (0.0, 0.3)
             for value in life_transforms(
-                excursions(Life(3.0, 0.3, newborn)), np.array([0.3 + 0.5j, 0.005 + 0.001j])
+                excursions(Life(3.0, 0.3, newborn)),
+                np.array([0.3 + 0.5j, 0.005 + 0.001j]),
             ).ravel()
         ],
-        "newborns pulled": lambda: pull_newborns(3.0, Langevin(rate=1.0, mean=1.0, std=0.1), 1.0, 5)[1].tolist(),
+        "newborns pulled": lambda: pull_newborns(
+            3.0, Langevin(rate=1.0, mean=1.0, std=0.1), 1.0, 5
+        )[1].tolist(),
     }
 
 
@@ -103,7 +147,9 @@ def results():
 @pytest.fixture(scope="module")
 def compiled_and_plain():
     off = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    plain = subprocess.run([sys.executable, __file__], env=off, capture_output=True, text=True, check=True)
+    plain = subprocess.run(
+        [sys.executable, __file__], env=off, capture_output=True, text=True, check=True
+    )
     return results(), json.loads(plain.stdout)
 
 
@@ -120,11 +166,17 @@ def test_plain_python_gives_the_same_numbers(compiled_and_plain):
     compiled, plain = (dict(leaves(result)) for result in compiled_and_plain)
     assert compiled.keys() == plain.keys()
     for name, values in compiled.items():
-        np.testing.assert_allclose(plain[name], values, rtol=1e-7, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(
+            plain[name], values, rtol=1e-7, atol=1e-9, err_msg=name
+        )
 
 
 def test_the_cases_hold_breaks_and_slips(compiled_and_plain):
-    runs = [made for name, made in compiled_and_plain[0].items() if "Contacts(" in name and "broken_energy" in made]
+    runs = [
+        made
+        for name, made in compiled_and_plain[0].items()
+        if "Contacts(" in name and "broken_energy" in made
+    ]
     assert len(runs) >= 4
     assert all(made["broken_energy"][-1] > 0 for made in runs)
 

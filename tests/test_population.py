@@ -1,4 +1,6 @@
-"""Contacts counted by cohorts: as contact by contact, in mean and fluctuation, and none is ever lost."""
+"""Contacts counted by cohorts: as contact by contact, in mean and fluctuation, and
+none is ever lost.
+"""
 
 import math
 from dataclasses import replace
@@ -53,7 +55,9 @@ DELAYS = [
 
 interfaces = st.builds(
     ss.Interface,
-    thresholds=st.sampled_from([TENTH, ss.Uniform(low=0.5, high=1.5), ss.Exponential(mean=1.0)]),
+    thresholds=st.sampled_from(
+        [TENTH, ss.Uniform(low=0.5, high=1.5), ss.Exponential(mean=1.0)]
+    ),
     initial=st.just(RELAXED),
     delay=st.sampled_from(DELAYS),
     sliding_force=st.sampled_from([0.0, 0.3]),
@@ -64,14 +68,22 @@ interfaces = st.builds(
 @settings(max_examples=60, deadline=None)
 @given(
     interfaces,
-    st.sampled_from([ss.ramp(2, -2, duration=2).then(ss.ramp(-2, 2, duration=2)), ss.constant(-0.5, duration=4)]),
+    st.sampled_from(
+        [
+            ss.ramp(2, -2, duration=2).then(ss.ramp(-2, 2, duration=2)),
+            ss.constant(-0.5, duration=4),
+        ]
+    ),
     st.sampled_from([0.3, 0.7, 1.0]),
     st.sampled_from([10, 1_000, 10**9]),
     st.sampled_from([20.0, 200.0]),
 )
 def test_every_contact_is_attached_or_waits(interface, drive, end, count, damping):
-    method, slider = ss.Population(count, seed=1, rtol=1e-3), replace(SLIDER, damping=damping)
-    engine = engine_of(interface, method, slider)(Beginning(interface, slider, 1.0, ss.FromRest()), method)
+    method = ss.Population(count, seed=1, rtol=1e-3)
+    slider = replace(SLIDER, damping=damping)
+    engine = engine_of(interface, method, slider)(
+        Beginning(interface, slider, 1.0, ss.FromRest()), method
+    )
     follow(engine, drive, 0.0, np.linspace(0, end, 5))
     state = engine.state
     attached = state.cohorts[COUNT, : state.used.cohorts]
@@ -85,36 +97,51 @@ def test_every_contact_is_attached_or_waits(interface, drive, end, count, dampin
 
 
 def moments(interface):
-    """Variances, times N, of friction force and attached fraction in rigid sliding at velocity 1."""
+    """Variances, times N, of friction force and attached fraction in rigid sliding
+    at velocity 1.
+    """
     m1, m2, m3 = (interface.threshold_distribution.moment(order) for order in (1, 2, 3))
     cycle = m1 + interface.delay.moment(1)
     return m3 / (3 * cycle) - (m2 / (2 * cycle)) ** 2, m1 / cycle * (1 - m1 / cycle)
 
 
-@pytest.mark.parametrize("delay", [ss.Delay(0.0), ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.1), Several()], ids=str)
+@pytest.mark.parametrize(
+    "delay",
+    [ss.Delay(0.0), ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.1), Several()],
+    ids=str,
+)
 @pytest.mark.parametrize("count", [10, 1_000, 10**8])
 def test_fluctuations_in_rigid_sliding(delay, count):
-    interface, lifetimes = replace(CYCLING, delay=delay), 600.0
+    interface = replace(CYCLING, delay=delay)
+    lifetimes = 600.0
     force, attached = moments(interface)
     times = np.arange(0.0, lifetimes, 0.037)
-    track = rigidly(interface, ss.Population(count, seed=1), ss.constant(1.0, times[-1]), times)
-    F, A = track["friction_force"], track["attached"]
-    # A contact's force forgets in a life: so many independent values, of a variance with a relative error of sqrt(2/n).
+    track = rigidly(
+        interface, ss.Population(count, seed=1), ss.constant(1.0, times[-1]), times
+    )
+    F = track["friction_force"]
+    A = track["attached"]
+    # A contact's force forgets in a life: so many independent values, of a variance
+    # with a relative error of sqrt(2/n).
     slack = 4 * math.sqrt(2 / lifetimes)
     assert F.var() * count == pytest.approx(force, rel=slack)
     assert F.mean() == pytest.approx(
-        ss.kinetic_friction(interface, 1.0), abs=4 * math.sqrt(force / count / lifetimes) + 1e-5
+        ss.kinetic_friction(interface, 1.0),
+        abs=4 * math.sqrt(force / count / lifetimes) + 1e-5,
     )
     assert A.var() * count == pytest.approx(attached, rel=slack, abs=1e-12)
 
 
 @pytest.mark.slow
 def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
-    """In octaves up to the frequency of the samples, with errors from the scatter of parts of the run.
+    """In octaves up to the frequency of the samples, with errors from the scatter of
+    parts of the run.
 
-    What is faster than steps is too weak: by 7 % in the last octave at the default tolerance.
+    What is faster than steps is too weak: by 7 % in the last octave at the default
+    tolerance.
     """
-    parts, length = 16, 2**13
+    parts = 16
+    length = 2**13
     times = 0.037 * np.arange(parts * length)
 
     def octaves(method):
@@ -122,20 +149,29 @@ def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
         F = track["friction_force"].reshape(parts, length)
         power = np.abs(np.fft.rfft(F - F.mean(), axis=1)) ** 2 / length * method.count
         edges = (power.shape[1] * 0.5 ** np.arange(7)).astype(int)
-        bands = np.stack([power[:, low:high].mean(axis=1) for high, low in pairwise(edges)])
+        bands = np.stack(
+            [power[:, low:high].mean(axis=1) for high, low in pairwise(edges)]
+        )
         return bands.mean(axis=1), bands.std(axis=1, ddof=1) / math.sqrt(parts)
 
     exact, noise = octaves(ss.Contacts(1_000, seed=1))
     for rtol, slack in ((1e-4, 0.09), (1e-5, 0.03)):
         found, more = octaves(ss.Population(1_000, seed=1, rtol=rtol))
-        assert np.all(np.abs(found - exact) < 4 * np.hypot(noise, more) + slack * exact), (rtol, found / exact - 1)
+        assert np.all(
+            np.abs(found - exact) < 4 * np.hypot(noise, more) + slack * exact
+        ), (rtol, found / exact - 1)
 
 
 def cycles(method):
-    """Mean and standard deviation of period and drop after the first cycles, from one run of Fig. 4c."""
-    run = ss.simulate(ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=30.0)), method=method)
+    """Mean and standard deviation of period and drop after the first cycles, from
+    one run of Fig. 4c.
+    """
+    run = ss.simulate(
+        ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=30.0)), method=method
+    )
     drops = ss.drops(run)
-    period, drop = np.diff(drops["start"].to_numpy())[2:], drops["drop"].to_numpy()[2:]
+    period = np.diff(drops["start"].to_numpy())[2:]
+    drop = drops["drop"].to_numpy()[2:]
     return period.mean(), period.std(ddof=1), drop.mean(), drop.std(ddof=1)
 
 
@@ -143,7 +179,8 @@ def cycles(method):
 def test_cycles_are_those_of_contacts(count):
     seeds = 12
     found = [
-        np.array([cycles(method(count, seed=seed)) for seed in range(seeds)]) for method in (ss.Contacts, ss.Population)
+        np.array([cycles(method(count, seed=seed)) for seed in range(seeds)])
+        for method in (ss.Contacts, ss.Population)
     ]
     means = [part.mean(axis=0) for part in found]
     errors = np.sqrt(sum(part.var(axis=0, ddof=1) / seeds for part in found))
@@ -152,9 +189,15 @@ def test_cycles_are_those_of_contacts(count):
 
 def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.35), newborn=ss.Gaussian(mean=0.2, std=0.0)
+        thresholds=ss.Gaussian(mean=1.0, std=0.2),
+        delay=ss.Delay(0.35),
+        newborn=ss.Gaussian(mean=0.2, std=0.0),
     )
-    rig = ss.Rig(interface, ss.Slider(stiffness=0.7, mass=6e-4, damping=13.0), ss.constant(0.3, duration=7.5))
+    rig = ss.Rig(
+        interface,
+        ss.Slider(stiffness=0.7, mass=6e-4, damping=13.0),
+        ss.constant(0.3, duration=7.5),
+    )
 
     def force(method):  # the slip at 6.1 ends in reversals while contacts attach
         run = ss.simulate(rig, method=method, output=ss.Output(interval=0.01))
@@ -167,34 +210,63 @@ def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
 
     for rtol in (1e-4, 1e-6):
         assert off(ss.MasterEquation(rtol=rtol)) < 10.0 * rtol
-    few = math.sqrt(np.mean([off(ss.Population(100_000, seed=seed)) ** 2 for seed in range(8)]))
+    few = math.sqrt(
+        np.mean([off(ss.Population(100_000, seed=seed)) ** 2 for seed in range(8)])
+    )
     assert off(ss.Contacts(10_000, seed=1)) < 4.0 * few * math.sqrt(10.0)
 
 
 def test_newborns_of_a_slider_at_rest_do_not_push_it():
-    """It trembles ever faster, and the force stays: neither direction is that of its motion for long."""
+    """It trembles ever faster, and the force stays: neither direction is that of its
+    motion for long.
+    """
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.2),
         delay=ss.RandomDelay(mean=0.5, std=0.15),
         newborn=ss.Gaussian(mean=0.3, std=0.0),
     )
-    drive = ss.constant(1.0, duration=3.0).then(ss.constant(0.0, duration=4.0)).then(ss.constant(1.0, duration=1.0))
+    drive = (
+        ss.constant(1.0, duration=3.0)
+        .then(ss.constant(0.0, duration=4.0))
+        .then(ss.constant(1.0, duration=1.0))
+    )
     rig = ss.Rig(interface, ss.Slider(stiffness=0.7, mass=6e-4, damping=137.0), drive)
-    exact, found = (ss.simulate(rig, method=ss.MasterEquation(rtol=rtol)).spring_force for rtol in (1e-7, 1e-4))
+    exact, found = (
+        ss.simulate(rig, method=ss.MasterEquation(rtol=rtol)).spring_force
+        for rtol in (1e-7, 1e-4)
+    )
     assert float(np.sqrt(((found - exact) ** 2).mean())) < 10.0 * 1e-4
 
 
-@pytest.mark.parametrize("delay", [ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.12)], ids=["fixed", "random"])
+@pytest.mark.parametrize(
+    "delay",
+    [ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.12)],
+    ids=["fixed", "random"],
+)
 @pytest.mark.takes(5)
 def test_blocks_fluctuate_as_those_of_single_contacts_do(delay):
-    """The variance in time of attached fraction and force, and of their changes; blocks are nearly independent."""
+    """The variance in time of attached fraction and force, and of their changes;
+    blocks are nearly independent.
+    """
     body = ss.Chain(blocks=40, coupling=0.5, mass=1e-2, damping=60.0, leaf=50.0)
-    rig = ss.Rig(ss.Interface(thresholds=TENTH, delay=delay), body, ss.constant(1.0, 20.0), start=ss.FromSliding())
+    rig = ss.Rig(
+        ss.Interface(thresholds=TENTH, delay=delay),
+        body,
+        ss.constant(1.0, 20.0),
+        start=ss.FromSliding(),
+    )
     found = []
     for method in (ss.Contacts(400, seed=2), ss.Population(400, seed=2, rtol=1e-3)):
         run = ss.simulate(rig, method=method, output=ss.Output(interval=0.05))
         traces = [run[name].values for name in ("attached", "friction_force")]
-        variances = np.array([trace.var(axis=0) for trace in (*traces, *(np.diff(one, axis=0) for one in traces))])
-        found.append((variances.mean(axis=1), variances.var(axis=1, ddof=1) / body.blocks))
+        variances = np.array(
+            [
+                trace.var(axis=0)
+                for trace in (*traces, *(np.diff(one, axis=0) for one in traces))
+            ]
+        )
+        found.append(
+            (variances.mean(axis=1), variances.var(axis=1, ddof=1) / body.blocks)
+        )
     (contacts, error), (counted, another) = found
     assert (np.abs(counted - contacts) / np.sqrt(error + another)).max() < 4.0

@@ -7,13 +7,25 @@ import pytest
 
 import stickslip as ss
 
-HEAVY = ("numba", "xarray", "matplotlib", "pandas", "h5py", "h5netcdf", "rich", "scipy.stats")
+HEAVY = (
+    "numba",
+    "xarray",
+    "matplotlib",
+    "pandas",
+    "h5py",
+    "h5netcdf",
+    "rich",
+    "scipy.stats",
+)
 
 
 def said_and_loaded(code: str) -> set[str]:
     """Words that a program prints, and modules that it has in the end."""
     done = subprocess.run(
-        [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules)"], capture_output=True, text=True, check=True
+        [sys.executable, "-c", f"{code}\nimport sys\nprint(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return set(done.stdout.split())
 
@@ -23,14 +35,17 @@ import stickslip as ss
 rig = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.RandomDelay(mean=0.2, std=0.12))
 ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.ramp(0.1, 3.0, duration=200), ss.Contacts(100)
 ss.model.Scales(force=1, stretching=1), ss.kinetic_friction(rig, velocity=1.0)
-"""
+"""  # noqa: E501
 HELP = "from stickslip import cli\ntry: cli.main(['--help'])\nexcept SystemExit: pass"
 
 
-@pytest.mark.parametrize("code", ["import stickslip", RECORDS, HELP], ids=["import", "records", "help"])
+@pytest.mark.parametrize(
+    "code", ["import stickslip", RECORDS, HELP], ids=["import", "records", "help"]
+)
 def test_what_is_quick_loads_nothing_heavy(code):
     said = said_and_loaded(code)
-    assert not said & set(HEAVY) - ({"rich"} if code is HELP else set())  # which prints it
+    # which prints it
+    assert not said & set(HEAVY) - ({"rich"} if code is HELP else set())
     assert "predict" in said or code is not HELP
 
 

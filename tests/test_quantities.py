@@ -1,4 +1,6 @@
-"""Quantities: one strict grammar; what is accepted is exact, and nothing is read as something else."""
+"""Quantities: one strict grammar; what is accepted is exact, and nothing is read as
+something else.
+"""
 
 import math
 import sys
@@ -91,16 +93,34 @@ def test_a_refusal_says_what_would_be_right(text, words):
 
 
 WRONG = (
-    "\u221e N/m|~2 N/m|$2 N/m|2 N/m;|2(1) N/m|4 N/m\u0000|2\u20133 N/m|4 MN/m 2|[1,2] N/m|1..2 N/m|N/m|pi N/m|"
-    "m|| |-|.|e|1 pi|2 c|1 k|1 hbar|1 m_e|1 R|1 G|4 gal|4 hp|9**9**9**9 N/m|4 N^9^9/m|4 N/m^99|4 N/m^0|"
-    "4 N/m^1.5|4 N\u00b2\u00b2/m|4 N/m\u2074|4\u00b2 N/m|\uff14 N/m|4^2 N/m|0x10 N/m|1e N/m|1e1e1 N/m|--4 N/m|"
-    "- 4 N/m|4 N/m\u000a|4\u0009N/m|4 N/m # stiff|4 N//m|4 N/|4 *N/m|4 N/(m|4 ((N))/m|4 N/()|(4 N/m)|4*N/m|"
-    "4 N+2 N|4 N/m, 5 N/m|1/2 N/m|4 2/s|4 %|4 N per m|4 degC|4 rad/s|4 NN/m|4 kmin|4 dd|4 mPas|4 das|4 ma|"
-    "4 mn/m|4 N/M|4 KN/m|4 Kg|4 Sec|4 Newton|4 Ns/m|4 Nm|4 __class__|4 N.m|4 sqrt(N)|True|1j N|4 N/m\u200b|"
+    "\u221e N/m|~2 N/m|$2 N/m|2 N/m;|2(1) N/m|4 N/m\u0000|2\u20133 N/m|4 MN/m 2|[1,2] "
+    "N/m|1..2 N/m|N/m|pi N/m|"
+    "m|| |-|.|e|1 pi|2 c|1 k|1 hbar|1 m_e|1 R|1 G|4 gal|4 hp|9**9**9**9 N/m|4 "
+    "N^9^9/m|4 N/m^99|4 N/m^0|"
+    "4 N/m^1.5|4 N\u00b2\u00b2/m|4 N/m\u2074|4\u00b2 N/m|\uff14 N/m|4^2 N/m|0x10 "
+    "N/m|1e N/m|1e1e1 N/m|--4 N/m|"
+    "- 4 N/m|4 N/m\u000a|4\u0009N/m|4 N/m # stiff|4 N//m|4 N/|4 *N/m|4 N/(m|4 "
+    "((N))/m|4 N/()|(4 N/m)|4*N/m|"
+    "4 N+2 N|4 N/m, 5 N/m|1/2 N/m|4 2/s|4 %|4 N per m|4 degC|4 rad/s|4 NN/m|4 kmin|4 "
+    "dd|4 mPas|4 das|4 ma|"
+    "4 mn/m|4 N/M|4 KN/m|4 Kg|4 Sec|4 Newton|4 Ns/m|4 Nm|4 __class__|4 N.m|4 "
+    "sqrt(N)|True|1j N|4 N/m\u200b|"
     "4 N/\u043c|4e3\u00b2 N/m"
 )
-JUNK = [*WRONG.split("|"), "9" * 65, "4 N" + "N" * 100_000, "4." + "0" * 100_000 + " N/m", "(" * 64, "4 " + "N*" * 31]
-JUNK += ["4 " + "m*" * 30 + "m", "4 " + "m**9*" * 12 + "m", "4 " + "Qm^9*" * 11 + "Qm^9", "1e999 " + "Qm^9*" * 11 + "m"]
+JUNK = [
+    *WRONG.split("|"),
+    "9" * 65,
+    "4 N" + "N" * 100_000,
+    "4." + "0" * 100_000 + " N/m",
+    "(" * 64,
+    "4 " + "N*" * 31,
+]
+JUNK += [
+    "4 " + "m*" * 30 + "m",
+    "4 " + "m**9*" * 12 + "m",
+    "4 " + "Qm^9*" * 11 + "Qm^9",
+    "1e999 " + "Qm^9*" * 11 + "m",
+]
 JUNK += [" " * 64, "9*N m^(" * 12]
 
 
@@ -113,24 +133,48 @@ def test_junk_is_refused_at_once():
     assert time.process_time() - begun < 2.0
 
 
-PREFIXES = {"": Fraction(1), "k": Fraction(1000), "M": Fraction(10**6), "m": Fraction(1, 1000), "u": Fraction(1, 10**6)}
-UNITS = {"m": (1, 0, 0), "g": (0, 1, 0), "s": (0, 0, 1), "N": (1, 1, -2), "Pa": (-1, 1, -2), "J": (2, 1, -2)}
+PREFIXES = {
+    "": Fraction(1),
+    "k": Fraction(1000),
+    "M": Fraction(10**6),
+    "m": Fraction(1, 1000),
+    "u": Fraction(1, 10**6),
+}
+UNITS = {
+    "m": (1, 0, 0),
+    "g": (0, 1, 0),
+    "s": (0, 0, 1),
+    "N": (1, 1, -2),
+    "Pa": (-1, 1, -2),
+    "J": (2, 1, -2),
+}
 SIZES = {
-    **{p + u: (PREFIXES[p] / (1000 if u == "g" else 1), kind) for p in PREFIXES for u, kind in UNITS.items()},
+    **{
+        p + u: (PREFIXES[p] / (1000 if u == "g" else 1), kind)
+        for p in PREFIXES
+        for u, kind in UNITS.items()
+    },
     "in": (Fraction(254, 10**4), (1, 0, 0)),
     "t": (Fraction(1000), (0, 1, 0)),
     "min": (Fraction(60), (0, 0, 1)),
     "kgf": (Fraction("9.80665"), (1, 1, -2)),
 }
-"""Units in metres, kilograms and seconds: what this test knows of them without a library."""
+"""Units in metres, kilograms and seconds: what this test knows of them without a
+library.
+"""
 
 RAISED = {"²": 2, "³": 3, "⁻¹": -1, "⁻²": -2, "¹": 1}
 
-plain = st.from_regex(r"[-+]?(?:[0-9]{1,9}(?:\.[0-9]{0,9})?|\.[0-9]{1,9})(?:[eE][-+]?[0-9]{1,2})?", fullmatch=True)
+plain = st.from_regex(
+    r"[-+]?(?:[0-9]{1,9}(?:\.[0-9]{0,9})?|\.[0-9]{1,9})(?:[eE][-+]?[0-9]{1,2})?",
+    fullmatch=True,
+)
 exponents = st.one_of(
     st.just(("", 1)),
     st.sampled_from(sorted(RAISED.items())),
-    st.tuples(st.sampled_from(["^", "**"]), st.integers(-3, 3).filter(bool)).map(lambda p: (f"{p[0]}{p[1]}", p[1])),
+    st.tuples(st.sampled_from(["^", "**"]), st.integers(-3, 3).filter(bool)).map(
+        lambda p: (f"{p[0]}{p[1]}", p[1])
+    ),
 )
 powers = st.tuples(st.sampled_from(sorted(SIZES)), exponents)
 
@@ -143,8 +187,12 @@ powers = st.tuples(st.sampled_from(sorted(SIZES)), exponents)
     st.sampled_from(["*", "·", " * "]),
     st.sampled_from(["", " ", "  "]),
 )
-def test_what_is_accepted_is_the_number_times_the_unit(number, above, below, times, blank):
-    exact, kind, sides = Fraction(number), (0, 0, 0), []
+def test_what_is_accepted_is_the_number_times_the_unit(
+    number, above, below, times, blank
+):
+    exact = Fraction(number)
+    kind = (0, 0, 0)
+    sides = []
     for factors, sign in ((above, 1), (below, -1)):
         sides.append(times.join(name + mark for name, (mark, _) in factors))
         for name, (_, power) in factors:
@@ -153,9 +201,15 @@ def test_what_is_accepted_is_the_number_times_the_unit(number, above, below, tim
             kind = tuple(a + sign * power * b for a, b in zip(kind, parts, strict=True))
     text = number + blank + sides[0] + (f" / ({sides[1]})" if below else "")
     wanted = "*".join(
-        f"{base}^{power}" for base, power in zip(("m", "kg", "s"), kind, strict=True) if 0 < abs(power) < 10
+        f"{base}^{power}"
+        for base, power in zip(("m", "kg", "s"), kind, strict=True)
+        if 0 < abs(power) < 10
     )
-    if len(text) > LONGEST_QUANTITY or not wanted or any(abs(power) > 9 for power in kind):
+    if (
+        len(text) > LONGEST_QUANTITY
+        or not wanted
+        or any(abs(power) > 9 for power in kind)
+    ):
         return
     try:
         expected = float(exact)
@@ -168,9 +222,30 @@ def test_what_is_accepted_is_the_number_times_the_unit(number, above, below, tim
 
 
 def test_plain_numbers():
-    well_written = {"0.5": 0.5, "-1e3": -1e3, " 7 ": 7.0, "+.5": 0.5, "4.": 4.0, "007": 7.0}
+    well_written = {
+        "0.5": 0.5,
+        "-1e3": -1e3,
+        " 7 ": 7.0,
+        "+.5": 0.5,
+        "4.": 4.0,
+        "007": 7.0,
+    }
     assert {text: read_number(text) for text in well_written} == well_written
-    strange = ["", "²", "0,5", "1_000", "0x10", "nan", "-infinity", "1e999", "1e-320", "9" * 5000, "1 2", "4 s", "٣"]
+    strange = [
+        "",
+        "²",
+        "0,5",
+        "1_000",
+        "0x10",
+        "nan",
+        "-infinity",
+        "1e999",
+        "1e-320",
+        "9" * 5000,
+        "1 2",
+        "4 s",
+        "٣",
+    ]
     for text in (*strange, "\u22122"):
         with pytest.raises(InputError) as caught:
             read_number(text)

@@ -1,4 +1,6 @@
-"""The door for rigs: what a file says reaches the model, and every mistake gets one clear line."""
+"""The door for rigs: what a file says reaches the model, and every mistake gets one
+clear line.
+"""
 
 import json
 import math
@@ -28,10 +30,18 @@ def document():
 
 def test_the_published_bench_reaches_the_model_in_natural_units():
     rig = rigs.read_rig(EXAMPLE)
-    given = {"mass": 75.6e-3, "stiffness": 4e6, "velocity": 0.4e-3, "delay": 2e-3, "load": 1920 * 0.4}
+    given = {
+        "mass": 75.6e-3,
+        "stiffness": 4e6,
+        "velocity": 0.4e-3,
+        "delay": 2e-3,
+        "load": 1920 * 0.4,
+    }
     assert {name: rig.value(name) for name in given} == pytest.approx(given)
     # Omega is a rate: the same in both systems of units.
-    assert rig.scales.si(rig.slider.frequency, "rate") == pytest.approx(math.sqrt(4e6 / 75.6e-3))
+    assert rig.scales.si(rig.slider.frequency, "rate") == pytest.approx(
+        math.sqrt(4e6 / 75.6e-3)
+    )
     assert rig.slider.damping_ratio == pytest.approx(0.15)
 
 
@@ -39,14 +49,23 @@ def test_a_default_that_was_taken_is_assumed_with_its_value(document):
     for key in ("interface.delay", "interface.initial"):
         document = with_value(document, key, None)
         document["assumed"].pop(key)
-    taken = {key: item for key, item in rigs.from_document(document).assumed.items() if item.default}
+    taken = {
+        key: item
+        for key, item in rigs.from_document(document).assumed.items()
+        if item.default
+    }
     assert {key: item.value for key, item in taken.items()} == {
         "interface.initial": '{ distribution = "gaussian", mean = 0.0, std = 0.01 }',
         "interface.delay": "0 s",
     }
-    assert "never strengthen with rest and nothing can stick-slip" in str(taken["interface.delay"])
+    assert "never strengthen with rest and nothing can stick-slip" in str(
+        taken["interface.delay"]
+    )
     rig = rigs.from_document(document)
-    assert ss.read_rig(tomllib.loads(rigs.to_toml(rig))).assumed.keys() == rig.assumed.keys()
+    assert (
+        ss.read_rig(tomllib.loads(rigs.to_toml(rig))).assumed.keys()
+        == rig.assumed.keys()
+    )
 
 
 RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
@@ -56,20 +75,43 @@ RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
     ("key", "value"),
     [
         (None, None),
-        *(("interface.delay", delay) for delay in (RANDOM, "never", "on arrest", "0 s", "1.2345678901234 ms")),
+        *(
+            ("interface.delay", delay)
+            for delay in (RANDOM, "never", "on arrest", "0 s", "1.2345678901234 ms")
+        ),
         ("interface.newborn", {"distribution": "gaussian", "mean": 0.3, "std": 0.0}),
         ("interface.ageing", {"model": "langevin", "time": "3 s", "newborn": 0.1}),
         ("interface.ageing", {"model": "exponential", "time": "70 ms"}),
         ("interface.ageing", {"model": "logarithmic", "time": "7 ms", "slope": 0.02}),
-        ("interface.thresholds", {"distribution": "empirical", "samples": [0.9, 1.0, 1.3]}),
-        ("interface.thresholds", {"distribution": "gaussian", "std": 0.7, "lower": 0.1}),
+        (
+            "interface.thresholds",
+            {"distribution": "empirical", "samples": [0.9, 1.0, 1.3]},
+        ),
+        (
+            "interface.thresholds",
+            {"distribution": "gaussian", "std": 0.7, "lower": 0.1},
+        ),
         (
             "interface.initial",
-            {"distribution": "steady state", "thresholds": {"distribution": "uniform", "low": 0.2, "high": 1}},
+            {
+                "distribution": "steady state",
+                "thresholds": {"distribution": "uniform", "low": 0.2, "high": 1},
+            },
         ),
         ("drive", {"velocity": "-0.7 mm/s", "duration": "1 min"}),
-        ("drive", {"pieces": [{"start": "1 um/s", "end": "0.3 mm/s", "duration": "7 s"}] * 3}),
-        ("simulation", {"method": "master equation", "rtol": 7e-4, "start": "sliding", "interval": "0.3 ms"}),
+        (
+            "drive",
+            {"pieces": [{"start": "1 um/s", "end": "0.3 mm/s", "duration": "7 s"}] * 3},
+        ),
+        (
+            "simulation",
+            {
+                "method": "master equation",
+                "rtol": 7e-4,
+                "start": "sliding",
+                "interval": "0.3 ms",
+            },
+        ),
         ("slider", {"mass": "0 g", "stiffness": "0.7 N/um", "damping": "1e7 1/s"}),
     ],
 )
@@ -82,30 +124,87 @@ def test_a_rig_written_as_toml_reads_back_the_same(document, key, value):
     assert rig.source in text
 
 
-# Keys of files that together have every key: of what slides, of the interface, of the drive, of the simulation.
-SPRINGS, BLOCK = "leaf side damping viscosity ends", "spacing width height youngs_modulus density"
+# Keys of files that together have every key: of what slides, of the interface, of the
+# drive, of the simulation.
+SPRINGS = "leaf side damping viscosity ends"
+BLOCK = "spacing width height youngs_modulus density"
 FILES = {
-    "slider": ("mass stiffness damping", "thresholds initial delay newborn", "velocity distance", "method seed rtol"),
-    "slider by ratio": ("mass stiffness damping_ratio", "thresholds v_half temperature", "velocity duration", "start"),
-    "slider on areas": ("mass stiffness damping", "thresholds areas", "pieces", "contacts interval"),
-    "slider by friction": ("mass stiffness damping", "normal_load mu_s mu_k track_scatter", "velocity", "contacts"),
-    "chain": (f"blocks coupling mass {SPRINGS}", "thresholds sliding_force ageing", "velocity", "contacts"),
-    "chain of material": (f"blocks {BLOCK} {SPRINGS}", "thresholds", "velocity", "contacts"),
-    "chain held on top": (f"blocks {BLOCK} shear_modulus side", "thresholds", "velocity", "contacts"),
-    "sheet": (f"along across coupling shear mass {SPRINGS}", "thresholds", "velocity", "contacts"),
-    "sheet of material": (f"along across {BLOCK} shear_modulus {SPRINGS}", "thresholds", "velocity", "contacts"),
+    "slider": (
+        "mass stiffness damping",
+        "thresholds initial delay newborn",
+        "velocity distance",
+        "method seed rtol",
+    ),
+    "slider by ratio": (
+        "mass stiffness damping_ratio",
+        "thresholds v_half temperature",
+        "velocity duration",
+        "start",
+    ),
+    "slider on areas": (
+        "mass stiffness damping",
+        "thresholds areas",
+        "pieces",
+        "contacts interval",
+    ),
+    "slider by friction": (
+        "mass stiffness damping",
+        "normal_load mu_s mu_k track_scatter",
+        "velocity",
+        "contacts",
+    ),
+    "chain": (
+        f"blocks coupling mass {SPRINGS}",
+        "thresholds sliding_force ageing",
+        "velocity",
+        "contacts",
+    ),
+    "chain of material": (
+        f"blocks {BLOCK} {SPRINGS}",
+        "thresholds",
+        "velocity",
+        "contacts",
+    ),
+    "chain held on top": (
+        f"blocks {BLOCK} shear_modulus side",
+        "thresholds",
+        "velocity",
+        "contacts",
+    ),
+    "sheet": (
+        f"along across coupling shear mass {SPRINGS}",
+        "thresholds",
+        "velocity",
+        "contacts",
+    ),
+    "sheet of material": (
+        f"along across {BLOCK} shear_modulus {SPRINGS}",
+        "thresholds",
+        "velocity",
+        "contacts",
+    ),
 }
 STARTS = {name: key.example for name, key in rig_keys.START.items()}
-TOP = {name: rig_keys.TOP[name].example for name in ("name", "source", "feasible", "assumed", "fitted")}
+TOP = {
+    name: rig_keys.TOP[name].example
+    for name in ("name", "source", "feasible", "assumed", "fitted")
+}
 
 
 def written(kind, factor, *, natural):
-    """A rig file of examples, with all quantities times a factor, or equal to it where they are plain numbers."""
+    """A rig file of examples, with all quantities times a factor, or equal to it
+    where they are plain numbers.
+    """
     tables = (kind.split()[0], "interface", "drive", "simulation")
     names = dict(zip(tables, map(str.split, FILES[kind]), strict=True))
     if not natural:
-        names["interface"] += ["breaking_displacement"] + ["contact_strength"] * ("mu_s" not in names["interface"])
-    found = TOP | {table: {name: rig_keys.TABLES[table][name].example for name in names[table]} for table in tables}
+        names["interface"] += ["breaking_displacement"] + ["contact_strength"] * (
+            "mu_s" not in names["interface"]
+        )
+    found = TOP | {
+        table: {name: rig_keys.TABLES[table][name].example for name in names[table]}
+        for table in tables
+    }
     if "rtol" in found["simulation"]:
         found["simulation"]["method"] = "population"
     if kind == "sheet":
@@ -114,52 +213,84 @@ def written(kind, factor, *, natural):
     def scaled(value):
         if isinstance(value, dict):
             bell = rig_keys.keys_of(ss.Bell) if "kind" in value else {}
-            apart = {name for name, key in bell.items() if key.si}  # what no scale of the rig measures
-            return {name: item if name in apart else scaled(item) for name, item in value.items()}
+            # what no scale of the rig measures
+            apart = {name for name, key in bell.items() if key.si}
+            return {
+                name: item if name in apart else scaled(item)
+                for name, item in value.items()
+            }
         if isinstance(value, list):
             return [scaled(item) for item in value]
-        parts = re.fullmatch(r"([-+.e0-9]+) (\S+)", value) if isinstance(value, str) else None
+        parts = (
+            re.fullmatch(r"([-+.e0-9]+) (\S+)", value)
+            if isinstance(value, str)
+            else None
+        )
         if parts is None:
             return value
         return factor if natural else f"{float(parts[1]) * factor!r} {parts[2]}"
 
     assumed = {name: found.pop(name) for name in ("assumed", "fitted")}
     feasible = {"feasible": {"stiffness": [factor, 2 * factor]}} if natural else {}
-    return scaled(found) | assumed | feasible | ({"units": "natural"} if natural else {})
+    return (
+        scaled(found) | assumed | feasible | ({"units": "natural"} if natural else {})
+    )
 
 
 @pytest.mark.parametrize(
-    ("kind", "natural"), [(kind, n) for kind in FILES for n in (False, True)[: 2 - ("friction" in kind)]]
+    ("kind", "natural"),
+    [(kind, n) for kind in FILES for n in (False, True)[: 2 - ("friction" in kind)]],
 )
 @pytest.mark.parametrize("factor", [1.0, 0.7310585786300049, 2.0 / 3.0])
 def test_every_key_is_written_and_reads_back(kind, natural, factor):
     rig = rigs.from_document(written(kind, factor, natural=natural))
     text = rigs.to_toml(rig)
     again = ss.read_rig(tomllib.loads(text))
-    # A natural value that no text in SI divides into exactly reads back as its neighbour.
+    # A natural value that no text in SI divides into exactly reads back as its
+    # neighbour.
     plain, before = (json.dumps(datasets.encode(each)) for each in (again, rig))
     assert NUMBER.sub("#", plain) == NUMBER.sub("#", before)
-    assert list(map(float, NUMBER.findall(plain))) == pytest.approx(list(map(float, NUMBER.findall(before))), rel=1e-15)
-    assert {key: one.draws for key, one in again.fitted.items()} == {key: one.draws for key, one in rig.fitted.items()}
+    assert list(map(float, NUMBER.findall(plain))) == pytest.approx(
+        list(map(float, NUMBER.findall(before))), rel=1e-15
+    )
+    assert {key: one.draws for key, one in again.fitted.items()} == {
+        key: one.draws for key, one in rig.fitted.items()
+    }
     assert rigs.to_toml(again) == text
 
 
 def test_every_key_is_in_a_file_above():
-    used = {(kind.split()[0], name) for kind in FILES for name in FILES[kind][0].split()}
+    used = {
+        (kind.split()[0], name) for kind in FILES for name in FILES[kind][0].split()
+    }
     for i, table in enumerate(("interface", "drive", "simulation"), 1):
         used |= {(table, name) for kind in FILES for name in FILES[kind][i].split()}
-    used |= {("interface", name) for name in ("breaking_displacement", "contact_strength")}
-    assert used == {(table, name) for table, keys in rig_keys.TABLES.items() for name in keys}
+    used |= {
+        ("interface", name) for name in ("breaking_displacement", "contact_strength")
+    }
+    assert used == {
+        (table, name) for table, keys in rig_keys.TABLES.items() for name in keys
+    }
 
 
 def test_a_rig_made_in_python_or_shipped_can_be_written():
     for name in rigs.example_names():
-        assert ss.read_rig(tomllib.loads(rigs.to_toml(rigs.example(name)))) == rigs.example(name)
-    interface = ss.Interface(thresholds=ss.Gamma(mean=1.0, std=0.1), delay=ss.Delay(1 / 3))
-    rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(0.7, 20))
+        assert ss.read_rig(
+            tomllib.loads(rigs.to_toml(rigs.example(name)))
+        ) == rigs.example(name)
+    interface = ss.Interface(
+        thresholds=ss.Gamma(mean=1.0, std=0.1), delay=ss.Delay(1 / 3)
+    )
+    rig = ss.Rig(
+        interface,
+        ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+        ss.constant(0.7, 20),
+    )
     assert ss.read_rig(tomllib.loads(rigs.to_toml(rig))) == rig
     faster = rigs.example("brake_pad").replace(velocity="7 mm/s")
-    assert ss.read_rig(tomllib.loads(rigs.to_toml(faster))).velocity == pytest.approx(faster.velocity, rel=1e-15)
+    assert ss.read_rig(tomllib.loads(rigs.to_toml(faster))).velocity == pytest.approx(
+        faster.velocity, rel=1e-15
+    )
 
 
 @pytest.mark.parametrize(
@@ -171,11 +302,14 @@ def test_a_rig_made_in_python_or_shipped_can_be_written():
     ],
 )
 def test_what_no_file_can_hold_is_said(changes, words):
-    with pytest.raises(ss.InputError, match=f"{words}.* cannot be written into a rig file"):
+    with pytest.raises(
+        ss.InputError, match=f"{words}.* cannot be written into a rig file"
+    ):
         rigs.to_document(rigs.example("pmma_slider").replace(**changes))
 
 
-THRESHOLDS, DRAWS = "interface.thresholds", {"interval": "1 to 2", "how": "weak"}
+THRESHOLDS = "interface.thresholds"
+DRAWS = {"interval": "1 to 2", "how": "weak"}
 MISTAKES = [
     ("slider.stifness", "4 MN/m", "slider.stifness", "did you mean 'stiffness'"),
     ("slider.mass", None, "slider.mass", "is missing"),
@@ -183,36 +317,118 @@ MISTAKES = [
     ("slider.mass", 75, "slider.mass = 75", "has no unit"),
     ("slider.mass", True, "slider.mass = True", "quantity"),
     ("slider.damping", "3 1/s", "slider", "give damping_ratio or damping, not both"),
-    (THRESHOLDS, {"distribution": "gausian", "std": 0.1}, f"{THRESHOLDS}.distribution", "the known distributions"),
-    (THRESHOLDS, {"distribution": "uniform", "low": 2.0, "high": 1.0}, f"{THRESHOLDS}.high = 1", "above 2"),
+    (
+        THRESHOLDS,
+        {"distribution": "gausian", "std": 0.1},
+        f"{THRESHOLDS}.distribution",
+        "the known distributions",
+    ),
+    (
+        THRESHOLDS,
+        {"distribution": "uniform", "low": 2.0, "high": 1.0},
+        f"{THRESHOLDS}.high = 1",
+        "above 2",
+    ),
     (THRESHOLDS, {"distribution": "empirical"}, f"{THRESHOLDS}.samples", "missing"),
-    ("interface.initial", {"distribution": "gaussian", "mean": 9.0, "std": 0.1}, "interface.initial", "nearer to 0"),
-    ("interface.mu_s", 0.4, "interface", "give contact_strength or mu_s and mu_k, not both"),
-    ("interface.delay", {"mean": "2 ms", "std": "1 ms", "negative": "drop"}, "interface.delay.negative", "'clip'"),
+    (
+        "interface.initial",
+        {"distribution": "gaussian", "mean": 9.0, "std": 0.1},
+        "interface.initial",
+        "nearer to 0",
+    ),
+    (
+        "interface.mu_s",
+        0.4,
+        "interface",
+        "give contact_strength or mu_s and mu_k, not both",
+    ),
+    (
+        "interface.delay",
+        {"mean": "2 ms", "std": "1 ms", "negative": "drop"},
+        "interface.delay.negative",
+        "'clip'",
+    ),
     ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
     ("drive.pieces", [], "drive", "give velocity or pieces, not both"),
-    ("interface.ageing", {"distribution": "langevin", "time": "1 s"}, "interface.ageing.model", "'logarithmic'"),
+    (
+        "interface.ageing",
+        {"distribution": "langevin", "time": "1 s"},
+        "interface.ageing.model",
+        "'logarithmic'",
+    ),
     ("drive", 3, "drive = 3", "table"),
     ("simulation.contacts", 0, "simulation.contacts = 0", "at least 1"),
-    ("simulation.method", "monte carlo", "simulation.method", "'contacts' or 'master equation'"),
-    ("simulation", {"method": "master equation", "seed": 3}, "simulation.seed", "unknown key"),
-    ("assumed", {"interface.delay": "2 ms to 1 ms"}, "interface.delay", "two values, the lowest first"),
-    ("assumed", {"simulation.rtol": [0.1, 0.2]}, "simulation.rtol", "is not in the file, so at its default"),
-    ("assumed", {"interface.delay": ["1 ms", "1 kg"]}, "interface.delay", "write it as in '"),
-    ("assumed", {"slider.colour": "look"}, "slider.colour", "did you mean 'slider.mass'"),
+    (
+        "simulation.method",
+        "monte carlo",
+        "simulation.method",
+        "'contacts' or 'master equation'",
+    ),
+    (
+        "simulation",
+        {"method": "master equation", "seed": 3},
+        "simulation.seed",
+        "unknown key",
+    ),
+    (
+        "assumed",
+        {"interface.delay": "2 ms to 1 ms"},
+        "interface.delay",
+        "two values, the lowest first",
+    ),
+    (
+        "assumed",
+        {"simulation.rtol": [0.1, 0.2]},
+        "simulation.rtol",
+        "is not in the file, so at its default",
+    ),
+    (
+        "assumed",
+        {"interface.delay": ["1 ms", "1 kg"]},
+        "interface.delay",
+        "write it as in '",
+    ),
+    (
+        "assumed",
+        {"slider.colour": "look"},
+        "slider.colour",
+        "did you mean 'slider.mass'",
+    ),
     ("drive.velocity", [], "drive.velocity = []", "must be speeds, as in"),
-    ("drive.velocity", ["20 mm/s", "1,2 m/s"], "drive.velocity[1] = '1,2 m/s'", "write '1.2 m/s'"),
+    (
+        "drive.velocity",
+        ["20 mm/s", "1,2 m/s"],
+        "drive.velocity[1] = '1,2 m/s'",
+        "write '1.2 m/s'",
+    ),
     ("drive.velocity", {"from": "1 mm/s"}, "drive.velocity.to", "is missing"),
-    ("drive.velocity", {"from": "2 mm/s", "to": "1 mm/s"}, "drive.velocity = {", "must be speeds, as in"),
-    ("feasible", {"stifness": ["1 MN/m", "2 MN/m"]}, "feasible.stifness", "did you mean 'stiffness'"),
+    (
+        "drive.velocity",
+        {"from": "2 mm/s", "to": "1 mm/s"},
+        "drive.velocity = {",
+        "must be speeds, as in",
+    ),
+    (
+        "feasible",
+        {"stifness": ["1 MN/m", "2 MN/m"]},
+        "feasible.stifness",
+        "did you mean 'stiffness'",
+    ),
     ("feasible", {"mass": ["5 kg", "1 kg"]}, "feasible.mass", "the lowest first"),
-    ("feasible", {"mass": ["5 N", "6 kg"]}, "feasible.mass[0] = '5 N'", "not in a unit of 'kg'"),
+    (
+        "feasible",
+        {"mass": ["5 N", "6 kg"]},
+        "feasible.mass[0] = '5 N'",
+        "not in a unit of 'kg'",
+    ),
     ("fitted", {"slider.mass": DRAWS}, "fitted.slider.mass.draws", "is missing"),
 ]
 
 
 @pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)
-def test_a_mistake_names_its_key_its_value_and_its_remedy(document, path, value, place, remedy):
+def test_a_mistake_names_its_key_its_value_and_its_remedy(
+    document, path, value, place, remedy
+):
     with pytest.raises(ss.InputError) as caught:
         rigs.from_document(with_value(document, path, value), "rig.toml")
     message = str(caught.value)
@@ -229,10 +445,15 @@ def test_all_missing_keys_are_told_at_once_each_with_a_value_that_it_could_have(
     with pytest.raises(ss.InputError) as caught:
         rigs.from_document({}, "rig.toml")
     places = [mistake.place for mistake in caught.value.mistakes]
-    values = [f"{place} = {mistake.example}" for place, mistake in zip(places, caught.value.mistakes, strict=True)]
+    values = [
+        f"{place} = {mistake.example}"
+        for place, mistake in zip(places, caught.value.mistakes, strict=True)
+    ]
     assert all(value in str(caught.value) for value in values)
     assert len(values) == 7
-    assert rigs.from_document(tomllib.loads("\n".join(values))).velocity == pytest.approx(0.4e-3)
+    assert rigs.from_document(
+        tomllib.loads("\n".join(values))
+    ).velocity == pytest.approx(0.4e-3)
 
 
 def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
@@ -242,14 +463,24 @@ def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
     told = str(caught.value).count("known here: ")
     assert 0 < told < 9
     assert str(caught.value).endswith(f"; and {9 - told} more")
-    assert [mistake.place for mistake in caught.value.mistakes] == [name[:60] for name in names]
-    for thousands in ({"drive": {"pieces": [{}] * 20_000}}, {"assumed": {f"slider.a{i}": "b" for i in range(20_000)}}):
+    assert [mistake.place for mistake in caught.value.mistakes] == [
+        name[:60] for name in names
+    ]
+    for thousands in (
+        {"drive": {"pieces": [{}] * 20_000}},
+        {"assumed": {f"slider.a{i}": "b" for i in range(20_000)}},
+    ):
         with pytest.raises(ss.InputError, match=r" more|duration = "):
             rigs.from_document(document | thousands)
 
 
-@pytest.mark.parametrize(("mu_s", "mu_k"), [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.35, 0.35)])
-def test_two_coefficients_of_friction_are_those_of_the_rig_or_refused_with_their_range(document, mu_s, mu_k):
+@pytest.mark.parametrize(
+    ("mu_s", "mu_k"),
+    [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.35, 0.35)],
+)
+def test_two_coefficients_of_friction_are_those_of_the_rig_or_refused_with_their_range(
+    document, mu_s, mu_k
+):
     for key in ("contact_strength", "thresholds"):
         del document["interface"][key]
     document["interface"] |= {"normal_load": "4 kN", "mu_s": mu_s, "mu_k": mu_k}
@@ -266,8 +497,15 @@ def test_two_coefficients_of_friction_are_those_of_the_rig_or_refused_with_their
 
 def test_a_file_that_is_no_rig(tmp_path):
     file = tmp_path / "rig.toml"
-    contents = {b"": "empty", b"  \n": "empty", b"\x89HDF\r\n\x1a\n\x00\xff": "not valid TOML"}
-    contents |= {b"mass = ": "not valid TOML", b"# " + b"x" * LARGEST_FILE: "more than a rig file may have"}
+    contents = {
+        b"": "empty",
+        b"  \n": "empty",
+        b"\x89HDF\r\n\x1a\n\x00\xff": "not valid TOML",
+    }
+    contents |= {
+        b"mass = ": "not valid TOML",
+        b"# " + b"x" * LARGEST_FILE: "more than a rig file may have",
+    }
     for content, words in contents.items():
         file.write_bytes(content)
         with pytest.raises(ss.InputError, match=words):
@@ -283,27 +521,43 @@ def brake(velocity="20 mm/s", **top):
 
 @pytest.mark.parametrize(
     ("velocity", "first", "speeds", "between"),
-    [(["20 mm/s", "0.1 m/s"], 0.02, (0.02, 0.1), None), ({"from": "1 mm/s", "to": "0.1 m/s"}, 0.01, (), (0.001, 0.1))],
+    [
+        (["20 mm/s", "0.1 m/s"], 0.02, (0.02, 0.1), None),
+        ({"from": "1 mm/s", "to": "0.1 m/s"}, 0.01, (), (0.001, 0.1)),
+    ],
 )
 def test_a_rig_gives_speeds_and_what_could_be_built(velocity, first, speeds, between):
-    ranges = {"stiffness": ["20 MN/m", "60 MN/m"], "std": [0.1, 0.3], "load": ["1 kN", "4 kN"]}
+    ranges = {
+        "stiffness": ["20 MN/m", "60 MN/m"],
+        "std": [0.1, 0.3],
+        "load": ["1 kN", "4 kN"],
+    }
     read = ss.read_rig(brake(velocity, feasible=ranges))
-    assert [end * read.unit("k") for end in read.operation.range_of("stiffness")] == pytest.approx([2e7, 6e7])
+    assert [
+        end * read.unit("k") for end in read.operation.range_of("stiffness")
+    ] == pytest.approx([2e7, 6e7])
     assert read.operation.range_of("mass") is None
     size = read.unit("x_s/time")
     assert read.velocity == pytest.approx(first, rel=1e-12)
     assert [speed * size for speed in read.operation.speeds] == pytest.approx(speeds)
-    assert between is None or [speed * size for speed in read.operation.between] == pytest.approx(between)
+    assert between is None or [
+        speed * size for speed in read.operation.between
+    ] == pytest.approx(between)
     assert ss.read_rig(rigs.to_document(read)) == read
 
 
 @pytest.mark.parametrize(
-    ("name", "force", "length"), [("load", 2, 1), ("friction", 2, 2), ("contact_stiffness", 1, 0.5)]
+    ("name", "force", "length"),
+    [("load", 2, 1), ("friction", 2, 2), ("contact_stiffness", 1, 0.5)],
 )
 @pytest.mark.parametrize(
-    "speeds", [["20 mm/s", "0.1 m/s"], {"from": "20 mm/s", "to": "0.1 m/s"}], ids=["list", "range"]
+    "speeds",
+    [["20 mm/s", "0.1 m/s"], {"from": "20 mm/s", "to": "0.1 m/s"}],
+    ids=["list", "range"],
 )
-def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(name, force, length, speeds):
+def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(
+    name, force, length, speeds
+):
     read = ss.read_rig(brake(speeds, feasible={"mass": ["1 kg", "9 kg"]}))
     turned = read.replace(**{name: 2 * read.value(name)})
     assert turned.value(name) == pytest.approx(2 * read.value(name))
@@ -312,8 +566,13 @@ def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(name, force, length,
     for other in ("stiffness", "mass", "damping", "velocity", "delay", "std"):
         assert turned.value(other) == pytest.approx(read.value(other)), other
     for rig in (read, turned):
-        at = [speed * rig.unit("x_s/time") for speed in rig.operation.speeds or rig.operation.between]
-        mass = [end * rig.unit("f_s time^2/x_s") for end in rig.operation.range_of("mass")]
+        at = [
+            speed * rig.unit("x_s/time")
+            for speed in rig.operation.speeds or rig.operation.between
+        ]
+        mass = [
+            end * rig.unit("f_s time^2/x_s") for end in rig.operation.range_of("mass")
+        ]
         assert (at, mass) == (pytest.approx([0.02, 0.1]), pytest.approx([1.0, 9.0]))
 
 
@@ -326,7 +585,11 @@ def test_a_rig_says_itself_in_its_own_units():
 
 
 def test_a_drive_that_runs_backwards_may_run_forwards():
-    backwards = replace(ss.read_rig("precision_stage").natural, drive=ss.constant(-1.0, duration=5.0))
+    backwards = replace(
+        ss.read_rig("precision_stage").natural, drive=ss.constant(-1.0, duration=5.0)
+    )
     assert backwards.replace(velocity=2.0).drive == ss.constant(2.0, duration=2.5)
     with pytest.raises(InputError, match="the other way; give another drive"):
-        replace(backwards, drive=ss.ramp(-1.0, -2.0, duration=5.0)).replace(velocity=2.0)
+        replace(backwards, drive=ss.ramp(-1.0, -2.0, duration=5.0)).replace(
+            velocity=2.0
+        )

@@ -1,4 +1,6 @@
-"""What is measured in which unit makes no difference: all lengths times one factor, all times times another."""
+"""What is measured in which unit makes no difference: all lengths times one factor,
+all times times another.
+"""
 
 import math
 from dataclasses import replace
@@ -13,7 +15,9 @@ from stickslip.simulation import estimate
 
 RIG = ss.Rig(
     ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.1), initial=ss.Gaussian(mean=0.0, std=0.02), delay=ss.Delay(0.1)
+        thresholds=ss.Gaussian(mean=1.0, std=0.1),
+        initial=ss.Gaussian(mean=0.0, std=0.02),
+        delay=ss.Delay(0.1),
     ),
     ss.Slider(stiffness=0.3, mass=1e-3, damping=3.0),
     ss.constant(2.0, 30.0),
@@ -21,36 +25,53 @@ RIG = ss.Rig(
 )
 
 
-UNITS = pytest.mark.parametrize(("length", "time"), [(2e-3, 1e3), (4.0, 0.25), (900.0, 1e-6)])
+UNITS = pytest.mark.parametrize(
+    ("length", "time"), [(2e-3, 1e3), (4.0, 0.25), (900.0, 1e-6)]
+)
 
 
 @UNITS
 def test_theory_has_no_length_or_time_of_its_own(length, time):
     there = rescaled_rig(RIG, length, time)
-    assert ss.critical_stiffness(there.interface) == pytest.approx(ss.critical_stiffness(RIG.interface), rel=1e-9)
+    assert ss.critical_stiffness(there.interface) == pytest.approx(
+        ss.critical_stiffness(RIG.interface), rel=1e-9
+    )
     forces = [length * force for force in ss.static_friction(RIG.interface)]
     assert ss.static_friction(there.interface) == pytest.approx(forces, rel=1e-9)
     assert ss.stability.count_unstable(there) == ss.stability.count_unstable(RIG)
     growth = ss.stability.growth_rate(RIG)
     assert abs(ss.stability.growth_rate(there) * time - growth) < 1e-9 * abs(growth)
-    for name, size in (("velocity", length / time), ("stiffness", 1.0), ("delay", time), ("mass", time**2)):
+    for name, size in (
+        ("velocity", length / time),
+        ("stiffness", 1.0),
+        ("delay", time),
+        ("mass", time**2),
+    ):
         here = [edge.value * size for edge in ss.critical(RIG, name).edges]
         assert here
-        assert [edge.value for edge in ss.critical(there, name).edges] == pytest.approx(here, rel=1e-8)
+        assert [edge.value for edge in ss.critical(there, name).edges] == pytest.approx(
+            here, rel=1e-8
+        )
 
 
 @UNITS
 @pytest.mark.parametrize("method", [ss.Contacts(500, seed=3), ss.MasterEquation()])
 def test_runs_have_no_length_or_time_of_their_own(method, length, time):
-    rigs = (replace(rig, method=method) for rig in (RIG, rescaled_rig(RIG, length, time)))
+    rigs = (
+        replace(rig, method=method) for rig in (RIG, rescaled_rig(RIG, length, time))
+    )
     here, there = (ss.simulate(rig) for rig in rigs)
     assert there.sizes == here.sizes
-    # Contacts break one by one, exactly; the master equation may differ by its tolerance.
+    # Contacts break one by one, exactly; the master equation may differ by its
+    # tolerance.
     exact = isinstance(method, ss.Contacts)
     first = slice(None, None if exact else 200)
-    gap = np.abs(there["spring_force"].to_numpy() / length - here["spring_force"].to_numpy())[first]
+    gap = np.abs(
+        there["spring_force"].to_numpy() / length - here["spring_force"].to_numpy()
+    )[first]
     assert gap.max() < (1e-5 if exact else 0.01)
-    seen, known = ss.regime(there), ss.regime(here)
+    seen = ss.regime(there)
+    known = ss.regime(here)
     assert seen.kind == known.kind == "stick-slip"
     assert seen.cycles == known.cycles
     assert seen.period == pytest.approx(time * known.period, rel=1e-3)
@@ -71,30 +92,49 @@ def test_runs_have_no_length_or_time_of_their_own(method, length, time):
 )
 def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
     rig = replace(RIG, interface=replace(RIG.interface, **mechanism))
-    here, there = (ss.simulate(each)["spring_force"].to_numpy() for each in (rig, rescaled_rig(rig, length, time)))
-    assert np.abs(there[:300] / length - here[:300]).max() < 1e-9  # rounding grows later, where contacts break
-    # Where contacts break by chance, rounding makes another run: four errors of a difference of means, .3 % each.
+    here, there = (
+        ss.simulate(each)["spring_force"].to_numpy()
+        for each in (rig, rescaled_rig(rig, length, time))
+    )
+    # rounding grows later, where contacts break
+    assert np.abs(there[:300] / length - here[:300]).max() < 1e-9
+    # Where contacts break by chance, rounding makes another run: four errors of a
+    # difference of means, .3 % each.
     scatter = 4.0 * math.sqrt(2.0) * 3e-3 if "temperature" in mechanism else 1e-3
     assert there.mean() / length == pytest.approx(here.mean(), rel=scatter)
     there = rescaled_rig(rig, length, time)
-    seconds = [estimate(replace(each, method=ss.Contacts(500))).seconds for each in (rig, there)]
-    assert seconds[1] == pytest.approx(seconds[0], rel=1e-6)  # steps of the master equation follow from an error in f_s
+    seconds = [
+        estimate(replace(each, method=ss.Contacts(500))).seconds
+        for each in (rig, there)
+    ]
+    # steps of the master equation follow from an error in f_s
+    assert seconds[1] == pytest.approx(seconds[0], rel=1e-6)
     force = ss.kinetic_friction(there.interface, there.velocity)
-    assert force == pytest.approx(length * ss.kinetic_friction(rig.interface, rig.velocity), rel=1e-9)
+    assert force == pytest.approx(
+        length * ss.kinetic_friction(rig.interface, rig.velocity), rel=1e-9
+    )
     assert ss.stability.count_unstable(there) == ss.stability.count_unstable(rig)
     s = np.array([0.6j, 4.0j, 2.0 + 10.0j])
     kappa = [
-        ss.stability.dynamic_stiffness(each.interface, each.velocity, s / by) for each, by in ((rig, 1), (there, time))
+        ss.stability.dynamic_stiffness(each.interface, each.velocity, s / by)
+        for each, by in ((rig, 1), (there, time))
     ]
     np.testing.assert_allclose(kappa[1], kappa[0], rtol=1e-6)
 
 
 @UNITS
-@pytest.mark.parametrize("method", [ss.Contacts(200, seed=1), ss.MasterEquation(), ss.QuasiStatic(200, seed=1)])
+@pytest.mark.parametrize(
+    "method",
+    [ss.Contacts(200, seed=1), ss.MasterEquation(), ss.QuasiStatic(200, seed=1)],
+)
 def test_elastic_sliders_have_no_length_or_time_of_their_own(method, length, time):
-    bar = ss.Chain(blocks=6, coupling=2.0, mass=1e-2, damping=1.0, viscosity=0.01, leaf=0.1)
+    bar = ss.Chain(
+        blocks=6, coupling=2.0, mass=1e-2, damping=1.0, viscosity=0.01, leaf=0.1
+    )
     rig = replace(RIG, slider=bar, drive=ss.constant(1.0, 4.0), method=method)
-    runs = [ss.simulate(each, long=True) for each in (rig, rescaled_rig(rig, length, time))]
+    runs = [
+        ss.simulate(each, long=True) for each in (rig, rescaled_rig(rig, length, time))
+    ]
     force = [run["spring_force"].to_numpy() for run in runs]
     assert force[1] == pytest.approx(length * force[0], rel=1e-9, abs=1e-9 * length)
 
@@ -104,19 +144,27 @@ def test_elastic_sliders_have_no_length_or_time_of_their_own(method, length, tim
 def test_a_trace_is_read_alike_in_any_unit(velocity, force, time):
     run = ss.simulate(replace(RIG, drive=ss.constant(velocity, 60.0 / velocity)))
     rng = np.random.default_rng(7)
-    noisy = run["spring_force"].to_numpy() + rng.normal(scale=1e-3, size=run.sizes["time"])
+    noisy = run["spring_force"].to_numpy() + rng.normal(
+        scale=1e-3, size=run.sizes["time"]
+    )
 
     def read(force, time):
-        data = xr.Dataset({"spring_force": ("time", force * noisy)}, coords={"time": time * run["time"].to_numpy()})
+        data = xr.Dataset(
+            {"spring_force": ("time", force * noisy)},
+            coords={"time": time * run["time"].to_numpy()},
+        )
         return ss.regime(data), ss.drops(data)
 
-    (here, slips), (there, found) = read(1.0, 1.0), read(force, time)
+    here, slips = read(1.0, 1.0)
+    there, found = read(force, time)
     assert (there.kind, there.cycles) == (here.kind, here.cycles)
     assert there.period == pytest.approx(time * here.period, rel=1e-6, nan_ok=True)
     assert there.peak_to_peak == pytest.approx(force * here.peak_to_peak, rel=1e-6)
     assert there.slip_phase == pytest.approx(here.slip_phase, rel=1e-6, nan_ok=True)
     assert found.sizes == slips.sizes
-    assert found["drop"].to_numpy() == pytest.approx(force * slips["drop"].to_numpy(), rel=1e-6)
+    assert found["drop"].to_numpy() == pytest.approx(
+        force * slips["drop"].to_numpy(), rel=1e-6
+    )
 
 
 @pytest.fixture(scope="module")
@@ -129,14 +177,24 @@ def answer():
 def test_an_answer_has_no_length_or_time_of_its_own(answer, length, time):
     there = rescaled_rig(RIG, length, time)
     assert estimate(there).seconds == pytest.approx(estimate(RIG).seconds, rel=1e-9)
-    here, found = answer, ss.predict(there)
+    here = answer
+    found = ss.predict(there)
 
     def linear(answer, rig):
-        limits = [(end, m.parameter) for m in answer.margins for end in (m.lower, m.upper)]
-        return [np.nan if end is None else end / rig.value(name) for end, name in limits]
+        limits = [
+            (end, m.parameter) for m in answer.margins for end in (m.lower, m.upper)
+        ]
+        return [
+            np.nan if end is None else end / rig.value(name) for end, name in limits
+        ]
 
-    assert linear(found, there) == pytest.approx(linear(here, RIG), rel=1e-6, nan_ok=True)
+    assert linear(found, there) == pytest.approx(
+        linear(here, RIG), rel=1e-6, nan_ok=True
+    )
     sizes = {mitigation.parameter: mitigation.size for mitigation in here.mitigations}
     assert sizes
-    # Rounding makes other runs of the same contacts: twice the precision of the search, .05.
-    assert {each.parameter: each.size for each in found.mitigations} == pytest.approx(sizes, abs=0.1)
+    # Rounding makes other runs of the same contacts: twice the precision of the search,
+    # .05.
+    assert {each.parameter: each.size for each in found.mitigations} == pytest.approx(
+        sizes, abs=0.1
+    )

@@ -43,16 +43,29 @@ CASES = [
         newborn=ss.Uniform(low=0.0, high=0.2),
         track_scatter=0.1,
     ),
-    ss.Interface(thresholds=STEADY.thresholds, initial=STEADY, ageing=ss.Langevin(rate=1)),
+    ss.Interface(
+        thresholds=STEADY.thresholds, initial=STEADY, ageing=ss.Langevin(rate=1)
+    ),
     ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
-    KINDS["Chain"](blocks=9, coupling=4.0, mass=1.0, damping=0.1, side=4.0, ends="periodic"),
-    KINDS["Sheet"](along=4, across=3, coupling=4.0, shear=1.5, mass=1.0, damping=0.1, leaf=0.2),
-    KINDS["Operation"](speeds=(0.5, 1.0), between=(0.1, 2.0), feasible=(("mass", 1e-5, 1e-3),)),
+    KINDS["Chain"](
+        blocks=9, coupling=4.0, mass=1.0, damping=0.1, side=4.0, ends="periodic"
+    ),
+    KINDS["Sheet"](
+        along=4, across=3, coupling=4.0, shear=1.5, mass=1.0, damping=0.1, leaf=0.2
+    ),
+    KINDS["Operation"](
+        speeds=(0.5, 1.0), between=(0.1, 2.0), feasible=(("mass", 1e-5, 1e-3),)
+    ),
     ss.Rig(
-        cases.FIG5.interface, cases.FIG5.slider, ss.constant(1.0), scales=KINDS["Scales"](force=768.0, stretching=2e-6)
+        cases.FIG5.interface,
+        cases.FIG5.slider,
+        ss.constant(1.0),
+        scales=KINDS["Scales"](force=768.0, stretching=2e-6),
     ),
     ss.constant(0.1, 2).then(ss.ramp(1, -2, 3)).until(KINDS["Travel"](0.1)),
-    ss.constant(0.1, 2).until(KINDS["ForceAbove"](0.1)).then(ss.constant(0.1, 2).until(KINDS["ForceBelow"](-0.1))),
+    ss.constant(0.1, 2)
+    .until(KINDS["ForceAbove"](0.1))
+    .then(ss.constant(0.1, 2).until(KINDS["ForceBelow"](-0.1))),
     ss.Contacts(123, seed=2**100 + 1),
     ss.MasterEquation(rtol=1e-3, memoryless=True),
     ss.Population(10**9, seed=5, rtol=1e-3),
@@ -99,14 +112,18 @@ def test_what_is_no_data_is_refused(value):
         store.encode(value)
 
 
-# ------------------------------------------------------------------------------------------------ files
+# -------------------------------------------------------------------------------- files
 
 
 @pytest.fixture
 def result() -> xr.Dataset:
     return xr.Dataset(
         {
-            "spring_force": ("time", np.random.default_rng(0).normal(size=500), {"units": "f_s", "long_name": "force"}),
+            "spring_force": (
+                "time",
+                np.random.default_rng(0).normal(size=500),
+                {"units": "f_s", "long_name": "force"},
+            ),
             "stretching_density": (("snapshot", "x"), np.arange(6.0).reshape(2, 3)),
             "count": ((), 3),
             "name": ((), "a word"),
@@ -128,8 +145,12 @@ def test_a_dataset_comes_back_bit_for_bit(result, tmp_path):
     assert os.listdir(tmp_path) == ["run.nc"]
 
 
-@pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(result, tmp_path, monkeypatch, failure):
+@pytest.mark.parametrize(
+    "failure", [OSError(28, "No space left on device"), KeyboardInterrupt()]
+)
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(
+    result, tmp_path, monkeypatch, failure
+):
     path = store.save(result, tmp_path / "run.nc")
     before = path.read_bytes()
 
@@ -137,7 +158,10 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(result, tmp_path, m
         raise failure
 
     monkeypatch.setattr(os, "fsync", fail)
-    refused = pytest.raises(InputError, match=r"cannot be written \(No space left on device\); nothing was lost")
+    refused = pytest.raises(
+        InputError,
+        match=r"cannot be written \(No space left on device\); nothing was lost",
+    )
     with refused if isinstance(failure, OSError) else pytest.raises(KeyboardInterrupt):
         store.save(result, path)
     assert path.read_bytes() == before
@@ -160,7 +184,7 @@ def test_files_that_cannot_be_read(content, message, tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-# ------------------------------------------------------------------------------------------------ provenance
+# --------------------------------------------------------------------------- provenance
 
 
 def test_provenance_names_call_arguments_and_version(result):
@@ -173,12 +197,30 @@ def test_provenance_names_call_arguments_and_version(result):
 @pytest.mark.parametrize(
     ("plain", "message"),
     [
-        ({"class": "Sliderr", "mass": 1}, "names the record 'Sliderr', which this version does not have"),
-        ({"class": ["Slider"]}, r"names the record \['Slider'\], which this version does not have"),
-        ({"class": "Delay", "time": 1, "colour": 2}, "of Delay is of another version .*'colour'.*; make the run again"),
-        ({"class": "Slider", "mass": 1}, "of Slider is of another version .*; make the run again"),
-        ({"class": "Slider", "mass": -1, "stiffness": 1, "damping": 1}, r"Slider\.mass = -1: must be"),
-        ({"class": "Interface", "thresholds": 3}, r"Interface\.thresholds = 3: must be a distribution"),
+        (
+            {"class": "Sliderr", "mass": 1},
+            "names the record 'Sliderr', which this version does not have",
+        ),
+        (
+            {"class": ["Slider"]},
+            r"names the record \['Slider'\], which this version does not have",
+        ),
+        (
+            {"class": "Delay", "time": 1, "colour": 2},
+            "of Delay is of another version .*'colour'.*; make the run again",
+        ),
+        (
+            {"class": "Slider", "mass": 1},
+            "of Slider is of another version .*; make the run again",
+        ),
+        (
+            {"class": "Slider", "mass": -1, "stiffness": 1, "damping": 1},
+            r"Slider\.mass = -1: must be",
+        ),
+        (
+            {"class": "Interface", "thresholds": 3},
+            r"Interface\.thresholds = 3: must be a distribution",
+        ),
     ],
 )
 def test_records_that_cannot_be_made_again(plain, message):

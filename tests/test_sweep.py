@@ -1,4 +1,6 @@
-"""Sweeps: the same results wherever they run, whatever is killed; refusals in one line; boundaries with few runs."""
+"""Sweeps: the same results wherever they run, whatever is killed; refusals in one
+line; boundaries with few runs.
+"""
 
 import importlib
 import json
@@ -37,7 +39,11 @@ from stickslip.sweep import (
 )
 from stickslip.sweep._cases import case_key, case_seed
 
-AXES = {"stiffness": [1.0, 2.0, 3.0], "velocity": np.linspace(0.1, 1.0, 7), "start": ["from rest", "sliding"]}
+AXES = {
+    "stiffness": [1.0, 2.0, 3.0],
+    "velocity": np.linspace(0.1, 1.0, 7),
+    "start": ["from rest", "sliding"],
+}
 
 
 def case(stiffness, velocity, start, seed):
@@ -52,7 +58,8 @@ def product(a, b):
 ONE = {"a": [1], "b": [1]}
 
 
-# Cases for other processes live in a module that these can import; each run leaves a line in a file.
+# Cases for other processes live in a module that these can import; each run leaves a
+# line in a file.
 MODULE = """
 import os, signal, time
 import numpy as np
@@ -84,7 +91,9 @@ def cases(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "runs.log"))
     at_once(monkeypatch)
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)]))
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    )
     sys.modules.pop("sweep_cases", None)
     module = importlib.import_module("sweep_cases")
     yield module
@@ -101,20 +110,37 @@ def runs(tmp_path):
 
 
 def test_axes_become_dimensions_of_one_dataset():
-    """And what stands there is what the case alone gives, with a seed that depends on nothing else."""
+    """And what stands there is what the case alone gives, with a seed that depends
+    on nothing else.
+    """
     wide = run_cases(case, AXES)
     assert dict(wide["sum"].sizes) == {"stiffness": 3, "velocity": 7, "start": 2}
     at = {"stiffness": 2.0, "velocity": AXES["velocity"][3].item(), "start": "sliding"}
     alone = case(**at, seed=case_seed(0, case_key(at)))
     assert {name: wide[name].sel(at).item() for name in alone} == alone
     assert str(summary(wide)) == "42 of 42 cases done"
-    assert all({"units", "long_name"} <= wide[name].attrs.keys() for name in wide.variables)
-    assert json.loads(wide.attrs["provenance"])["axes"] == {"stiffness": 3, "velocity": 7, "start": 2}
-    narrow = run_cases(case, dict(reversed(AXES.items())) | {"velocity": AXES["velocity"][2:4]})
-    xr.testing.assert_equal(narrow["sum"].transpose(*AXES), wide["sum"].isel(velocity=slice(2, 4)))
-    keys = [case_key({"a": a, "b": b}) for a in np.linspace(0, 1, 20).tolist() for b in "xyz"]
+    assert all(
+        {"units", "long_name"} <= wide[name].attrs.keys() for name in wide.variables
+    )
+    assert json.loads(wide.attrs["provenance"])["axes"] == {
+        "stiffness": 3,
+        "velocity": 7,
+        "start": 2,
+    }
+    narrow = run_cases(
+        case, dict(reversed(AXES.items())) | {"velocity": AXES["velocity"][2:4]}
+    )
+    xr.testing.assert_equal(
+        narrow["sum"].transpose(*AXES), wide["sum"].isel(velocity=slice(2, 4))
+    )
+    keys = [
+        case_key({"a": a, "b": b})
+        for a in np.linspace(0, 1, 20).tolist()
+        for b in "xyz"
+    ]
     assert len({case_seed(seed, key) for seed in range(5) for key in keys}) == 300
-    given = run_cases(lambda seed: {"given": seed}, {"seed": [5, 6]})  # as an axis it is the user's own
+    # as an axis it is the user's own
+    given = run_cases(lambda seed: {"given": seed}, {"seed": [5, 6]})
     assert given["given"].values.tolist() == [5, 6]
 
 
@@ -128,14 +154,23 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
             "kind": "soft" if x < 1 else "hard",
         }
 
-    axes = {"x": xr.DataArray([0.5, 2.0], dims="f", attrs={"units": "1/time"}), "flag": [True, False]}
+    axes = {
+        "x": xr.DataArray([0.5, 2.0], dims="f", attrs={"units": "1/time"}),
+        "flag": [True, False],
+    }
     notes = {"large": {"units": "x_s/f_s", "long_name": "compliance", "odd": {3}}}
-    options = Options(attributes=notes, categories={"kind": ["soft", "hard", "never seen"]})
+    options = Options(
+        attributes=notes, categories={"kind": ["soft", "hard", "never seen"]}
+    )
     kept = run_cases(odd, axes, store=tmp_path / "s.sqlite", options=options)
     xr.testing.assert_identical(kept, run_cases(odd, axes, options=options))
     xr.testing.assert_identical(kept, open_sweep(tmp_path / "s.sqlite"))
     kept = kept.isel(flag=0)
-    assert kept["large"].attrs == {"units": "x_s/f_s", "long_name": "compliance", "odd": "{3}"}
+    assert kept["large"].attrs == {
+        "units": "x_s/f_s",
+        "long_name": "compliance",
+        "odd": "{3}",
+    }
     assert (kept["x"].units, kept["kind"].dtype) == ("1/time", np.int8)
     assert kept["kind"].attrs["flag_values"].tolist() == [-1, 0, 1, 2]
     assert kept["kind"].attrs["flag_meanings"] == "no_result soft hard never_seen"
@@ -143,22 +178,35 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
     assert kept["sometimes"].values[1] == np.float32(0.1)
     assert np.isnan(kept["sometimes"].values[0])
     found = [kept[name].values.tolist() for name in ("large", "words", "kind")]
-    assert found == [[0.0, 1.0], ["at 0.5, \u2212\ud83d", "at 2.0, \u2212\ud83d"], [0, 1]]
+    assert found == [
+        [0.0, 1.0],
+        ["at 0.5, \u2212\ud83d", "at 2.0, \u2212\ud83d"],
+        [0, 1],
+    ]
 
 
 def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp_path):
     expected = run_cases(cases.logged, LOGGED_AXES, executor=Threads(1))
-    for i, executor in enumerate((Threads(2), Threads(5), Processes(2), ThreadPoolExecutor(2))):
-        found = run_cases(cases.logged, LOGGED_AXES, executor=executor, store=tmp_path / f"{i}.sqlite")
+    for i, executor in enumerate(
+        (Threads(2), Threads(5), Processes(2), ThreadPoolExecutor(2))
+    ):
+        found = run_cases(
+            cases.logged, LOGGED_AXES, executor=executor, store=tmp_path / f"{i}.sqlite"
+        )
         xr.testing.assert_identical(found, expected)
-    assert not expected.equals(run_cases(cases.logged, LOGGED_AXES, options=Options(seed=4)))
+    assert not expected.equals(
+        run_cases(cases.logged, LOGGED_AXES, options=Options(seed=4))
+    )
 
 
-# ---------------------------------------------------------------- errors of cases, and the store
+# ------------------------------------------------------- errors of cases, and the store
 
 
-COUNT = Counter()  # state that a function changes is kept outside of it: what it holds is part of the case
-BROKEN, BEGUN, GO_ON = threading.Event(), threading.Event(), threading.Event()
+# state that a function changes is kept outside of it: what it holds is part of the case
+COUNT = Counter()
+BROKEN = threading.Event()
+BEGUN = threading.Event()
+GO_ON = threading.Event()
 
 
 def moody(a, b):
@@ -176,14 +224,18 @@ def test_a_case_that_raises_is_recorded_and_run_again_on_request_only(tmp_path):
     def result(**options):
         seen.clear()
         where = {"store": tmp_path / "s.sqlite", "progress": seen.append}
-        return run_cases(moody, {"a": range(4), "b": range(3)}, options=Options(**options), **where)
+        return run_cases(
+            moody, {"a": range(4), "b": range(3)}, options=Options(**options), **where
+        )
 
     found = result()
     assert str(summary(found)) == "11 of 12 cases done, 1 failed"
     (failure,) = failures(found)
     assert str(failure).startswith("a = 2, b = 1: OSError: not today (test_sweep.py:")
     assert np.isnan(found["product"].sel(a=2, b=1))
-    assert (seen[0], seen[-1]) == tuple(Progress(total=12, finished=n, failed=k, found=0) for n, k in ((0, 0), (12, 1)))
+    assert (seen[0], seen[-1]) == tuple(
+        Progress(total=12, finished=n, failed=k, found=0) for n, k in ((0, 0), (12, 1))
+    )
     BROKEN.clear()
     assert summary(result()).failed == 1
     assert seen == [Progress(total=12, finished=12, failed=1, found=12)]
@@ -202,7 +254,11 @@ def test_what_a_case_must_not_return_is_its_error():
         (3, "returned 3: must be a mapping"),
         ({}, "returned {}: must be"),
     ]
-    result = run_cases(lambda a: wrong[a][0], {"a": range(len(wrong))}, options=Options(categories={"kind": ["even"]}))
+    result = run_cases(
+        lambda a: wrong[a][0],
+        {"a": range(len(wrong))},
+        options=Options(categories={"kind": ["even"]}),
+    )
     for failure, (_, words) in zip(failures(result), wrong, strict=True):
         assert words in failure.error
 
@@ -227,8 +283,12 @@ def stop_after(count):
 
 
 def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
-    """Also with other values on the axes; and a reader, who never stands in the way, is told how far it is."""
-    store, log, lines = tmp_path / "s.sqlite", tmp_path / "runs.log", []
+    """Also with other values on the axes; and a reader, who never stands in the way,
+    is told how far it is.
+    """
+    store = tmp_path / "s.sqlite"
+    log = tmp_path / "runs.log"
+    lines = []
     expected = run_cases(cases.logged, LOGGED_AXES)
     log.unlink()
 
@@ -240,22 +300,40 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
 
     with pytest.raises(EnoughError):
         run_cases(cases.logged, LOGGED_AXES, store=store, progress=look_and_stop)
-    assert re.match(rf"\d+ of 60 cases done, \d+ not run yet; running as process {os.getpid()} on .*", lines[-1])
-    before = {(a, LOGGED_AXES["b"][j]) for a, j in np.argwhere(open_sweep(store)["status"].values != 0).tolist()}
+    assert re.match(
+        (
+            rf"\d+ of 60 cases done, \d+ not run yet; running as process {os.getpid()} "
+            r"on "
+            r".*"
+        ),
+        lines[-1],
+    )
+    before = {
+        (a, LOGGED_AXES["b"][j])
+        for a, j in np.argwhere(open_sweep(store)["status"].values != 0).tolist()
+    }
     assert 20 <= len(before) < 60
     assert str(status_of(store)).startswith(
         f"{len(before)} of 60 cases done, {60 - len(before)} not run yet; not running"
     )
     log.unlink()
-    xr.testing.assert_identical(run_cases(cases.logged, LOGGED_AXES, store=store), expected)
-    assert set(runs(tmp_path)) == {(a, b) for a in range(12) for b in LOGGED_AXES["b"]} - before
+    xr.testing.assert_identical(
+        run_cases(cases.logged, LOGGED_AXES, store=store), expected
+    )
+    assert (
+        set(runs(tmp_path))
+        == {(a, b) for a in range(12) for b in LOGGED_AXES["b"]} - before
+    )
     wide = {"b": [1.0, 0.0, 9.0], "a": [1, 30]}
     found = run_cases(cases.logged, wide, store=store)
     assert sum(runs(tmp_path).values()) == 60 - len(before) + 4
     assert max(runs(tmp_path).values()) == 1
     xr.testing.assert_identical(found, open_sweep(store))
-    xr.testing.assert_identical(found.drop_attrs(), run_cases(cases.logged, wide).drop_attrs())
-    with changing(store) as connection:  # rows are lost: it is not done, and gets them back
+    xr.testing.assert_identical(
+        found.drop_attrs(), run_cases(cases.logged, wide).drop_attrs()
+    )
+    # rows are lost: it is not done, and gets them back
+    with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%9%'")
     assert summary(open_sweep(store)).missing == status_of(store).summary.missing == 2
     xr.testing.assert_identical(run_cases(cases.logged, wide, store=store), found)
@@ -291,12 +369,19 @@ def closing_over(k):
     ],
 )
 def test_another_function_is_another_sweep(tmp_path, made):
-    """The closure, the defaults and the object of a method included; the store of one never answers for another."""
+    """The closure, the defaults and the object of a method included; the store of
+    one never answers for another.
+    """
     store = tmp_path / "s.sqlite"
     for _ in range(2):
-        assert run_cases(made(2), {"x": [1.0, 2.0]}, store=store)["y"].values.tolist() == [2.0, 4.0]
+        assert run_cases(made(2), {"x": [1.0, 2.0]}, store=store)[
+            "y"
+        ].values.tolist() == [2.0, 4.0]
     before = store.read_bytes()
-    with pytest.raises(InputError, match="holds another sweep; what differs: what the function does or holds"):
+    with pytest.raises(
+        InputError,
+        match="holds another sweep; what differs: what the function does or holds",
+    ):
         run_cases(made(3), {"x": [1.0, 2.0]}, store=store)
     assert store.read_bytes() == before
 
@@ -305,7 +390,10 @@ def test_names_seed_fingerprint_and_version_are_part_of_the_case(tmp_path, monke
     same = {"function": product, "axes": ONE, "store": tmp_path / "s.sqlite"}
     run_cases(**same)
     for change, part in (
-        ({"function": lambda **values: {"n": len(values)}, "axes": {"x": [1]}}, "names of the axes"),
+        (
+            {"function": lambda **values: {"n": len(values)}, "axes": {"x": [1]}},
+            "names of the axes",
+        ),
         ({"options": Options(seed=7)}, "seed"),
         ({"options": Options(fingerprint="rig.toml, second version")}, "fingerprint"),
     ):
@@ -318,17 +406,26 @@ def test_names_seed_fingerprint_and_version_are_part_of_the_case(tmp_path, monke
 
 def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
     """Of a store that is damaged nothing is trusted, either."""
-    (tmp_path / "notes.txt").write_text("mine, and long enough to be looked at as a database might be " * 20)
+    (tmp_path / "notes.txt").write_text(
+        "mine, and long enough to be looked at as a database might be " * 20
+    )
     (tmp_path / "photos").mkdir()
     os.mkfifo(tmp_path / "pipe")
-    for damage in ("UPDATE cases SET row = replace(row, '6.0', '7.0')", "DELETE FROM cases WHERE key = ''"):
+    for damage in (
+        "UPDATE cases SET row = replace(row, '6.0', '7.0')",
+        "DELETE FROM cases WHERE key = ''",
+    ):
         run_cases(product, {"a": [3], "b": [2]}, store=tmp_path / damage[:6])
         with changing(tmp_path / damage[:6]) as connection:
             connection.execute(damage)
     with changing(tmp_path / "other.sqlite") as connection:
         connection.execute("CREATE TABLE mine (x)")
-    before = {path.name: path.is_file() and path.read_bytes() for path in tmp_path.iterdir()}
-    refusals = dict.fromkeys(("notes.txt", "other.sqlite"), "is not the store of a sweep")
+    before = {
+        path.name: path.is_file() and path.read_bytes() for path in tmp_path.iterdir()
+    }
+    refusals = dict.fromkeys(
+        ("notes.txt", "other.sqlite"), "is not the store of a sweep"
+    )
     refusals |= dict.fromkeys(("photos", "pipe"), "is no regular file") | dict.fromkeys(
         ("UPDATE", "DELETE"), "is damaged"
     )
@@ -339,7 +436,9 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
             open_sweep(tmp_path / name)
     with pytest.raises(InputError, match="there is no such file"):
         open_sweep(tmp_path / "nowhere")
-    assert {path.name: path.is_file() and path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert {
+        path.name: path.is_file() and path.read_bytes() for path in tmp_path.iterdir()
+    } == before
 
 
 def test_two_sweeps_of_one_process_on_one_store(tmp_path):
@@ -352,7 +451,10 @@ def test_two_sweeps_of_one_process_on_one_store(tmp_path):
     with ThreadPoolExecutor(1) as pool:
         first = pool.submit(run_cases, waiting, **given)
         BEGUN.wait(30)
-        with pytest.raises(InputError, match=f"another sweep .process {os.getpid()} on .* is writing it"):
+        with pytest.raises(
+            InputError,
+            match=f"another sweep .process {os.getpid()} on .* is writing it",
+        ):
             run_cases(waiting, **given)
         GO_ON.set()
         assert summary(first.result()).done == 2
@@ -364,12 +466,18 @@ def ran(script, directory):
     path.write_text(textwrap.dedent(script))
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return subprocess.run(
-        [sys.executable, str(path)], capture_output=True, text=True, env=environment, timeout=120, check=False
+        [sys.executable, str(path)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=120,
+        check=False,
     )
 
 
 def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tmp_path):
-    # A limit on the size of files stands for the full disk: the writes fail in the kernel, half way.
+    # A limit on the size of files stands for the full disk: the writes fail in the
+    # kernel, half way.
     script = f"""
         import resource
         from stickslip.errors import InputError
@@ -392,9 +500,12 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
         resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
         print(summary(open_sweep(given["store"])))
         print(summary(run_cases(case, **given)))
-    """
+    """  # noqa: E501
     line, kept, resumed = ran(script, tmp_path).stdout.splitlines()
-    assert "cannot be written (disk I/O error); what was written is kept: free some space" in line
+    assert (
+        "cannot be written (disk I/O error); what was written is kept: free some space"
+        in line
+    )
     assert re.match(r"2[01] of 60 cases done, (40|39) not run yet", kept)
     assert resumed == "60 of 60 cases done"
 
@@ -402,7 +513,9 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
 @pytest.mark.slow
 def test_a_case_that_kills_its_worker_is_found_and_recorded(cases, tmp_path):
     axes = {"a": range(6), "b": range(4)}
-    result = run_cases(cases.deadly, axes, executor=Processes(2), store=tmp_path / "s.sqlite")
+    result = run_cases(
+        cases.deadly, axes, executor=Processes(2), store=tmp_path / "s.sqlite"
+    )
     assert str(summary(result)) == "23 of 24 cases done, 1 failed"
     assert failures(result)[0].parameters == {"a": 3, "b": 2}
     assert failures(result)[0].error.startswith("WorkerDied: ")
@@ -433,22 +546,35 @@ UNIT = {"x": Span(low=0, high=1), "y": Span(low=0, high=1)}
 
 def refine(function, plane, **how):
     """A search for where the side changes."""
-    options = {name: how.pop(name) for name in ("store", "executor", "options", "progress") if name in how}
-    return run_cases(function, plane, refinement=Refinement(**{"label": "side", **how}), **options)
+    options = {
+        name: how.pop(name)
+        for name in ("store", "executor", "options", "progress")
+        if name in how
+    }
+    return run_cases(
+        function, plane, refinement=Refinement(**{"label": "side", **how}), **options
+    )
 
 
 def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs():
     found = refine(parabola, UNIT, runs=160)
     assert 150 < found.sizes["run"] <= 160
     t = np.linspace(0, 1, 2001)
-    off = np.hypot(found["x_at"].values[:, None] - t, found["y_at"].values[:, None] - 0.25 - 0.5 * t * t)
-    assert off.min(axis=1).max() <= 1 / 80  # half of the resolution asked for: cells of a grid of 40 x 40
+    off = np.hypot(
+        found["x_at"].values[:, None] - t,
+        found["y_at"].values[:, None] - 0.25 - 0.5 * t * t,
+    )
+    # half of the resolution asked for: cells of a grid of 40 x 40
+    assert off.min(axis=1).max() <= 1 / 80
     assert off.min(axis=0).max() < 0.06  # and no part of it is left out
-    assert (off.min(axis=1) <= np.hypot(found["x_error"], found["y_error"]).values + 1e-12).all()
-    np.testing.assert_array_equal(found["height"], found["y"])  # all else that the function returns is there
+    assert (
+        off.min(axis=1) <= np.hypot(found["x_error"], found["y_error"]).values + 1e-12
+    ).all()
+    # all else that the function returns is there
+    np.testing.assert_array_equal(found["height"], found["y"])
 
 
-def test_refinement_is_the_same_for_any_number_of_workers_and_goes_round_cases_that_fail():
+def test_refinement_is_the_same_for_any_number_of_workers_and_goes_round_cases_that_fail():  # noqa: E501
     def patchy(x, y):
         if x > 0.8:
             raise ValueError("no")
@@ -456,24 +582,35 @@ def test_refinement_is_the_same_for_any_number_of_workers_and_goes_round_cases_t
 
     how = {"runs": 80, "options": Options(categories={"side": ["below", "above"]})}
     plane = {"x": Span(low=0, high=1), "y": Span(low=0.01, high=1.0, log=True)}
-    one, more = (refine(patchy, plane, executor=Threads(count), **how) for count in (1, 3))
+    one, more = (
+        refine(patchy, plane, executor=Threads(count), **how) for count in (1, 3)
+    )
     xr.testing.assert_identical(one, more)
     assert (one["error"].values[one["x"].values > 0.8] != "").all()
     assert failures(one)[0].parameters.keys() == {"x", "y"}
     assert one.sizes["crossing"] > 3
     assert np.abs(one["y_at"] - 0.25 - 0.5 * one["x_at"] ** 2).max() < 0.03
     assert set(one["from_side"].values) | set(one["to_side"].values) == {0, 1}
-    assert one["from_side"].attrs["flag_meanings"] == one["side"].attrs["flag_meanings"] == "no_result below above"
+    assert (
+        one["from_side"].attrs["flag_meanings"]
+        == one["side"].attrs["flag_meanings"]
+        == "no_result below above"
+    )
 
 
 def branches(x, y, branch):
     COUNT[x, y, branch] += 1
-    return parabola(x, y) if branch == "up" else {"side": "above" if x > 0.5 else "below", "height": y}
+    return (
+        parabola(x, y)
+        if branch == "up"
+        else {"side": "above" if x > 0.5 else "below", "height": y}
+    )
 
 
 def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeypatch):
     at_once(monkeypatch)
-    store, plane = tmp_path / "s.sqlite", UNIT | {"branch": ["up", "down"]}
+    store = tmp_path / "s.sqlite"
+    plane = UNIT | {"branch": ["up", "down"]}
     expected = refine(branches, plane, runs=40)
     COUNT.clear()
     with pytest.raises(EnoughError):
@@ -484,7 +621,10 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     found = refine(branches, plane, runs=40, store=store)
     xr.testing.assert_identical(found, expected)
     xr.testing.assert_identical(open_sweep(store), expected)
-    assert str(status_of(store)) == f"{found.sizes['run']} of {found.sizes['run']} cases done"
+    assert (
+        str(status_of(store))
+        == f"{found.sizes['run']} of {found.sizes['run']} cases done"
+    )
     assert max(COUNT.values()) == 1
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%up%'")
@@ -507,22 +647,50 @@ BAD_AXES = [
     ({}, "must map at least one name"),
     ("x", "must be a mapping"),
     *(
-        ({"a": values, "b": [1]}, r"axes\['a'\] = .*: must be a list of numbers, texts or truth values, each once")
-        for values in ([], "text", [1, 1], [1, "x"], [2**53 + 1, 1.5], [1.0, float("nan")], [object()], [[1], [2]])
+        (
+            {"a": values, "b": [1]},
+            (
+                r"axes\['a'\] = .*: must be a list of numbers, texts or truth values, "
+                r"each "
+                r"once"
+            ),
+        )
+        for values in (
+            [],
+            "text",
+            [1, 1],
+            [1, "x"],
+            [2**53 + 1, 1.5],
+            [1.0, float("nan")],
+            [object()],
+            [[1], [2]],
+        )
     ),
     ({"a": [1], "c": [1]}, "function = product: missing a required argument: 'b'"),
-    ({"a": [1]}, "each axis is a parameter, and each parameter an axis, or has a default"),
+    (
+        {"a": [1]},
+        "each axis is a parameter, and each parameter an axis, or has a default",
+    ),
     ({"a": [1], "b/c": [1]}, "cannot be a name"),
     ({"a": [1], "error": [1]}, "is taken"),
-    (dict.fromkeys("ab", range(2000)), r"4e\+06 cases are more than max_cases = 1e\+06; take fewer values, or set"),
+    (
+        dict.fromkeys("ab", range(2000)),
+        r"4e\+06 cases are more than max_cases = 1e\+06; take fewer values, or set",
+    ),
 ]
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        *((lambda axes=axes: run_cases(product, axes), message) for axes, message in BAD_AXES),
-        (lambda: run_cases(product, ONE, executor=4), r"executor = 4: must be Threads\(n\)"),
+        *(
+            (lambda axes=axes: run_cases(product, axes), message)
+            for axes, message in BAD_AXES
+        ),
+        (
+            lambda: run_cases(product, ONE, executor=4),
+            r"executor = 4: must be Threads\(n\)",
+        ),
         (lambda: Threads(0), r"Threads\.workers = 0: must be"),
         (lambda: run_cases(product, ONE, executor=closed()), "takes no more cases"),
         (
@@ -530,7 +698,9 @@ BAD_AXES = [
             r"function = .*f: cannot be sent to another process .*use Threads",
         ),
         (
-            lambda: run_cases(closing_over(threading.Lock()), {"x": [1]}, store="s.sqlite"),
+            lambda: run_cases(
+                closing_over(threading.Lock()), {"x": [1]}, store="s.sqlite"
+            ),
             "^function = .*f: a value in it cannot be read",
         ),
         (lambda: summary(xr.Dataset()), "must be the result of a sweep"),
@@ -539,7 +709,10 @@ BAD_AXES = [
         (lambda: Span(low=1, high=0), r"Span\.high = 0: must be"),
         (lambda: Span(low=0, high=1, log=True), r"Span\.low = 0: must be"),
         (lambda: Refinement(runs=3), r"runs = 3: must be"),
-        (lambda: refine(parabola, UNIT, runs=16, label="colour"), "label = 'colour': is none of the names under"),
+        (
+            lambda: refine(parabola, UNIT, runs=16, label="colour"),
+            "label = 'colour': is none of the names under",
+        ),
     ],
 )
 def test_what_cannot_be_run_is_refused(tmp_path, monkeypatch, call, message):

@@ -1,4 +1,6 @@
-"""Contacts that break by thermal activation: N of them, and infinitely many; velocity steps and holds."""
+"""Contacts that break by thermal activation: N of them, and infinitely many;
+velocity steps and holds.
+"""
 
 import math
 
@@ -8,7 +10,8 @@ from benches import oscillations, rigidly
 
 import stickslip as ss
 
-NARROW, WIDE = ss.Gaussian(mean=1.0, std=0.1), ss.Gaussian(mean=1.0, std=0.3)
+NARROW = ss.Gaussian(mean=1.0, std=0.1)
+WIDE = ss.Gaussian(mean=1.0, std=0.3)
 BELL = ss.Bell(width=0.01, attempts=1e6)
 GROWING = ss.LogarithmicGrowth(slope=0.02, time=1e-3)
 T = ss.Interface(thresholds=WIDE, temperature=BELL)
@@ -20,7 +23,9 @@ def narrow(temperature, **fields):
 
 
 def of_areas(areas, temperature=None):
-    return ss.Interface(thresholds=ss.Exponential(mean=1.0), areas=areas, temperature=temperature)
+    return ss.Interface(
+        thresholds=ss.Exponential(mean=1.0), areas=areas, temperature=temperature
+    )
 
 
 def noisy(temperature, std=0.1, delay=0.0, newborn=0.3):
@@ -52,29 +57,48 @@ COHORTS = {
     "parabolic": (narrow(ss.model.Parabolic(temperature=0.01, attempts=1e6)), 1.0),
     "parabolic, hot": (narrow(ss.model.Parabolic(temperature=0.05, attempts=1e6)), 1.0),
     "barrier": (narrow(ss.Barrier(height=100, attempts=1e6)), 1.0),
-    "barrier, Kramers": (narrow(ss.Barrier(height=100, attempts=1e6, kramers=True)), 1.0),
+    "barrier, Kramers": (
+        narrow(ss.Barrier(height=100, attempts=1e6, kramers=True)),
+        1.0,
+    ),
 }
 """Interfaces that both solvers take, and velocities."""
 ONE_BY_ONE = {
-    **{f"noise, {name}": (noisy(barrier, delay=0.2), 2.0, 0.25, 0.5, 2_000) for name, barrier in BARRIERS.items()},
+    **{
+        f"noise, {name}": (noisy(barrier, delay=0.2), 2.0, 0.25, 0.5, 2_000)
+        for name, barrier in BARRIERS.items()
+    },
     # Forces of contacts go up to their areas; a site keeps its area for ever.
     **{
-        f"areas, {areas}, {temperature}": (of_areas(areas, temperature), 1.0, scatter, forgets, 20_000)
+        f"areas, {areas}, {temperature}": (
+            of_areas(areas, temperature),
+            1.0,
+            scatter,
+            forgets,
+            20_000,
+        )
         for areas, scatter, forgets in (("fresh", 0.9, 1.0), ("site", 0.6, 6.0))
         for temperature in (None, LOW)
     },
 }
-"""Those that contacts alone take: interface, velocity, largest scatter of a force, the way in which it is forgotten."""
+"""Those that contacts alone take: interface, velocity, largest scatter of a force,
+the way in which it is forgotten.
+"""
 
 
 def slide(interface, velocity, method, distance):
     """Friction force on the way of a rigid slider that starts in steady sliding."""
     times = np.linspace(0.0, distance / velocity, 201)
-    return rigidly(interface, method, ss.constant(velocity, times[-1]), times)["friction_force"]
+    return rigidly(interface, method, ss.constant(velocity, times[-1]), times)[
+        "friction_force"
+    ]
 
 
 def lasting(names, *long):
-    return [pytest.param(name, marks=pytest.mark.slow) if name.startswith(long) else name for name in names]
+    return [
+        pytest.param(name, marks=pytest.mark.slow) if name.startswith(long) else name
+        for name in names
+    ]
 
 
 @pytest.mark.parametrize("name", lasting(COHORTS, "parabolic, hot"))
@@ -86,11 +110,19 @@ def test_cohorts_slide_with_the_steady_force(name):
 
 @pytest.mark.parametrize("name", lasting([*COHORTS, *ONE_BY_ONE], "noise"))
 def test_contacts_slide_with_the_steady_force(name):
-    # The force of one contact has a standard deviation of .3 at most, and forgets within a length of .5.
-    interface, velocity, scatter, forgets, count = ONE_BY_ONE.get(name) or (*COHORTS[name], 0.3, 0.5, 5_000)
+    # The force of one contact has a standard deviation of .3 at most, and forgets
+    # within a length of .5.
+    interface, velocity, scatter, forgets, count = ONE_BY_ONE.get(name) or (
+        *COHORTS[name],
+        0.3,
+        0.5,
+        5_000,
+    )
     run = slide(interface, velocity, ss.Contacts(count, seed=5), 6.0)
     error = scatter / math.sqrt(count * 6.0 / forgets)
-    assert run.mean() == pytest.approx(ss.kinetic_friction(interface, velocity), abs=4 * error)
+    assert run.mean() == pytest.approx(
+        ss.kinetic_friction(interface, velocity), abs=4 * error
+    )
 
 
 # ---------------- limits and accounts
@@ -99,7 +131,9 @@ def test_contacts_slide_with_the_steady_force(name):
 def test_without_attempts_cohorts_are_those_without_temperature():
     start = ss.Gaussian(mean=0.0, std=0.05)
     cold = ss.Interface(thresholds=NARROW, initial=start)
-    barely = ss.Interface(thresholds=NARROW, initial=start, temperature=ss.Bell(width=0.01, attempts=1e-9))
+    barely = ss.Interface(
+        thresholds=NARROW, initial=start, temperature=ss.Bell(width=0.01, attempts=1e-9)
+    )
     exact = ss.rigid_slide(cold, 2.0)
     run = ss.rigid_slide(barely, 2.0, method=ss.MasterEquation())
     expected = np.interp(run.displacement, exact.displacement, exact.friction_force)
@@ -113,23 +147,38 @@ NOT_FIXED = {
     "logarithmic": {"ageing": GROWING},
     "exponential": {"ageing": ss.ExponentialGrowth(rate=2.0, newborn=0.3)},
     "bell, logarithmic": {"temperature": BELL, "ageing": GROWING},
-    "bell, sharp, logarithmic": {"temperature": ss.Bell(width=1e-3, attempts=1e6), "ageing": GROWING},
+    "bell, sharp, logarithmic": {
+        "temperature": ss.Bell(width=1e-3, attempts=1e6),
+        "ageing": GROWING,
+    },
     "parabolic": {"temperature": ss.model.Parabolic(temperature=0.01, attempts=1e6)},
-    "parabolic, sharp": {"temperature": ss.model.Parabolic(temperature=1e-3, attempts=1e6)},
+    "parabolic, sharp": {
+        "temperature": ss.model.Parabolic(temperature=1e-3, attempts=1e6)
+    },
 }
-THERE_AND_BACK = ss.constant(1.0, 1.5).then(ss.constant(0.0, 10.0)).then(ss.constant(-1.0, 1.5))
+THERE_AND_BACK = (
+    ss.constant(1.0, 1.5).then(ss.constant(0.0, 10.0)).then(ss.constant(-1.0, 1.5))
+)
 
 
-@pytest.mark.takes(10)  # where it is wide most break as they attach, and 1e-7 takes many steps
+# where it is wide most break as they attach, and 1e-7 takes many steps
+@pytest.mark.takes(10)
 @pytest.mark.parametrize("name", NOT_FIXED)
 def test_the_tolerance_is_met_through_slips_holds_and_turns(name):
-    """By the root mean square over the run, of the master equation at a temperature or with growth, however sharp."""
+    """By the root mean square over the run, of the master equation at a temperature
+    or with growth, however sharp.
+    """
     interface = narrow(**{"temperature": None} | NOT_FIXED[name], delay=ss.Delay(0.1))
     slider = ss.Slider(stiffness=20.0, mass=1e-3, damping=50.0)
     rig = ss.Rig(interface, slider, THERE_AND_BACK, output=ss.Output(interval=0.02))
-    exact, *found = (ss.simulate(rig, method=ss.MasterEquation(rtol=rtol)) for rtol in (1e-7, 1e-4, 1e-5, 1e-6))
+    exact, *found = (
+        ss.simulate(rig, method=ss.MasterEquation(rtol=rtol))
+        for rtol in (1e-7, 1e-4, 1e-5, 1e-6)
+    )
     for run, rtol in zip(found, (1e-4, 1e-5, 1e-6), strict=True):
-        assert float(((run.spring_force - exact.spring_force) ** 2).mean()) ** 0.5 < rtol
+        assert (
+            float(((run.spring_force - exact.spring_force) ** 2).mean()) ** 0.5 < rtol
+        )
 
 
 # ---------------- contacts of different areas
@@ -137,10 +186,22 @@ def test_the_tolerance_is_met_through_slips_holds_and_turns(name):
 
 def test_contacts_of_one_area_are_contacts():
     """Of area 1 all: the same run as without areas, by the engine that knows none."""
-    one, slider = ss.Gaussian(mean=1.0, std=0.0), ss.Slider(stiffness=2.0, mass=1e-2, damping=20.0)
-    drive = ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5)).then(ss.constant(0.0, 2.0)).then(ss.constant(2.0, 0.7))
-    interfaces = [ss.Interface(thresholds=one, areas=areas, delay=ss.Delay(0.1)) for areas in (None, "site", "fresh")]
-    runs = [ss.simulate(ss.Rig(interface, slider, drive, method=ss.Contacts(60))) for interface in interfaces]
+    one = ss.Gaussian(mean=1.0, std=0.0)
+    slider = ss.Slider(stiffness=2.0, mass=1e-2, damping=20.0)
+    drive = (
+        ss.constant(1.0, 1.5)
+        .then(ss.constant(-1.0, 1.5))
+        .then(ss.constant(0.0, 2.0))
+        .then(ss.constant(2.0, 0.7))
+    )
+    interfaces = [
+        ss.Interface(thresholds=one, areas=areas, delay=ss.Delay(0.1))
+        for areas in (None, "site", "fresh")
+    ]
+    runs = [
+        ss.simulate(ss.Rig(interface, slider, drive, method=ss.Contacts(60)))
+        for interface in interfaces
+    ]
     for name in ("friction_force", "displacement", "broken_energy"):
         for run in runs[1:]:
             np.testing.assert_allclose(run[name], runs[0][name], rtol=0, atol=1e-9)
@@ -151,45 +212,65 @@ def test_contacts_of_one_area_are_contacts():
 
 @pytest.mark.parametrize("name", BARRIERS)
 def test_thresholds_with_little_noise_grow_by_a_rule(name):
-    """With less and less noise the kinetic equation gives the lives of thresholds that grow exponentially."""
+    """With less and less noise the kinetic equation gives the lives of thresholds
+    that grow exponentially.
+    """
     growing = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=1e-6),
         temperature=BARRIERS[name],
         ageing=ss.ExponentialGrowth(rate=1.5**2, newborn=0.3),
     )
     exact = ss.kinetic_friction(growing, 1.0)
-    off = [abs(ss.kinetic_friction(noisy(BARRIERS[name], std=std), 1.0) - exact) for std in (0.04, 0.02)]
+    off = [
+        abs(ss.kinetic_friction(noisy(BARRIERS[name], std=std), 1.0) - exact)
+        for std in (0.04, 0.02)
+    ]
     assert off[1] < 4e-3
-    assert off[1] < 0.4 * off[0] + 1e-4  # second order in the noise; the equation is solved to 1e-4
+    # second order in the noise; the equation is solved to 1e-4
+    assert off[1] < 0.4 * off[0] + 1e-4
 
 
 def test_noisy_thresholds_that_are_never_tried_are_those_without_temperature():
-    cold, barely = noisy(None), noisy(ss.Bell(width=0.01, attempts=1e-9))
-    assert ss.kinetic_friction(barely, 1.0) == pytest.approx(ss.kinetic_friction(cold, 1.0), abs=1e-5)
+    cold = noisy(None)
+    barely = noisy(ss.Bell(width=0.01, attempts=1e-9))
+    assert ss.kinetic_friction(barely, 1.0) == pytest.approx(
+        ss.kinetic_friction(cold, 1.0), abs=1e-5
+    )
 
 
 # ---------------- steps and holds
 
 
-@pytest.mark.parametrize(("interface", "rise", "end"), [(T, 0.00955, 0.00447), (LT, 0.00943, -0.00461)])
+@pytest.mark.parametrize(
+    ("interface", "rise", "end"), [(T, 0.00955, 0.00447), (LT, 0.00943, -0.00461)]
+)
 def test_a_velocity_step(interface, rise, end):
-    """The direct effect is nearly the width, whatever the ageing; in the end their balance decides."""
+    """The direct effect is nearly the width, whatever the ageing; in the end their
+    balance decides.
+    """
     run = ss.velocity_step(interface, before=1.0, after=10.0, distance=6.0)
     step = int(np.argmin(np.abs(run.time.to_numpy())))
     assert (run.time[step].item(), run.displacement[step].item()) == (0.0, 0.0)
-    assert np.diff(run.time[: step + 1]) == pytest.approx(0.3 / step)  # a twentieth of the way, at the speed before
+    # a twentieth of the way, at the speed before
+    assert np.diff(run.time[: step + 1]) == pytest.approx(0.3 / step)
     force = (run.friction_force - float(run.friction_force[step])) / math.log(10)
     assert float(force.max()) == pytest.approx(rise, rel=0.01)
     assert float(force[-1]) == pytest.approx(end, rel=0.02)
 
 
-GROWTHS = {"logarithmic": GROWING, "exponential": ss.ExponentialGrowth(rate=2.0, newborn=0.3)}
+GROWTHS = {
+    "logarithmic": GROWING,
+    "exponential": ss.ExponentialGrowth(rate=2.0, newborn=0.3),
+}
 STEPS = {
     "bell": (T, {}),
     "bell, growing": (LT, {}),
     "bell, on a spring": (T, {"stiffness": 0.1}),
     **{
-        f"{name}, delay {delay}": (ss.Interface(thresholds=NARROW, ageing=growth, delay=ss.Delay(delay)), {})
+        f"{name}, delay {delay}": (
+            ss.Interface(thresholds=NARROW, ageing=growth, delay=ss.Delay(delay)),
+            {},
+        )
         for name, growth in GROWTHS.items()
         for delay in (0.0, 0.2)
     },
@@ -203,11 +284,15 @@ def test_a_velocity_step_of_contacts_is_that_of_cohorts(name):
     cohorts = ss.velocity_step(interface, **given)
     force = cohorts.friction_force
     assert float(force[0]) == pytest.approx(
-        ss.kinetic_friction(interface, 1.0), abs=2e-5 if interface.temperature is None else 1.5e-4
+        ss.kinetic_friction(interface, 1.0),
+        abs=2e-5 if interface.temperature is None else 1.5e-4,
     )
     contacts = ss.velocity_step(interface, **given, method=ss.Contacts(40_000, seed=4))
-    # Stretchings scatter by .36, and the lives at the start are drawn from four times as many: .36 sqrt(5/4).
-    assert float(np.abs(contacts.friction_force - force).max()) < 4 * 0.4 / math.sqrt(40_000)
+    # Stretchings scatter by .36, and the lives at the start are drawn from four times
+    # as many: .36 sqrt(5/4).
+    assert float(np.abs(contacts.friction_force - force).max()) < 4 * 0.4 / math.sqrt(
+        40_000
+    )
     if spring:  # in balance all the way: the spring's force is the friction force
         way = np.where(cohorts.time > 0, 10.0, 1.0) * cohorts.time
         pull = 0.1 * (way - cohorts.displacement)
@@ -216,8 +301,13 @@ def test_a_velocity_step_of_contacts_is_that_of_cohorts(name):
 
 @pytest.mark.takes(7)
 def test_exponential_thresholds_are_rate_and_state():
-    """The force after a step is ``A/(1-A) ln 2 exp(-x)`` above that before, once the contacts' springs are taut."""
-    interface = ss.Interface(thresholds=ss.Exponential(mean=1.0), temperature=ss.Bell(width=0.03, attempts=1e6))
+    """The force after a step is ``A/(1-A) ln 2 exp(-x)`` above that before, once the
+    contacts' springs are taut.
+    """
+    interface = ss.Interface(
+        thresholds=ss.Exponential(mean=1.0),
+        temperature=ss.Bell(width=0.03, attempts=1e6),
+    )
     run = ss.velocity_step(interface, before=1.0, after=2.0, distance=1.2)
     change = run.friction_force - float(run.friction_force[0])
     values = np.interp([0.3, 0.5, 1.0], run.displacement, change)
@@ -225,10 +315,16 @@ def test_exponential_thresholds_are_rate_and_state():
 
 
 @pytest.mark.parametrize(
-    ("interface", "healing"), [(ss.Interface(thresholds=NARROW, ageing=GROWING), 0.02 * math.log(10)), (LT, 0.0451)]
+    ("interface", "healing"),
+    [
+        (ss.Interface(thresholds=NARROW, ageing=GROWING), 0.02 * math.log(10)),
+        (LT, 0.0451),
+    ],
 )
 def test_contacts_heal_by_the_slope_of_their_growth(interface, healing):
-    """At no temperature a contact breaks at its threshold, which a hold has raised by ``c ln(1 + t/t_0)``."""
+    """At no temperature a contact breaks at its threshold, which a hold has raised
+    by ``c ln(1 + t/t_0)``.
+    """
     run = ss.slide_hold_slide(interface, velocity=1.0, holds=(1e3, 1e4))
     assert float(run.peak[1] - run.peak[0]) == pytest.approx(healing, rel=0.01)
     if interface.temperature is None:
@@ -246,30 +342,47 @@ def test_slide_hold_slide(name):
     assert float(run.relaxation[0]) == pytest.approx(relaxation, abs=3e-4)
     assert float(run.peak[0]) == pytest.approx(peak, abs=3e-4)
     assert 0.13 < float(run.slip_to_peak[0]) < 0.34
-    contacts = ss.slide_hold_slide(interface, velocity=1.0, holds=(100.0,), method=ss.Contacts(20_000, seed=8))
+    contacts = ss.slide_hold_slide(
+        interface, velocity=1.0, holds=(100.0,), method=ss.Contacts(20_000, seed=8)
+    )
     error = 0.3 / math.sqrt(20_000)
     assert float(contacts.relaxation[0]) == pytest.approx(relaxation, abs=4 * error)
     assert float(contacts.peak[0]) == pytest.approx(peak, abs=4 * error)
 
 
-@pytest.mark.parametrize(("stiffness", "growth", "frequency"), [(0.0200, 0.0240, 2.370), (0.0216, -0.0239, 2.458)])
+@pytest.mark.parametrize(
+    ("stiffness", "growth", "frequency"),
+    [(0.0200, 0.0240, 2.370), (0.0216, -0.0239, 2.458)],
+)
 def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequency):
-    run = ss.velocity_step(LT, before=1.0, after=1.003, distance=25.0, stiffness=stiffness)
+    run = ss.velocity_step(
+        LT, before=1.0, after=1.003, distance=25.0, stiffness=stiffness
+    )
     late = run.sel(time=slice(6.0, None))
-    found = oscillations(late.friction_force.to_numpy(), float(late.time[1] - late.time[0]))
-    found = found[np.argmin(np.abs(found - complex(growth, frequency)))] / 1.003  # on a unit of the way
+    found = oscillations(
+        late.friction_force.to_numpy(), float(late.time[1] - late.time[0])
+    )
+    # on a unit of the way
+    found = found[np.argmin(np.abs(found - complex(growth, frequency)))] / 1.003
     assert found.real == pytest.approx(growth, abs=0.001)
     assert found.imag == pytest.approx(frequency, rel=0.001)
 
 
 def test_a_rig_has_its_own_units():
     scales = ss.model.Scales(force=50.0, stretching=2e-6, time=1e-3)
-    rig = ss.Rig(T, ss.Slider(stiffness=1.0, mass=1e-3, damping=1.0), ss.constant(1.0), scales=scales)
+    rig = ss.Rig(
+        T,
+        ss.Slider(stiffness=1.0, mass=1e-3, damping=1.0),
+        ss.constant(1.0),
+        scales=scales,
+    )
     natural = ss.velocity_step(T, before=1.0, after=10.0, distance=1.0, points=50)
     run = ss.velocity_step(rig, before="2 mm/s", after=0.02, distance="2 um", points=50)
     assert run.friction_force.units == "N"
     assert run.velocity.units == "m/s"
-    np.testing.assert_allclose(run.friction_force, 50.0 * natural.friction_force, rtol=1e-12)
+    np.testing.assert_allclose(
+        run.friction_force, 50.0 * natural.friction_force, rtol=1e-12
+    )
     held = ss.slide_hold_slide(rig, velocity=2e-3, holds=("100 ms",))
     assert float(held.hold[0]) == pytest.approx(0.1)
     assert held.slip_to_peak.units == "m"
@@ -280,11 +393,17 @@ def test_a_rig_has_its_own_units():
 
 
 def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
-    """In a slip of a soft, light bench all are detached for hundreds of widths: the clocks have to come along."""
+    """In a slip of a soft, light bench all are detached for hundreds of widths: the
+    clocks have to come along.
+    """
     heat = ss.Bell(width=0.01, attempts=1e4)
-    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.5), temperature=heat)
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.5), temperature=heat
+    )
     slider = ss.Slider(stiffness=0.01, mass=2.6e-5, damping=4.0)
-    rig = ss.Rig(interface, slider, ss.constant(-1.0, 200.0), method=ss.Contacts(50, seed=1))
+    rig = ss.Rig(
+        interface, slider, ss.constant(-1.0, 200.0), method=ss.Contacts(50, seed=1)
+    )
     run = ss.simulate(rig, output=ss.Output(interval=0.01))
     assert float(np.abs(run.velocity).max()) > 100.0
     assert float(run.attached.min()) == 0.0
@@ -293,7 +412,9 @@ def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
 
 
 def test_what_breaks_by_heat_at_rest_pulls_neither_way():
-    """Detached contacts slide with a force only once the slider does; at rest as many pull back as forth."""
+    """Detached contacts slide with a force only once the slider does; at rest as
+    many pull back as forth.
+    """
     interface = ss.Interface(
         thresholds=NARROW,
         initial=ss.Uniform(low=-0.5, high=0.5),
@@ -301,8 +422,17 @@ def test_what_breaks_by_heat_at_rest_pulls_neither_way():
         sliding_force=0.3,
         temperature=ss.Bell(width=0.1, attempts=1e4),
     )
-    rig = ss.Rig(interface, ss.Slider(stiffness=50.0, mass=1.0, damping=5.0), ss.constant(0.0, 2.0))
-    run = ss.simulate(rig, method=ss.Contacts(4_000, seed=1), start=ss.FromRest(), output=ss.Output(interval=0.05))
+    rig = ss.Rig(
+        interface,
+        ss.Slider(stiffness=50.0, mass=1.0, damping=5.0),
+        ss.constant(0.0, 2.0),
+    )
+    run = ss.simulate(
+        rig,
+        method=ss.Contacts(4_000, seed=1),
+        start=ss.FromRest(),
+        output=ss.Output(interval=0.05),
+    )
     assert float(run["attached"].min()) < 0.2
     # Stretchings scatter by less than .5, over the root of the number.
     assert np.abs(run["friction_force"].to_numpy()).max() < 4 * 0.5 / np.sqrt(4_000)

@@ -1,6 +1,8 @@
-"""What commands print, word for word, and their numbers to two in a thousand: who changes a sentence is told.
+"""What commands print, word for word, and their numbers to two in a thousand: who
+changes a sentence is told.
 
-Kept in tests/data/drawn; ``REDRAW=1`` in the environment writes what is printed now. Read it before it is kept.
+Kept in tests/data/drawn; ``REDRAW=1`` in the environment writes what is printed now.
+Read it before it is kept.
 """
 
 import shutil
@@ -65,7 +67,9 @@ seed = 1
 distance = "20 mm"
 """
 EXAMPLES = ("brake_pad", "pmma_slider", "rock_slab")
-"""A slider, a bar and warm contacts; slips of the wiper and the teaching bench fall otherwise on other processors."""
+"""A slider, a bar and warm contacts; slips of the wiper and the teaching bench fall
+otherwise on other processors.
+"""
 STEP = ("--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s")
 EXPORT = ("--load", "2 kN", "--area", "1 cm^2")
 CASES = {
@@ -82,12 +86,28 @@ CASES = {
     "rsf warm as JSON": ("rsf", "warm.toml", "--load", "2 kN", "--json"),
     "rsf, holds": ("rsf", "warm.toml", "--holds", "1 s, 10 s, 100 s"),
     **{
-        f"rsf to {name}": ("rsf", "warm.toml", "--law", "slip", "--export", name, *EXPORT)
+        f"rsf to {name}": (
+            "rsf",
+            "warm.toml",
+            "--law",
+            "slip",
+            "--export",
+            name,
+            *EXPORT,
+        )
         for name in ("qdyn", "rsfmodel")
     },
     "rsf of a step": ("rsf", "basalt.txt", *STEP),
     "map small": ("map", "small.toml", "--points", "8", "-o", "map.png"),
-    "map small, bistable": ("map", "small.toml", "--points", "4", "--bistable", "-o", "map.png"),
+    "map small, bistable": (
+        "map",
+        "small.toml",
+        "--points",
+        "4",
+        "--bistable",
+        "-o",
+        "map.png",
+    ),
     "sweep": ("sweep", "study.toml", "--store", "cases.sqlite"),
 }
 
@@ -96,25 +116,39 @@ CASES = {
 def bench(tmp_path_factory, request):
     """A folder with rigs, runs, and traces."""
     folder = tmp_path_factory.mktemp("bench")
-    for name, text in {"small": SMALL, "warm": WARM, "bar": BAR, "study": STUDY}.items():
+    for name, text in {
+        "small": SMALL,
+        "warm": WARM,
+        "bar": BAR,
+        "study": STUDY,
+    }.items():
         (folder / f"{name}.toml").write_text(text)
     for name in ("small", "bar"):
-        ss.save(ss.simulate(ss.read_rig(folder / f"{name}.toml")), folder / f"{name}.nc")
+        ss.save(
+            ss.simulate(ss.read_rig(folder / f"{name}.toml")), folder / f"{name}.nc"
+        )
     data = request.config.rootpath / "tests" / "data"
     shutil.copy(data / "guldstrand_force7.txt", folder / "force.txt")
     shutil.copy(data / "giacomel_basalt_step.txt", folder / "basalt.txt")
     return folder
 
 
-DEAR = ("predict small", "map small, bistable")  # a search for mitigations, cycles at many points
+# a search for mitigations, cycles at many points
+DEAR = ("predict small", "map small, bistable")
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in CASES]
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name
+        for name in CASES
+    ],
 )
 def test_commands_say_what_they_said(name, bench, tmp_path, monkeypatch, capsys):
     folder = shutil.copytree(bench, tmp_path / "bench")
     monkeypatch.chdir(folder)
     monkeypatch.setenv("COLUMNS", "100")
     assert cli.main(CASES[name]) == 0
-    assert_kept(capsys.readouterr().out, f"told_{name.replace(',', '').replace(' ', '_')}")
+    assert_kept(
+        capsys.readouterr().out, f"told_{name.replace(',', '').replace(' ', '_')}"
+    )

@@ -1,4 +1,6 @@
-"""Reading force traces: every table that instruments write, and what is refused in one line."""
+"""Reading force traces: every table that instruments write, and what is refused in
+one line.
+"""
 
 import datetime as dt
 import gzip
@@ -33,12 +35,18 @@ COMMA = str.maketrans(".", ",")
 NUMBERS = rows(lambda _, f: f"{f}")
 PAIRS, SEMICOLONS = (rows(lambda t, f, mark=mark: f"{t}{mark}{f}") for mark in ",;")
 TIMES = 0.25 * np.arange(FORCES.size)
-GERMAN = "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 N\n\nZeit;Kraft;Weg;Normalkraft\ns;N;mm;N\n" + "".join(
-    f"{t:.2f};{f:.2f};{2 * t:.2f};20,00\n".replace(".", ",") for t, f in zip(TIMES, FORCES, strict=True)
+GERMAN = (
+    "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 "
+    "N\n\nZeit;Kraft;Weg;Normalkraft\ns;N;mm;N\n"
+) + "".join(
+    f"{t:.2f};{f:.2f};{2 * t:.2f};20,00\n".replace(".", ",")
+    for t, f in zip(TIMES, FORCES, strict=True)
 )
 LABVIEW = (
-    "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
-    "Multi_Headings\tNo\nX_Columns\t{columns}\nTime_Pref\tRelative\nOperator\tN. N.\nDate\t2024/02/01\n"
+    "LabVIEW "
+    "Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
+    "Multi_Headings\tNo\nX_Columns\t{columns}\nTime_Pref\tRelative\nOperator\tN. "
+    "N.\nDate\t2024/02/01\n"
     "Time\t12:00:00\n***End_of_Header***\t\n\t\nChannels\t1\t\nSamples\t60\t\nDate\t2024/02/01\t\n"
     "Y_Unit_Label\tkN\t\nX_Dimension\tTime\t\nX0\t0.0000000000000000E+0\t\nDelta_X\t0.250000\t\n"
     "***End_of_Header***\t\t\nX_Value\tForce\tComment\n"
@@ -46,7 +54,8 @@ LABVIEW = (
 
 
 LABVIEW_WITHOUT_COMMENTS = (
-    "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
+    "LabVIEW "
+    "Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
     "Y_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
 )
 
@@ -57,7 +66,10 @@ LABVIEW_WITHOUT_COMMENTS = (
         (NUMBERS, {"step": 0.25}),
         (rows(lambda _, f: f"{f} N1 "), {"step": 0.25}),
         (rows(lambda _, f: f"{f}".translate(COMMA)), {"step": 0.25, "decimal": ","}),
-        (rows(lambda _, f: f"{f:.2f} N".translate(COMMA)), {"step": 0.25, "decimal": ","}),
+        (
+            rows(lambda _, f: f"{f:.2f} N".translate(COMMA)),
+            {"step": 0.25, "decimal": ","},
+        ),
         ("force\n#\n" + NUMBERS, {"step": 0.25}),
         ("Force (N)\n\n" + NUMBERS, {"step": 0.25}),
         ("t,F_d\n" + PAIRS, {}),
@@ -68,14 +80,31 @@ LABVIEW_WITHOUT_COMMENTS = (
         ("# t F_d\n" + rows(lambda t, f: f"{t:.6e} {f:.6e}"), {}),
         (PAIRS, {"time": 1, "force": 2}),
         (PAIRS, {"force": 2, "step": 0.25}),
-        ("x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"), {"force": "a", "time": "B"}),
-        ('"t","spring_force","what"\n' + rows(lambda t, f: f'"{t}","{f}","pull, slow"'), {}),
+        (
+            "x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"),
+            {"force": "a", "time": "B"},
+        ),
+        (
+            '"t","spring_force","what"\n'
+            + rows(lambda t, f: f'"{t}","{f}","pull, slow"'),
+            {},
+        ),
         ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
         ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + SEMICOLONS, {}),
         (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
-        ("t;F_d\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {"delimiter": ";"}),
-        ("t;F_d\n" + rows(lambda t, f: f"{t:g};{f:.2e}".translate(COMMA)), {"delimiter": ";", "decimal": ","}),
-        ('"Time (s)","Force (N)"\n' + rows(lambda t, f: f'"{t:.2f}|{f}"'.translate(COMMA).replace("|", '","')), {}),
+        (
+            "t;F_d\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)),
+            {"delimiter": ";"},
+        ),
+        (
+            "t;F_d\n" + rows(lambda t, f: f"{t:g};{f:.2e}".translate(COMMA)),
+            {"delimiter": ";", "decimal": ","},
+        ),
+        (
+            '"Time (s)","Force (N)"\n'
+            + rows(lambda t, f: f'"{t:.2f}|{f}"'.translate(COMMA).replace("|", '","')),
+            {},
+        ),
         (NUMBERS.replace("\n", "\r\n"), {"step": 0.25}),
         ("\ufeff" + NUMBERS, {"step": 0.25}),
         (NUMBERS + "End of file\n", {"step": 0.25, "rows": FORCES.size + 1}),
@@ -86,9 +115,21 @@ LABVIEW_WITHOUT_COMMENTS = (
         (GERMAN.replace("\n", "\r\n").encode("cp1252"), {}),
         ("Time,Force\ns,N\n" + PAIRS, {}),
         ("Time,Force (N)\n" + rows(lambda t, f: f"10:00:{t:06.3f},{f}"), {}),
-        ("Zeit [hh:mm:ss];Kraft (N)\n" + rows(lambda t, f: f"10:07:{t:06.3f};{f}".translate(COMMA)), {}),
-        ("when\tforce [N]\n" + rows(lambda t, f: f"{NIGHT + dt.timedelta(seconds=t)}\t{f}"), {"time": 1}),
-        ("time force\n" + rows(lambda t, f: f"{NIGHT + dt.timedelta(seconds=t):%H:%M:%S.%f} {f}"), {}),
+        (
+            "Zeit [hh:mm:ss];Kraft (N)\n"
+            + rows(lambda t, f: f"10:07:{t:06.3f};{f}".translate(COMMA)),
+            {},
+        ),
+        (
+            "when\tforce [N]\n"
+            + rows(lambda t, f: f"{NIGHT + dt.timedelta(seconds=t)}\t{f}"),
+            {"time": 1},
+        ),
+        (
+            "time force\n"
+            + rows(lambda t, f: f"{NIGHT + dt.timedelta(seconds=t):%H:%M:%S.%f} {f}"),
+            {},
+        ),
         ("s,N\n" + PAIRS, {}),
         ("Time (s)  Force (N)\n" + rows(lambda t, f: f"{t}  {f}"), {}),
         ("# time (s), force (N)\n" + rows(lambda t, f: f"{t} {f}"), {}),
@@ -96,25 +137,46 @@ LABVIEW_WITHOUT_COMMENTS = (
         ("Time;Force\ns;N\n\n" + rows(lambda t, f: f"{t};{f}\n"), {}),
         (rows(lambda t, f: f"{t} s\t{f} N"), {}),
         ("t,F\n" + PAIRS.replace("\n1.0,", "\n# paused\n1.0,"), {}),
-        ("Load cell (N)\n" + rows(lambda _, f: f"{f / 10:.6f}D+01") + "\x1a", {"step": "250 ms"}),  # Fortran, DOS
+        # Fortran, DOS
+        (
+            "Load cell (N)\n" + rows(lambda _, f: f"{f / 10:.6f}D+01") + "\x1a",
+            {"step": "250 ms"},
+        ),
         ("t (ms);F (mN)\n" + SEMICOLONS, {"units": ("ms", "mN")}),
         (("t (s);F (µN)\n" + SEMICOLONS).encode("latin-1"), {"units": ("s", "µN")}),
         ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, {"units": ("s", "kN")}),
         ("Time / s;Force / mN\n" + SEMICOLONS, {"units": ("s", "mN")}),
         ("time_s,force_kN\n" + PAIRS, {"units": ("s", "kN")}),
-        ("Time  Load cell\n" + rows(lambda t, f: f"{t} ms {f} kN"), {"units": ("ms", "kN")}),
+        (
+            "Time  Load cell\n" + rows(lambda t, f: f"{t} ms {f} kN"),
+            {"units": ("ms", "kN")},
+        ),
         ("t;Friction coefficient (kN)\n" + SEMICOLONS, {"units": ("s", "kN")}),
-        (LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"), {"units": ("s", "kN")}),
-        (LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"), {"units": ("s", "kN")}),
+        (
+            LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"),
+            {"units": ("s", "kN")},
+        ),
+        (
+            LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"),
+            {"units": ("s", "kN")},
+        ),
         *(
-            (LABVIEW_WITHOUT_COMMENTS + names + rows(lambda t, f: f"{t:.6f}\t{f:.6f}"), {"units": ("s", "Newtons")})
+            (
+                LABVIEW_WITHOUT_COMMENTS
+                + names
+                + rows(lambda t, f: f"{t:.6f}\t{f:.6f}"),
+                {"units": ("s", "Newtons")},
+            )
             for names in ("X_Value\tUntitled\tComment\n", "X_Value\tForce\n", "")
         ),
     ],
 )
-def test_tables_of_every_usual_form_are_read_and_their_units_are_kept(tmp_path, text, options):
+def test_tables_of_every_usual_form_are_read_and_their_units_are_kept(
+    tmp_path, text, options
+):
     options = {"units": ("s", "N"), "rows": FORCES.size} | options
-    units, count = options.pop("units"), options.pop("rows")
+    units = options.pop("units")
+    count = options.pop("rows")
     data = read_trace(written(tmp_path, text), **options)
     np.testing.assert_array_equal(data["spring_force"], FORCES)
     np.testing.assert_allclose(data["time"], TIMES)
@@ -125,7 +187,10 @@ def test_tables_of_every_usual_form_are_read_and_their_units_are_kept(tmp_path, 
 
 def spoiled(form, changes):
     """The rows of a table, some of which are others."""
-    return "\n".join(changes.get(i, form(0.25 * i, f)) for i, f in enumerate(FORCES)) + "\n"
+    return (
+        "\n".join(changes.get(i, form(0.25 * i, f)) for i, f in enumerate(FORCES))
+        + "\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -133,32 +198,63 @@ def spoiled(form, changes):
     [
         *(
             (lambda _, f: f"{f}", word)
-            for word in ("NaN N1", "inf", "---", "1e999", "1" + 400 * "0", "overload", "True", "1.2.3", "1," * 9_000)
+            for word in (
+                "NaN N1",
+                "inf",
+                "---",
+                "1e999",
+                "1" + 400 * "0",
+                "overload",
+                "True",
+                "1.2.3",
+                "1," * 9_000,
+            )
         ),
         (lambda t, f: f"{t};{f} N", "5;99.0 broken"),
         (lambda t, f: f"{t};{f} N", "5;7.0 mm"),
         (lambda t, f: f"{t};{f} N", "5;700 mN"),
         (lambda t, f: f"{t};{f}", "5;7 mN"),
-        (lambda t, f: f"{t};{f}".translate(COMMA), "5,00;5.330"),  # where commas are decimal 1.234 may be 1234
+        # where commas are decimal 1.234 may be 1234
+        (lambda t, f: f"{t};{f}".translate(COMMA), "5,00;5.330"),
     ],
 )
 def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, form, row):
     options = {"time": 1, "force": 2} if ";" in row else {"step": 0.25}
     data = read_trace(written(tmp_path, spoiled(form, {20: row})), **options)
     assert data.sizes["time"] == data.attrs["rows"] == FORCES.size
-    assert float(data["spring_force"][20]) == pytest.approx(0.5 * (FORCES[19] + FORCES[21]))
-    np.testing.assert_array_equal(np.delete(data["spring_force"], 20), np.delete(FORCES, 20))
+    assert float(data["spring_force"][20]) == pytest.approx(
+        0.5 * (FORCES[19] + FORCES[21])
+    )
+    np.testing.assert_array_equal(
+        np.delete(data["spring_force"], 20), np.delete(FORCES, 20)
+    )
     assert list(np.flatnonzero(data["filled"])) == [20]
-    assert f"1 of 60 rows could not be read; the force there is interpolated in time (line 21: '{row[:57]}" in data.note
-    many = written(tmp_path, spoiled(form, {i: row.replace("5", f"{0.25 * i}", 1) for i in range(20, 40, 3)}))
-    with pytest.raises(InputError, match=r"7 of 60 rows cannot be read, first line 21: .* in the unit of the others"):
+    assert (
+        "1 of 60 rows could not be read; the force there is interpolated in time "
+        f"(line 21: '{row[:57]}"
+    ) in data.note
+    many = written(
+        tmp_path,
+        spoiled(
+            form, {i: row.replace("5", f"{0.25 * i}", 1) for i in range(20, 40, 3)}
+        ),
+    )
+    with pytest.raises(
+        InputError,
+        match=(
+            r"7 of 60 rows cannot be read, first line 21: .* in the unit of the "
+            r"others"
+        ),
+    ):
         read_trace(many, **options)
 
 
 def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
     """A comment is no row, though a force follows in it."""
     changes = {10: "2.5,", 30: "??", 31: "7.75,8,5", 40: "# paused,7\n10.0,7.0"}
-    data = read_trace(written(tmp_path, "t,F_d\n" + spoiled(lambda t, f: f"{t},{f}", changes)))
+    data = read_trace(
+        written(tmp_path, "t,F_d\n" + spoiled(lambda t, f: f"{t},{f}", changes))
+    )
     assert data.sizes["time"] == FORCES.size - 2  # the times of two rows are not known
     assert not {7.5, 7.75} & {*data["time"].values}
     assert bool(data["filled"].sel(time=2.5))
@@ -179,33 +275,89 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
         ("t,F_d\n" + PAIRS, {"step": 0.1, "time": "time"}, "leave one out"),
         (PAIRS, {"step": 0.1}, "which column is the force"),
         (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
-        (rows(lambda _, f: f"{f} N/m"), {"step": 0.1}, "column 1 holds numbers in 'N/m'"),
+        (
+            rows(lambda _, f: f"{f} N/m"),
+            {"step": 0.1},
+            "column 1 holds numbers in 'N/m'",
+        ),
         ("", {"step": 1.0}, "empty"),
         (" \n\n", {"step": 1.0}, "blanks and comments only"),
         ("to be\nor not\nto be\n", {"step": 1.0}, "no column of numbers"),
         ("1\n2\n3\n", {"step": 1.0}, "3 readings are too few"),
-        (NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n", {"step": 1.0}, "4 of 68 rows cannot be read, first line 61"),
-        ("t,F_d\n" + rows(lambda t, f: f"{-t},{f}"), {}, "line 3: time -0.25 does not come after"),
+        (
+            NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n",
+            {"step": 1.0},
+            "4 of 68 rows cannot be read, first line 61",
+        ),
+        (
+            "t,F_d\n" + rows(lambda t, f: f"{-t},{f}"),
+            {},
+            "line 3: time -0.25 does not come after",
+        ),
         ("t,F_d\n" + rows(lambda _, f: f"1,{f}"), {}, "times must rise"),
-        ("t,F\n" + spoiled(lambda t, f: f"{t},{f}", {3: "x,1", 10: "1,1"}), {}, "line 12: time 1 does not come"),
+        (
+            "t,F\n" + spoiled(lambda t, f: f"{t},{f}", {3: "x,1", 10: "1,1"}),
+            {},
+            "line 12: time 1 does not come",
+        ),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
-        ("a,F_d\n" + rows(lambda _, f: f"x,{f}"), {"force": "a", "step": 1.0}, r"no such column.* 1 'a' \(no numbers"),
-        ("time force\n" + rows(lambda t, f: f"{t} {f} N m"), {}, "numbers in 'N m'; write one known unit"),
-        ("time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"), {}, r"2 'force' \(no numbers such as 1234.5\)"),
+        (
+            "a,F_d\n" + rows(lambda _, f: f"x,{f}"),
+            {"force": "a", "step": 1.0},
+            r"no such column.* 1 'a' \(no numbers",
+        ),
+        (
+            "time force\n" + rows(lambda t, f: f"{t} {f} N m"),
+            {},
+            "numbers in 'N m'; write one known unit",
+        ),
+        (
+            "time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"),
+            {},
+            r"2 'force' \(no numbers such as 1234.5\)",
+        ),
         (
             "time,force\n" + rows(lambda t, f: f"{t},{f}".translate(COMMA)),
             {},
             "4 columns, or fewer with decimal commas",
         ),
-        ("t,position\n" + PAIRS, {}, r"is the force\? .*--force .* force= .* 1 't', 2 'position'"),
+        (
+            "t,position\n" + PAIRS,
+            {},
+            r"is the force\? .*--force .* force= .* 1 't', 2 'position'",
+        ),
         ("t (s),z (mm)\n" + PAIRS, {}, r"which column is the force.*2 'z \(mm\)'"),
-        ("t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"), {}, "which column is the force"),
-        ("a,F\n" + PAIRS, {}, "which column is the time.*--time .* time=.*--step.* step="),
+        (
+            "t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"),
+            {},
+            "which column is the force",
+        ),
+        (
+            "a,F\n" + PAIRS,
+            {},
+            "which column is the time.*--time .* time=.*--step.* step=",
+        ),
         ("t,F\n" + rows(lambda t, f: f'{t},"{f}'), {}, "line"),
-        ("t (s);F (s)\n" + rows(lambda t, f: f"{t};{f} N"), {}, "column 2 holds numbers in 'N' below the heading 's'"),
-        (rows(lambda t, f: f"{t}" + f",{f}" * 1500), {}, "1501 columns, more than 1000"),
-        (NUMBERS + "1" * 60_000 + "x\n" + "2" * 60_000 + "x\n3x3\n4x4\n", {"step": 1.0}, "4 of 64 rows"),
-        (1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n", {}, "no column of numbers that begins by line 1000"),
+        (
+            "t (s);F (s)\n" + rows(lambda t, f: f"{t};{f} N"),
+            {},
+            "column 2 holds numbers in 'N' below the heading 's'",
+        ),
+        (
+            rows(lambda t, f: f"{t}" + f",{f}" * 1500),
+            {},
+            "1501 columns, more than 1000",
+        ),
+        (
+            NUMBERS + "1" * 60_000 + "x\n" + "2" * 60_000 + "x\n3x3\n4x4\n",
+            {"step": 1.0},
+            "4 of 64 rows",
+        ),
+        (
+            1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n",
+            {},
+            "no column of numbers that begins by line 1000",
+        ),
         (b"\x89HDF\r\n" + bytes(100), {}, "HDF5"),
         (b"CDF\x01" + bytes(100), {}, "NetCDF"),
         (NUMBERS.replace("\n", "foo\n"), {"step": 1.0}, "no column of numbers"),
@@ -214,7 +366,9 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
         ("F (N)\n" + NUMBERS, {"step": 1.0, "load": "7 s"}, "load = '7 s'"),
     ],
 )
-def test_what_is_no_trace_or_could_be_misread_is_refused_in_one_line(tmp_path, text, options, message):
+def test_what_is_no_trace_or_could_be_misread_is_refused_in_one_line(
+    tmp_path, text, options, message
+):
     path = written(tmp_path, text)
     begin = time.process_time()
     with pytest.raises(InputError, match=message) as caught:
@@ -225,7 +379,10 @@ def test_what_is_no_trace_or_could_be_misread_is_refused_in_one_line(tmp_path, t
 
 
 def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
-    for path, message in ((tmp_path / "none.csv", "no such file"), (tmp_path, "is a directory, not a force trace")):
+    for path, message in (
+        (tmp_path / "none.csv", "no such file"),
+        (tmp_path, "is a directory, not a force trace"),
+    ):
         with pytest.raises(InputError, match=message):
             read_trace(path, step=1.0)
     monkeypatch.setattr("stickslip.measure.readings.LARGEST_FILE", 100)
@@ -234,7 +391,8 @@ def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
 
 
 def test_a_table_that_is_packed_is_read_as_the_one_that_is_not(tmp_path):
-    whole, packed = written(tmp_path, NUMBERS), tmp_path / "packed.csv.gz"
+    whole = written(tmp_path, NUMBERS)
+    packed = tmp_path / "packed.csv.gz"
     packed.write_bytes(gzip.compress(whole.read_bytes()))
     xr.testing.assert_equal(read_trace(packed, step=1.0), read_trace(whole, step=1.0))
     for damaged in (packed.read_bytes()[:-12], packed.read_bytes()[:12] + b"\xff" * 40):
@@ -253,7 +411,13 @@ def test_several_columns_are_told_by_their_names(tmp_path):
     np.testing.assert_allclose(data["load"], 20.0)
     np.testing.assert_allclose(data["mu"], FORCES / 20.0)
     assert data["mu"].attrs == {"units": "1", "long_name": "coefficient of friction"}
-    by_name = read_trace(tmp_path / "trace.csv", force="Kraft", time="zeit", load="Normalkraft", displacement=3)
+    by_name = read_trace(
+        tmp_path / "trace.csv",
+        force="Kraft",
+        time="zeit",
+        load="Normalkraft",
+        displacement=3,
+    )
     np.testing.assert_array_equal(by_name["spring_force"], data["spring_force"])
     other = read_trace(tmp_path / "trace.csv", force="Kraft (N)", load="0.04 kN")
     np.testing.assert_allclose(other["mu"], FORCES / 40.0)
@@ -266,8 +430,19 @@ BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
     ("text", "force", "others", "note"),
     [
         *(
-            (f"{head}\n" + rows(lambda t, f: f"{t},{f / 10:.4f}"), "coefficient of friction", {}, "^(?!.*N assumed)")
-            for head in ("t,COF", "time,Friction coefficient", "t,µ", "Zeit,Reibwert", "Time(s),Friction (-)")
+            (
+                f"{head}\n" + rows(lambda t, f: f"{t},{f / 10:.4f}"),
+                "coefficient of friction",
+                {},
+                "^(?!.*N assumed)",
+            )
+            for head in (
+                "t,COF",
+                "time,Friction coefficient",
+                "t,µ",
+                "Zeit,Reibwert",
+                "Time(s),Friction (-)",
+            )
         ),
         # A bare column of friction beside columns with units.
         (
@@ -276,15 +451,29 @@ BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
             {"measured_displacement": "microns", "load": "MPa"},
             "",
         ),
-        ("t,F\n" + PAIRS, "force", {}, "no unit of the force: N assumed.*no unit of the time: s assumed"),
+        (
+            "t,F\n" + PAIRS,
+            "force",
+            {},
+            "no unit of the force: N assumed.*no unit of the time: s assumed",
+        ),
         ("t (s),F (N)\n" + PAIRS, "force", {}, "^$"),
     ],
 )
-def test_forces_and_coefficients_are_told_apart_and_units_not_named_are_assumed(tmp_path, text, force, others, note):
+def test_forces_and_coefficients_are_told_apart_and_units_not_named_are_assumed(
+    tmp_path, text, force, others, note
+):
     path = written(tmp_path, text)
-    data, flipped = read_trace(path), read_trace(path, flip=True)
-    assert data["spring_force"].attrs == {"units": "N" if force == "force" else "1", "long_name": force}
-    assert {name: data[name].attrs["units"] for name in {*data.data_vars} - {"spring_force", "filled"}} == others
+    data = read_trace(path)
+    flipped = read_trace(path, flip=True)
+    assert data["spring_force"].attrs == {
+        "units": "N" if force == "force" else "1",
+        "long_name": force,
+    }
+    assert {
+        name: data[name].attrs["units"]
+        for name in {*data.data_vars} - {"spring_force", "filled"}
+    } == others
     assert re.search(note, data.attrs["note"])
     np.testing.assert_array_equal(flipped["spring_force"], -data["spring_force"])
     assert flipped.attrs["flipped"] == 1
@@ -295,26 +484,47 @@ def test_a_spreadsheet_is_read(tmp_path):
     book = openpyxl.Workbook()
     book.active.append(["see the second sheet"])
     sheet = book.create_sheet("data")
-    head = [["Bench", "7"], ["Date", dt.date(2024, 2, 1)], [], ["Time", "Force", "Remark"], ["ms", "kN", None]]
+    head = [
+        ["Bench", "7"],
+        ["Date", dt.date(2024, 2, 1)],
+        [],
+        ["Time", "Force", "Remark"],
+        ["ms", "kN", None],
+    ]
     for row in (*head, *zip((1e3 * TIMES).tolist(), FORCES.tolist(), strict=True)):
         sheet.append(row)
     book.save(tmp_path / "bench.xlsx")
     data = read_trace(tmp_path / "bench.xlsx")
     np.testing.assert_array_equal(data["spring_force"], FORCES)
     np.testing.assert_allclose(data["time"], 1e3 * TIMES)
-    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == ("ms", "kN")
+    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == (
+        "ms",
+        "kN",
+    )
 
 
 def test_a_tdms_file_is_read(tmp_path):
     nptdms = pytest.importorskip("nptdms")
     waveform = {"wf_increment": 0.25, "wf_start_offset": 0.0}
     with nptdms.TdmsWriter(tmp_path / "bench.tdms") as writer:
-        writer.write_segment([
-            nptdms.ChannelObject("Run 1", "Friction force", FORCES, properties=waveform | {"unit_string": "mN"}),
-            nptdms.ChannelObject("Run 1", "Temperature", FORCES, properties=waveform | {"unit_string": "°C"}),
-            nptdms.ChannelObject("Run 1", "Remarks", ["pulled"] * FORCES.size),
-            nptdms.ChannelObject("Run 1", "Spare", np.array([])),
-        ])  # fmt: skip
+        writer.write_segment(
+            [
+                nptdms.ChannelObject(
+                    "Run 1",
+                    "Friction force",
+                    FORCES,
+                    properties=waveform | {"unit_string": "mN"},
+                ),
+                nptdms.ChannelObject(
+                    "Run 1",
+                    "Temperature",
+                    FORCES,
+                    properties=waveform | {"unit_string": "°C"},
+                ),
+                nptdms.ChannelObject("Run 1", "Remarks", ["pulled"] * FORCES.size),
+                nptdms.ChannelObject("Run 1", "Spare", np.array([])),
+            ]
+        )
     data = read_trace(tmp_path / "bench.tdms")
     np.testing.assert_array_equal(data["spring_force"], FORCES)
     np.testing.assert_allclose(data["time"], TIMES)
@@ -322,7 +532,8 @@ def test_a_tdms_file_is_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "start", "module"), [("a.xlsx", b"PK\x03\x04", "openpyxl"), ("a.tdms", b"TDSm", "nptdms")]
+    ("name", "start", "module"),
+    [("a.xlsx", b"PK\x03\x04", "openpyxl"), ("a.tdms", b"TDSm", "nptdms")],
 )
 def test_a_reader_that_is_missing_is_named(tmp_path, monkeypatch, name, start, module):
     (tmp_path / name).write_bytes(start + bytes(100))
@@ -331,7 +542,9 @@ def test_a_reader_that_is_missing_is_named(tmp_path, monkeypatch, name, start, m
     with pytest.raises(InputError, match=r"a\.(xlsx|tdms): cannot be read .*install"):
         read_trace(tmp_path / name)
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(InputError, match=rf"(?i){module}.*pip install 'stickslip\[traces\]'") as caught:
+    with pytest.raises(
+        InputError, match=rf"(?i){module}.*pip install 'stickslip\[traces\]'"
+    ) as caught:
         read_trace(tmp_path / name)
     assert "\n" not in str(caught.value)
 
@@ -355,17 +568,24 @@ print("CPU", time.process_time(), "memory", memory() - before, "code", code)
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 @pytest.mark.parametrize("columns", [1, 2])
-def test_five_million_rows_take_little_memory_and_a_few_times_what_numpy_reads_them_in(tmp_path, columns):
-    rng, path = np.random.default_rng(1), tmp_path / "long.csv"
+def test_five_million_rows_take_little_memory_and_a_few_times_what_numpy_reads_them_in(
+    tmp_path, columns
+):
+    rng = np.random.default_rng(1)
+    path = tmp_path / "long.csv"
     with path.open("w") as file:
         for part in range(50):
             t = 1e-4 * (np.arange(100_000) + part * 100_000)
             force = 5 + 2 * (t % 1.5) + rng.normal(0, 0.05, t.size)
             rows = zip(t, force, strict=True)
-            file.writelines(f"{f:.3f}\n" if columns == 1 else f"{a:.4f};{f:.3f}\n" for a, f in rows)
+            file.writelines(
+                f"{f:.3f}\n" if columns == 1 else f"{a:.4f};{f:.3f}\n" for a, f in rows
+            )
     options = ["--step", "1e-4"] if columns == 1 else ["--time", "1", "--force", "2"]
     call = [sys.executable, "-c", MEASURED, "measure", str(path), *options]
-    lines = subprocess.run(call, check=True, capture_output=True, text=True).stdout.splitlines()
+    lines = subprocess.run(
+        call, check=True, capture_output=True, text=True
+    ).stdout.splitlines()
     assert lines[0].startswith("stick-slip")
     _, cpu, _, more, _, code = lines[-1].split()
     assert code == "0"
@@ -383,9 +603,21 @@ def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
     at = np.array([0, 1, *range(7, 3990, 40), 3998, 3999])  # however often it comes
     forces = WAVE.copy()
     forces[at] = value
-    data = read_trace(written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)), step=0.01)
-    assert (data.sizes["time"], *np.flatnonzero(data["filled"])) == (3996, *at[2:-2] - 2)  # nothing beyond the ends
+    data = read_trace(
+        written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)),
+        step=0.01,
+    )
+    # nothing beyond the ends
+    assert (data.sizes["time"], *np.flatnonzero(data["filled"])) == (
+        3996,
+        *at[2:-2] - 2,
+    )
     assert f"{at.size} of 4000 rows could not be read" in data.attrs["note"]
     forces[::50] = value * np.linspace(1.0, 2.0, forces[::50].size)
-    with pytest.raises(InputError, match=r"first line \d+: .* not far outside the rest"):
-        read_trace(written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)), step=0.01)
+    with pytest.raises(
+        InputError, match=r"first line \d+: .* not far outside the rest"
+    ):
+        read_trace(
+            written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)),
+            step=0.01,
+        )

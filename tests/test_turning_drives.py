@@ -1,8 +1,9 @@
 """Random rigs, from ringing to overdamped a thousandfold, under drives that turn round.
 
-Both solvers fly long stretches in one closed form; a slider that turns round within one must still break all that it
-reaches. What is asked here holds for every rig: no force beyond the thresholds, balances that close, and the same
-motion as a plain loop in small steps and as the other solver.
+Both solvers fly long stretches in one closed form; a slider that turns round within one
+must still break all that it reaches. What is asked here holds for every rig: no force
+beyond the thresholds, balances that close, and the same motion as a plain loop in small
+steps and as the other solver.
 """
 
 import math
@@ -23,16 +24,23 @@ from stickslip.kernels.oscillator import Slider
 BROAD = ss.Uniform(low=0.3, high=1.7)
 COARSE = ss.MasterEquation(rtol=2e-4)
 ONE_RUN = 10.0 * COARSE.rtol  # to which the master equation knows where the slider is
-QUICK, ALL = 8, 312
+QUICK = 8
+ALL = 312
 
 every_rig = pytest.mark.parametrize(
-    "seed", [pytest.param(seed, marks=pytest.mark.slow if seed >= QUICK else ()) for seed in range(ALL)]
+    "seed",
+    [
+        pytest.param(seed, marks=pytest.mark.slow if seed >= QUICK else ())
+        for seed in range(ALL)
+    ],
 )
 
 
 @dataclass(frozen=True)
 class Case:
-    """A slider, its damping ratio ``eta/(2 Omega)`` with all contacts attached, and its drive."""
+    """A slider, its damping ratio ``eta/(2 Omega)`` with all contacts attached, and
+    its drive.
+    """
 
     slider: ss.Slider
     ratio: float
@@ -45,13 +53,20 @@ class Case:
 
 
 def case_of(seed):
-    """A random rig whose drive turns round in each of one to three pieces, going far enough to break contacts."""
+    """A random rig whose drive turns round in each of one to three pieces, going far
+    enough to break contacts.
+    """
     rng = np.random.default_rng([seed, 2024])
     ratio, stiffness, omega = 10 ** rng.uniform([-2, math.log10(0.3), 0], [3, 1, 2])
-    slider = ss.Slider(stiffness=stiffness, mass=(stiffness + 1.0) / omega**2, damping=2.0 * ratio * omega)
+    slider = ss.Slider(
+        stiffness=stiffness,
+        mass=(stiffness + 1.0) / omega**2,
+        damping=2.0 * ratio * omega,
+    )
     pieces = []
     for _ in range(rng.integers(1, 4)):
-        # Long against the slowest relaxation, so that in most pieces all of it has decays.
+        # Long against the slowest relaxation, so that in most pieces all of it has
+        # decays.
         duration = 10 ** rng.uniform(1.5, 3.3) * max(ratio, 1.0) / omega
         farthest = rng.uniform(0.3, 3.0) * (stiffness + 1.0) / stiffness
         velocity = rng.choice([-1, 1]) * 4.0 * farthest / duration
@@ -68,27 +83,42 @@ def delay_of(seed, drive):
 def run_of(case, delay, method, samples=2000):
     interface = ss.Interface(thresholds=BROAD, delay=delay)
     output = ss.Output(interval=case.drive.duration / samples)
-    return ss.simulate(ss.Rig(interface, case.slider, case.drive), method=method, output=output)
+    return ss.simulate(
+        ss.Rig(interface, case.slider, case.drive), method=method, output=output
+    )
 
 
 def matrix_of(slider, held):
-    """Rates of position, velocity, the drive's position, velocity and acceleration, and the pull of contacts."""
+    """Rates of position, velocity, the drive's position, velocity and acceleration,
+    and the pull of contacts.
+    """
     matrix = np.zeros((6, 6))
     matrix[0, 1] = matrix[2, 3] = matrix[3, 4] = 1.0
-    matrix[1] = -(slider.stiffness + held), -slider.damping * slider.mass, slider.stiffness, 0.0, 0.0, 1.0
+    matrix[1] = (
+        -(slider.stiffness + held),
+        -slider.damping * slider.mass,
+        slider.stiffness,
+        0.0,
+        0.0,
+        1.0,
+    )
     matrix[1] /= slider.mass
     return matrix
 
 
 def plain(case, birth, threshold, newborn, delay, times):
-    """Position, force and number of attached contacts, in small steps, each contact looked at in each.
+    """Position, force and number of attached contacts, in small steps, each contact
+    looked at in each.
 
-    The slider's equation is linear while the contacts that hold are the same: a step is a matrix exponential. Where a
-    contact would be stretched beyond its threshold, or the slider turns close to it, the moment is found by bisection.
+    The slider's equation is linear while the contacts that hold are the same: a step is
+    a matrix exponential. Where a contact would be stretched beyond its threshold, or
+    the slider turns close to it, the moment is found by bisection.
     """
-    slider, N = case.slider, len(birth)
+    slider = case.slider
+    N = len(birth)
     birth, threshold = np.array(birth), np.array(threshold)
-    holds, back = np.ones(N, bool), np.full(N, math.inf)
+    holds = np.ones(N, bool)
+    back = np.full(N, math.inf)
     newborn = iter(newborn)
     known = {}
 
@@ -101,8 +131,11 @@ def plain(case, birth, threshold, newborn, delay, times):
         return holds & (np.abs(state[0] - birth) >= threshold - margin)
 
     def first(state, dt, happens):
-        """Time in (0, dt] at which something first happens, known to hold at its end."""
-        low, high = 0.0, dt
+        """Time in (0, dt] at which something first happens, known to hold at its
+        end.
+        """
+        low = 0.0
+        high = dt
         while high - low > 1e-14 * dt and low < 0.5 * (low + high) < high:
             middle = 0.5 * (low + high)
             low, high = (low, middle) if happens(go(state, middle)) else (middle, high)
@@ -113,15 +146,23 @@ def plain(case, birth, threshold, newborn, delay, times):
     t, n, state = 0.0, N, np.append(np.zeros(5), birth.sum() / N)
     ends = np.cumsum([piece.duration for piece in case.drive.pieces])
     for piece, end in zip(case.drive.pieces, ends, strict=True):
-        state[3], state[4] = piece.start, piece.acceleration
+        state[3] = piece.start
+        state[4] = piece.acceleration
         steps = piece.duration * case.omega / 0.2 if case.ratio < 3.0 else 0.0
         pace = piece.duration / max(steps, 2000.0)
         while t < end:
-            stop = min(end, back.min(), times[len(rows)] if len(rows) < len(times) else math.inf)
+            stop = min(
+                end,
+                back.min(),
+                times[len(rows)] if len(rows) < len(times) else math.inf,
+            )
             dt = pace if t + pace < stop else stop - t
             if dt > 0.0:
                 there = go(state, dt)
-                if state[1] * there[1] < 0.0 and broken(there, dt * (abs(state[1]) + abs(there[1]))).any():
+                if (
+                    state[1] * there[1] < 0.0
+                    and broken(there, dt * (abs(state[1]) + abs(there[1]))).any()
+                ):
                     # The farthest point lies within the step, and may be too far.
                     sign = np.sign(there[1])
                     dt = first(state, dt, lambda at, sign=sign: at[1] * sign >= 0.0)
@@ -130,19 +171,25 @@ def plain(case, birth, threshold, newborn, delay, times):
                 if broken(there).any():
                     dt = first(state, dt, lambda at: broken(at).any())
                     there = go(state, dt)
-                t, state = (stop if t + dt >= stop else t + dt), there
+                t = stop if t + dt >= stop else t + dt
+                state = there
                 for i in np.flatnonzero(broken(state)):
-                    holds[i], back[i] = False, t + delay
+                    holds[i] = False
+                    back[i] = t + delay
                     n, state[5] = n - 1, birth[holds].sum() / N
                 if len(known) > 200:
                     known.clear()
             if back.min() <= t:
                 for i in np.flatnonzero(back <= t):
-                    holds[i], back[i] = True, math.inf
-                    birth[i], threshold[i] = state[0], next(newborn)
+                    holds[i] = True
+                    back[i] = math.inf
+                    birth[i] = state[0]
+                    threshold[i] = next(newborn)
                     n, state[5] = n + 1, birth[holds].sum() / N
             while len(rows) < len(times) and times[len(rows)] <= t:
-                rows.append((state[0], np.sum(state[0] - birth[holds]) / N, holds.mean()))
+                rows.append(
+                    (state[0], np.sum(state[0] - birth[holds]) / N, holds.mean())
+                )
     return np.array(rows)
 
 
@@ -153,27 +200,35 @@ def test_contacts_move_as_in_a_plain_loop(seed):
     case = case_of(seed)
     rng = np.random.default_rng([seed, 7])
     N = int(rng.integers(1, 7))
-    birth, threshold = -rng.normal(0.0, 0.1, N), rng.uniform(0.4, 1.6, N)
+    birth = -rng.normal(0.0, 0.1, N)
+    threshold = rng.uniform(0.4, 1.6, N)
     newborn = rng.uniform(0.3, 1.7, 4000)
     delay = [math.inf, 0.03 * case.drive.pieces[0].duration, 0.0][seed % 3]
     times = case.drive.duration * np.linspace(0.0, 0.999, 200)
-    state = kernel.make_state(birth, threshold, np.zeros(0), threshold, 0.1, make_motion())
+    state = kernel.make_state(
+        birth, threshold, np.zeros(0), threshold, 0.1, make_motion()
+    )
     slider = Slider(case.slider.stiffness, case.slider.mass, case.slider.damping)
     samples = np.full((times.size, 8), np.nan)
-    sampling, draws = Sampling(times, samples), kernel.Draws(newborn, np.empty(0), delay)
-    begin, place = 0.0, 0.0
+    sampling = Sampling(times, samples)
+    draws = kernel.Draws(newborn, np.empty(0), delay)
+    begin = 0.0
+    place = 0.0
     for piece in case.drive.pieces:
         end = begin + piece.duration
         drive = Piece(Quadratic(begin, place, piece.start, piece.acceleration), end)
         assert kernel.advance(state, slider, drive, sampling, draws, 10**8) == FINISHED
-        begin, place = end, place + 0.5 * (piece.start + piece.end) * piece.duration
+        begin = end
+        place = place + 0.5 * (piece.start + piece.end) * piece.duration
     exact = plain(case, birth, threshold, newborn, delay, times)
     assert np.abs(samples[:, [0, 2, 3]] - exact).max() < 1e-6
 
 
 @every_rig
 @pytest.mark.parametrize(
-    ("method", "slack"), [(ss.Contacts(500, seed=3), 1e-9), (COARSE, ONE_RUN)], ids=["contacts", "master equation"]
+    ("method", "slack"),
+    [(ss.Contacts(500, seed=3), 1e-9), (COARSE, ONE_RUN)],
+    ids=["contacts", "master equation"],
 )
 @pytest.mark.eq(4, 11)
 def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slack):
@@ -187,8 +242,11 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
     assert np.all((attached >= 0.0) & (attached <= 1.0 + 1e-11))
     if delay.time == 0.0:
         assert attached == pytest.approx(1.0, abs=1e-11)
-    if delay.time == math.inf:  # between the ends of a step of the master equation each value has its error
-        assert np.all(np.diff(attached) <= (2.0 * COARSE.rtol if method is COARSE else 1e-12))
+    # between the ends of a step of the master equation each value has its error
+    if delay.time == math.inf:
+        assert np.all(
+            np.diff(attached) <= (2.0 * COARSE.rtol if method is COARSE else 1e-12)
+        )
 
 
 @pytest.mark.parametrize("damping", [10.0, 1e3, 1e4, 1e6])
@@ -202,16 +260,30 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
     ids=["contacts", "kinetic equation", "growing"],
 )
 @pytest.mark.eq(11)
-def test_ageing_contacts_hold_an_overdamped_slider_as_springs_do(damping, ageing, method):
-    """Far below all thresholds the contacts are springs, over times up to 5e5 of the fastest relaxation."""
+def test_ageing_contacts_hold_an_overdamped_slider_as_springs_do(
+    damping, ageing, method
+):
+    """Far below all thresholds the contacts are springs, over times up to 5e5 of the
+    fastest relaxation.
+    """
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.02), initial=ss.Gaussian(mean=0.0, std=1e-9), ageing=ageing
+        thresholds=ss.Gaussian(mean=1.0, std=0.02),
+        initial=ss.Gaussian(mean=0.0, std=1e-9),
+        ageing=ageing,
     )
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=damping)
     duration = max(1.0, 5e-5 * damping)
     drive = ss.ramp(1.2 / duration, -1.2 / duration, duration)
-    run = ss.simulate(ss.Rig(interface, slider, drive), method=method, output=ss.Output(interval=duration / 20))
-    start = np.array([0.0, 0.0, 0.0, drive.pieces[0].start, drive.pieces[0].acceleration, 0.0])
-    exact = [(expm(matrix_of(slider, 1.0) * t) @ start)[0] for t in run["time"].to_numpy()]
+    run = ss.simulate(
+        ss.Rig(interface, slider, drive),
+        method=method,
+        output=ss.Output(interval=duration / 20),
+    )
+    start = np.array(
+        [0.0, 0.0, 0.0, drive.pieces[0].start, drive.pieces[0].acceleration, 0.0]
+    )
+    exact = [
+        (expm(matrix_of(slider, 1.0) * t) @ start)[0] for t in run["time"].to_numpy()
+    ]
     for name in ("displacement", "friction_force"):
         assert run[name].to_numpy() == pytest.approx(exact, abs=1e-7)

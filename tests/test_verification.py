@@ -1,4 +1,6 @@
-"""The verification programme itself: what it does with studies that hold, fail or break, on cheap studies."""
+"""The verification programme itself: what it does with studies that hold, fail or
+break, on cheap studies.
+"""
 
 import json
 import sys
@@ -33,7 +35,9 @@ def verify(programme, monkeypatch, capsys):
 
 @pytest.mark.takes(4)  # a pool of processes
 def test_one_part_gives_a_report_for_machines_and_one_for_people(verify, tmp_path):
-    code, out, err = verify("gamma", "energy", "--workers", "1", "--report", str(tmp_path))
+    code, out, err = verify(
+        "gamma", "energy", "--workers", "1", "--report", str(tmp_path)
+    )
     assert code == 0, err
     assert "2 of 2 studies in the report came out as settled" in out
     report = json.loads((tmp_path / "report.json").read_text())
@@ -42,7 +46,10 @@ def test_one_part_gives_a_report_for_machines_and_one_for_people(verify, tmp_pat
     assert [study["study"] for study in report["studies"]] == ["gamma", "energy"]
     gamma = report["studies"][0]["findings"][0]
     assert gamma["ok"]
-    assert all(number["low"] is None or number["low"] <= number["value"] for number in gamma["measured"])
+    assert all(
+        number["low"] is None or number["low"] <= number["value"]
+        for number in gamma["measured"]
+    )
     page = (tmp_path / "report.html").read_text()
     assert "Every study came out as settled" in page
     assert gamma["statement"] in page
@@ -50,9 +57,13 @@ def test_one_part_gives_a_report_for_machines_and_one_for_people(verify, tmp_pat
 
 
 @pytest.mark.takes(4)  # two pools of processes
-def test_only_what_is_stale_runs_again_and_the_rest_of_the_report_stays(verify, tmp_path):
+def test_only_what_is_stale_runs_again_and_the_rest_of_the_report_stays(
+    verify, tmp_path
+):
     def again():
-        _, out, err = verify("gamma", "ratio", "--stale", "--workers", "1", "--report", str(tmp_path))
+        _, out, err = verify(
+            "gamma", "ratio", "--stale", "--workers", "1", "--report", str(tmp_path)
+        )
         assert "2 of 2 studies in the report came out as settled" in out, err
         return [line.split()[1] for line in out.splitlines() if line.startswith("ok ")]
 
@@ -61,13 +72,18 @@ def test_only_what_is_stale_runs_again_and_the_rest_of_the_report_stays(verify, 
     report["studies"][0]["sources"] = "others"
     (tmp_path / "report.json").write_text(json.dumps(report))
     assert again() == ["gamma"]
-    assert json.loads((tmp_path / "report.json").read_text())["studies"][1] == report["studies"][1]
+    assert (
+        json.loads((tmp_path / "report.json").read_text())["studies"][1]
+        == report["studies"][1]
+    )
 
 
 def test_studies_are_listed_and_a_misspelt_one_is_named(verify):
     code, out, _ = verify("--list")
     assert code == 0
-    assert {"fig4", "uniform", "linear", "cohorts-order"} <= {line.split()[0] for line in out.splitlines()}
+    assert {"fig4", "uniform", "linear", "cohorts-order"} <= {
+        line.split()[0] for line in out.splitlines()
+    }
     code, _, err = verify("fig99")
     assert code == 2
     assert err.startswith("verification: fig99: no such study; there are fig1, ")
@@ -75,21 +91,34 @@ def test_studies_are_listed_and_a_misspelt_one_is_named(verify):
 
 
 def held(value):
-    return lambda: (weighed(None, "small", at_most("size", value, 1.0), printed=True, evidence="none"),)
+    return lambda: (
+        weighed(
+            None, "small", at_most("size", value, 1.0), printed=True, evidence="none"
+        ),
+    )
 
 
-def test_a_number_out_of_its_band_and_a_study_that_raises_are_findings(programme, monkeypatch, tmp_path):
+def test_a_number_out_of_its_band_and_a_study_that_raises_are_findings(
+    programme, monkeypatch, tmp_path
+):
     def broken():
         raise RuntimeError("no convergence")
 
-    for name, run in {"good": held(0.5), "bad": held(2.0), "broken": broken, "empty": lambda: ()}.items():
+    for name, run in {
+        "good": held(0.5),
+        "bad": held(2.0),
+        "broken": broken,
+        "empty": lambda: (),
+    }.items():
         study = programme.Study(name=name, group="Mine", title=name, run=run)
         monkeypatch.setitem(programme.STUDIES, name, study)
     names = ("good", "bad", "broken", "empty")
     outcomes = [programme.programme.run_one(name) for name in names]
     assert [outcome.ok for outcome in outcomes] == [True, False, False, False]
     assert "no convergence" in outcomes[2].failure
-    report, page = programme.report.save({o.study: o.plain() for o in outcomes}, tmp_path / "deep" / "folder")
+    report, page = programme.report.save(
+        {o.study: o.plain() for o in outcomes}, tmp_path / "deep" / "folder"
+    )
     assert not json.loads(report.read_text())["ok"]
     text = page.read_text()
     assert "Some studies did not come out as settled" in text

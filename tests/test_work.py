@@ -1,4 +1,6 @@
-"""Work is estimated before it starts: what would take hours is refused in one line, unless it is asked for."""
+"""Work is estimated before it starts: what would take hours is refused in one line,
+unless it is asked for.
+"""
 
 import math
 import re
@@ -18,14 +20,22 @@ from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import follow
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
-AGEING = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1e5))
+AGEING = ss.Interface(
+    thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1e5)
+)
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
-RIG = ss.Rig(INTERFACE, SLIDER, ss.constant(1.0, duration=10.0), method=ss.Contacts(100, seed=1))
+RIG = ss.Rig(
+    INTERFACE, SLIDER, ss.constant(1.0, duration=10.0), method=ss.Contacts(100, seed=1)
+)
 GROWTH = ss.LogarithmicGrowth(slope=0.05, time=0.01)
 TOO_MUCH = {
     "slider.mass": RIG.replace(mass=1e-28),
-    "simulation.contacts": RIG.replace(method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1000.0)),
-    "simulation.rtol": RIG.replace(method=ss.MasterEquation(rtol=1e-9), drive=ss.constant(1.0, duration=1e6)),
+    "simulation.contacts": RIG.replace(
+        method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1000.0)
+    ),
+    "simulation.rtol": RIG.replace(
+        method=ss.MasterEquation(rtol=1e-9), drive=ss.constant(1.0, duration=1e6)
+    ),
     "interface.ageing.time": RIG.replace(interface=AGEING),
     "simulation.interval": RIG.replace(output=ss.Output(interval=1e-12)),
 }
@@ -40,7 +50,9 @@ def test_a_run_that_would_take_hours_names_the_number_that_makes_it_so(key):
         ss.simulate(rig)
     assert len(str(caught.value)) <= LONGEST_MESSAGE
     assert max(estimate(rig).parts, key=lambda part: part.seconds).key == key
-    shorter = ss.constant(1.0, duration=rig.drive.duration * 0.99 * 3600.0 / estimate(rig).seconds)
+    shorter = ss.constant(
+        1.0, duration=rig.drive.duration * 0.99 * 3600.0 / estimate(rig).seconds
+    )
     estimate(rig.replace(drive=shorter)).check(bytes=1e99)
 
 
@@ -57,23 +69,41 @@ def test_a_long_run_can_be_asked_for(monkeypatch):
 
 
 def test_only_what_happens_in_a_run_is_counted():
-    """Pieces that end on travel, a kick that rings on, sliders that stick and ring in place, contacts that wait."""
+    """Pieces that end on travel, a kick that rings on, sliders that stick and ring
+    in place, contacts that wait.
+    """
 
     def seconds(**changes):
         return estimate(RIG.replace(**changes)).seconds
 
-    long, waiting = ss.constant(1.0, duration=1e3), replace(INTERFACE, delay=ss.Delay(9.0))
+    long = ss.constant(1.0, duration=1e3)
+    waiting = replace(INTERFACE, delay=ss.Delay(9.0))
     assert seconds(drive=long.until(ss.model.Travel(2.0))) < seconds(drive=long)
-    assert seconds(start=ss.FromSliding(), drive=ss.constant(1.0, 1e-3)) > 2 * seconds(drive=ss.constant(1.0, 1e-3))
-    with pytest.raises(ss.InputError, match="breaks of 1e\\+02 contacts would take about"):
+    assert seconds(start=ss.FromSliding(), drive=ss.constant(1.0, 1e-3)) > 2 * seconds(
+        drive=ss.constant(1.0, 1e-3)
+    )
+    with pytest.raises(
+        ss.InputError, match="breaks of 1e\\+02 contacts would take about"
+    ):
         ss.simulate(RIG.replace(start=ss.FromSliding(perturbation=1e25)))
     with pytest.raises(ss.InputError, match=r"simulation\.contacts = 1e\+08: .* GB"):
-        ss.simulate(RIG.replace(method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1e-3)))
+        ss.simulate(
+            RIG.replace(
+                method=ss.Contacts(100_000_000), drive=ss.constant(1.0, duration=1e-3)
+            )
+        )
     assert seconds(slider=replace(SLIDER, stiffness=0.1, damping=0.5)) < 3 * seconds()
-    parts = {part.key: part.what for part in estimate(RIG.replace(interface=waiting)).parts}
+    parts = {
+        part.key: part.what for part in estimate(RIG.replace(interface=waiting)).parts
+    }
     assert parts["simulation.contacts"] == "about 1e+02 breaks of 1e+02 contacts"
-    for duration, turns in ((0.1, "10"), (20.0, "1.5e+02")):  # no more than there are, once it has rung
-        most = estimate(RIG.replace(stiffness=0.1, drive=ss.constant(1.0, duration))).parts[0].what
+    # no more than there are, once it has rung
+    for duration, turns in ((0.1, "10"), (20.0, "1.5e+02")):
+        most = (
+            estimate(RIG.replace(stiffness=0.1, drive=ss.constant(1.0, duration)))
+            .parts[0]
+            .what
+        )
         assert most == f"{turns} rad of the slider's oscillation"
 
 
@@ -86,18 +116,31 @@ def test_only_what_happens_in_a_run_is_counted():
             0.0,
             1e1 / (math.exp(10) / 1e6 + 0.02),
         ),
-        # sliding so slowly that heat breaks it where a break is due: a logarithm before the threshold
-        ({"temperature": ss.Bell(width=0.02, attempts=1e4)}, 1.0, 1e1 / (1.0 - 0.02 * math.log(200.0))),
-        # growing more slowly than it is stretched: it holds little longer than a newborn
+        # sliding so slowly that heat breaks it where a break is due: a logarithm before
+        # the threshold
+        (
+            {"temperature": ss.Bell(width=0.02, attempts=1e4)},
+            1.0,
+            1e1 / (1.0 - 0.02 * math.log(200.0)),
+        ),
+        # growing more slowly than it is stretched: it holds little longer than a
+        # newborn
         ({"ageing": ss.ExponentialGrowth(rate=0.1, newborn=0.01)}, 1.0, 1e3),
         ({"delay": ss.OnArrest()}, 1.0, 1e1),
     ],
 )
 def test_breaks_are_counted_as_theory_has_them(interface, velocity, expected):
-    """Thresholds alike; within the factor of two that an inequality of renewal theory leaves."""
+    """Thresholds alike; within the factor of two that an inequality of renewal
+    theory leaves.
+    """
     thresholds = ss.Gaussian(mean=1.0, std=1e-3)
-    rig = RIG.replace(interface=ss.Interface(thresholds=thresholds, **interface), drive=ss.constant(velocity, 10.0))
-    (part,) = (part for part in estimate(rig).parts if part.key == "simulation.contacts")
+    rig = RIG.replace(
+        interface=ss.Interface(thresholds=thresholds, **interface),
+        drive=ss.constant(velocity, 10.0),
+    )
+    (part,) = (
+        part for part in estimate(rig).parts if part.key == "simulation.contacts"
+    )
     breaks = float(part.what.split()[1]) / 100
     assert expected / 2 < breaks < 2 * expected
 
@@ -105,7 +148,9 @@ def test_breaks_are_counted_as_theory_has_them(interface, velocity, expected):
 @pytest.mark.takes(8)
 @pytest.mark.parametrize("name", rig_files.example_names())
 def test_the_estimate_holds_for_the_examples(name):
-    """Within a factor 3 of what runs take on a quiet machine; a busy one, or another, may differ by as much again."""
+    """Within a factor 3 of what runs take on a quiet machine; a busy one, or
+    another, may differ by as much again.
+    """
     rig = ss.example(name)
     ss.simulate(ss.example("brake_pad"))  # compiled
     took = math.inf
@@ -113,13 +158,23 @@ def test_the_estimate_holds_for_the_examples(name):
         begun = time.process_time()
         ss.simulate(rig)
         took = min(took, time.process_time() - begun)
-    # The slips of one are so fast that contacts hardly attach in them: the estimate is a bound.
-    assert took / 6 - 0.02 < estimate(rig).seconds < (math.inf if name == "pmma_slider" else 6 * (took + 0.02))
+    # The slips of one are so fast that contacts hardly attach in them: the estimate is
+    # a bound.
+    assert (
+        took / 6 - 0.02
+        < estimate(rig).seconds
+        < (math.inf if name == "pmma_slider" else 6 * (took + 0.02))
+    )
 
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("mass", "1e-20 kg"), ("distance", "1000 km"), ("velocity", "1e-15 m/s"), ("stiffness", "1e25 N/m")],
+    [
+        ("mass", "1e-20 kg"),
+        ("distance", "1000 km"),
+        ("velocity", "1e-15 m/s"),
+        ("stiffness", "1e25 N/m"),
+    ],
 )
 def test_the_command_line_refuses_in_one_line(tmp_path, capsys, key, value):
     rig = rig_files.example_file("pmma_slider").read_text()
@@ -135,14 +190,23 @@ def test_the_command_line_refuses_in_one_line(tmp_path, capsys, key, value):
 
 
 @pytest.mark.parametrize(("least", "lines"), [(60.0, 0), (1e-9, 1)])
-def test_a_run_of_more_than_a_minute_is_announced_in_one_line(tmp_path, monkeypatch, caplog, least, lines):
+def test_a_run_of_more_than_a_minute_is_announced_in_one_line(
+    tmp_path, monkeypatch, caplog, least, lines
+):
     place = tmp_path / "rig.toml"
-    place.write_text(rig_files.to_toml(RIG.replace(drive=ss.constant(1.0, duration=0.1))))
+    place.write_text(
+        rig_files.to_toml(RIG.replace(drive=ss.constant(1.0, duration=0.1)))
+    )
     monkeypatch.setattr("stickslip.simulation.work.ANNOUNCED", least)
     assert cli.main(["simulate", str(place)]) == 0
-    worst = max(estimate(rig_files.read_rig(place)).parts, key=lambda part: part.seconds)
+    worst = max(
+        estimate(rig_files.read_rig(place)).parts, key=lambda part: part.seconds
+    )
     assert len(caplog.messages) == lines
-    assert all(re.fullmatch(rf"rig: about .* on one core: {re.escape(worst.what)}", said) for said in caplog.messages)
+    assert all(
+        re.fullmatch(rf"rig: about .* on one core: {re.escape(worst.what)}", said)
+        for said in caplog.messages
+    )
 
 
 def test_a_long_run_in_a_pipe_says_how_far_it_is(monkeypatch, capsys):
@@ -157,24 +221,32 @@ def test_a_long_run_in_a_pipe_says_how_far_it_is(monkeypatch, capsys):
 
 @pytest.mark.parametrize("method", [ss.Contacts(20), ss.MasterEquation()])
 def test_stiff_dashpots_ask_for_short_steps(method):
-    """In proportion to the viscosity, once they do so more than the springs; a mistaken unit is refused."""
+    """In proportion to the viscosity, once they do so more than the springs; a
+    mistaken unit is refused.
+    """
     body = ss.Chain(blocks=8, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0)
     rig = ss.Rig(INTERFACE, body, ss.constant(1.0, duration=1.0), method=method)
 
     def work(viscosity):
         return estimate(replace(rig, slider=replace(body, viscosity=viscosity)))
 
-    none, much, more = work(0.0), work(1e3), work(1e5)
+    none = work(0.0)
+    much = work(1e3)
+    more = work(1e5)
     assert work(1e-9).seconds == none.seconds
     steps = [each.parts[0].seconds for each in (none, much, more)]
     assert steps[2] == pytest.approx(100 * steps[1])
     assert steps[1] > 1000 * steps[0]
-    with pytest.raises(ss.InputError, match=r"^slider.viscosity = 1e\+09 .* steps of blocks would .*; give at most"):
+    with pytest.raises(
+        ss.InputError,
+        match=r"^slider.viscosity = 1e\+09 .* steps of blocks would .*; give at most",
+    ):
         work(1e9).check()
 
 
 def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
-    """At a temperature nothing looser than 6.4e-3 is cheaper; steps and cohorts go as 1/width, and as 1/sqrt(rtol).
+    """At a temperature nothing looser than 6.4e-3 is cheaper; steps and cohorts go as
+    1/width, and as 1/sqrt(rtol).
 
     Where a clock says what is left, the width does not matter.
     """
@@ -182,12 +254,24 @@ def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
     def work(width, rtol=1e-4, temperature=None):
         temperature = temperature or ss.model.Parabolic(temperature=width, attempts=1e3)
         interface = replace(INTERFACE, temperature=temperature, ageing=GROWTH)
-        return estimate(RIG.replace(interface=interface, method=ss.MasterEquation(rtol=rtol)))
+        return estimate(
+            RIG.replace(interface=interface, method=ss.MasterEquation(rtol=rtol))
+        )
 
-    assert work(1e-3).seconds > 100 * work(1e-3, temperature=ss.Bell(width=1e-3, attempts=1e3)).seconds
+    assert (
+        work(1e-3).seconds
+        > 100 * work(1e-3, temperature=ss.Bell(width=1e-3, attempts=1e3)).seconds
+    )
     assert work(1e-3, rtol=1e-2).seconds == work(1e-3, rtol=6.5e-3).seconds
-    assert 50 < work(1e-3, rtol=1e-6).seconds / work(1e-3).seconds < 100  # steps of ringing are not finer
-    with pytest.raises(ss.InputError, match=r"^interface\.temperature = 1e-05: .*; use Contacts\(\.\.\.\), or give at"):
+    # steps of ringing are not finer
+    assert 50 < work(1e-3, rtol=1e-6).seconds / work(1e-3).seconds < 100
+    with pytest.raises(
+        ss.InputError,
+        match=(
+            r"^interface\.temperature = 1e-05: .*; use Contacts\(\.\.\.\), or give "
+            r"at"
+        ),
+    ):
         work(1e-5).check()
 
 
@@ -197,20 +281,39 @@ ON_PANELS = {
     "slides": {"slider": ss.Slider(stiffness=20.0, mass=1e-4, damping=1000.0)},
     "rings": {"slider": ss.Slider(stiffness=2.0, mass=1e-5, damping=42.4)},
     "on arrest": {"interface": replace(INTERFACE, delay=ss.OnArrest())},
-    "newborns": {"interface": replace(INTERFACE, newborn=ss.Uniform(low=-0.1, high=0.3))},
+    "newborns": {
+        "interface": replace(INTERFACE, newborn=ss.Uniform(low=-0.1, high=0.3))
+    },
     "growth": {"interface": replace(INTERFACE, ageing=GROWTH)},
-    "heat": {"interface": replace(INTERFACE, temperature=BELL), "drive": ss.ramp(0.5, 1.5, 20.0)},
-    "counted": {"method": ss.Population(1_000_000, rtol=1e-3), "drive": ss.ramp(0.5, 1.5, 40.0)},
+    "heat": {
+        "interface": replace(INTERFACE, temperature=BELL),
+        "drive": ss.ramp(0.5, 1.5, 20.0),
+    },
+    "counted": {
+        "method": ss.Population(1_000_000, rtol=1e-3),
+        "drive": ss.ramp(0.5, 1.5, 40.0),
+    },
 }
 
 
 @pytest.mark.parametrize("name", ON_PANELS)
 def test_a_run_takes_as_many_steps_as_were_said(name):
-    """Whether it slips or slides smoothly, which only a run tells: the first part of it that was tried."""
-    tried = RIG.replace(method=ss.MasterEquation(rtol=1e-5), drive=ss.constant(1.0, 40.0)).replace(**ON_PANELS[name])
-    (said,) = (part.what for part in estimate(tried).parts if part.key == "simulation.rtol")
+    """Whether it slips or slides smoothly, which only a run tells: the first part of
+    it that was tried.
+    """
+    tried = RIG.replace(
+        method=ss.MasterEquation(rtol=1e-5), drive=ss.constant(1.0, 40.0)
+    ).replace(**ON_PANELS[name])
+    (said,) = (
+        part.what for part in estimate(tried).parts if part.key == "simulation.rtol"
+    )
     beginning = Beginning(tried.interface, tried.slider, tried.velocity, tried.start)
     engine = engine_of(tried.interface, tried.method)(beginning, tried.method)
-    follow(engine, tried.drive, beginning.drive_position(engine.contact_force()), np.zeros(1))
+    follow(
+        engine,
+        tried.drive,
+        beginning.drive_position(engine.contact_force()),
+        np.zeros(1),
+    )
     steps = float(re.fullmatch(r"about (.*) steps of cohorts", said)[1])
     assert steps / 2 < engine.state.used.steps < 2 * steps

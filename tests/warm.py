@@ -1,7 +1,8 @@
-"""Compile the kernels, once, before workers share the tests: `make test` begins with it, beside the checks of style.
+"""Compile the kernels, once, before workers share the tests: `make test` begins with
+it, beside the checks of style.
 
-What the laws hold for, they compile: every engine with every mechanism that it takes. The cases of test_plain.py go
-through the rest.
+What the laws hold for, they compile: every engine with every mechanism that it takes.
+The cases of test_plain.py go through the rest.
 """
 
 from stickslip.kernels import _jit

@@ -1,4 +1,5 @@
-"""Turn the record of `make bench` into tables of ratios, and put them into pages; 1 if a promise is broken.
+"""Turn the record of `make bench` into tables of ratios, and put them into pages; 1 if
+a promise is broken.
 
 Usage: python tools/bench_table.py BENCHMARK.json [PAGE.md ...]
 """
@@ -16,53 +17,80 @@ NOT_MET = "**not met**"
 
 
 def tables(record: dict[str, Any]) -> dict[str, str]:
-    """Return the table of fast paths beside the plain loops of their groups, and that of what runs cost, by name.
+    """Return the table of fast paths beside the plain loops of their groups, and that
+    of what runs cost, by name.
 
-    A benchmark says its `role`: "plain", what the others of its group are beside; "fast", at least so many times as
-    quick; "cost", at most so many times as long.
+    A benchmark says its `role`: "plain", what the others of its group are beside;
+    "fast", at least so many times as quick; "cost", at most so many times as long.
     """
-    plain = {item["group"]: item for item in record["benchmarks"] if item["extra_info"].get("role") == "plain"}
+    plain = {
+        item["group"]: item
+        for item in record["benchmarks"]
+        if item["extra_info"].get("role") == "plain"
+    }
     beside = {"fast": "plain loop", "cost": "beside"}
     lines = {
-        role: [f"| what | {name} | time | ratio | promised |", "|---|---|---|---|---|"] for role, name in beside.items()
+        role: [f"| what | {name} | time | ratio | promised |", "|---|---|---|---|---|"]
+        for role, name in beside.items()
     }
     for item in record["benchmarks"]:
         info = item["extra_info"]
         if (role := info.get("role")) not in lines:
             continue
-        reference, here = _least(plain[item["group"]]), _least(item)
-        ratio, bound = (reference / here, "at least") if role == "fast" else (here / reference, "at most")
-        kept = ratio >= info["promised"] if role == "fast" else ratio <= info["promised"]
+        reference = _least(plain[item["group"]])
+        here = _least(item)
+        ratio, bound = (
+            (reference / here, "at least")
+            if role == "fast"
+            else (here / reference, "at most")
+        )
+        kept = (
+            ratio >= info["promised"] if role == "fast" else ratio <= info["promised"]
+        )
         lines[role].append(
-            f"| {item['group']}: {info['what']} | {seconds(reference)} | {seconds(here)} | {ratio:.3g} "
+            f"| {item['group']}: {info['what']} | {seconds(reference)} | "
+            f"{seconds(here)} | {ratio:.3g} "
             f"| {bound} {info['promised']}{'' if kept else ', ' + NOT_MET} |"
         )
     when = datetime.fromisoformat(record["datetime"]).astimezone(UTC).date()
     cpu = record["machine_info"]["cpu"].get("brand_raw", "unknown processor")
-    made = f"Minimum of each, in one run on {when}; {cpu}, Python {record['machine_info']['python_version']}."
-    return {role: "\n".join([*rows, "", made]) for role, rows in lines.items() if rows[2:]}
+    made = (
+        f"Minimum of each, in one run on {when}; {cpu}, Python "
+        f"{record['machine_info']['python_version']}."
+    )
+    return {
+        role: "\n".join([*rows, "", made]) for role, rows in lines.items() if rows[2:]
+    }
 
 
 def _least(item: dict[str, Any]) -> float:
     info = item["extra_info"]
-    return float((item["stats"]["min"] - info.get("start", 0.0)) * info.get("scale", 1.0))
+    return float(
+        (item["stats"]["min"] - info.get("start", 0.0)) * info.get("scale", 1.0)
+    )
 
 
 def seconds(value: float) -> str:
     """Return a time in words, with three digits."""
-    unit, name = next((pair for pair in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")) if value >= pair[0]), (1e-9, "ns"))
+    unit, name = next(
+        (pair for pair in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")) if value >= pair[0]),
+        (1e-9, "ns"),
+    )
     return f"{value / unit:.3g} {name}"
 
 
 def insert(text: str, role: str, found: str) -> str:
     """Return a page with a table between its two marks."""
-    begin, end = f"<!-- {role}:begin -->", f"<!-- {role}:end -->"
+    begin = f"<!-- {role}:begin -->"
+    end = f"<!-- {role}:end -->"
     pattern = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
     return pattern.sub(lambda _: f"{begin}\n{found}\n{end}", text)
 
 
 def main(arguments: list[str]) -> int:
-    """Print the tables; write them into the pages named, where these have marks for them."""
+    """Print the tables; write them into the pages named, where these have marks for
+    them.
+    """
     if not arguments:
         print(__doc__, file=sys.stderr)
         return 2

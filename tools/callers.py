@@ -1,7 +1,9 @@
-"""Which definitions of a package use which others, by name: what a change to one of them can reach.
+"""Which definitions of a package use which others, by name: what a change to one of
+them can reach.
 
-A name is followed through ``from package.module import name`` and ``from package import module``, at the top of a
-module or inside a function; who hands a whole module on may use all of it. Methods are not followed.
+A name is followed through ``from package.module import name`` and
+``from package import module``, at the top of a module or inside a function; who hands a
+whole module on may use all of it. Methods are not followed.
 """
 
 from __future__ import annotations
@@ -28,19 +30,32 @@ class Callers:
         self._lines: dict[Name, set[tuple[Path, int]]] = defaultdict(set)
         self._spans: dict[Path, list[tuple[int, int, Name]]] = {}
         modules = {
-            ".".join((package.name, *file.relative_to(package).with_suffix("").parts)).removesuffix(".__init__"): file
+            ".".join(
+                (package.name, *file.relative_to(package).with_suffix("").parts)
+            ).removesuffix(".__init__"): file
             for file in package.rglob("*.py")
         }
         for module, file in modules.items():
             tree = ast.parse(file.read_text(encoding="utf-8"))
-            here = {name: (module, name) for node in tree.body for name in _defined(node)}
-            package_of = module if file.name == "__init__.py" else module.rpartition(".")[0]
+            here = {
+                name: (module, name) for node in tree.body for name in _defined(node)
+            }
+            package_of = (
+                module if file.name == "__init__.py" else module.rpartition(".")[0]
+            )
             known = here | _imported(tree.body, package_of, set(modules))
             self._spans[file] = []
             for node in tree.body:
                 names = _defined(node)
-                first = min([node.lineno, *(each.lineno for each in getattr(node, "decorator_list", []))])
-                self._spans[file] += [(first, node.end_lineno or first, (module, name)) for name in names]
+                first = min(
+                    [
+                        node.lineno,
+                        *(each.lineno for each in getattr(node, "decorator_list", [])),
+                    ]
+                )
+                self._spans[file] += [
+                    (first, node.end_lineno or first, (module, name)) for name in names
+                ]
                 for used, line in _used(node, known, package_of, set(modules)):
                     self._lines[used].add((file, line))
                     for name in names:
@@ -48,13 +63,20 @@ class Callers:
                             self._users[used].add((module, name))
 
     def at(self, file: Path, line: int) -> set[Name]:
-        """Return the definition at a line of a module; all of the module if the line stands outside of each."""
-        found = {name for first, last, name in self._spans[file] if first <= line <= last}
+        """Return the definition at a line of a module; all of the module if the line
+        stands outside of each.
+        """
+        found = {
+            name for first, last, name in self._spans[file] if first <= line <= last
+        }
         return found or {name for _, _, name in self._spans[file]}
 
     def reached(self, changed: set[Name]) -> set[Name]:
-        """Return what uses one of these definitions, itself or through others, and these definitions."""
-        found, open_ = set(changed), list(changed)
+        """Return what uses one of these definitions, itself or through others, and
+        these definitions.
+        """
+        found = set(changed)
+        open_ = list(changed)
         while open_:
             module, name = open_.pop()
             more = (self._users[module, name] | self._users[module, ""]) - found
@@ -64,18 +86,37 @@ class Callers:
 
     def lines(self, names: set[Name]) -> set[tuple[Path, int]]:
         """Return the lines at which one of these definitions is used."""
-        return {place for module, name in names for place in self._lines[module, name] | self._lines[module, ""]}
+        return {
+            place
+            for module, name in names
+            for place in self._lines[module, name] | self._lines[module, ""]
+        }
 
 
 def _defined(node: ast.stmt) -> list[str]:
     if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
         return [node.name]
-    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
-    return [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
+    targets = (
+        node.targets
+        if isinstance(node, ast.Assign)
+        else [node.target]
+        if isinstance(node, ast.AnnAssign)
+        else []
+    )
+    return [
+        name.id
+        for target in targets
+        for name in ast.walk(target)
+        if isinstance(name, ast.Name)
+    ]
 
 
-def _imported(nodes: list[ast.stmt], package: str, modules: set[str]) -> dict[str, Name]:
-    """Return what the imports among these statements call what; a whole module has an empty name."""
+def _imported(
+    nodes: list[ast.stmt], package: str, modules: set[str]
+) -> dict[str, Name]:
+    """Return what the imports among these statements call what; a whole module has
+    an empty name.
+    """
     found: dict[str, Name] = {}
     for node in nodes:
         if isinstance(node, ast.If):  # ``if TYPE_CHECKING``
@@ -85,16 +126,22 @@ def _imported(nodes: list[ast.stmt], package: str, modules: set[str]) -> dict[st
             module = ".".join(filter(None, (above, node.module)))
             for alias in node.names:
                 whole = f"{module}.{alias.name}"
-                found[alias.asname or alias.name] = (whole, "") if whole in modules else (module, alias.name)
+                found[alias.asname or alias.name] = (
+                    (whole, "") if whole in modules else (module, alias.name)
+                )
     return found
 
 
-def _used(node: ast.AST, known: dict[str, Name], package: str, modules: set[str]) -> list[tuple[Name, int]]:
+def _used(
+    node: ast.AST, known: dict[str, Name], package: str, modules: set[str]
+) -> list[tuple[Name, int]]:
     """Return the definitions used in a statement, each with the line."""
     found: list[tuple[Name, int]] = []
     if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
         known = known | _imported(
-            [each for each in ast.walk(node) if isinstance(each, ast.ImportFrom)], package, modules
+            [each for each in ast.walk(node) if isinstance(each, ast.ImportFrom)],
+            package,
+            modules,
         )
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
         module, name = known.get(node.value.id, ("", ""))

@@ -1,7 +1,9 @@
-"""See to a browser for the tests that need one: `python tools/chromium.py`, called by `make browser`.
+"""See to a browser for the tests that need one: `python tools/chromium.py`, called by
+`make browser`.
 
-A chromium of the system comes first, then the one that playwright downloads, then Debian's package where this user may
-install it. Without any, the tests that need one are skipped, and the last line of the run says so.
+A chromium of the system comes first, then the one that playwright downloads, then
+Debian's package where this user may install it. Without any, the tests that need one
+are skipped, and the last line of the run says so.
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ import sys
 
 
 def find() -> str | None:
-    """Return the path of a chromium: the one that ``CHROMIUM`` names, the system's, or playwright's own."""
+    """Return the path of a chromium: the one that ``CHROMIUM`` names, the system's,
+    or playwright's own.
+    """
     named = os.environ.get("CHROMIUM")
     if named:
         return named
@@ -35,19 +39,36 @@ def install() -> None:
     if shutil.which("apt-get") and os.geteuid() == 0:
         commands += [
             ["apt-get", "update", "-qq"],
-            ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "chromium", "fonts-dejavu-core"],
+            [
+                "apt-get",
+                "install",
+                "-y",
+                "-qq",
+                "--no-install-recommends",
+                "chromium",
+                "fonts-dejavu-core",
+            ],
         ]
     environment = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
     for command in commands:
         if find() is not None:
             return
         try:
-            subprocess.run(command, env=environment, capture_output=True, stdin=subprocess.DEVNULL, timeout=600)
+            subprocess.run(
+                command,
+                env=environment,
+                capture_output=True,
+                stdin=subprocess.DEVNULL,
+                timeout=600,
+            )
         except (OSError, subprocess.TimeoutExpired):
             continue
 
 
 if __name__ == "__main__":
     if find() is None:
-        print("No browser here yet: trying to install chromium for the tests of the explorer")
+        print(
+            "No browser here yet: trying to install chromium for the tests of the "
+            "explorer"
+        )
         install()

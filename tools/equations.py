@@ -1,8 +1,10 @@
-"""Every equation of the paper that the code cites has a test, and every tested equation is cited.
+"""Every equation of the paper that the code cites has a test, and every tested equation
+is cited.
 
-A citation is ``Eq. (8)``, ``Eqs. (1)-(4)`` or ``Eqs. (1), (3) and (8)`` anywhere in ``src/**/*.py``;
-a test in ``tests/`` or ``verification/`` says ``@pytest.mark.eq(8)``, alone or as part of ``pytestmark``.
-One line for each equation that has only one of the two, and exit status 1.
+A citation is ``Eq. (8)``, ``Eqs. (1)-(4)`` or ``Eqs. (1), (3) and (8)`` anywhere in
+``src/**/*.py``; a test in ``tests/`` or ``verification/`` says ``@pytest.mark.eq(8)``,
+alone or as part of ``pytestmark``. One line for each equation that has only one of the
+two, and exit status 1.
 
     python tools/equations.py [ROOT]
 """
@@ -16,17 +18,22 @@ from pathlib import Path
 
 LAST = 18  # of the paper
 
-# Between the words of a citation: blanks, line ends, and the comment sign where it runs over two lines.
+# Between the words of a citation: blanks, line ends, and the comment sign where it runs
+# over two lines.
 _GAP = r"[\s#]*"
 _HEAD = re.compile(rf"\b(?:Eqs?\.|Equations?\b)(?={_GAP}\(?{_GAP}\d)", re.IGNORECASE)
 _NUMBER = re.compile(rf"{_GAP}\({_GAP}(\d+){_GAP}\)")
 _RANGE = re.compile(rf"{_GAP}(?:-|\u2013|to\b){_GAP}(?=\()")
-_AND = re.compile(rf"{_GAP}(?:,{_GAP}and\b|,|and\b|or\b|&){_GAP}(?=\({_GAP}\d+{_GAP}\))")
+_AND = re.compile(
+    rf"{_GAP}(?:,{_GAP}and\b|,|and\b|or\b|&){_GAP}(?=\({_GAP}\d+{_GAP}\))"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mention:
-    """An equation named at a place; ``number`` is None where the place cannot be read."""
+    """An equation named at a place; ``number`` is None where the place cannot be
+    read.
+    """
 
     number: int | None
     path: str
@@ -49,14 +56,18 @@ def citations(text: str, path: str) -> Iterator[Mention]:
 
 
 def _listed_numbers(text: str, position: int) -> list[int]:
-    """Numbers of the list ``(a), (b)-(c) and (d)`` that starts at a position; empty where none does."""
+    """Numbers of the list ``(a), (b)-(c) and (d)`` that starts at a position; empty
+    where none does.
+    """
     numbers: list[int] = []
     in_range = False
     while found := _NUMBER.match(text, position):
         number = int(found[1])
         numbers.extend(range(numbers[-1] + 1, number + 1) if in_range else [number])
         position = found.end()
-        joint = (in_range_joint := _RANGE.match(text, position)) or _AND.match(text, position)
+        joint = (in_range_joint := _RANGE.match(text, position)) or _AND.match(
+            text, position
+        )
         if joint is None:
             break
         in_range = in_range_joint is not None
@@ -67,7 +78,9 @@ def _listed_numbers(text: str, position: int) -> list[int]:
 def marks(text: str, path: str) -> Iterator[Mention]:
     """Equations named by ``pytest.mark.eq(...)`` in a test file."""
     nodes = list(ast.walk(ast.parse(text, filename=path)))
-    calls = [node for node in nodes if isinstance(node, ast.Call) and _is_eq_mark(node.func)]
+    calls = [
+        node for node in nodes if isinstance(node, ast.Call) and _is_eq_mark(node.func)
+    ]
     for call in calls:
         if not call.args:
             yield Mention(number=None, path=path, line=call.lineno)
@@ -98,7 +111,11 @@ def _integer(node: ast.expr) -> int | None:
 
 def cited_in(root: Path) -> list[Mention]:
     """Citations of all sources below ``root/src``."""
-    return [mention for path, text in _python_files(root, "src") for mention in citations(text, path)]
+    return [
+        mention
+        for path, text in _python_files(root, "src")
+        for mention in citations(text, path)
+    ]
 
 
 def tested_in(root: Path) -> list[Mention]:
@@ -117,24 +134,41 @@ def _python_files(root: Path, folder: str) -> Iterator[tuple[str, str]]:
 
 
 def complaints(cited: Sequence[Mention], tested: Sequence[Mention]) -> list[str]:
-    """One line for each equation that breaks the rule, and for each mention that cannot be read."""
+    """One line for each equation that breaks the rule, and for each mention that
+    cannot be read.
+    """
     lines = []
     for mention in cited:
         if mention.number is None:
-            lines.append(f"{mention.place}: cannot read this citation; write Eq. (8) or Eqs. (1)-(4)")
+            lines.append(
+                f"{mention.place}: cannot read this citation; write Eq. (8) or Eqs. "
+                "(1)-(4)"
+            )
     for mention in tested:
         if mention.number is None:
-            lines.append(f"{mention.place}: pytest.mark.eq takes equation numbers, such as eq(8) or eq(1, 2)")
+            lines.append(
+                f"{mention.place}: pytest.mark.eq takes equation numbers, such as "
+                "eq(8) or eq(1, 2)"
+            )
     first_citation = _first_of_each(cited)
     first_mark = _first_of_each(tested)
     for number in sorted(first_citation.keys() | first_mark.keys()):
         mention = first_citation.get(number) or first_mark[number]
         if not 1 <= number <= LAST:
-            lines.append(f"Eq. ({number}): named in {mention.place}, but the paper's last is ({LAST})")
+            lines.append(
+                f"Eq. ({number}): named in {mention.place}, but the paper's last is "
+                f"({LAST})"
+            )
         elif number not in first_mark:
-            lines.append(f"Eq. ({number}): cited in {mention.place}, but no test is marked eq({number})")
+            lines.append(
+                f"Eq. ({number}): cited in {mention.place}, but no test is marked "
+                f"eq({number})"
+            )
         elif number not in first_citation:
-            lines.append(f"Eq. ({number}): tested in {mention.place}, but nothing in src cites it")
+            lines.append(
+                f"Eq. ({number}): tested in {mention.place}, but nothing in src cites "
+                "it"
+            )
     return lines
 
 
@@ -147,9 +181,12 @@ def _first_of_each(mentions: Sequence[Mention]) -> dict[int, Mention]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Check the tree at the given root (default: where this project lies) and return the exit status."""
+    """Check the tree at the given root (default: where this project lies) and return
+    the exit status.
+    """
     root = Path(arguments[0]) if arguments else Path(__file__).resolve().parents[1]
-    cited, tested = cited_in(root), tested_in(root)
+    cited = cited_in(root)
+    tested = tested_in(root)
     lines = complaints(cited, tested)
     for line in lines:
         print(line)

@@ -1,6 +1,8 @@
-"""Run the property tests of tests/test_fuzz.py with ever other examples: `python tools/fuzz.py MINUTES [SEED]`.
+"""Run the property tests of tests/test_fuzz.py with ever other examples:
+`python tools/fuzz.py MINUTES [SEED]`.
 
-Each round has a seed of its own, which is printed; the same seed tries the same examples again.
+Each round has a seed of its own, which is printed; the same seed tries the same
+examples again.
 """
 
 from __future__ import annotations
@@ -21,10 +23,24 @@ def main(minutes: float, seed: int) -> int:
     end = time.monotonic() + 60.0 * minutes
     while time.monotonic() < end:
         print(f"seed {seed}", flush=True)
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "not slow", "-p", "no:cacheprovider"]
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-x",
+            "-m",
+            "not slow",
+            "-p",
+            "no:cacheprovider",
+        ]
         command += ["tests/test_fuzz.py", f"--hypothesis-seed={seed}"]
         try:
-            done = subprocess.run(command, env={**os.environ, "FUZZ_EXAMPLES": str(EXAMPLES)}, timeout=LONGEST)
+            done = subprocess.run(
+                command,
+                env={**os.environ, "FUZZ_EXAMPLES": str(EXAMPLES)},
+                timeout=LONGEST,
+            )
         except subprocess.TimeoutExpired:
             print(f"seed {seed}: hangs")
             return 1
@@ -36,4 +52,9 @@ def main(minutes: float, seed: int) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(float(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else int(time.time())))
+    sys.exit(
+        main(
+            float(sys.argv[1]),
+            int(sys.argv[2]) if len(sys.argv) > 2 else int(time.time()),
+        )
+    )

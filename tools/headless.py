@@ -1,4 +1,6 @@
-"""A server of the explorer and a headless browser: for its tests, its benchmark and the pictures in the docs."""
+"""A server of the explorer and a headless browser: for its tests, its benchmark and
+the pictures in the docs.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,10 @@ if TYPE_CHECKING:
 _PLAYWRIGHT = find_spec("playwright") is not None
 CHROMIUM = chromium.find() if _PLAYWRIGHT else None
 WHY_NOT = (
-    "no chromium on this machine; on Debian: apt-get install chromium (or name one with CHROMIUM=/path)"
+    (
+        "no chromium on this machine; on Debian: apt-get install chromium (or name one "
+        "with CHROMIUM=/path)"
+    )
     if _PLAYWRIGHT
     else "playwright is not installed"
 )
@@ -39,10 +44,13 @@ FLAGS = (
     "--disable-dev-shm-usage",
 )
 PATIENCE = 120_000
-"""Milliseconds that a page is waited for: on a slow machine that does other work besides, kernels compile in them."""
+"""Milliseconds that a page is waited for: on a slow machine that does other work
+besides, kernels compile in them.
+"""
 _START = "import sys; from stickslip.cli import main; sys.exit(main(sys.argv[1:]))"
 
-# Sets an input as a person does, and waits until the trace is on the screen: the page's own clock, in ms.
+# Sets an input as a person does, and waits until the trace is on the screen: the page's
+# own clock, in ms.
 MOVE = """
 ([selector, value]) => new Promise((resolve, reject) => {
   const input = document.querySelector(selector);
@@ -61,7 +69,7 @@ MOVE = """
   input.dispatchEvent(new Event("change", { bubbles: true }));
   asked = Number(document.body.dataset.asked);
 })
-"""
+"""  # noqa: E501
 
 
 @dataclass(frozen=True)
@@ -89,7 +97,9 @@ class Server:
         parents = {}
         for status in Path("/proc").glob("[0-9]*/stat"):
             with suppress(OSError):
-                parents[int(status.parent.name)] = int(status.read_text().rpartition(")")[2].split()[1])
+                parents[int(status.parent.name)] = int(
+                    status.read_text().rpartition(")")[2].split()[1]
+                )
         found = [self.process.pid]
         for pid in found:
             found += [child for child, parent in parents.items() if parent == pid]
@@ -101,15 +111,30 @@ class Server:
         for pid in self.processes():
             with suppress(OSError):
                 rollup = Path(f"/proc/{pid}/smaps_rollup").read_text()
-                total += next(float(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:"))
+                total += next(
+                    float(line.split()[1])
+                    for line in rollup.splitlines()
+                    if line.startswith("Pss:")
+                )
         return total / 1024
 
 
 @contextmanager
 def server(*arguments: str) -> Iterator[Server]:
     """Start the explorer as a user does, on any free port."""
-    command = [sys.executable, "-c", _START, "explore", "--no-browser", "--port", "0", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    command = [
+        sys.executable,
+        "-c",
+        _START,
+        "explore",
+        "--no-browser",
+        "--port",
+        "0",
+        *arguments,
+    ]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
         assert process.stdout is not None
         said: list[str] = []
         try:
@@ -118,9 +143,15 @@ def server(*arguments: str) -> Iterator[Server]:
                 if process.poll() is not None:
                     raise RuntimeError("the server did not start: " + "".join(said))
             said.clear()
-            reader = threading.Thread(target=lambda: said.extend(process.stdout or ()), daemon=True)
+            reader = threading.Thread(
+                target=lambda: said.extend(process.stdout or ()), daemon=True
+            )
             reader.start()
-            yield Server(next(word for word in line.split() if word.startswith("http://")), process, said)
+            yield Server(
+                next(word for word in line.split() if word.startswith("http://")),
+                process,
+                said,
+            )
         finally:
             process.send_signal(signal.SIGINT)
             try:
@@ -138,7 +169,8 @@ class Session:
     """One window without a browser."""
 
     def __init__(self, websocket: Any) -> None:
-        self.websocket, self.count = websocket, 0
+        self.websocket = websocket
+        self.count = 0
         assert json.loads(websocket.recv(timeout=60))["kind"] == "hello"
 
     def send(self, message: str | bytes) -> dict[str, Any]:
@@ -152,7 +184,9 @@ class Session:
     def ask(self, kind: str, document: dict[str, Any], **more: Any) -> dict[str, Any]:
         """Ask a question about a rig; return the last answer to it."""
         self.count += 1
-        return self.send(json.dumps({"kind": kind, "id": self.count, "document": document, **more}))
+        return self.send(
+            json.dumps({"kind": kind, "id": self.count, "document": document, **more})
+        )
 
 
 @contextmanager
@@ -161,7 +195,11 @@ def session(server: Server) -> Iterator[Session]:
     from websockets.sync.client import connect
 
     host = f"{server.host}{server.path}"
-    options: dict[str, Any] = {"origin": f"http://{server.host}", "max_size": None, "open_timeout": 30}
+    options: dict[str, Any] = {
+        "origin": f"http://{server.host}",
+        "max_size": None,
+        "open_timeout": 30,
+    }
     # A test that does not read answers no pings either.
     with connect(f"ws://{host}session", ping_interval=None, **options) as websocket:
         yield Session(websocket)
@@ -179,19 +217,42 @@ def browser() -> Iterator[Browser]:
 
 
 @contextmanager
-def window(browser: Browser, server: Server, fragment: str = "", **options: Any) -> Iterator[Page]:
-    """Open the app in a window of its own; it must ask no other host for anything and log no error."""
+def window(
+    browser: Browser, server: Server, fragment: str = "", **options: Any
+) -> Iterator[Page]:
+    """Open the app in a window of its own; it must ask no other host for anything
+    and log no error.
+    """
     context = browser.new_context(
-        **{"viewport": {"width": 1280, "height": 800}, "color_scheme": "light", "reduced_motion": "reduce"} | options
+        **{
+            "viewport": {"width": 1280, "height": 800},
+            "color_scheme": "light",
+            "reduced_motion": "reduce",
+        }
+        | options
     )
     page = context.new_page()
     page.set_default_timeout(PATIENCE)
     faults: list[str] = []
-    page.on("console", lambda message: faults.append(message.text) if message.type in ("error", "warning") else None)
+    page.on(
+        "console",
+        lambda message: (
+            faults.append(message.text)
+            if message.type in ("error", "warning")
+            else None
+        ),
+    )
     page.on("pageerror", lambda error: faults.append(str(error)))
 
     def check(url: str) -> None:
-        if not url.startswith((server.url, server.url.replace("http", "ws", 1), "data:", f"blob:{server.url}")):
+        if not url.startswith(
+            (
+                server.url,
+                server.url.replace("http", "ws", 1),
+                "data:",
+                f"blob:{server.url}",
+            )
+        ):
             faults.append(f"asked for {url}")
 
     page.on("request", lambda request: check(request.url))

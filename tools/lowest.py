@@ -1,8 +1,10 @@
 """Print the lowest versions that pyproject.toml allows, as a constraints file for pip.
 
-    python tools/lowest.py > lowest.txt && pip install -c lowest.txt -e '.[sweep,explorer,traces]'
+    python tools/lowest.py > lowest.txt && pip install -c lowest.txt -e
+    '.[sweep,explorer,traces]'
 
-A bound is a promise; an environment of lowest versions, in which the tests run, keeps it (`make lowest`).
+A bound is a promise; an environment of lowest versions, in which the tests run, keeps
+it (`make lowest`).
 """
 
 from __future__ import annotations
@@ -20,21 +22,30 @@ EXTRAS = ("sweep", "explorer", "traces")
 """What users install; tools of development may be new."""
 
 
-def requirements(project: dict[str, Any], extras: Iterable[str] = EXTRAS) -> Iterator[Requirement]:
+def requirements(
+    project: dict[str, Any], extras: Iterable[str] = EXTRAS
+) -> Iterator[Requirement]:
     """Yield what the project needs, and what its extras need on top."""
     optional = project["optional-dependencies"]
-    for text in [*project["dependencies"], *(text for extra in extras for text in optional[extra])]:
+    for text in [
+        *project["dependencies"],
+        *(text for extra in extras for text in optional[extra]),
+    ]:
         yield Requirement(text)
 
 
 def lowest(requirement: Requirement) -> str:
     """Return a requirement pinned to the lowest version that it allows."""
-    bounds = [bound.version for bound in requirement.specifier if bound.operator == ">="]
+    bounds = [
+        bound.version for bound in requirement.specifier if bound.operator == ">="
+    ]
     if len(bounds) != 1:
         sys.exit(f"{requirement}: must have one lower bound, as in name>=1.2")
     return f"{requirement.name}=={bounds[0]}"
 
 
 if __name__ == "__main__":
-    for needed in requirements(tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]):
+    for needed in requirements(
+        tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
+    ):
         print(lowest(needed))

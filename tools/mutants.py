@@ -1,11 +1,14 @@
-"""Turn one operator or comparison at a time and see whether the tests notice: `python tools/mutants.py [COUNT [SEED]]`.
+"""Turn one operator or comparison at a time and see whether the tests notice:
+`python tools/mutants.py [COUNT [SEED]]`.
 
-Each mutant is a copy of the package with one change, tried against the quick tests of its room. A mutant that lives
-names its place; either a test is missing, or the change makes no difference (an equivalent mutant).
+Each mutant is a copy of the package with one change, tried against the quick tests of
+its room. A mutant that lives names its place; either a test is missing, or the change
+makes no difference (an equivalent mutant).
 
-Once `--learn` has noted which tests run through which lines, a mutant meets those of all rooms. A kernel has no lines
-to note: there it meets the tests that run through a line which names a caller of the kernel, and of what is compiled
-only these callers are compiled anew. What runs before any test stays with its room.
+Once `--learn` has noted which tests run through which lines, a mutant meets those of
+all rooms. A kernel has no lines to note: there it meets the tests that run through a
+line which names a caller of the kernel, and of what is compiled only these callers are
+compiled anew. What runs before any test stays with its room.
 
     python tools/mutants.py --learn       note them, in .mutants
     python tools/mutants.py 20 7          twenty mutants drawn with seed 7
@@ -39,13 +42,19 @@ from coverage import CoverageData
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "stickslip"
 WORKSHOP = ROOT / ".mutants"
-"""The copies, what is compiled of them, and what was learnt: always in one place, for compiled code knows its own."""
+"""The copies, what is compiled of them, and what was learnt: always in one place,
+for compiled code knows its own.
+"""
 LEARNT = WORKSHOP / "learnt.json"
-"""Of tests that pass: `seconds`, by name; `lines`, by module and line, the places in `seconds` of those that run it."""
+"""Of tests that pass: `seconds`, by name; `lines`, by module and line, the places in
+`seconds` of those that run it.
+"""
 ENOUGH = 240
 """Seconds of tests that a mutant meets, the quickest first."""
 STUCK = 150
-"""Seconds without a test that ends, most of them to compile in, after which a mutant hangs: it is caught."""
+"""Seconds without a test that ends, most of them to compile in, after which a mutant
+hangs: it is caught.
+"""
 
 TESTS = {
     "advise": "test_advise",
@@ -114,7 +123,9 @@ TESTS = {
     "sweep": "test_sweep test_sweep_plan",
     "theory.py": "test_theory",
 }
-"""Modules, packages and beginnings of names in them, and the tests of their rooms; the longest that fits counts."""
+"""Modules, packages and beginnings of names in them, and the tests of their rooms;
+the longest that fits counts.
+"""
 
 ALL_ROOMS = "test_kept test_told"
 """Tests that belong to no room."""
@@ -134,13 +145,15 @@ SIGNS = {
     ast.And: "and or",
     ast.Or: "or and",
 }
-"""Operators: as they are written, and what they are turned to; a comparison to its opposite, for few numbers meet an
-edge."""
+"""Operators: as they are written, and what they are turned to; a comparison to its
+opposite, for few numbers meet an edge.
+"""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: what stands from `begin` to `end` in its module becomes `sign`, at each of these places.
+    """One change: what stands from `begin` to `end` in its module becomes `sign`, at
+    each of these places.
 
     `line` is where it stands, `statement` the lines of all that runs with it.
     """
@@ -159,22 +172,34 @@ class Mutant:
 
     @property
     def source(self) -> str:
-        """The module with the change; as long as before if it can be, for numba compares lengths."""
+        """The module with the change; as long as before if it can be, for numba
+        compares lengths.
+        """
         text = self.file.read_bytes()
         for begin, end in reversed(self.places):
             text = text[:begin] + self.sign.encode().ljust(end - begin) + text[end:]
-        return text.decode().removesuffix("\n" if len(text) > self.file.stat().st_size else "")
+        return text.decode().removesuffix(
+            "\n" if len(text) > self.file.stat().st_size else ""
+        )
 
 
 def tests_of(file: Path) -> list[str]:
-    """Return the tests of the room that a module belongs to; none if it has none here."""
+    """Return the tests of the room that a module belongs to; none if it has none
+    here.
+    """
     name = file.relative_to(PACKAGE).as_posix()
     fits = [
         room
         for room in TESTS
-        if name == room or name.startswith((f"{room}/", f"{room}_")) or ("/" in room and name.startswith(room))
+        if name == room
+        or name.startswith((f"{room}/", f"{room}_"))
+        or ("/" in room and name.startswith(room))
     ]
-    return [f"tests/{test}.py" for test in TESTS[max(fits, key=len)].split()] if fits else []
+    return (
+        [f"tests/{test}.py" for test in TESTS[max(fits, key=len)].split()]
+        if fits
+        else []
+    )
 
 
 def mutants(file: Path) -> Iterator[Mutant]:
@@ -189,7 +214,10 @@ def mutants(file: Path) -> Iterator[Mutant]:
                 skipped.update(map(id, ast.walk(inner)))
         if isinstance(node, ast.stmt):
             body = getattr(node, "body", None)
-            lines = range(node.lineno, body[0].lineno if body else (node.end_lineno or node.lineno) + 1)
+            lines = range(
+                node.lineno,
+                body[0].lineno if body else (node.end_lineno or node.lineno) + 1,
+            )
             statement.update((id(each), lines) for each in ast.walk(node))
         if id(node) in skipped:
             continue
@@ -199,17 +227,29 @@ def mutants(file: Path) -> Iterator[Mutant]:
             equal = "=" if isinstance(node, ast.AugAssign) else ""
             sign, other = (sign + equal for sign in SIGNS[type(operator)].split())
             gaps = [
-                (starts[left.end_lineno - 1] + left.end_col_offset, starts[right.lineno - 1] + right.col_offset)
+                (
+                    starts[left.end_lineno - 1] + left.end_col_offset,
+                    starts[right.lineno - 1] + right.col_offset,
+                )
                 for left, right in sides
             ]
             line = sides[0][0].lineno
             words = source[starts[line - 1] :].split(b"\n", 1)[0].decode().strip()[:90]
             places = tuple(_find(sign, source, *gap) for gap in gaps)
-            yield Mutant(file, line, statement[id(node)], places, other, f"{sign} to {other} in: {words}")
+            yield Mutant(
+                file,
+                line,
+                statement[id(node)],
+                places,
+                other,
+                f"{sign} to {other} in: {words}",
+            )
 
 
 def _operations(node: Any) -> list[tuple[ast.AST, list[tuple[Any, Any]]]]:
-    """Return the operators of a node, each with what stands on its left and right wherever it is written."""
+    """Return the operators of a node, each with what stands on its left and right
+    wherever it is written.
+    """
     if isinstance(node, ast.BinOp):
         return [(node.op, [(node.left, node.right)])]
     if isinstance(node, ast.AugAssign):
@@ -217,32 +257,64 @@ def _operations(node: Any) -> list[tuple[ast.AST, list[tuple[Any, Any]]]]:
     if isinstance(node, ast.BoolOp):
         return [(node.op, list(pairwise(node.values)))]
     if isinstance(node, ast.Compare):
-        return [(op, [pair]) for op, pair in zip(node.ops, pairwise([node.left, *node.comparators]), strict=True)]
+        return [
+            (op, [pair])
+            for op, pair in zip(
+                node.ops, pairwise([node.left, *node.comparators]), strict=True
+            )
+        ]
     return []
 
 
 def _find(sign: str, source: bytes, begin: int, end: int) -> tuple[int, int]:
-    """Return where an operator stands between two ends: not in a comment, nor in what closes or opens there."""
+    """Return where an operator stands between two ends: not in a comment, nor in
+    what closes or opens there.
+    """
     at = next(
         match.start(1)
-        for match in re.finditer(rb"#[^\n]*|(%s)" % re.escape(sign.encode()), source[begin:end])
+        for match in re.finditer(
+            rb"#[^\n]*|(%s)" % re.escape(sign.encode()), source[begin:end]
+        )
         if match.group(1)
     )
     return begin + at, begin + at + len(sign)
 
 
 def learn() -> None:
-    """Run the quick tests of all rooms, and note which of those that pass run through which lines."""
-    rooms = sorted({f"tests/{test}.py" for tests in (ALL_ROOMS, *TESTS.values()) for test in tests.split()})
+    """Run the quick tests of all rooms, and note which of those that pass run
+    through which lines.
+    """
+    rooms = sorted(
+        {
+            f"tests/{test}.py"
+            for tests in (ALL_ROOMS, *TESTS.values())
+            for test in tests.split()
+        }
+    )
     traced = WORKSHOP / "coverage"
-    asked = ["-n", str(os.cpu_count()), "--dist", "loadfile", "--cov", "--cov-context=test", "--cov-report="]
+    asked = [
+        "-n",
+        str(os.cpu_count()),
+        "--dist",
+        "loadfile",
+        "--cov",
+        "--cov-context=test",
+        "--cov-report=",
+    ]
     asked += ["-rfE", "-vv", "--durations=0", "--durations-min=0"]  # the quickest, too
     _, told = _run([*asked, *rooms], None, {"COVERAGE_FILE": str(traced)})
     seconds: dict[str, float] = defaultdict(float)
-    for took, test in re.findall(r"^([\d.]+)s (?:setup|call) +(.+)$", told, re.MULTILINE):
+    for took, test in re.findall(
+        r"^([\d.]+)s (?:setup|call) +(.+)$", told, re.MULTILINE
+    ):
         seconds[test] += float(took)
-    wrong = re.findall(r"^(?:FAILED|ERROR) (.+)$", told, re.MULTILINE)  # a name may hold spaces; what is wrong follows
-    failed = {test for test in seconds if any(f"{line} - ".startswith(f"{test} - ") for line in wrong)}
+    # a name may hold spaces; what is wrong follows
+    wrong = re.findall(r"^(?:FAILED|ERROR) (.+)$", told, re.MULTILINE)
+    failed = {
+        test
+        for test in seconds
+        if any(f"{line} - ".startswith(f"{test} - ") for line in wrong)
+    }
     data = CoverageData(basename=str(traced))
     data.read()
     tests = sorted(seconds.keys() - failed)  # those, too, that call kernels alone
@@ -250,17 +322,32 @@ def learn() -> None:
     found: dict[str, dict[int, list[int]]] = {}
     for name in data.measured_files():
         met = data.contexts_by_lineno(name).items()
-        each = {line: {number.get(context.partition("|")[0], -1) for context in through} for line, through in met}
-        found[name.rpartition("/stickslip/")[2]] = {line: sorted(places - {-1}) for line, places in each.items()}
-    known = {"seconds": {test: round(seconds[test], 3) for test in tests}, "lines": found}
+        each = {
+            line: {number.get(context.partition("|")[0], -1) for context in through}
+            for line, through in met
+        }
+        found[name.rpartition("/stickslip/")[2]] = {
+            line: sorted(places - {-1}) for line, places in each.items()
+        }
+    known = {
+        "seconds": {test: round(seconds[test], 3) for test in tests},
+        "lines": found,
+    }
     LEARNT.write_text(json.dumps(known), encoding="utf-8")
-    print(f"{LEARNT.name}: {len(found)} modules; {len(failed)} tests fail without any mutant and are left out")
+    print(
+        f"{LEARNT.name}: {len(found)} modules; {len(failed)} tests fail without any "
+        "mutant and are left out"
+    )
 
 
 @cache
 def learnt() -> dict[str, Any]:
     """Return what was learnt, if it was."""
-    return json.loads(LEARNT.read_text(encoding="utf-8")) if LEARNT.exists() else {"lines": {}, "seconds": {}}
+    return (
+        json.loads(LEARNT.read_text(encoding="utf-8"))
+        if LEARNT.exists()
+        else {"lines": {}, "seconds": {}}
+    )
 
 
 @cache
@@ -270,7 +357,9 @@ def callers() -> Callers:
 
 
 def compiled_of(mutant: Mutant) -> set[tuple[str, str]]:
-    """Return the kernels whose machine code holds the change; none if it is in no kernel."""
+    """Return the kernels whose machine code holds the change; none if it is in no
+    kernel.
+    """
     if not mutant.name.startswith("kernels/"):
         return set()
     reached = callers().reached(callers().at(mutant.file, mutant.line))
@@ -282,15 +371,26 @@ def tests_for(mutant: Mutant) -> list[str]:
     room = tuple(tests_of(mutant.file))
     places = {(mutant.name, line) for line in mutant.statement}
     if kernels := compiled_of(mutant):
-        places = {(file.relative_to(PACKAGE).as_posix(), line) for file, line in callers().lines(kernels)}
-    seconds, lines = learnt()["seconds"], learnt()["lines"]
+        places = {
+            (file.relative_to(PACKAGE).as_posix(), line)
+            for file, line in callers().lines(kernels)
+        }
+    seconds = learnt()["seconds"]
+    lines = learnt()["lines"]
     names = list(seconds)
-    found = {names[test] for file, line in places for test in lines.get(file, {}).get(str(line), [])}
-    if kernels or not found:  # its own tests call kernels without a line of the package between
+    found = {
+        names[test]
+        for file, line in places
+        for test in lines.get(file, {}).get(str(line), [])
+    }
+    # its own tests call kernels without a line of the package between
+    if kernels or not found:
         found |= {test for test in names if test.startswith(room)}
     order = sorted(found, key=lambda test: (not test.startswith(room), seconds[test]))
     total = accumulate(seconds[test] for test in order)
-    return [test for test, so_far in zip(order, total, strict=True) if so_far < ENOUGH] or list(room)
+    return [
+        test for test, so_far in zip(order, total, strict=True) if so_far < ENOUGH
+    ] or list(room)
 
 
 def is_caught(mutant: Mutant) -> bool:
@@ -317,26 +417,59 @@ def _fails(mutant: Mutant | None, tests: list[str]) -> bool:
     return code != 0
 
 
-def _run(asked: list[str], mutant: Mutant | None, more: dict[str, str] | None = None) -> tuple[int, str]:
-    """Run quick tests on a copy of the package, with a change; how it ends, and what it says."""
+def _run(
+    asked: list[str], mutant: Mutant | None, more: dict[str, str] | None = None
+) -> tuple[int, str]:
+    """Run quick tests on a copy of the package, with a change; how it ends, and what
+    it says.
+    """
     copy = WORKSHOP / "src" / "stickslip"
     shutil.rmtree(copy, ignore_errors=True)
-    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("static", "__pycache__"))
-    places = {"PYTHONPATH": str(copy.parent), "NUMBA_CACHE_DIR": str(WORKSHOP / "compiled")}
-    environment = {**os.environ, **places, "PYTHONDONTWRITEBYTECODE": "1", **(more or {})}
+    shutil.copytree(
+        PACKAGE, copy, ignore=shutil.ignore_patterns("static", "__pycache__")
+    )
+    places = {
+        "PYTHONPATH": str(copy.parent),
+        "NUMBA_CACHE_DIR": str(WORKSHOP / "compiled"),
+    }
+    environment = {
+        **os.environ,
+        **places,
+        "PYTHONDONTWRITEBYTECODE": "1",
+        **(more or {}),
+    }
     if mutant is not None:
         before = _compiled(environment)
         changed = copy / mutant.name
         changed.write_text(mutant.source, encoding="utf-8")
         shutil.copystat(mutant.file, changed)
         if kernels := compiled_of(mutant):
-            stale = [f"{module.rpartition('.')[2]}.{name}-*" for module, name in kernels]
-            shutil.copytree(before, _compiled(environment), ignore=shutil.ignore_patterns(*stale), dirs_exist_ok=True)
-    command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", "-p", "no:cacheprovider", *asked]
+            stale = [
+                f"{module.rpartition('.')[2]}.{name}-*" for module, name in kernels
+            ]
+            shutil.copytree(
+                before,
+                _compiled(environment),
+                ignore=shutil.ignore_patterns(*stale),
+                dirs_exist_ok=True,
+            )
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-m",
+        "not slow",
+        "-p",
+        "no:cacheprovider",
+        *asked,
+    ]
     report = WORKSHOP / "report"
     with (
         report.open("w") as told,
-        subprocess.Popen(command, cwd=ROOT, env=environment, stdout=told, stderr=told) as run,
+        subprocess.Popen(
+            command, cwd=ROOT, env=environment, stdout=told, stderr=told
+        ) as run,
     ):
         while run.poll() is None:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -348,28 +481,52 @@ def _run(asked: list[str], mutant: Mutant | None, more: dict[str, str] | None = 
 
 def _compiled(environment: dict[str, str]) -> str:
     """Return the folder of what is compiled of the copy as it is now."""
-    asked = [sys.executable, "-c", "from stickslip.kernels import _jit; print(_jit._PLACE)"]
-    return subprocess.run(asked, env=environment, check=True, capture_output=True, text=True).stdout.strip()
+    asked = [
+        sys.executable,
+        "-c",
+        "from stickslip.kernels import _jit; print(_jit._PLACE)",
+    ]
+    return subprocess.run(
+        asked, env=environment, check=True, capture_output=True, text=True
+    ).stdout.strip()
 
 
 def main() -> int:
     """Try a sample; return 1 if a mutant lives."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("count", nargs="?", type=int, default=20)
     parser.add_argument("seed", nargs="?", type=int, default=1)
-    parser.add_argument("--at", metavar="FILE:LINE", action="append", help="every mutant of this line instead")
-    parser.add_argument("--room", action="append", help="only modules whose path in the package begins like this")
-    parser.add_argument("--learn", action="store_true", help="note which tests run through which lines")
+    parser.add_argument(
+        "--at",
+        metavar="FILE:LINE",
+        action="append",
+        help="every mutant of this line instead",
+    )
+    parser.add_argument(
+        "--room",
+        action="append",
+        help="only modules whose path in the package begins like this",
+    )
+    parser.add_argument(
+        "--learn", action="store_true", help="note which tests run through which lines"
+    )
     asked = parser.parse_args()
     if asked.learn:
         learn()
         return 0
     rooms = tuple(asked.room or [""])
     files = [file for file in sorted(PACKAGE.rglob("*.py")) if tests_of(file)]
-    files = [file for file in files if file.relative_to(PACKAGE).as_posix().startswith(rooms)]
+    files = [
+        file for file in files if file.relative_to(PACKAGE).as_posix().startswith(rooms)
+    ]
     sample = [mutant for file in files for mutant in mutants(file)]
     if asked.at:
-        places = {(ROOT / place.rpartition(":")[0], int(place.rpartition(":")[2])) for place in asked.at}
+        places = {
+            (ROOT / place.rpartition(":")[0], int(place.rpartition(":")[2]))
+            for place in asked.at
+        }
         sample = [mutant for mutant in sample if (mutant.file, mutant.line) in places]
     else:
         sample = random.Random(asked.seed).sample(sample, min(asked.count, len(sample)))

@@ -1,4 +1,6 @@
-"""Draw the pictures that are kept in git, those of the browser aside: `python tools/pictures.py docs/images`."""
+"""Draw the pictures that are kept in git, those of the browser aside:
+`python tools/pictures.py docs/images`.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,10 @@ from stickslip.io.rig_files import example_file
 def draw(folder: Path) -> None:
     """Run the commands that the pages name."""
     with tempfile.TemporaryDirectory() as place:
-        rig, slow, fast, store = (Path(place) / name for name in ("rig.toml", "slow.nc", "fast.nc", "phase.sqlite"))
+        rig, slow, fast, store = (
+            Path(place) / name
+            for name in ("rig.toml", "slow.nc", "fast.nc", "phase.sqlite")
+        )
         text = example_file("precision_stage").read_text()
         for speed, file in (("1 mm/s", fast), ("0.5 mm/s", slow)):
             rig.write_text(text.replace('velocity = "1 mm/s"', f'velocity = "{speed}"'))

@@ -1,12 +1,22 @@
-"""The verification programme: the paper's claims, closed forms, solver against solver, and orders of convergence.
+"""The verification programme: the paper's claims, closed forms, solver against solver,
+and orders of convergence.
 
-Each study is a function that measures and returns claims with bands; `python -m verification` runs them all, or those
-named, and writes one report. Bands come from theory or from the settled numbers, never from what came out.
+Each study is a function that measures and returns claims with bands;
+`python -m verification` runs them all, or those named, and writes one report. Bands
+come from theory or from the settled numbers, never from what came out.
 """
 
 from __future__ import annotations
 
-from verification import advice, closed_forms, convergence, figures, fits, noise, solvers
+from verification import (
+    advice,
+    closed_forms,
+    convergence,
+    figures,
+    fits,
+    noise,
+    solvers,
+)
 from verification.study import Study
 
 STUDIES: dict[str, Study] = {

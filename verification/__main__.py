@@ -15,22 +15,37 @@ from verification import STUDIES
 from verification.programme import run_all
 from verification.report import Outcome, read, save, stale
 
-app = App(name="verification", help="The verification programme, with one report.", result_action="return_value")
+app = App(
+    name="verification",
+    help="The verification programme, with one report.",
+    result_action="return_value",
+)
 
 
 @app.default
 def run(
     *names: str,
-    report: Annotated[Path, Parameter(help="Folder for report.json and report.html.")] = Path(),
+    report: Annotated[
+        Path, Parameter(help="Folder for report.json and report.html.")
+    ] = Path(),
     workers: Annotated[int, Parameter(help="Studies at a time.")] = 2,
     only_stale: Annotated[
-        bool, Parameter(name="--stale", help="Leave out what the report tells of these sources already.", negative="")
+        bool,
+        Parameter(
+            name="--stale",
+            help="Leave out what the report tells of these sources already.",
+            negative="",
+        ),
     ] = False,
-    listing: Annotated[bool, Parameter(name="--list", help="List the studies and stop.", negative="")] = False,
+    listing: Annotated[
+        bool, Parameter(name="--list", help="List the studies and stop.", negative="")
+    ] = False,
 ) -> int:
-    """Run all studies, or those named; the exit code is 1 if one does not come out as settled.
+    """Run all studies, or those named; the exit code is 1 if one does not come out as
+    settled.
 
-    Each is written into the report as it ends, in place of what stood there of it; the others stay.
+    Each is written into the report as it ends, in place of what stood there of it; the
+    others stay.
 
     Parameters
     ----------
@@ -62,7 +77,11 @@ def run(
             print(f"\n{outcome.study}: could not be finished\n{outcome.failure}")
     bad = [name for name, study in told.items() if not study["ok"]]
     print(
-        f"\n{len(told) - len(bad)} of {len(told)} studies in the report came out as settled"
+        (
+            f"\n{len(told) - len(bad)} of {len(told)} studies in the report came out "
+            "as "
+            "settled"
+        )
         + (f"; not {', '.join(bad)}" if bad else "")
     )
     print(f"report: {page}\ndata: {data}")
@@ -72,12 +91,18 @@ def run(
 def _chosen(names: Sequence[str]) -> list[str]:
     """Names of studies, groups spelt out; all of them where none is named."""
     groups = {
-        study.group.lower(): [s.name for s in STUDIES.values() if s.group == study.group] for study in STUDIES.values()
+        study.group.lower(): [
+            s.name for s in STUDIES.values() if s.group == study.group
+        ]
+        for study in STUDIES.values()
     }
     chosen: list[str] = []
     for name in names:
         if name not in STUDIES and name.lower() not in groups:
-            raise InputError(f"{name}: no such study; there are {', '.join(STUDIES)}; or a group: {', '.join(groups)}")
+            raise InputError(
+                f"{name}: no such study; there are {', '.join(STUDIES)}; or a group: "
+                f"{', '.join(groups)}"
+            )
         chosen += [name] if name in STUDIES else groups[name.lower()]
     return list(dict.fromkeys(chosen)) or list(STUDIES)
 
@@ -86,16 +111,33 @@ def _chosen(names: Sequence[str]) -> list[str]:
 def _bar(total: int) -> Iterator[Callable[[Outcome], None]]:
     """A line for each study as it ends, above a bar on a terminal."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+    )
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(highlight=False, soft_wrap=True), transient=True) as bar:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(
+        *columns, console=Console(highlight=False, soft_wrap=True), transient=True
+    ) as bar:
         task = bar.add_task("verifying", total=total)
 
         def step(outcome: Outcome) -> None:
             state = "ok    " if outcome.ok else "FAILED"
             bar.console.print(
-                f"{state} {outcome.study:16} {outcome.seconds:6.1f} s  {STUDIES[outcome.study].title}", markup=False
+                (
+                    f"{state} {outcome.study:16} {outcome.seconds:6.1f} s  "
+                    f"{STUDIES[outcome.study].title}"
+                ),
+                markup=False,
             )
             bar.advance(task)
 

@@ -1,8 +1,10 @@
-"""Is what `predict` says true? Rigs drawn at random, each sentence against simulations of its own.
+"""Is what `predict` says true? Rigs drawn at random, each sentence against simulations
+of its own.
 
-``python -m verification advice`` is the study;
-``python -m verification.advice 0 150`` prints each disagreement, and sums up. What an oscillation is, is read here
-without `stickslip.measure`: noise of the contacts halves where there are four times as many, an oscillation stays.
+``python -m verification advice`` is the study; ``python -m verification.advice 0 150``
+prints each disagreement, and sums up. What an oscillation is, is read here without
+`stickslip.measure`: noise of the contacts halves where there are four times as many, an
+oscillation stays.
 """
 
 from __future__ import annotations
@@ -35,37 +37,52 @@ Array = NDArray[np.float64]
 
 SEED = 20261122
 _TINY, _NOISE, _STAYS = 0.02, 0.65, 0.8
-"""Peak to peak over static friction that is nothing; factor with four times the contacts of noise, and of motion."""
+"""Peak to peak over static friction that is nothing; factor with four times the
+contacts of noise, and of motion.
+"""
 _LENGTHS = 4
 """Lengths of run that are tried, each twice the one before, until two agree."""
 _PATIENT = 8.0
 """Runs so many times as long look again at what does not seem to decay."""
 _FAST = 3.5, 1.25
-"""A slip in speeds of the drive, and the factor on either side within which both words are right."""
+"""A slip in speeds of the drive, and the factor on either side within which both
+words are right.
+"""
 _DEAREST = 6.0
 """Seconds a run may take; what takes longer is not tried."""
 _MOST_AGED = 2_000
 
 
 def draw(number: int) -> ss.Rig:
-    """Return a rig: soft or stiff, light or heavy, natural or SI, with any delay or ageing, few contacts or many."""
+    """Return a rig: soft or stiff, light or heavy, natural or SI, with any delay or
+    ageing, few contacts or many.
+    """
     rng = np.random.default_rng([SEED, number])
 
     def log(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
     ageing = ss.Langevin(rate=log(0.3, 3.0)) if rng.random() < 0.12 else None
-    thresholds = _thresholds(str(rng.choice(list(_KINDS))) if ageing is None else "gaussian", log(0.03, 0.33))
+    thresholds = _thresholds(
+        str(rng.choice(list(_KINDS))) if ageing is None else "gaussian", log(0.03, 0.33)
+    )
     delay: ss.Delay | ss.RandomDelay = ss.Delay(0.0)
     if ageing is None:
-        mean, std = log(0.02, 1.0), rng.uniform(0.1, 0.5)
+        mean = log(0.02, 1.0)
+        std = rng.uniform(0.1, 0.5)
         delay = ss.Delay(mean)
         if rng.random() < 0.35:
             negative = str(rng.choice(["fold", "redraw", "clip"]))
             delay = ss.RandomDelay(mean=mean, std=mean * std, negative=negative)  # type: ignore[arg-type]
-    stiffness, ratio, fastest = log(0.02, 20.0), log(0.01, 2.0), log(3.0, 300.0)
+    stiffness = log(0.02, 20.0)
+    ratio = log(0.01, 2.0)
+    fastest = log(3.0, 300.0)
     mass = (stiffness + 1.0) / fastest**2
-    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=2.0 * ratio * math.sqrt(stiffness / mass))
+    slider = ss.Slider(
+        stiffness=stiffness,
+        mass=mass,
+        damping=2.0 * ratio * math.sqrt(stiffness / mass),
+    )
     interface = ss.Interface(
         thresholds=thresholds,
         initial=ss.Gaussian(mean=0.0, std=float(rng.choice([0.01, 0.05, 0.2]))),
@@ -73,9 +90,11 @@ def draw(number: int) -> ss.Rig:
         ageing=ageing,
         sliding_force=log(0.05, 0.8) if ageing is None and rng.random() < 0.3 else 0.0,
     )
-    speed, way = log(0.3, 3.0), float(rng.choice([60.0, 200.0]))
+    speed = log(0.3, 3.0)
+    way = float(rng.choice([60.0, 200.0]))
     drive = ss.constant(speed, way / speed)
-    operation, kind = Operation(), rng.random()
+    operation = Operation()
+    kind = rng.random()
     if kind < 0.1:
         operation = Operation(speeds=(speed, 2.0 * speed, 5.0 * speed))
     elif kind < 0.2:
@@ -83,10 +102,16 @@ def draw(number: int) -> ss.Rig:
     elif kind < 0.27:
         up = ss.ramp(speed, 6.0 * speed, duration=way / speed)
         drive = up.then(ss.ramp(6.0 * speed, speed, duration=way / speed))
-    count = int(log(50, 1e6 if rng.random() < 0.15 else 2e4)) if ageing is None else int(log(100, 1500))
+    count = (
+        int(log(50, 1e6 if rng.random() < 0.15 else 2e4))
+        if ageing is None
+        else int(log(100, 1500))
+    )
     scales = None
     if rng.random() < 0.5:
-        scales = Scales(force=log(1.0, 1e5), stretching=log(1e-6, 1e-3), time=log(1e-3, 1.0))
+        scales = Scales(
+            force=log(1.0, 1e5), stretching=log(1e-6, 1e-3), time=log(1e-3, 1.0)
+        )
     return ss.Rig(
         interface,
         slider,
@@ -121,7 +146,8 @@ class TooDear(Exception):  # noqa: N818 - not an error: what it would tell stays
 
 @dataclass(frozen=True)
 class Look:
-    """The late part of a run: peak to peak and standard deviation over static friction, the fastest of a usual cycle.
+    """The late part of a run: peak to peak and standard deviation over static friction,
+    the fastest of a usual cycle.
 
     The velocity is in those of the drive.
     """
@@ -132,22 +158,35 @@ class Look:
 
 
 def _watch(rig: ss.Rig, count: int, seed: int, longer: float) -> Look:
-    """Look at the last 40 % of a run that is long enough for contacts that began together to have lost step."""
-    slider, stretch = rig.slider, rig.interface.threshold_distribution.moment(1)
+    """Look at the last 40 % of a run that is long enough for contacts that began
+    together to have lost step.
+    """
+    slider = rig.slider
+    stretch = rig.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi * math.sqrt(slider.mass / slider.stiffness)
     detached = rig.velocity * rig.interface.delay.moment(1)
-    cycle = max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, rig.velocity * period)
+    cycle = max(
+        stretch * (1.0 + 1.0 / slider.stiffness) + detached, rig.velocity * period
+    )
     ringing = 12.0 * rig.velocity / max(slider.damping, 1e-12)
     in_step = _memory(rig) * (stretch + detached)
     distance = longer * max(100.0, 25.0 * cycle, min(ringing, 100.0 * cycle), in_step)
     drive = ss.constant(rig.velocity, distance / rig.velocity)
-    there = replace(rig, drive=drive, method=ss.Contacts(count, seed=seed), start=ss.FromRest(), output=ss.Output())
+    there = replace(
+        rig,
+        drive=drive,
+        method=ss.Contacts(count, seed=seed),
+        start=ss.FromRest(),
+        output=ss.Output(),
+    )
     if estimate(there).seconds > _DEAREST:
         raise TooDear
     track = record(there, long=True).track
     late = track.times > 0.6 * track.times[-1]
     force = slider.stiffness * (track.drive_position - track["displacement"])[late]
-    bare = ss.Interface(thresholds=rig.interface.thresholds, initial=rig.interface.initial)
+    bare = ss.Interface(
+        thresholds=rig.interface.thresholds, initial=rig.interface.initial
+    )
     friction = ss.static_friction(bare)[0]
     return Look(
         swing=float(np.ptp(force)) / friction,
@@ -157,7 +196,9 @@ def _watch(rig: ss.Rig, count: int, seed: int, longer: float) -> Look:
 
 
 def _usual_maximum(force: Array, velocity: Array) -> float:
-    """Median of the largest velocity of each cycle; a cycle begins where the force rises through its upper quarter."""
+    """Median of the largest velocity of each cycle; a cycle begins where the force
+    rises through its upper quarter.
+    """
     low, high = np.percentile(force, [25.0, 75.0])
     side = np.where(force > high, 1, np.where(force < low, -1, 0))
     outside = np.flatnonzero(side)
@@ -168,9 +209,11 @@ def _usual_maximum(force: Array, velocity: Array) -> float:
 
 
 def motion(rig: ss.Rig, *, seed: int = 1000, shortest: float = 1.0) -> set[str]:
-    """Return what may be said of a rig at its first speed: kinds of motion that runs do not contradict.
+    """Return what may be said of a rig at its first speed: kinds of motion that runs do
+    not contradict.
 
-    The run is made longer until two lengths agree, and then with four times the contacts, of which noise halves.
+    The run is made longer until two lengths agree, and then with four times the
+    contacts, of which noise halves.
     """
     assert isinstance(rig.method, Contacts)
     count = rig.method.count
@@ -189,12 +232,15 @@ def motion(rig: ss.Rig, *, seed: int = 1000, shortest: float = 1.0) -> set[str]:
         kinds = {"stick-slip"}
     elif fastest < _FAST[0] / _FAST[1]:
         kinds = {"sustained oscillation"}
-    ratios = [look.std / float(np.mean([few.std for few in looks[-2:]])) for look in many]
+    ratios = [
+        look.std / float(np.mean([few.std for few in looks[-2:]])) for look in many
+    ]
     if _agree(looks[-2].std, looks[-1].std):
         if min(ratios) > _STAYS and max(look.swing for look in many) > 1.25 * _TINY:
             return kinds
         if max(ratios) < _NOISE:
-            # Contacts so few that each break is a slip: noise, by their number, and slips all the same.
+            # Contacts so few that each break is a slip: noise, by their number, and
+            # slips all the same.
             slips = min(look.fastest for look in looks[-2:]) > 2.0 * _FAST[0]
             return {"smooth sliding", "stick-slip"} if slips else {"smooth sliding"}
     return kinds | {"smooth sliding", "either"}
@@ -205,8 +251,11 @@ def _agree(one: float, other: float) -> bool:
 
 
 def _memory(rig: ss.Rig) -> float:
-    """Lives of the contacts after which those that began together break at any time: 2 % of the first harmonic left."""
-    interface, v = rig.interface, rig.velocity
+    """Lives of the contacts after which those that began together break at any time:
+    2 % of the first harmonic left.
+    """
+    interface = rig.interface
+    v = rig.velocity
     life = interface.threshold_distribution.moment(1) + v * interface.delay.moment(1)
     delays = max(interface.delay.moment(2) - interface.delay.moment(1) ** 2, 0.0)
     scatter = interface.threshold_distribution.standard_deviation() ** 2 + v**2 * delays
@@ -214,14 +263,20 @@ def _memory(rig: ss.Rig) -> float:
 
 
 def at(rig: ss.Rig, name: str, value: float) -> ss.Rig:
-    """The rig, in natural units, with a parameter given in its own units, at the constant speed it begins with."""
+    """The rig, in natural units, with a parameter given in its own units, at the
+    constant speed it begins with.
+    """
     drive = ss.constant(rig.natural.velocity, 100.0 / rig.natural.velocity)
     parameter = parameter_named(name)
-    return parameter.set(replace(rig.natural, drive=drive), value / rig.unit(parameter.unit))
+    return parameter.set(
+        replace(rig.natural, drive=drive), value / rig.unit(parameter.unit)
+    )
 
 
 def disagreements(number: int) -> Iterator[tuple[str, str]]:
-    """Predict a rig, and try each sentence: kinds of sentence, each with what contradicts it, or nothing."""
+    """Predict a rig, and try each sentence: kinds of sentence, each with what
+    contradicts it, or nothing.
+    """
     rig = draw(number)
     begun = time.process_time()
     found = ss.predict(rig)
@@ -236,10 +291,18 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         for edge in (margin.lower, margin.upper):
             if edge is not None:
                 try:
-                    sides = [count_unstable(at(rig, margin.parameter, edge * f)) == 0 for f in (0.99, 1.01)]
+                    sides = [
+                        count_unstable(at(rig, margin.parameter, edge * f)) == 0
+                        for f in (0.99, 1.01)
+                    ]
                 except ss.InputError:  # at the end of what the theory of ageing covers
                     continue
-                yield "margin", "" if sides[0] != sides[1] else f"{margin.parameter} at {edge:.4g}: stable {sides}"
+                yield (
+                    "margin",
+                    ""
+                    if sides[0] != sides[1]
+                    else f"{margin.parameter} at {edge:.4g}: stable {sides}",
+                )
     for band in found.bands:
         yield from _about_a_band(found, band)
     for mitigation in found.mitigations:
@@ -249,11 +312,16 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
         for end in searched:
             try:
                 there = at(rig, name, end)
-                smooth = not count_unstable(there.natural) and all(one == {"smooth sliding"} for one in _runs(there))
+                smooth = not count_unstable(there.natural) and all(
+                    one == {"smooth sliding"} for one in _runs(there)
+                )
             except (TooDear, ss.InputError, ss.UndecidedError):
                 yield "attempt, too dear", ""
                 continue
-            yield "attempt", f"{name} at {end:.4g}: smooth sliding in all runs" if smooth else ""
+            yield (
+                "attempt",
+                f"{name} at {end:.4g}: smooth sliding in all runs" if smooth else "",
+            )
     for name, (end, part) in found.unreliable.items() if alone else ():
         yield from _about_a_part(name, at(rig, name, end), part)
 
@@ -275,38 +343,64 @@ def _about_a_part(name: str, there: ss.Rig, part: float) -> Iterator[tuple[str, 
     nearest = min(max(part, sure), likely)
     mean = 0.5 * (part + nearest)
     far = abs(nearest - part) > 3.0 * math.sqrt(2.0 * mean * (1.0 - mean) / 8)
-    wrong = f"{name} at {there.value(name):.4g}: {100 * nearest:.0f} % smooth, not {100 * part:.0f} %"
+    wrong = (
+        f"{name} at {there.value(name):.4g}: {100 * nearest:.0f} % smooth, not "
+        f"{100 * part:.0f} %"
+    )
     yield "attempt in part", wrong if far else ""
 
 
 def _about_here(found: Prediction, here: ss.Rig) -> Iterator[tuple[str, str]]:
     kind = found.regime.kind
     if kind == "undecided":
-        yield "undecided", f"{found.regime.reason}; growing modes {found.unstable_modes}"
+        yield (
+            "undecided",
+            f"{found.regime.reason}; growing modes {found.unstable_modes}",
+        )
         return
     try:
         kinds = motion(here)
     except TooDear:
         yield "regime, too dear", ""
         return
-    fits = kind in kinds or (kind == "smooth sliding" and found.unstable_modes and "linearly unstable" in found.verdict)
+    fits = kind in kinds or (
+        kind == "smooth sliding"
+        and found.unstable_modes
+        and "linearly unstable" in found.verdict
+    )
     if not fits:  # a run may be in one of two basins: another two tell
         fits = kind in motion(here, seed=2000)
-    yield "regime", "" if fits else f"{found.verdict} | runs: {kinds}, growing modes {found.unstable_modes}"
+    yield (
+        "regime",
+        ""
+        if fits
+        else f"{found.verdict} | runs: {kinds}, growing modes {found.unstable_modes}",
+    )
 
 
 def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
-    rig, middle = found.rig, math.sqrt(band.low * band.high)
+    rig = found.rig
+    middle = math.sqrt(band.low * band.high)
     if band.high < 1.15 * band.low:
         return
     there = at(rig, "velocity", middle)
     try:
         modes = count_unstable(there)
-        linear = modes == 0 if band.bistable or band.kind in ("smooth sliding", "stable") else modes > 0
+        linear = (
+            modes == 0
+            if band.bistable or band.kind in ("smooth sliding", "stable")
+            else modes > 0
+        )
         if band.kind != "unknown":  # of which nothing is said
-            yield "band, linear", "" if linear else f"{band} at {middle:.4g}: growing modes {modes}"
+            yield (
+                "band, linear",
+                "" if linear else f"{band} at {middle:.4g}: growing modes {modes}",
+            )
     except (ss.InputError, ss.UndecidedError) as reason:
-        yield "band, theory cannot tell", f"{band}: {reason}" if band.kind in ("stable", "unstable") else ""
+        yield (
+            "band, theory cannot tell",
+            f"{band}: {reason}" if band.kind in ("stable", "unstable") else "",
+        )
     if band.kind in ("stable", "unstable", "unknown"):
         yield "band, not simulated", ""
         return
@@ -319,13 +413,19 @@ def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
     yield "band", "" if fits else f"{band} at {middle:.4g}: {kinds}"
 
 
-def _about_a_mitigation(found: Prediction, mitigation: Mitigation) -> Iterator[tuple[str, str]]:
+def _about_a_mitigation(
+    found: Prediction, mitigation: Mitigation
+) -> Iterator[tuple[str, str]]:
     there = at(found.rig, mitigation.parameter, mitigation.stops)
     try:
         kinds = [motion(there, seed=seed) for seed in (5000, 6000)]
         bad = [each for each in kinds if "smooth sliding" not in each]
         if bad:  # what decays slowly looks sustained for a while
-            bad = [each for each in (motion(there, shortest=_PATIENT),) if "smooth sliding" not in each]
+            bad = [
+                each
+                for each in (motion(there, shortest=_PATIENT),)
+                if "smooth sliding" not in each
+            ]
     except (TooDear, ss.InputError):
         yield "decays, too dear", ""
         return
@@ -337,9 +437,23 @@ _FIRST, _LAST = 0, 60
 
 
 def advice() -> tuple[Claim, ...]:
-    """No sentence about rigs drawn at random is contradicted by their runs, and no band or mitigation is noise."""
-    found = [(number, *each) for number in range(_FIRST, _LAST) for each in disagreements(number)]
-    kinds = ("regime", "margin", "band", "band, linear", "decays", "attempt", "attempt in part")
+    """No sentence about rigs drawn at random is contradicted by their runs, and no
+    band or mitigation is noise.
+    """
+    found = [
+        (number, *each)
+        for number in range(_FIRST, _LAST)
+        for each in disagreements(number)
+    ]
+    kinds = (
+        "regime",
+        "margin",
+        "band",
+        "band, linear",
+        "decays",
+        "attempt",
+        "attempt in part",
+    )
     claims = []
     for kind in kinds:
         tried = [(number, wrong) for number, each, wrong in found if each == kind]
@@ -369,36 +483,70 @@ _WIDEST = 0.5
 
 
 def oscillates(name: str) -> Iterator[bool | None]:
-    """Whether rigs drawn from what was assumed of an example oscillate, by linear theory or by runs of their own."""
-    rig, rng = ss.example(name), np.random.default_rng(SEED)
+    """Whether rigs drawn from what was assumed of an example oscillate, by linear
+    theory or by runs of their own.
+    """
+    rig = ss.example(name)
+    rng = np.random.default_rng(SEED)
     for number in range(_DRAWN):
         there = rig
-        for parameter, side in (_SET[key] for key, item in rig.assumed.items() if key in _SET and not item.default):
+        for parameter, side in (
+            _SET[key]
+            for key, item in rig.assumed.items()
+            if key in _SET and not item.default
+        ):
             value = there.value(parameter) * WIDEST ** (side * rng.uniform(-1.0, 1.0))
-            there = there.replace(**{parameter: min(value, _WIDEST) if parameter == "std" else value})
+            there = there.replace(
+                **{parameter: min(value, _WIDEST) if parameter == "std" else value}
+            )
         there = at(there, "velocity", there.velocity)
         try:
-            kinds = {"unstable"} if count_unstable(there) else motion(there, seed=number)
+            kinds = (
+                {"unstable"} if count_unstable(there) else motion(there, seed=number)
+            )
             yield None if kinds > {"smooth sliding"} else "smooth sliding" not in kinds
         except (TooDear, ss.InputError, ss.UndecidedError):
             yield None
 
 
 def doubt() -> tuple[Claim, ...]:
-    """What is said of rigs with other values of what was assumed is so, of the examples that name a delay."""
+    """What is said of rigs with other values of what was assumed is so, of the
+    examples that name a delay.
+    """
     claims = []
     for name in ("brake_pad", "precision_stage", "pmma_slider"):
         said = Doubt.of(ss.example(name), Trials(math.inf))
         assert said is not None
         seen = [each for each in oscillates(name) if each is not None]
         part = float(np.mean(seen))
-        chance = said.oscillates * (1.0 - said.oscillates) * (1.0 / len(seen) + 1.0 / said.draws)
-        error = 3.0 * math.sqrt(max(chance, 1.0 / len(seen) ** 2)) + said.undecided + 1.0 - len(seen) / _DRAWN
+        chance = (
+            said.oscillates
+            * (1.0 - said.oscillates)
+            * (1.0 / len(seen) + 1.0 / said.draws)
+        )
+        error = (
+            3.0 * math.sqrt(max(chance, 1.0 / len(seen) ** 2))
+            + said.undecided
+            + 1.0
+            - len(seen) / _DRAWN
+        )
         claims.append(
             finding(
-                f"of {name}, as many rigs oscillate as is said, within three standard errors and what was not told",
-                Measured(name="fraction", value=part, low=said.oscillates - error, high=said.oscillates + error),
-                evidence=f"said {said.oscillates:.3f}, {said.undecided:.3f} not told; {len(seen)} rigs judged",
+                (
+                    f"of {name}, as many rigs oscillate as is said, within three "
+                    "standard "
+                    "errors and what was not told"
+                ),
+                Measured(
+                    name="fraction",
+                    value=part,
+                    low=said.oscillates - error,
+                    high=said.oscillates + error,
+                ),
+                evidence=(
+                    f"said {said.oscillates:.3f}, {said.undecided:.3f} not told; "
+                    f"{len(seen)} rigs judged"
+                ),
             )
         )
     return tuple(claims)
@@ -406,14 +554,29 @@ def doubt() -> tuple[Claim, ...]:
 
 _ROOMS = (*COMPUTING, "advise")
 STUDIES = (
-    Study(name="advice", group="Advice", title="Predictions of rigs drawn at random", run=advice, rooms=_ROOMS),
-    Study(name="doubt", group="Advice", title="Predictions over what was assumed", run=doubt, rooms=_ROOMS),
+    Study(
+        name="advice",
+        group="Advice",
+        title="Predictions of rigs drawn at random",
+        run=advice,
+        rooms=_ROOMS,
+    ),
+    Study(
+        name="doubt",
+        group="Advice",
+        title="Predictions over what was assumed",
+        run=doubt,
+        rooms=_ROOMS,
+    ),
 )
 
 
 def main(first: int, last: int) -> int:
-    """Try rigs by number; print disagreements as they come, then how many of each kind of sentence were tried."""
-    tried, false = Counter[str](), Counter[str]()
+    """Try rigs by number; print disagreements as they come, then how many of each
+    kind of sentence were tried.
+    """
+    tried = Counter[str]()
+    false = Counter[str]()
     for number in range(first, last):
         said = []
         for kind, wrong in disagreements(number):

@@ -28,7 +28,9 @@ from stickslip.paper.figure import at_least, at_most, between, near
 from stickslip.simulation import Beginning, Leg, Panels
 from verification.study import Study, finding, held_friction
 
-_SMOOTH = Interface(thresholds=Gaussian(mean=1.0, std=0.1), initial=Gaussian(mean=0.0, std=0.1))
+_SMOOTH = Interface(
+    thresholds=Gaussian(mean=1.0, std=0.1), initial=Gaussian(mean=0.0, std=0.1)
+)
 
 
 def _slope(steps: list[int], errors: list[float]) -> float:
@@ -39,12 +41,17 @@ def _slope(steps: list[int], errors: list[float]) -> float:
 def _renewal() -> tuple[Claim, ...]:
     distance = 4.0
     points = [128, 256, 512]
-    exact = rigid_slide(_SMOOTH, distance, method=Renewal(8192))["friction_force"].to_numpy()
+    exact = rigid_slide(_SMOOTH, distance, method=Renewal(8192))[
+        "friction_force"
+    ].to_numpy()
     errors = []
     for n in points:
         errors.append(
             float(
-                np.abs(rigid_slide(_SMOOTH, distance, method=Renewal(n))["friction_force"] - exact[:: 8192 // n]).max()
+                np.abs(
+                    rigid_slide(_SMOOTH, distance, method=Renewal(n))["friction_force"]
+                    - exact[:: 8192 // n]
+                ).max()
             )
         )
     return (
@@ -52,23 +59,35 @@ def _renewal() -> tuple[Claim, ...]:
             "The renewal convolution is of sixth order for a smooth distribution",
             between("order", _slope(points, errors), 5.0, 9.0),
             at_most("error with 512 intervals", errors[-1], 1e-7, "f_s"),
-            evidence="Gaussian thresholds and start of standard deviation .1 over 4 x_s, against 8,192 intervals",
+            evidence=(
+                "Gaussian thresholds and start of standard deviation .1 over 4 "
+                "x_s, against 8,192 intervals"
+            ),
         ),
     )
 
 
 def _panels() -> tuple[Claim, ...]:
     interface = replace(FIG4.interface, delay=Delay(0.2))
-    tolerances, steps, errors, rigid = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7], [], [], []
+    tolerances = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7]
+    steps = []
+    errors = []
+    rigid = []
     output = Output(interval=0.01)
 
     def force(rtol: float) -> tuple[np.ndarray, int]:
         rig = Rig(interface, FIG4.slider, constant(1.0, 3.0))
-        engine = Panels(Beginning(interface, FIG4.slider, 1.0), MasterEquation(rtol=rtol))
-        while not engine.advance(Leg(Quadratic(0.0, 0.0, 1.0, 0.0), 3.0, np.empty(0), Stop())).over:
+        engine = Panels(
+            Beginning(interface, FIG4.slider, 1.0), MasterEquation(rtol=rtol)
+        )
+        while not engine.advance(
+            Leg(Quadratic(0.0, 0.0, 1.0, 0.0), 3.0, np.empty(0), Stop())
+        ).over:
             pass
         run = simulate(rig, method=MasterEquation(rtol=rtol), output=output)
-        return run["spring_force"].to_numpy(), int(engine.state.used.steps - engine.state.used.rejected)
+        return run["spring_force"].to_numpy(), int(
+            engine.state.used.steps - engine.state.used.rejected
+        )
 
     exact = force(1e-9)[0]
     renewal = rigid_slide(_SMOOTH, 4.0, method=Renewal(8192))
@@ -77,21 +96,43 @@ def _panels() -> tuple[Claim, ...]:
         steps.append(count)
         errors.append(float(np.sqrt(np.mean((found - exact) ** 2))))
         run = rigid_slide(_SMOOTH, 4.0, method=MasterEquation(rtol=rtol))
-        there = np.interp(run["displacement"], renewal["displacement"], renewal["friction_force"])
+        there = np.interp(
+            run["displacement"], renewal["displacement"], renewal["friction_force"]
+        )
         rigid.append(float(np.abs(run["friction_force"] - there).max()))
     return (
         finding(
-            "The master equation is of order four at least, and its error follows its tolerance",
-            at_least("order in the number of steps, through slips, K 2, tau .2", _slope(steps, errors), 4.0),
-            at_most("largest error in tolerances, spring force", float(np.max(np.divide(errors, tolerances))), 10.0),
-            at_most("largest error in tolerances, rigid", float(np.max(np.divide(rigid[:4], tolerances[:4]))), 10.0),
-            evidence="tolerances from 1e-3 to 1e-7 against 1e-9, and against the renewal convolution",
+            (
+                "The master equation is of order four at least, and its error follows "
+                "its "
+                "tolerance"
+            ),
+            at_least(
+                "order in the number of steps, through slips, K 2, tau .2",
+                _slope(steps, errors),
+                4.0,
+            ),
+            at_most(
+                "largest error in tolerances, spring force",
+                float(np.max(np.divide(errors, tolerances))),
+                10.0,
+            ),
+            at_most(
+                "largest error in tolerances, rigid",
+                float(np.max(np.divide(rigid[:4], tolerances[:4]))),
+                10.0,
+            ),
+            evidence=(
+                "tolerances from 1e-3 to 1e-7 against 1e-9, and against the "
+                "renewal convolution"
+            ),
         ),
     )
 
 
 def _contacts() -> tuple[Claim, ...]:
-    counts, seeds = [400, 1_600, 6_400, 25_600], 24
+    counts = [400, 1_600, 6_400, 25_600]
+    seeds = 24
     reference = rigid_slide(_SMOOTH, 4.0)
     scatter = []
     for N in counts:
@@ -102,7 +143,11 @@ def _contacts() -> tuple[Claim, ...]:
                 (
                     (
                         run["friction_force"]
-                        - np.interp(run["displacement"], reference["displacement"], reference["friction_force"])
+                        - np.interp(
+                            run["displacement"],
+                            reference["displacement"],
+                            reference["friction_force"],
+                        )
                     )
                     ** 2
                 ).mean()
@@ -111,26 +156,38 @@ def _contacts() -> tuple[Claim, ...]:
     return (
         finding(
             "Contacts scatter about the master equation as N^(-1/2)",
-            # Each rms of 24 runs of a few independent stretches is known to some 10 %: .04 in the slope.
+            # Each rms of 24 runs of a few independent stretches is known to some 10 %:
+            # .04 in the slope.
             near("power of N", -_slope(counts, scatter), -0.5, 0.12),
-            evidence=f"{seeds} runs each of {', '.join(f'{N:,}' for N in counts)} contacts over 4 x_s",
+            evidence=(
+                f"{seeds} runs each of {', '.join(f'{N:,}' for N in counts)} "
+                "contacts over 4 x_s"
+            ),
         ),
     )
 
 
 def _kinetic() -> tuple[Claim, ...]:
-    interface, velocity = replace(FIG8.interface, ageing=Langevin(rate=1.0)), 0.5
+    interface = replace(FIG8.interface, ageing=Langevin(rate=1.0))
+    velocity = 0.5
     exact = float(kinetic_friction(interface, velocity))
-    cells, errors = [100, 200, 400], []
+    cells = [100, 200, 400]
+    errors = []
     for count in cells:
         method = MasterEquation(rtol=1e-4 * (400 / count) ** 2)
         force = held_friction(interface, velocity, method, distance=8.0, after=6.0)
         errors.append(abs(force - exact))
     return (
         finding(
-            "The kinetic equation of ageing thresholds in time is of second order, but for the layer at the boundary",
+            (
+                "The kinetic equation of ageing thresholds in time is of second order, "
+                "but "
+                "for the layer at the boundary"
+            ),
             between("order", _slope(cells, errors), 1.5, 2.5),
-            at_most("relative error with the usual tolerance", errors[-1] / exact, 1e-3),
+            at_most(
+                "relative error with the usual tolerance", errors[-1] / exact, 1e-3
+            ),
             evidence="steady force at u = .5 against the stationary kinetic equation",
         ),
     )
@@ -138,8 +195,15 @@ def _kinetic() -> tuple[Claim, ...]:
 
 _GROUP = "Orders of convergence"
 STUDIES = (
-    Study(name="renewal-order", group=_GROUP, title="Renewal convolution", run=_renewal),
+    Study(
+        name="renewal-order", group=_GROUP, title="Renewal convolution", run=_renewal
+    ),
     Study(name="cohorts-order", group=_GROUP, title="Cohorts", run=_panels),
     Study(name="contacts-order", group=_GROUP, title="Contacts", run=_contacts),
-    Study(name="kinetic-order", group=_GROUP, title="Kinetic equation of ageing thresholds", run=_kinetic),
+    Study(
+        name="kinetic-order",
+        group=_GROUP,
+        title="Kinetic equation of ageing thresholds",
+        run=_kinetic,
+    ),
 )

@@ -1,6 +1,7 @@
 """The paper's claims, figure by figure, with all points and contacts.
 
-"Not reproduced" is a verdict like any other: it passes when the exact value that is stated instead is met.
+"Not reproduced" is a verdict like any other: it passes when the exact value that is
+stated instead is met.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ def _study(figure: Figure) -> Study:
         with TemporaryDirectory() as folder:
             return reproduce(figure, folder).claims
 
-    return Study(name=figure.name, group="The paper's claims", title=figure.title, run=run)
+    return Study(
+        name=figure.name, group="The paper's claims", title=figure.title, run=run
+    )
 
 
 STUDIES = tuple(_study(figure) for figure in FIGURES.values())

@@ -1,4 +1,6 @@
-"""Fits against known truths: how often a 90 % interval holds the truth, and what a measured trace gives."""
+"""Fits against known truths: how often a 90 % interval holds the truth, and what a
+measured trace gives.
+"""
 
 from __future__ import annotations
 
@@ -61,45 +63,86 @@ class Coverage:
     @property
     def chi2(self) -> NDArray[np.float64]:
         """Chi squared of the ranks over ten bins, for each parameter."""
-        counts = np.stack([np.histogram(column, bins=_BINS, range=(0, 1))[0] for column in self.ranks.T])
+        counts = np.stack(
+            [
+                np.histogram(column, bins=_BINS, range=(0, 1))[0]
+                for column in self.ranks.T
+            ]
+        )
         expected = len(self.ranks) / _BINS
         return np.asarray(((counts - expected) ** 2 / expected).sum(axis=1))
 
     @property
     def correlations(self) -> NDArray[np.float64]:
         """Correlation of the medians with the truths, for each parameter."""
-        return np.array([np.corrcoef(m, t)[0, 1] for m, t in zip(self.medians.T, self.truths.T, strict=True)])
+        return np.array(
+            [
+                np.corrcoef(m, t)[0, 1]
+                for m, t in zip(self.medians.T, self.truths.T, strict=True)
+            ]
+        )
 
     def __str__(self) -> str:
-        lines = [f"{len(self.inside)} truths, {self.edge} at the edge, pooled coverage {self.inside.mean():.3f}"]
-        rows = zip(KEYS, self.inside.mean(axis=0), self.widths.mean(axis=0), self.correlations, self.chi2, strict=True)
-        lines += [f"{k:16} coverage {c:.2f} width {w:.2f} corr {r:.2f} chi2 {x:.1f}" for k, c, w, r, x in rows]
-        lines += [f"refused {count}: {why}" for why, count in self.refused.most_common()]
+        lines = [
+            (
+                f"{len(self.inside)} truths, {self.edge} at the edge, pooled coverage "
+                f"{self.inside.mean():.3f}"
+            )
+        ]
+        rows = zip(
+            KEYS,
+            self.inside.mean(axis=0),
+            self.widths.mean(axis=0),
+            self.correlations,
+            self.chi2,
+            strict=True,
+        )
+        lines += [
+            f"{k:16} coverage {c:.2f} width {w:.2f} corr {r:.2f} chi2 {x:.1f}"
+            for k, c, w, r, x in rows
+        ]
+        lines += [
+            f"refused {count}: {why}" for why, count in self.refused.most_common()
+        ]
         return "\n".join(lines)
 
 
 def coverage_test(
-    truths: int = 100, *, seed: int = 1, slips: int = 170, report: Callable[[str], None] | None = None
+    truths: int = 100,
+    *,
+    seed: int = 1,
+    slips: int = 170,
+    report: Callable[[str], None] | None = None,
 ) -> Coverage:
-    """Fit traces of fresh truths from the prior, at random samplings and noise, until so many were not refused."""
+    """Fit traces of fresh truths from the prior, at random samplings and noise,
+    until so many were not refused.
+    """
     prior = Prior()
     rng = np.random.default_rng(seed)
     refused: Counter[str] = Counter()
     rows: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
     edge = 0
     while len(rows) < truths:
-        truth = dict(zip(KEYS, prior.values(rng.random(len(KEYS))).tolist(), strict=True))
-        samples, noise = float(np.exp(rng.uniform(np.log(24), np.log(100)))), float(rng.uniform(0.0, 0.006))
+        truth = dict(
+            zip(KEYS, prior.values(rng.random(len(KEYS))).tolist(), strict=True)
+        )
+        samples = float(np.exp(rng.uniform(np.log(24), np.log(100))))
+        noise = float(rng.uniform(0.0, 0.006))
         try:
             trace = synthetic_trace(
-                **truth, slips=slips, bench=Bench(samples=samples, noise=noise), seed=int(rng.integers(1 << 31))
+                **truth,
+                slips=slips,
+                bench=Bench(samples=samples, noise=noise),
+                seed=int(rng.integers(1 << 31)),
             )
             found = fit(trace)
         except InputError as error:
             refused[_reason(error)] += 1
             continue
         edge += not found.sample.adjusted
-        rows.append((prior.parts(np.array(list(truth.values()))), prior.parts(found.values)))
+        rows.append(
+            (prior.parts(np.array(list(truth.values()))), prior.parts(found.values))
+        )
         if report is not None:
             report(f"{len(rows)} of {truths}")
     return _coverage(rows, edge, refused)
@@ -111,11 +154,16 @@ def _reason(error: InputError) -> str:
 
 
 def _coverage(
-    rows: list[tuple[NDArray[np.float64], NDArray[np.float64]]], edge: int, refused: Counter[str]
+    rows: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    edge: int,
+    refused: Counter[str],
 ) -> Coverage:
     """Put together truths and draws, both in parts of the ranges of the prior."""
     at = np.stack([truth for truth, _ in rows])
-    low, middle, high = (np.stack([np.quantile(d, q, axis=0) for _, d in rows]) for q in (0.05, 0.5, 0.95))
+    low, middle, high = (
+        np.stack([np.quantile(d, q, axis=0) for _, d in rows])
+        for q in (0.05, 0.5, 0.95)
+    )
     return Coverage(
         inside=(low <= at) & (at <= high),
         ranks=np.stack([(draws < truth).mean(axis=0) for truth, draws in rows]),
@@ -127,20 +175,31 @@ def _coverage(
     )
 
 
-IDEAL = Observation(slips=167, sampling=Sampling(slope=3e-3, noise=0.0, resolution=0.0, drop=1e-6, rise=1e-6))
-"""A recording without noise, of so many samples that no slip is too small to be seen."""
+IDEAL = Observation(
+    slips=167,
+    sampling=Sampling(slope=3e-3, noise=0.0, resolution=0.0, drop=1e-6, rise=1e-6),
+)
+"""A recording without noise, of so many samples that no slip is too small to be
+seen.
+"""
 
 
 def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
-    """Infer fresh truths from ideal recordings of their slips: what the statistics tell at best, nothing refused.
+    """Infer fresh truths from ideal recordings of their slips: what the statistics tell
+    at best, nothing refused.
 
-    A trace whose slip count depends on the detection threshold is refused a fit. Most of those come of stiff springs,
-    which the statistics tell best: without them less is told of the stiffness ratio.
+    A trace whose slip count depends on the detection threshold is refused a fit. Most
+    of those come of stiff springs, which the statistics tell best: without them less is
+    told of the stiffness ratio.
     """
-    made, rng = table(), np.random.default_rng(seed)
+    made = table()
+    rng = np.random.default_rng(seed)
     parts = rng.random((truths, len(KEYS)))
-    observed, seen = IDEAL.see_at(made.prior, parts, seed=seed)[0], IDEAL.see(made)[0]
-    rows, refused, edge = [], Counter[str](), 0
+    observed = IDEAL.see_at(made.prior, parts, seed=seed)[0]
+    seen = IDEAL.see(made)[0]
+    rows = []
+    refused = Counter[str]()
+    edge = 0
     for part, statistics in zip(parts, observed, strict=True):
         if not np.isfinite(statistics[0]):
             refused["fewer slips"] += 1
@@ -151,7 +210,14 @@ def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
             refused[_reason(error)] += 1
             continue
         edge += not sample.adjusted
-        rows.append((part, sample.parts[rng.choice(len(sample.parts), size=1000, p=sample.weights)]))
+        rows.append(
+            (
+                part,
+                sample.parts[
+                    rng.choice(len(sample.parts), size=1000, p=sample.weights)
+                ],
+            )
+        )
     return _coverage(rows, edge, refused)
 
 
@@ -161,9 +227,16 @@ def calibration() -> tuple[Claim, ...]:
     by = dict(zip(KEYS, found.inside.mean(axis=0).tolist(), strict=True))
     return (
         finding(
-            "90 % intervals hold the truth as often as they say, over the parameters pooled and in each",
+            (
+                "90 % intervals hold the truth as often as they say, over the "
+                "parameters "
+                "pooled and in each"
+            ),
             between("pooled coverage", float(found.inside.mean()), 0.86, 0.94),
-            *(between(f"coverage of {key}", value, 0.80, 0.97) for key, value in by.items()),
+            *(
+                between(f"coverage of {key}", value, 0.80, 0.97)
+                for key, value in by.items()
+            ),
             evidence=str(found),
         ),
         finding(
@@ -180,18 +253,24 @@ def calibration() -> tuple[Claim, ...]:
 def contraction() -> tuple[Claim, ...]:
     """What the statistics tell at best; over all of the prior less than the bounds ask.
 
-    The bounds were settled on a prior without the series in which contacts break more than about 1.2 times a slip, soft
-    springs with large slips, which tell the number of contacts least. Of series of at most one break a slip the widths
-    are .20 and .35, the correlations .89 and .91.
+    The bounds were settled on a prior without the series in which contacts break more
+    than about 1.2 times a slip, soft springs with large slips, which tell the number of
+    contacts least. Of series of at most one break a slip the widths are .20 and .35,
+    the correlations .89 and .91.
     """
     found = contraction_test()
-    width, corr = (dict(zip(KEYS, x.tolist(), strict=True)) for x in (found.widths.mean(axis=0), found.correlations))
+    width, corr = (
+        dict(zip(KEYS, x.tolist(), strict=True))
+        for x in (found.widths.mean(axis=0), found.correlations)
+    )
     return (
         finding(
             "slips tell the stiffness ratio and the number of contacts",
             between("width of stiffness_ratio", width["stiffness_ratio"], 0.0, 0.28),
             between("width of contacts", width["contacts"], 0.0, 0.52),
-            between("correlation of stiffness_ratio", corr["stiffness_ratio"], 0.95, 1.0),
+            between(
+                "correlation of stiffness_ratio", corr["stiffness_ratio"], 0.95, 1.0
+            ),
             between("correlation of contacts", corr["contacts"], 0.75, 1.0),
             evidence=str(found),
         ),
@@ -202,22 +281,33 @@ def _overlap(found: Fit, key: str, low: float, high: float) -> Measured:
     """How much of an interval overlaps another, over the shorter of the two."""
     one = found[key]
     common = min(one.high, high) - max(one.low, low)
-    return between(f"overlap of {key}", common / min(one.high - one.low, high - low), 0.0, 1.0)
+    return between(
+        f"overlap of {key}", common / min(one.high - one.low, high - low), 0.0, 1.0
+    )
 
 
-def halves_predicted(after: float = 45.0) -> tuple[int, dict[str, tuple[float, float, float]]]:
-    """Fit the first half of Force7; count the statistics of the second within 95 % of what the draws make."""
+def halves_predicted(
+    after: float = 45.0,
+) -> tuple[int, dict[str, tuple[float, float, float]]]:
+    """Fit the first half of Force7; count the statistics of the second within 95 %
+    of what the draws make.
+    """
     events = pick_events(read_trace(FORCE7, step=0.25), after=after)
     middle = len(events) // 2
     found = fit(events.part(0, middle))
     observed = events.part(middle, 2 * middle).statistics
     low, high = np.quantile(found.predicted, (0.025, 0.975), axis=0)
-    rows = {name: (float(low[i]), float(observed[i]), float(high[i])) for i, name in enumerate(NAMES[: len(FITTED)])}
+    rows = {
+        name: (float(low[i]), float(observed[i]), float(high[i]))
+        for i, name in enumerate(NAMES[: len(FITTED)])
+    }
     return sum(a <= x <= b for a, x, b in rows.values()), rows
 
 
 def measured_trace() -> tuple[Claim, ...]:
-    """What Force7 gives: intervals, the test of the draws, and its second half from its first."""
+    """What Force7 gives: intervals, the test of the draws, and its second half from
+    its first.
+    """
     found = fit(read_trace(FORCE7, step=0.25), after=45.0)
     p = found.p_values
     held_out = [p[name] for name in NAMES[len(FITTED) :]]
@@ -233,8 +323,18 @@ def measured_trace() -> tuple[Claim, ...]:
         ),
         finding(
             "the draws make the statistics of Force7",
-            between("smallest p of the fitted statistics", min(p[name] for name in FITTED), 0.02, 1.0),
-            between("held-out statistics with p > .02", sum(value > 0.02 for value in held_out), 10, 11),
+            between(
+                "smallest p of the fitted statistics",
+                min(p[name] for name in FITTED),
+                0.02,
+                1.0,
+            ),
+            between(
+                "held-out statistics with p > .02",
+                sum(value > 0.02 for value in held_out),
+                10,
+                11,
+            ),
             evidence=str(p),
         ),
         finding(

@@ -15,8 +15,12 @@ from stickslip.paper.figure import near
 from stickslip.stability import ContactNoise, contact_noise
 from verification.study import Study, finding
 
-_RIGS, _SEEDS, _ERROR = 30, 3, 0.012
-_FLUCTUATION = 0.25  # of the velocity, whose square is the next order: at .39 runs are 6 % above theory, at .2 2 %
+_RIGS = 30
+_SEEDS = 3
+_ERROR = 0.012
+# of the velocity, whose square is the next order: at .39 runs are 6 % above theory, at
+# .2 2 %
+_FLUCTUATION = 0.25
 _MOST_BREAKS = 3e6  # of all runs of a rig
 
 
@@ -43,7 +47,11 @@ def _mechanism(rng: np.random.Generator) -> dict[str, Any]:
         {"newborn": newborn, "sliding_force": pull},
         {"areas": "fresh", "sliding_force": pull},
         {"ageing": growth},
-        {"ageing": ss.ExponentialGrowth(rate=_between(rng, 0.3, 3.0), newborn=float(rng.uniform(0.1, 0.8)))},
+        {
+            "ageing": ss.ExponentialGrowth(
+                rate=_between(rng, 0.3, 3.0), newborn=float(rng.uniform(0.1, 0.8))
+            )
+        },
         {"temperature": heat},
         {"temperature": heat, "ageing": growth, "sliding_force": pull},
     )
@@ -55,25 +63,43 @@ def _between(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
-    """Yield stable rigs whose velocity fluctuates by so little that the next order in ``1/N`` is within the bound."""
+    """Yield stable rigs whose velocity fluctuates by so little that the next order
+    in ``1/N`` is within the bound.
+    """
     rng = np.random.default_rng(seed)
     while True:
-        velocity, delay = _between(rng, 0.3, 3.0), _between(rng, 0.01, 0.3)
-        stiffness, mass, ratio = _between(rng, 0.3, 8.0), _between(rng, 1e-4, 1e-2), _between(rng, 0.05, 2.0)
+        velocity = _between(rng, 0.3, 3.0)
+        delay = _between(rng, 0.01, 0.3)
+        stiffness = _between(rng, 0.3, 8.0)
+        mass = _between(rng, 1e-4, 1e-2)
+        ratio = _between(rng, 0.05, 2.0)
         delays = (
             ss.Delay(0.0),
             ss.Delay(delay / velocity),
             ss.RandomDelay(mean=delay / velocity, std=0.3 * delay / velocity),
         )
         slider = ss.Slider(
-            stiffness=stiffness, mass=mass / velocity**2, damping=2.0 * ratio * velocity * math.sqrt(stiffness / mass)
+            stiffness=stiffness,
+            mass=mass / velocity**2,
+            damping=2.0 * ratio * velocity * math.sqrt(stiffness / mass),
         )
         try:
-            interface = ss.Interface(thresholds=_thresholds(rng), delay=delays[rng.integers(3)], **_mechanism(rng))
+            interface = ss.Interface(
+                thresholds=_thresholds(rng),
+                delay=delays[rng.integers(3)],
+                **_mechanism(rng),
+            )
             method = ss.Contacts(int(_between(rng, 200.0, 5000.0)))
-            rig = ss.Rig(interface, slider, ss.constant(velocity), method=method, start=ss.FromSliding())
+            rig = ss.Rig(
+                interface,
+                slider,
+                ss.constant(velocity),
+                method=method,
+                start=ss.FromSliding(),
+            )
             noise = contact_noise(rig)
-        except (InputError, UndecidedError):  # unstable, or newborns beyond the thresholds
+        # unstable, or newborns beyond the thresholds
+        except (InputError, UndecidedError):
             continue
         if (
             noise.relative_velocity < _FLUCTUATION
@@ -83,36 +109,61 @@ def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
 
 
 def _duration(noise: ContactNoise) -> float:
-    """Length of a run, such that all of them know the size of the fluctuations to an error."""
+    """Length of a run, such that all of them know the size of the fluctuations to an
+    error.
+    """
     return noise.memory / (2.0 * _ERROR**2 * _SEEDS)
 
 
 def _ratio(rig: ss.Rig, noise: ContactNoise) -> float:
     """Return the root mean square of the spring force in runs, over theory."""
-    duration, warm = _duration(noise), 20.0 * noise.memory
-    taken = float(noise.spectrum.spring_force[0]) / 2.0 / duration  # what the mean of a run takes of its variance
+    duration = _duration(noise)
+    warm = 20.0 * noise.memory
+    # what the mean of a run takes of its variance
+    taken = float(noise.spectrum.spring_force[0]) / 2.0 / duration
     interval = min(noise.memory / 15.0, 0.05 / rig.velocity)
     drive = ss.constant(rig.velocity, warm + duration)
     squares = []
     for seed in range(_SEEDS):
         method = ss.Contacts(noise.contacts, seed=seed)
-        run = ss.simulate(rig.replace(drive=drive), method=method, output=ss.Output(interval=interval))
-        squares.append(float(run.spring_force.sel(time=slice(warm, None)).var()) + taken)
+        run = ss.simulate(
+            rig.replace(drive=drive), method=method, output=ss.Output(interval=interval)
+        )
+        squares.append(
+            float(run.spring_force.sel(time=slice(warm, None)).var()) + taken
+        )
     return math.sqrt(np.mean(squares)) / noise.spring_force
 
 
 def _noise() -> tuple[Claim, ...]:
     measured = []
     for _, (rig, noise) in zip(range(_RIGS), _random_rigs(2026), strict=False):
-        said = f"{rig.interface.thresholds}, {noise.contacts} contacts, velocity {noise.relative_velocity:.0%} rms"
+        said = (
+            f"{rig.interface.thresholds}, {noise.contacts} contacts, velocity "
+            f"{noise.relative_velocity:.0%} rms"
+        )
         measured.append(near(said, _ratio(rig, noise), 1.0, 0.05, "of theory"))
     return (
         finding(
-            "the spring force of stable rigs fluctuates as the noise of their contacts makes it",
+            (
+                "the spring force of stable rigs fluctuates as the noise of their "
+                "contacts "
+                "makes it"
+            ),
             *measured,
-            evidence=f"{_SEEDS} runs of each of {_RIGS} random rigs, long enough to know it to {_ERROR:.1%}",
+            evidence=(
+                f"{_SEEDS} runs of each of {_RIGS} random rigs, long enough to "
+                f"know it to {_ERROR:.1%}"
+            ),
         ),
     )
 
 
-STUDIES = (Study(name="noise", group="Solver against solver", title="Noise of N contacts", run=_noise),)
+STUDIES = (
+    Study(
+        name="noise",
+        group="Solver against solver",
+        title="Noise of N contacts",
+        run=_noise,
+    ),
+)

@@ -12,8 +12,13 @@ from verification import STUDIES
 from verification.report import Outcome
 
 
-def run_all(names: Sequence[str], workers: int, step: Callable[[Outcome], None]) -> list[Outcome]:
-    """Run studies in processes of their own; `step` is called as each ends. The order is that of the names."""
+def run_all(
+    names: Sequence[str], workers: int, step: Callable[[Outcome], None]
+) -> list[Outcome]:
+    """Run studies in processes of their own; `step` is called as each ends.
+
+    The order is that of the names.
+    """
     done: dict[str, Outcome] = {}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(run_one, name): name for name in names}
@@ -23,7 +28,9 @@ def run_all(names: Sequence[str], workers: int, step: Callable[[Outcome], None])
                 try:
                     done[name] = future.result()
                 except Exception as error:  # the process itself died
-                    done[name] = Outcome(study=name, findings=(), seconds=0.0, failure=repr(error))
+                    done[name] = Outcome(
+                        study=name, findings=(), seconds=0.0, failure=repr(error)
+                    )
                 step(done[name])
         finally:
             pool.shutdown(cancel_futures=True)  # else an error here would wait for all
@@ -36,5 +43,11 @@ def run_one(name: str) -> Outcome:
     try:
         findings, failure = STUDIES[name].run(), ""
     except Exception:
-        findings, failure = (), traceback.format_exc()
-    return Outcome(study=name, findings=findings, seconds=time.perf_counter() - begun, failure=failure)
+        findings = ()
+        failure = traceback.format_exc()
+    return Outcome(
+        study=name,
+        findings=findings,
+        seconds=time.perf_counter() - begun,
+        failure=failure,
+    )

@@ -1,4 +1,6 @@
-"""One report of all studies: JSON for machines, HTML for people; each as it was run last."""
+"""One report of all studies: JSON for machines, HTML for people; each as it was run
+last.
+"""
 
 from __future__ import annotations
 
@@ -33,12 +35,18 @@ class Outcome:
     findings: tuple[Claim, ...]
     seconds: float
     failure: str = ""
-    when: str = field(default_factory=lambda: datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"))
+    when: str = field(
+        default_factory=lambda: datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    )
 
     @property
     def ok(self) -> bool:
         """Whether it was finished and every finding came out as settled."""
-        return not self.failure and bool(self.findings) and all(claim.ok for claim in self.findings)
+        return (
+            not self.failure
+            and bool(self.findings)
+            and all(claim.ok for claim in self.findings)
+        )
 
     def plain(self) -> dict[str, Any]:
         """Return what JSON can hold."""
@@ -55,31 +63,55 @@ class Outcome:
             "stickslip": stickslip.__version__,
             "python": platform.python_version(),
             "failure": self.failure,
-            "findings": [{**claim.plain(), "lines": [str(m) for m in claim.measured]} for claim in self.findings],
+            "findings": [
+                {**claim.plain(), "lines": [str(m) for m in claim.measured]}
+                for claim in self.findings
+            ],
         }
 
 
 def read(folder: Path) -> Studies:
-    """Return the studies that the report in a folder tells of, if there is one, as far as there still are such."""
+    """Return the studies that the report in a folder tells of, if there is one, as
+    far as there still are such.
+    """
     file = folder / "report.json"
-    studies = json.loads(file.read_text(encoding="utf-8"))["studies"] if file.exists() else []
+    studies = (
+        json.loads(file.read_text(encoding="utf-8"))["studies"] if file.exists() else []
+    )
     return {study["study"]: study for study in studies if study["study"] in STUDIES}
 
 
 def stale(studies: Studies) -> list[str]:
-    """Return the names of the studies of which nothing is told, or what other sources gave."""
-    return [name for name, study in STUDIES.items() if studies.get(name, {}).get("sources") != fingerprint(study.rooms)]
+    """Return the names of the studies of which nothing is told, or what other
+    sources gave.
+    """
+    return [
+        name
+        for name, study in STUDIES.items()
+        if studies.get(name, {}).get("sources") != fingerprint(study.rooms)
+    ]
 
 
 def save(studies: Mapping[str, Mapping[str, Any]], folder: Path) -> tuple[Path, Path]:
-    """Write ``report.json`` and ``report.html``, the studies in the order of the programme."""
+    """Write ``report.json`` and ``report.html``, the studies in the order of the
+    programme.
+    """
     from jinja2 import Environment
 
     folder.mkdir(parents=True, exist_ok=True)
-    page = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(_TEMPLATE.read_text())
+    page = Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True
+    ).from_string(_TEMPLATE.read_text())
     told = [studies[name] for name in STUDIES if name in studies]
-    report = {"ok": all(study["ok"] for study in told), "made_by": _made_by(told), "studies": told}
-    texts = {"report.json": json.dumps(report, indent=1) + "\n", "report.html": page.render(report)}
+    report = {
+        "ok": all(study["ok"] for study in told),
+        "made_by": _made_by(told),
+        "studies": told,
+    }
+    texts = {
+        "report.json": json.dumps(report, indent=1) + "\n",
+        "report.html": page.render(report),
+    }
     for name, text in texts.items():
         files.write(folder / name, text.encode())
     first, second = (folder / name for name in texts)
@@ -88,5 +120,11 @@ def save(studies: Mapping[str, Mapping[str, Any]], folder: Path) -> tuple[Path, 
 
 def _made_by(told: Sequence[Mapping[str, Any]]) -> str:
     """Which versions made a report, and when the last study ended."""
-    version, python = (" and ".join(dict.fromkeys(each[name] for each in told)) for name in ("stickslip", "python"))
-    return f"version {version}, Python {python}, {max((each['when'] for each in told), default='never')}"
+    version, python = (
+        " and ".join(dict.fromkeys(each[name] for each in told))
+        for name in ("stickslip", "python")
+    )
+    return (
+        f"version {version}, Python {python}, "
+        f"{max((each['when'] for each in told), default='never')}"
+    )

@@ -1,4 +1,6 @@
-"""Solver against solver: contacts, cohorts, the renewal convolution, and linear theory, where all must agree."""
+"""Solver against solver: contacts, cohorts, the renewal convolution, and linear
+theory, where all must agree.
+"""
 
 from __future__ import annotations
 
@@ -35,31 +37,53 @@ from stickslip.theory import driving_force
 from verification import phase_diagram
 from verification.study import Study, finding, held_friction
 
-_NARROW = Interface(thresholds=Gaussian(mean=1.0, std=0.1), initial=Gaussian(mean=0.0, std=0.05))
+_NARROW = Interface(
+    thresholds=Gaussian(mean=1.0, std=0.1), initial=Gaussian(mean=0.0, std=0.05)
+)
 
 
 def _rigid() -> tuple[Claim, ...]:
-    delays = (Delay(0.0), Delay(0.3), RandomDelay(mean=0.2, std=0.12, negative="redraw"))
-    N, seeds, distance, velocity = 10_000, 8, 4.0, 0.7
-    between, scaled = [], []
+    delays = (
+        Delay(0.0),
+        Delay(0.3),
+        RandomDelay(mean=0.2, std=0.12, negative="redraw"),
+    )
+    N = 10_000
+    seeds = 8
+    distance = 4.0
+    velocity = 0.7
+    between = []
+    scaled = []
     for delay in delays:
         interface = replace(_NARROW, delay=delay)
-        cohorts = rigid_slide(interface, distance, velocity=velocity, method=MasterEquation(rtol=1e-6))
+        cohorts = rigid_slide(
+            interface, distance, velocity=velocity, method=MasterEquation(rtol=1e-6)
+        )
         X = cohorts["displacement"].to_numpy()
         renewal = rigid_slide(interface, distance, velocity=velocity)
         exact = np.interp(X, renewal["displacement"], renewal["friction_force"])
         between.append(
             at_most(
-                f"cohorts less renewal, {delay}", float(np.abs(cohorts["friction_force"] - exact).max()), 1e-4, "f_s"
+                f"cohorts less renewal, {delay}",
+                float(np.abs(cohorts["friction_force"] - exact).max()),
+                1e-4,
+                "f_s",
             )
         )
         runs = [
-            rigid_slide(interface, distance, velocity=velocity, method=Contacts(N, seed=s))["friction_force"]
+            rigid_slide(
+                interface, distance, velocity=velocity, method=Contacts(N, seed=s)
+            )["friction_force"]
             for s in range(seeds)
         ]
         rms = math.sqrt(N * np.mean([(run.to_numpy() - exact) ** 2 for run in runs]))
-        # A contact's force lies between 0 and some 1.3: its deviation is at most half of that.
-        scaled.append(at_most(f"rms of contacts about it times sqrt(N), {delay}", rms, 0.65, "f_s"))
+        # A contact's force lies between 0 and some 1.3: its deviation is at most half
+        # of that.
+        scaled.append(
+            at_most(
+                f"rms of contacts about it times sqrt(N), {delay}", rms, 0.65, "f_s"
+            )
+        )
     return (
         finding(
             "Rigid motion: cohorts and renewal convolution solve the same Eqs. (1)-(4)",
@@ -67,7 +91,11 @@ def _rigid() -> tuple[Claim, ...]:
             evidence=f"{distance:g} x_s at velocity {velocity:g}, an rtol of 1e-6",
         ),
         finding(
-            "Rigid motion: contacts scatter about the master equation by the standard deviation of a contact's force",
+            (
+                "Rigid motion: contacts scatter about the master equation by the "
+                "standard "
+                "deviation of a contact's force"
+            ),
             *scaled,
             evidence=f"{seeds} runs of {N:,} contacts for each delay",
         ),
@@ -84,16 +112,32 @@ def _cycle(run: xr.Dataset) -> tuple[float, float, float]:
 def _stick_slip() -> tuple[Claim, ...]:
     interface = replace(FIG4.interface, delay=Delay(0.2))
     slider = replace(FIG4.slider, stiffness=2.0)
-    drive, output = constant(1.0, 100.0), Output(interval=0.002)
-    cohorts = simulate(Rig(interface, slider, drive), method=MasterEquation(rtol=1e-6), output=output)
-    contacts = simulate(Rig(interface, slider, drive), method=Contacts(200_000, seed=5), output=output)
-    (oscillation, period, fastest), (oscillation_n, period_n, fastest_n) = _cycle(cohorts), _cycle(contacts)
+    drive = constant(1.0, 100.0)
+    output = Output(interval=0.002)
+    cohorts = simulate(
+        Rig(interface, slider, drive), method=MasterEquation(rtol=1e-6), output=output
+    )
+    contacts = simulate(
+        Rig(interface, slider, drive), method=Contacts(200_000, seed=5), output=output
+    )
+    oscillation, period, fastest = _cycle(cohorts)
+    oscillation_n, period_n, fastest_n = _cycle(contacts)
     return (
         finding(
             "Fig. 4c: the cycle of 200,000 contacts is that of the master equation",
-            near("peak-to-peak force, contacts over cohorts", oscillation_n / oscillation, 1.0, 0.02),
+            near(
+                "peak-to-peak force, contacts over cohorts",
+                oscillation_n / oscillation,
+                1.0,
+                0.02,
+            ),
             near("period, contacts over cohorts", period_n / period, 1.0, 0.005),
-            near("largest velocity, contacts over cohorts", fastest_n / fastest, 1.0, 0.03),
+            near(
+                "largest velocity, contacts over cohorts",
+                fastest_n / fastest,
+                1.0,
+                0.03,
+            ),
             near("peak-to-peak force of the cohorts", oscillation, 0.77, 0.02, "f_s"),
             near("period of the cohorts", period, PERIOD, 0.010, "time"),
             evidence="K 2, tau .2, eta 200, v 1; the last 40 of 100 time units",
@@ -106,19 +150,34 @@ def _energy() -> tuple[Claim, ...]:
     drives = {
         "constant": constant(1.0, 20.0),
         "up and down": ramp(0.1, 3.0, 10.0).then(ramp(3.0, 0.1, 10.0)),
-        "there and back": constant(1.0, 5.0).then(constant(-1.0, 10.0)).then(constant(1.0, 5.0)),
+        "there and back": constant(1.0, 5.0)
+        .then(constant(-1.0, 10.0))
+        .then(constant(1.0, 5.0)),
     }
-    imbalances, counts = [], []
+    imbalances = []
+    counts = []
     for name, drive in drives.items():
-        run = simulate(Rig(interface, FIG4.slider, drive), method=Contacts(10_000, seed=3))
+        run = simulate(
+            Rig(interface, FIG4.slider, drive), method=Contacts(10_000, seed=3)
+        )
         stored = run["kinetic_energy"] + run["spring_energy"] + run["contact_energy"]
         lost = run["damped_energy"] + run["broken_energy"]
         imbalance = float(np.abs(run["work"] - (stored - stored[0]) - lost).max())
         imbalances.append(
-            at_most(f"imbalance of energy over the work done, {name}", imbalance / float(run["work"].max()), 1e-9)
+            at_most(
+                f"imbalance of energy over the work done, {name}",
+                imbalance / float(run["work"].max()),
+                1e-9,
+            )
         )
         held = run["attached"].to_numpy() * 10_000
-        counts.append(at_most(f"attached contacts are whole, {name}", float(np.abs(held - held.round()).max()), 1e-6))
+        counts.append(
+            at_most(
+                f"attached contacts are whole, {name}",
+                float(np.abs(held - held.round()).max()),
+                1e-6,
+            )
+        )
     return (
         finding(
             "The contacts engine balances energy to rounding",
@@ -130,11 +189,17 @@ def _energy() -> tuple[Claim, ...]:
 
 
 def _linear() -> tuple[Claim, ...]:
-    """A small perturbation of the cohorts grows at the rate of linear theory, and decays where theory says so."""
+    """A small perturbation of the cohorts grows at the rate of linear theory, and
+    decays where theory says so.
+    """
     slider = FIG7.slider
     interface = replace(FIG7.interface, delay=Delay(0.1))
-    v1 = critical(Rig(interface, slider, constant(1.0)), "velocity", between=(1.0, 1.9))[0]
-    rates, turns, speeds = [], [], (1.2, 1.3, 1.5, 1.6)
+    v1 = critical(
+        Rig(interface, slider, constant(1.0)), "velocity", between=(1.0, 1.9)
+    )[0]
+    rates = []
+    turns = []
+    speeds = (1.2, 1.3, 1.5, 1.6)
     for velocity in speeds:
         drive = constant(velocity, 24.0)
         run = simulate(
@@ -144,25 +209,51 @@ def _linear() -> tuple[Claim, ...]:
             output=Output(interval=0.004),
         )
         rate, turn = _fitted_mode(
-            run["time"].to_numpy(), run["spring_force"].to_numpy() - driving_force(interface, slider, velocity)
+            run["time"].to_numpy(),
+            run["spring_force"].to_numpy() - driving_force(interface, slider, velocity),
         )
         mode = growth_rate(Rig(interface, slider, constant(velocity)))
-        rates.append(near(f"growth rate at v = {velocity:g}, less theory", rate - mode.real, 0.0, 2e-3, "1/time"))
-        turns.append(near(f"frequency at v = {velocity:g}, less theory", turn - abs(mode.imag), 0.0, 5e-3, "1/time"))
+        rates.append(
+            near(
+                f"growth rate at v = {velocity:g}, less theory",
+                rate - mode.real,
+                0.0,
+                2e-3,
+                "1/time",
+            )
+        )
+        turns.append(
+            near(
+                f"frequency at v = {velocity:g}, less theory",
+                turn - abs(mode.imag),
+                0.0,
+                5e-3,
+                "1/time",
+            )
+        )
     return (
         finding(
-            "Small perturbations of smooth sliding grow or decay at the rate of linear theory",
+            (
+                "Small perturbations of smooth sliding grow or decay at the rate of "
+                "linear "
+                "theory"
+            ),
             near("v1 of Fig. 7a", v1.value, V1, 1e-6, "x_s/time"),
             near("its frequency", v1.frequency, V1_FREQUENCY, 1e-6, "1/time"),
             *rates,
             *turns,
-            evidence="rtol 1e-8, velocity perturbed by a thousandth; the slowest mode fitted after t = 8",
+            evidence=(
+                "rtol 1e-8, velocity perturbed by a thousandth; the slowest mode "
+                "fitted after t = 8"
+            ),
         ),
     )
 
 
 def _fitted_mode(t: np.ndarray, force: np.ndarray) -> tuple[float, float]:
-    """Rate and frequency of one oscillating mode, by least squares on what is left of the transient."""
+    """Rate and frequency of one oscillating mode, by least squares on what is left
+    of the transient.
+    """
     from scipy.optimize import least_squares
 
     late = t > 8.0
@@ -172,7 +263,9 @@ def _fitted_mode(t: np.ndarray, force: np.ndarray) -> tuple[float, float]:
     turn = 2 * math.pi * np.fft.rfftfreq(16 * t.size, t[1] - t[0])[power.argmax()]
 
     def rest(p: np.ndarray) -> np.ndarray:
-        oscillation = np.exp(p[0] * t)[:, None] * np.column_stack([np.cos(p[1] * t), np.sin(p[1] * t)])
+        oscillation = np.exp(p[0] * t)[:, None] * np.column_stack(
+            [np.cos(p[1] * t), np.sin(p[1] * t)]
+        )
         basis = np.column_stack([oscillation, np.ones_like(t)])
         return np.asarray(basis @ np.linalg.lstsq(basis, force, rcond=None)[0] - force)
 
@@ -192,21 +285,42 @@ def _ageing() -> tuple[Claim, ...]:
             velocity = u * rate**2
             steady = float(kinetic_friction(interface, velocity))
             name = f"F at u = {u:g}, beta = {rate:g}"
-            measured.append(near(f"{name}, kinetic equation", steady, exact, 3e-3 * exact, "f_s"))
+            measured.append(
+                near(f"{name}, kinetic equation", steady, exact, 3e-3 * exact, "f_s")
+            )
             output = Output(interval=0.02 / velocity)
             for found, method, within in (
-                (contacts, Contacts(20_000, seed=7), 1e-2), (kinetic, MasterEquation(), 3e-3)
-            ):  # fmt: skip
-                force = held_friction(interface, velocity, method, distance=12.0, after=4.0, output=output)
-                found.append(near(f"{name}, {type(method).__name__}", force, exact, within * exact, "f_s"))
+                (contacts, Contacts(20_000, seed=7), 1e-2),
+                (kinetic, MasterEquation(), 3e-3),
+            ):
+                force = held_friction(
+                    interface, velocity, method, distance=12.0, after=4.0, output=output
+                )
+                found.append(
+                    near(
+                        f"{name}, {type(method).__name__}",
+                        force,
+                        exact,
+                        within * exact,
+                        "f_s",
+                    )
+                )
     return (
         finding(
-            "Ageing thresholds: the steady friction of the kinetic equation depends on u = v/beta^2 alone",
+            (
+                "Ageing thresholds: the steady friction of the kinetic equation "
+                "depends on "
+                "u = v/beta^2 alone"
+            ),
             *measured,
             evidence="stationary kinetic equation",
         ),
         finding(
-            "Ageing thresholds: contacts, and the kinetic equation in time, slide with that friction",
+            (
+                "Ageing thresholds: contacts, and the kinetic equation in time, slide "
+                "with "
+                "that friction"
+            ),
             *contacts,
             *kinetic,
             evidence="held to the drive by a stiff spring, 8 x_s, 20,000 contacts",
@@ -219,7 +333,22 @@ STUDIES = (
     Study(name="rigid", group=_GROUP, title="Rigid motion", run=_rigid),
     Study(name="cycle", group=_GROUP, title="Stick-slip cycle", run=_stick_slip),
     Study(name="energy", group=_GROUP, title="Balance of energy", run=_energy),
-    Study(name="linear", group=_GROUP, title="Linear stability against small perturbations", run=_linear),
-    Study(name="phase-diagram", group=_GROUP, title="Regimes simulated and computed", run=phase_diagram.regimes),
-    Study(name="ageing", group=_GROUP, title="Ageing thresholds in steady sliding", run=_ageing),
+    Study(
+        name="linear",
+        group=_GROUP,
+        title="Linear stability against small perturbations",
+        run=_linear,
+    ),
+    Study(
+        name="phase-diagram",
+        group=_GROUP,
+        title="Regimes simulated and computed",
+        run=phase_diagram.regimes,
+    ),
+    Study(
+        name="ageing",
+        group=_GROUP,
+        title="Ageing thresholds in steady sliding",
+        run=_ageing,
+    ),
 )

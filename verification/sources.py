@@ -7,8 +7,20 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-COMPUTING = ("model", "kernels", "sliding", "rigid.py", "theory.py", "simulation", "stability", "cycles", "measure")
-"""What every study goes through, of the package; pictures and files may change without a new report."""
+COMPUTING = (
+    "model",
+    "kernels",
+    "sliding",
+    "rigid.py",
+    "theory.py",
+    "simulation",
+    "stability",
+    "cycles",
+    "measure",
+)
+"""What every study goes through, of the package; pictures and files may change
+without a new report.
+"""
 
 
 def fingerprint(rooms: Iterable[str] = COMPUTING) -> str:

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from stickslip import Contacts, FromSliding, Interface, MasterEquation, Output, Slider, constant, simulate
+from stickslip import (
+    Contacts,
+    FromSliding,
+    Interface,
+    MasterEquation,
+    Output,
+    Slider,
+    constant,
+    simulate,
+)
 from stickslip.model import Rig
 from stickslip.paper import Claim, Measured
 from verification.sources import COMPUTING
@@ -49,9 +58,11 @@ def held_friction(
     after: float,
     output: Output = Output(),
 ) -> float:
-    """Return the mean force of steady sliding in a run over a distance, what comes `after` a part of it.
+    """Return the mean force of steady sliding in a run over a distance, what comes
+    `after` a part of it.
 
-    A stiff, heavily damped spring holds the slider to the drive: the force is that of steady sliding.
+    A stiff, heavily damped spring holds the slider to the drive: the force is that of
+    steady sliding.
     """
     slider = Slider(stiffness=200.0, mass=1e-2, damping=100.0)
     run = simulate(
@@ -61,4 +72,6 @@ def held_friction(
         output=output,
     )
     drag = slider.mass * slider.damping * velocity
-    return float(run["spring_force"].sel(time=slice(after / velocity, None)).mean()) - drag
+    return (
+        float(run["spring_force"].sel(time=slice(after / velocity, None)).mean()) - drag
+    )

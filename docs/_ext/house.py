@@ -1,4 +1,6 @@
-"""What the pages hold that is made from the code: commands, keys of a rig file, claims; and MathJax from its wheel."""
+"""What the pages hold that is made from the code: commands, keys of a rig file,
+claims; and MathJax from its wheel.
+"""
 
 from __future__ import annotations
 
@@ -41,12 +43,17 @@ def commands() -> str:
     """Every command with its options, from the command line's own help."""
     from stickslip.cli import app
 
-    with mock.patch.object(sys, "argv", ["stickslip"]):  # usage lines begin with the program that runs
+    # usage lines begin with the program that runs
+    with mock.patch.object(sys, "argv", ["stickslip"]):
         pages = app.generate_docs(output_format="markdown")
     # From the first command on; what precedes lists them once more.
     body = pages[pages.index("\n## stickslip ") :]
     # Options in running text keep their dashes; one without help ends in a colon.
-    body = re.sub(r"(`[^`\n]*`)|(?<!\S)(--[a-z][\w-]*)", lambda found: found[1] or f"`{found[2]}`", body)
+    body = re.sub(
+        r"(`[^`\n]*`)|(?<!\S)(--[a-z][\w-]*)",
+        lambda found: found[1] or f"`{found[2]}`",
+        body,
+    )
     return re.sub(r":\s*$", "", body, flags=re.MULTILINE)
 
 
@@ -61,20 +68,31 @@ class Commands(_Made):
 
 
 def rig_keys() -> str:
-    """Every key that a rig file may hold, from the tables that it is read by, with the words of rig-keys.toml."""
+    """Every key that a rig file may hold, from the tables that it is read by, with
+    the words of rig-keys.toml.
+    """
     from stickslip.io import rig_keys as keys
     from stickslip.model.activation import ACTIVATIONS
     from stickslip.model.ageing import AGEING_MODELS
     from stickslip.model.delays import RandomDelay
     from stickslip.model.distributions import DISTRIBUTIONS
 
-    words = tomllib.loads((Path(__file__).parents[1] / "reference" / "rig-keys.toml").read_text())
+    words = tomllib.loads(
+        (Path(__file__).parents[1] / "reference" / "rig-keys.toml").read_text()
+    )
     lines = ["### At the top of the file", "", *_table(keys.TOP, words["top"])]
     for name, table in keys.TABLES.items():
-        lines += [f"### `[{name}]`", "", *_table(table, (words["chain"] if name == "sheet" else {}) | words[name])]
+        lines += [
+            f"### `[{name}]`",
+            "",
+            *_table(table, (words["chain"] if name == "sheet" else {}) | words[name]),
+        ]
         if name == "interface":
             heads = {
-                '#### `thresholds`, `initial` and `newborn` with `distribution = "{}"`': DISTRIBUTIONS,
+                (
+                    "#### `thresholds`, `initial` and `newborn` with `distribution = "
+                    '"{}"`'
+                ): DISTRIBUTIONS,
                 "#### `interface.delay` as a table": {"random": RandomDelay},
                 '#### `interface.ageing` with `model = "{}"`': AGEING_MODELS,
                 '#### `interface.temperature` with `kind = "{}"`': ACTIVATIONS,
@@ -84,18 +102,39 @@ def rig_keys() -> str:
                     own = words["fields"] | words.get(kind, {})
                     lines += [head.format(kind), "", *_table(keys.keys_of(record), own)]
         if name == "drive":
-            lines += ["#### Each of `drive.pieces`", "", *_table(keys.PIECE, words["piece"])]
+            lines += [
+                "#### Each of `drive.pieces`",
+                "",
+                *_table(keys.PIECE, words["piece"]),
+            ]
         if name == "simulation":
-            lines += ["#### `simulation.start` as a table", "", *_table(keys.START, words["start"])]
+            lines += [
+                "#### `simulation.start` as a table",
+                "",
+                *_table(keys.START, words["start"]),
+            ]
     return "\n".join(lines)
 
 
 def _table(keys: Any, words: Any) -> list[str]:
-    rows = ["| key | value | for example | if left out | meaning |", "|---|---|---|---|---|"]
+    rows = [
+        "| key | value | for example | if left out | meaning |",
+        "|---|---|---|---|---|",
+    ]
     for name, key in keys.items():
-        meaning, otherwise = ([words[name], ""] if isinstance(words[name], str) else words[name])[:2]
-        cells = (f"`{name}`", _kind(key), _code(key.example), _left_out(key, otherwise), meaning)
-        rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+        meaning, otherwise = (
+            [words[name], ""] if isinstance(words[name], str) else words[name]
+        )[:2]
+        cells = (
+            f"`{name}`",
+            _kind(key),
+            _code(key.example),
+            _left_out(key, otherwise),
+            meaning,
+        )
+        rows.append(
+            f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+        )
     return [*rows, ""]
 
 
@@ -109,7 +148,11 @@ def _left_out(key: Any, otherwise: str) -> str:
     """What is taken if a key is left out."""
     if key.required or key.default is None:
         return otherwise or "must be given"
-    return "none" if key.default == "" else _code(f"0 {_si(key)}" if key.unit and key.default == 0 else key.default)
+    return (
+        "none"
+        if key.default == ""
+        else _code(f"0 {_si(key)}" if key.unit and key.default == 0 else key.default)
+    )
 
 
 def _si(key: Any) -> str:
@@ -120,14 +163,29 @@ def _si(key: Any) -> str:
 
 def _kind(key: Any) -> str:
     """What may stand in place of a key's value, in words."""
-    others = ["a table, see below" if other == "table" else _code(other) for other in key.also if other != "list"]
+    others = [
+        "a table, see below" if other == "table" else _code(other)
+        for other in key.also
+        if other != "list"
+    ]
     if key.unit:
-        return " or ".join([f"a quantity in {_si(key)}{f', {key.sign}' if key.sign else ''}", *others])
+        return " or ".join(
+            [f"a quantity in {_si(key)}{f', {key.sign}' if key.sign else ''}", *others]
+        )
     if key.choices:
         return " or ".join([*map(_code, key.choices), *others])
     if key.is_table:
-        return "list of tables, see below" if isinstance(key.example, list) else "a table, see below"
-    kinds = {str: "text", int: "whole number", list: "list of numbers", tuple: "list of numbers"}
+        return (
+            "list of tables, see below"
+            if isinstance(key.example, list)
+            else "a table, see below"
+        )
+    kinds = {
+        str: "text",
+        int: "whole number",
+        list: "list of numbers",
+        tuple: "list of numbers",
+    }
     return kinds.get(type(key.example), f"number{f' {key.sign}' if key.sign else ''}")
 
 
@@ -138,11 +196,13 @@ class RigKeys(_Made):
         return rig_keys()
 
 
-# ---------------------------------------------------------------- which method takes what
+# -------------------------------------------------------------- which method takes what
 
 
 def mechanisms() -> str:
-    """Mechanism by method: the matrix that tests/test_laws.py goes through, made of what the engines say they take."""
+    """Mechanism by method: the matrix that tests/test_laws.py goes through, made of
+    what the engines say they take.
+    """
     import stickslip as ss
     from stickslip.simulation.engines import engine_of
 
@@ -157,12 +217,25 @@ def mechanisms() -> str:
             return ""
         return "yes"
 
-    columns = [(method, body) for body in (laws.SLIDER, laws.CHAIN) for method in laws.METHODS.values()]
-    columns = [column for column in columns if any(taken(fields, *column) for fields in laws.MECHANISMS.values())]
-    heads = [f"`{type(method).__name__}`, {type(body).__name__.lower()}" for method, body in columns]
+    columns = [
+        (method, body)
+        for body in (laws.SLIDER, laws.CHAIN)
+        for method in laws.METHODS.values()
+    ]
+    columns = [
+        column
+        for column in columns
+        if any(taken(fields, *column) for fields in laws.MECHANISMS.values())
+    ]
+    heads = [
+        f"`{type(method).__name__}`, {type(body).__name__.lower()}"
+        for method, body in columns
+    ]
     lines = [f"| interface | {' | '.join(heads)} |", "|---" * (1 + len(heads)) + "|"]
     for name, fields in laws.MECHANISMS.items():
-        lines.append(f"| {name} | {' | '.join(taken(fields, *column) for column in columns)} |")
+        lines.append(
+            f"| {name} | {' | '.join(taken(fields, *column) for column in columns)} |"
+        )
     return "\n".join(lines)
 
 
@@ -177,26 +250,40 @@ class Mechanisms(_Made):
 
 
 def claims(report: Path = REPORT) -> str:
-    """The tables of claims with verdicts and numbers, from the report of ``make verify``."""
+    """The tables of claims with verdicts and numbers, from the report of
+    ``make verify``.
+    """
     if not report.exists():
         return (
-            ":::{note}\nThis copy of the documentation was built without a report. `make verify` computes every figure "
-            "and writes one; build the pages again after it. One figure at a time: `stickslip paper fig3 --check`.\n:::"
+            ":::{note}\nThis copy of the documentation was built without a report. "
+            "`make verify` computes every figure "
+            "and writes one; build the pages again after it. One figure at a time: "
+            "`stickslip paper fig3 --check`.\n:::"
         )
     content: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
     studies: list[dict[str, Any]] = content["studies"]
     lines: list[str] = []
     for group in dict.fromkeys(study["group"] for study in studies):
-        lines += [f"### {group}", "", "| study | verdict | what was found |", "|---|---|---|"]
+        lines += [
+            f"### {group}",
+            "",
+            "| study | verdict | what was found |",
+            "|---|---|---|",
+        ]
         for study in studies:
             if study["group"] == group:
-                lines += [f"| {study['study']} | {_verdict(claim)} | {_found(claim)} |" for claim in study["findings"]]
+                lines += [
+                    f"| {study['study']} | {_verdict(claim)} | {_found(claim)} |"
+                    for claim in study["findings"]
+                ]
         lines.append("")
     return "\n".join(lines)
 
 
 def made_by(report: Path = REPORT) -> str:
-    """Which version made the report, and whether it is stale; apart from `claims`, as its headings would go before."""
+    """Which version made the report, and whether it is stale; apart from `claims`,
+    as its headings would go before.
+    """
     if not report.exists():
         return ""
     content = json.loads(report.read_text(encoding="utf-8"))
@@ -206,7 +293,9 @@ def made_by(report: Path = REPORT) -> str:
 
 
 def stale_report(report: Path = REPORT) -> str:
-    """Say which studies in the report are about other sources than these; nothing if none, or if there is no report."""
+    """Say which studies in the report are about other sources than these; nothing if
+    none, or if there is no report.
+    """
     if not report.exists():
         return ""
     if str(ROOT) not in sys.path:
@@ -214,11 +303,16 @@ def stale_report(report: Path = REPORT) -> str:
     from verification.sources import fingerprint
 
     studies = json.loads(report.read_text(encoding="utf-8"))["studies"]
-    stale = [study["study"] for study in studies if study["sources"] != fingerprint(study["rooms"])]
+    stale = [
+        study["study"]
+        for study in studies
+        if study["sources"] != fingerprint(study["rooms"])
+    ]
     if not stale:
         return ""
     return (
-        f"The solvers were changed after these studies: {', '.join(stale)}. `make verify` runs all of them again, "
+        f"The solvers were changed after these studies: {', '.join(stale)}. `make "
+        "verify` runs all of them again, "
         "`python -m verification --stale --report verification` no others."
     )
 
@@ -234,10 +328,14 @@ def _found(claim: dict[str, Any]) -> str:
     number = "" if claim["number"] is None else f"Claim {claim['number']}: "
     parts = [f"{number}{_cell(claim['statement'])}"]
     parts += [
-        f"*{word}:* {_cell(claim[key])}" for word, key in (("Reading", "reading"), ("Exact", "exact")) if claim[key]
+        f"*{word}:* {_cell(claim[key])}"
+        for word, key in (("Reading", "reading"), ("Exact", "exact"))
+        if claim[key]
     ]
     values = "<br>".join(_cell(line) for line in claim["lines"])
-    parts.append(f"<details><summary>{_cell(claim['evidence'])}</summary>{values}</details>")
+    parts.append(
+        f"<details><summary>{_cell(claim['evidence'])}</summary>{values}</details>"
+    )
     return "<br>".join(parts)
 
 
@@ -252,7 +350,9 @@ class MadeBy(_Made):
     def text(self) -> str:
         self.env.note_dependency(str(REPORT))
         if stale := stale_report():  # make docs ends in an error
-            logger.warning("verification/report.json: %s", stale, type="house", subtype="stale")
+            logger.warning(
+                "verification/report.json: %s", stale, type="house", subtype="stale"
+            )
         return made_by()
 
 
@@ -268,11 +368,15 @@ class Claims(_Made):
 
 
 def mathjax() -> Path:
-    """MathJax with SVG output in one file, from the wheel that the extra ``docs`` names."""
+    """MathJax with SVG output in one file, from the wheel that the extra ``docs``
+    names.
+    """
     for file in importlib.metadata.files("sphinx-mathjax-offline") or ():
         if file.name == "tex-svg.js":
             return Path(str(file.locate()))
-    raise FileNotFoundError("tex-svg.js in sphinx-mathjax-offline; pip install -e '.[docs]'")
+    raise FileNotFoundError(
+        "tex-svg.js in sphinx-mathjax-offline; pip install -e '.[docs]'"
+    )
 
 
 def _bring_mathjax(app: Sphinx) -> None:
@@ -282,11 +386,13 @@ def _bring_mathjax(app: Sphinx) -> None:
         shutil.copyfile(mathjax(), place / "mathjax.js")
 
 
-# ---------------------------------------------------------------- the gallery, where there is one
+# ------------------------------------------------------ the gallery, where there is one
 
 
 def keep_figure(block: Any, variables: dict[str, Any], gallery: dict[str, Any]) -> str:
-    """Keep the figure that a script has made: ours come without pyplot, which the gallery would look into."""
+    """Keep the figure that a script has made: ours come without pyplot, which the
+    gallery would look into.
+    """
     from sphinx_gallery.scrapers import figure_rst
 
     from stickslip import plot
@@ -301,7 +407,9 @@ def keep_figure(block: Any, variables: dict[str, Any], gallery: dict[str, Any]) 
 
 
 def _show_kernels_plain(app: Sphinx) -> None:
-    """Put the plain functions in place of the compiled ones, which hide their signatures; the gallery has been made."""
+    """Put the plain functions in place of the compiled ones, which hide their
+    signatures; the gallery has been made.
+    """
     from importlib import import_module
     from pkgutil import iter_modules
 
@@ -317,8 +425,12 @@ def _show_kernels_plain(app: Sphinx) -> None:
                 setattr(module, name, value.py_func)
 
 
-def _one_name_each(_app: Sphinx, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
-    """Give attributes that share a line, ``low, high : float``, one each: napoleon takes the first for a type."""
+def _one_name_each(
+    _app: Sphinx, _what: str, _name: str, _object: Any, _options: Any, lines: list[str]
+) -> None:
+    """Give attributes that share a line, ``low, high : float``, one each: napoleon
+    takes the first for a type.
+    """
     told: list[str] = []
     inside, names, kind, about = False, [""], "", list[str]()
 
@@ -331,12 +443,16 @@ def _one_name_each(_app: Sphinx, _what: str, _name: str, _object: Any, _options:
             inside = before == "Attributes"
         if inside and (found := re.fullmatch(r"(\w+(?:, \w+)+)( : .*)", line)):
             tell()
-            names, kind, about = found[1].split(", "), found[2], []
+            names = found[1].split(", ")
+            kind = found[2]
+            about = []
         elif len(names) > 1 and line.startswith(" "):
             about.append(line)
         else:
             tell()
-            names, kind, about = [line], "", []
+            names = [line]
+            kind = ""
+            about = []
     lines[:] = told[1:]
 
 
@@ -347,6 +463,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("claims", Claims)
     app.add_directive("made-by", MadeBy)
     app.connect("builder-inited", _bring_mathjax)
-    app.connect("autodoc-process-docstring", _one_name_each, priority=400)  # before napoleon
+    # before napoleon
+    app.connect("autodoc-process-docstring", _one_name_each, priority=400)
     app.connect("builder-inited", _show_kernels_plain, priority=900)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

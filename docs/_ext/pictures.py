@@ -1,4 +1,6 @@
-"""Pictures that the pages show of what they print, made in `docs/made` each time the pages are built."""
+"""Pictures that the pages show of what they print, made in `docs/made` each time the
+pages are built.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,10 @@ def make(folder: Path = MADE) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as place, contextlib.chdir(place):
         Path("stage.toml").write_text(blocks("howto/predict.md", "toml")[0])
-        for rig, name in ((ss.example("pmma_slider"), "start_predict"), (ss.read_rig("stage.toml"), "stage_predict")):
+        for rig, name in (
+            (ss.example("pmma_slider"), "start_predict"),
+            (ss.read_rig("stage.toml"), "stage_predict"),
+        ):
             ss.plot.save(ss.predict(rig).plot(), folder / f"{name}.png")
         known: dict[str, Any] = {}
         with contextlib.redirect_stdout(None):
@@ -39,5 +44,6 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    app.connect("builder-inited", lambda _app: make(), priority=100)  # before `house` takes the kernels apart
+    # before `house` takes the kernels apart
+    app.connect("builder-inited", lambda _app: make(), priority=100)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

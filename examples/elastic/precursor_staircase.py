@@ -2,10 +2,11 @@
 Precursors of sliding
 =====================
 
-A bar is pulled slowly at one end. Long before all of it slides, slip sets in at that end and runs some way along: the
-force drops a little, the contacts re-attach, and the next precursor runs further. How far each comes grows with the
-force, by one over the sliding force of a block; the last one runs through, and that force is the static friction of
-the bar, well below the strength of all its contacts.
+A bar is pulled slowly at one end. Long before all of it slides, slip sets in at that
+end and runs some way along: the force drops a little, the contacts re-attach, and the
+next precursor runs further. How far each comes grows with the force, by one over the
+sliding force of a block; the last one runs through, and that force is the static
+friction of the bar, well below the strength of all its contacts.
 
 Run it with ``python examples/elastic/precursor_staircase.py precursors.png``.
 """
@@ -19,7 +20,9 @@ import stickslip as ss
 from stickslip import plot
 
 CONTACTS = ss.Interface(
-    thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=ss.RandomDelay(mean=100.0, std=30.0), sliding_force=0.425
+    thresholds=ss.Gaussian(mean=1.0, std=0.05),
+    delay=ss.RandomDelay(mean=100.0, std=30.0),
+    sliding_force=0.425,
 )
 BAR = ss.Chain(blocks=60, coupling=4.0, mass=4.0, damping=0.1, side=4.0)
 RIG = ss.Rig(
@@ -29,7 +32,9 @@ RIG = ss.Rig(
     method=ss.QuasiStatic(50, seed=1),
     output=ss.Output(interval=225.0),
 )
-"""So slow that contacts re-attach before the drive has moved by a thirtieth of their stretching."""
+"""So slow that contacts re-attach before the drive has moved by a thirtieth of their
+stretching.
+"""
 
 
 def run() -> xr.Dataset:
@@ -38,7 +43,9 @@ def run() -> xr.Dataset:
 
 
 def draw() -> Figure:
-    """Force against time, precursors against force, their slip, and where contacts are detached."""
+    """Force against time, precursors against force, their slip, and where contacts
+    are detached.
+    """
     pulled = run()
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 5.2)

@@ -2,9 +2,10 @@
 Smooth sliding invades stick-slip
 =================================
 
-There are speeds at which a rigid slider may slide smoothly or stick and slip, as it was started. On a long elastic
-slider that is driven from above both can stand side by side, and the boundary between them moves: smooth sliding takes
-over, at a steady speed of about half of ``sqrt(k_b)`` blocks per time. On a short slider stick-slip takes all.
+There are speeds at which a rigid slider may slide smoothly or stick and slip, as it was
+started. On a long elastic slider that is driven from above both can stand side by side,
+and the boundary between them moves: smooth sliding takes over, at a steady speed of
+about half of ``sqrt(k_b)`` blocks per time. On a short slider stick-slip takes all.
 
 Run it with ``python examples/elastic/side_by_side.py invasion.png``.
 """
@@ -23,28 +24,51 @@ PERIOD = 1.6
 """A little more than that of stick-slip."""
 
 
-def run(blocks: int, at_rest: int, duration: float, seed: int = 1, coupling: float = 20.0) -> xr.Dataset:
-    """A bar of which the first blocks start at rest, and so in stick-slip, the others in smooth sliding."""
-    bar = ss.Chain(blocks=blocks, coupling=coupling, mass=1e-4, damping=42.426, leaf=2.0)
+def run(
+    blocks: int, at_rest: int, duration: float, seed: int = 1, coupling: float = 20.0
+) -> xr.Dataset:
+    """A bar of which the first blocks start at rest, and so in stick-slip, the
+    others in smooth sliding.
+    """
+    bar = ss.Chain(
+        blocks=blocks, coupling=coupling, mass=1e-4, damping=42.426, leaf=2.0
+    )
     drive = ss.constant(1.0, duration=duration)
-    rig = ss.Rig(CONTACTS, bar, drive, method=ss.Contacts(300, seed=seed), start=ss.FromSliding(at_rest=at_rest))
+    rig = ss.Rig(
+        CONTACTS,
+        bar,
+        drive,
+        method=ss.Contacts(300, seed=seed),
+        start=ss.FromSliding(at_rest=at_rest),
+    )
     return ss.simulate(rig, output=ss.Output(interval=0.05))
 
 
 def in_stick_slip(found: xr.Dataset) -> xr.DataArray:
-    """How many blocks stick and slip: those whose friction force goes up and down by .4 and more within a period."""
-    windows = found["friction_force"].rolling(time=round(PERIOD / 0.05), center=True).construct("lag").dropna("time")
+    """How many blocks stick and slip: those whose friction force goes up and down by
+    .4 and more within a period.
+    """
+    windows = (
+        found["friction_force"]
+        .rolling(time=round(PERIOD / 0.05), center=True)
+        .construct("lag")
+        .dropna("time")
+    )
     return ((windows.max("lag") - windows.min("lag")) > 0.4).sum("block")
 
 
 def speed(count: xr.DataArray, blocks: int) -> float:
-    """Blocks that smooth sliding gains in a time, while the boundary is away from both ends."""
+    """Blocks that smooth sliding gains in a time, while the boundary is away from
+    both ends.
+    """
     inside = count[(count > blocks // 4) & (count < 0.82 * blocks)]
     return -float(np.polyfit(inside["time"], inside, 1)[0])
 
 
 def draw() -> Figure:
-    """Friction force on a long bar in space and time; blocks in stick-slip on long bars and short ones."""
+    """Friction force on a long bar in space and time; blocks in stick-slip on long
+    bars and short ones.
+    """
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 3.0)
         left, right = figure.subplots(1, 2)
@@ -53,8 +77,15 @@ def draw() -> Figure:
         for blocks, colour in ((64, plot.BLUE), (16, plot.GREEN), (8, plot.VERMILLION)):
             found = long if blocks == 64 else run(blocks, blocks // 2, duration=36.0)
             count = in_stick_slip(found)
-            right.plot(count["time"], count / blocks, color=colour, label=f"{blocks} blocks")
-        right.set(xlabel="time (time units)", ylabel="part in stick-slip", ylim=(0, 1.05), xlim=(0, 36))
+            right.plot(
+                count["time"], count / blocks, color=colour, label=f"{blocks} blocks"
+            )
+        right.set(
+            xlabel="time (time units)",
+            ylabel="part in stick-slip",
+            ylim=(0, 1.05),
+            xlim=(0, 36),
+        )
         plot.legend_above(right, columns=3)
     return figure
 

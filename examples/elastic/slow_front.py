@@ -2,10 +2,11 @@
 A slow front, driven by slow slip
 =================================
 
-A front of slip starts where the bar is loaded well and runs fast, nearly with sound, into a part that is loaded less.
-There it stops. Behind it contacts re-attach one after the other, each free of the force that it carried while it slid:
-the bar behind creeps on, loads the tip, and a second front goes on from there, 27 times slower. Without a sliding
-force there is nothing to drop, and the front stops for good.
+A front of slip starts where the bar is loaded well and runs fast, nearly with sound,
+into a part that is loaded less. There it stops. Behind it contacts re-attach one after
+the other, each free of the force that it carried while it slid: the bar behind creeps
+on, loads the tip, and a second front goes on from there, 27 times slower. Without a
+sliding force there is nothing to drop, and the front stops for good.
 
 Run it with ``python examples/elastic/slow_front.py front.png``.
 """
@@ -19,13 +20,18 @@ from matplotlib.figure import Figure
 import stickslip as ss
 from stickslip import plot
 
-BLOCKS, SLIDING_FORCE = 260, 0.425
+BLOCKS = 260
+SLIDING_FORCE = 0.425
 BAR = ss.Chain(blocks=BLOCKS, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25)
 """The unit of time is that in which sound passes one block."""
 
 
-def rig(sliding_force: float = SLIDING_FORCE, beyond: float = 0.44, duration: float = 3000.0) -> ss.Rig:
-    """A prestress of .7 for the first hundred blocks, of `beyond` for the others, and a push on the first three."""
+def rig(
+    sliding_force: float = SLIDING_FORCE, beyond: float = 0.44, duration: float = 3000.0
+) -> ss.Rig:
+    """A prestress of .7 for the first hundred blocks, of `beyond` for the others,
+    and a push on the first three.
+    """
     contacts = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.0),
         delay=ss.RandomDelay(mean=720.0, std=216.0, negative="redraw"),
@@ -33,10 +39,19 @@ def rig(sliding_force: float = SLIDING_FORCE, beyond: float = 0.44, duration: fl
     )
     prestress = np.where(np.arange(BLOCKS) < 100, 0.7, beyond)
     start = ss.Prestressed(
-        stretching=tuple(sliding_force + (1.0 - sliding_force) * prestress), push=3.0, pushed_blocks=3
+        stretching=tuple(sliding_force + (1.0 - sliding_force) * prestress),
+        push=3.0,
+        pushed_blocks=3,
     )
     drive = ss.constant(0.0, duration=duration)
-    return ss.Rig(contacts, BAR, drive, method=ss.Contacts(100, seed=1), start=start, output=ss.Output(interval=2.0))
+    return ss.Rig(
+        contacts,
+        BAR,
+        drive,
+        method=ss.Contacts(100, seed=1),
+        start=start,
+        output=ss.Output(interval=2.0),
+    )
 
 
 def speeds(run: xr.Dataset) -> tuple[float, float]:
@@ -51,7 +66,9 @@ def speeds(run: xr.Dataset) -> tuple[float, float]:
 
 
 def draw() -> Figure:
-    """Where contacts are attached, early and all the time; how fast blocks slip; how fast the front runs."""
+    """Where contacts are attached, early and all the time; how fast blocks slip; how
+    fast the front runs.
+    """
     run = ss.simulate(rig())
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 6.0)

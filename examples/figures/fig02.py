@@ -2,10 +2,12 @@
 Figure 2: elastic instability
 =============================
 
-A spring holds the slider. Where its stiffness is smaller than the slope at which the friction force decreases, no
-equilibrium is near and the slider jumps, as soon as the two slopes are equal.
+A spring holds the slider. Where its stiffness is smaller than the slope at which the
+friction force decreases, no equilibrium is near and the slider jumps, as soon as the
+two slopes are equal.
 
-The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig2 --check``.
+The same with all points and contacts, and with the paper's claims checked:
+``stickslip paper fig2 --check``.
 """
 
 from stickslip.paper import FIGURES

@@ -2,10 +2,12 @@
 Figure 6: the critical delay
 ============================
 
-From a narrow start, how long must broken contacts stay detached for stick-slip to persist? It follows the mass as
-A1 + A2 M^(1/3); and since only M v^2 counts, the dependence on velocity is the same curve.
+From a narrow start, how long must broken contacts stay detached for stick-slip to
+persist? It follows the mass as A1 + A2 M^(1/3); and since only M v^2 counts, the
+dependence on velocity is the same curve.
 
-The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig6 --check``.
+The same with all points and contacts, and with the paper's claims checked:
+``stickslip paper fig6 --check``.
 """
 
 from stickslip.paper import FIGURES

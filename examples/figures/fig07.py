@@ -2,10 +2,12 @@
 Figure 7: velocity up and down
 ==============================
 
-Stick-slip begins at one velocity on the way up and ends at a lower one on the way down: between them the rig is
-bistable. With delays of different lengths it stops again at high velocity.
+Stick-slip begins at one velocity on the way up and ends at a lower one on the way down:
+between them the rig is bistable. With delays of different lengths it stops again at
+high velocity.
 
-The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig7 --check``.
+The same with all points and contacts, and with the paper's claims checked:
+``stickslip paper fig7 --check``.
 """
 
 from stickslip.paper import FIGURES

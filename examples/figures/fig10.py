@@ -2,10 +2,11 @@
 Figure 10: critical velocities and the rate of ageing
 =====================================================
 
-Both velocities grow as the square of the rate of ageing. Where stick-slip begins is also known without a run, from the
-linear stability of smooth sliding.
+Both velocities grow as the square of the rate of ageing. Where stick-slip begins is
+also known without a run, from the linear stability of smooth sliding.
 
-The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig10 --check``.
+The same with all points and contacts, and with the paper's claims checked:
+``stickslip paper fig10 --check``.
 """
 
 from stickslip.paper import FIGURES

@@ -2,10 +2,12 @@
 Figure 11: effective stiffness with ageing
 ==========================================
 
-How steeply the force on newborn contacts decreases as they are pulled, against the velocity: it equals the
-stiffness of the spring where stick-slip begins, not where it ends.
+How steeply the force on newborn contacts decreases as they are pulled, against the
+velocity: it equals the stiffness of the spring where stick-slip begins, not where it
+ends.
 
-The same with all points and contacts, and with the paper's claims checked: ``stickslip paper fig11 --check``.
+The same with all points and contacts, and with the paper's claims checked:
+``stickslip paper fig11 --check``.
 """
 
 from stickslip.paper import FIGURES

@@ -2,9 +2,10 @@
 A velocity step on basalt, as rate and state and as contacts
 ============================================================
 
-Friction of basalt gouge in the laboratory, while the velocity of the load point rises from 3 to 10 µm/s (Giacomel and
-others, MIT licence). The slip law fits it with a, b and D. Contacts with temperature and ageing fit it as well, with as
-many numbers, if their thresholds are scattered broadly: narrow ones would ring, and the rock does not.
+Friction of basalt gouge in the laboratory, while the velocity of the load point rises
+from 3 to 10 µm/s (Giacomel and others, MIT licence). The slip law fits it with a, b and
+D. Contacts with temperature and ageing fit it as well, with as many numbers, if their
+thresholds are scattered broadly: narrow ones would ring, and the rock does not.
 
 Run it with ``python examples/practice/basalt_step.py step.png``.
 """
@@ -16,21 +17,35 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip import plot
-from stickslip.rate_state import ContactsFit, Step, StepFit, fit_contacts, velocity_step_in
+from stickslip.rate_state import (
+    ContactsFit,
+    Step,
+    StepFit,
+    fit_contacts,
+    velocity_step_in,
+)
 
 DATA = Path(ss.__file__).parents[2] / "tests" / "data" / "giacomel_basalt_step.txt"
-BROAD, NARROW = ss.Gamma(mean=1.0, std=0.85), ss.Gaussian(mean=1.0, std=0.3)
+BROAD = ss.Gamma(mean=1.0, std=0.85)
+NARROW = ss.Gaussian(mean=1.0, std=0.3)
 
 
 def step() -> Step:
     """The step, 5 µm before to 120 µm after it, in 200 bins."""
     trace = ss.read_trace(DATA)
-    return velocity_step_in(trace, at=11676.28, before=3.0, after=10.0, span=(5.0, 120.0), bins=200)
+    return velocity_step_in(
+        trace, at=11676.28, before=3.0, after=10.0, span=(5.0, 120.0), bins=200
+    )
 
 
 def fits(measured: Step) -> tuple[StepFit, ContactsFit, ContactsFit]:
-    """Rate and state, and contacts with broad and with narrow thresholds, all with a linear trend beside them."""
-    broad, narrow = (fit_contacts(measured, thresholds=one, trend=True, linear=True) for one in (BROAD, NARROW))
+    """Rate and state, and contacts with broad and with narrow thresholds, all with a
+    linear trend beside them.
+    """
+    broad, narrow = (
+        fit_contacts(measured, thresholds=one, trend=True, linear=True)
+        for one in (BROAD, NARROW)
+    )
     return ss.rate_state.fit_rate_and_state(measured, trend=True), broad, narrow
 
 
@@ -40,7 +55,10 @@ def draw() -> Figure:
     found = fits(measured)
     print(*found, sep="\n")
     return plot.velocity_step(
-        measured, found, (f"{found[0].law} law", "contacts, broad", "contacts, narrow"), length="µm"
+        measured,
+        found,
+        (f"{found[0].law} law", "contacts, broad", "contacts, narrow"),
+        length="µm",
     )
 
 

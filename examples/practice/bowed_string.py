@@ -2,10 +2,12 @@
 The lightest bow that makes a string sing
 =========================================
 
-What holds the slider need not be a spring: here the bow rubs on a string, whose modes enter through their impedance
-at the bow. Below some force of friction the string's own losses win, and nothing is heard but noise. That smallest
-force rises with the speed of the bow, as players know; the theory of linear stability gives it, and which harmonic
-starts first. What the string does once it sings (Helmholtz's motion) is beyond linear theory.
+What holds the slider need not be a spring: here the bow rubs on a string, whose modes
+enter through their impedance at the bow. Below some force of friction the string's own
+losses win, and nothing is heard but noise. That smallest force rises with the speed of
+the bow, as players know; the theory of linear stability gives it, and which harmonic
+starts first. What the string does once it sings (Helmholtz's motion) is beyond linear
+theory.
 
 Run it with ``python examples/practice/bowed_string.py string.png``.
 """
@@ -23,18 +25,26 @@ from stickslip.model.units import Scales
 from stickslip.stability import Modes
 
 LENGTH, PITCH, DENSITY, QUALITY = 0.33, 440.0, 6e-4, 100.0
-"""Of an A string, in m, Hz, kg/m; and the quality of its modes with a finger and a bow on it (assumed)."""
+"""Of an A string, in m, Hz, kg/m; and the quality of its modes with a finger and a
+bow on it (assumed).
+"""
 BOW = 0.11
 """Where the bow is, as a fraction of the length."""
 MODES = np.arange(1, 13)
-ROSIN = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.RandomDelay(mean=0.1, std=0.03))
-"""Contacts of rosin stretch by 10 µm and re-attach after a tenth of a millisecond (assumed)."""
+ROSIN = ss.Interface(
+    thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.RandomDelay(mean=0.1, std=0.03)
+)
+"""Contacts of rosin stretch by 10 µm and re-attach after a tenth of a millisecond
+(assumed).
+"""
 SPEEDS = np.geomspace(0.02, 1.0, 12)
 """Of the bow, in m/s."""
 
 
 def string(friction: float) -> Modes:
-    """The string's modes at the bow, per contact, where all contacts together bear `friction` (N)."""
+    """The string's modes at the bow, per contact, where all contacts together bear
+    `friction` (N).
+    """
     scales = Scales(force=friction, stretching=10e-6, time=1e-3)
     omega = 2 * np.pi * PITCH * MODES
     mass = 0.5 * DENSITY * LENGTH / np.sin(np.pi * BOW * MODES) ** 2
@@ -56,27 +66,44 @@ FRICTION = Parameter(
 
 
 def lightest(speed: float) -> tuple[float, float]:
-    """Smallest force of friction (N) at which the string sings, and the frequency (Hz) that starts first."""
+    """Smallest force of friction (N) at which the string sings, and the frequency
+    (Hz) that starts first.
+    """
     velocity = Scales(force=1.0, stretching=10e-6, time=1e-3).natural(speed, "velocity")
-    edge = ss.critical(ss.Rig(ROSIN, string(0.1), ss.constant(velocity)), FRICTION, between=(1e-3, 2.0)).edges[0]
+    edge = ss.critical(
+        ss.Rig(ROSIN, string(0.1), ss.constant(velocity)), FRICTION, between=(1e-3, 2.0)
+    ).edges[0]
     return edge.value, edge.frequency / (2 * np.pi * 1e-3)
 
 
 def draw() -> Figure:
-    """Smallest friction against the speed of the bow, with the harmonic that starts first."""
+    """Smallest friction against the speed of the bow, with the harmonic that starts
+    first.
+    """
     force, frequency = np.array([lightest(speed) for speed in SPEEDS]).T
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 3.0)
         ax = figure.subplots()
         ax.loglog(SPEEDS, force, "o-", color=plot.BLUE)
         ax.fill_between(SPEEDS, force, 2.0, color=plot.ORANGE, alpha=0.2, linewidth=0)
-        for speed, value, harmonic in zip(SPEEDS, force, np.round(frequency / PITCH), strict=True):
+        for speed, value, harmonic in zip(
+            SPEEDS, force, np.round(frequency / PITCH), strict=True
+        ):
             ax.annotate(
-                f"{harmonic:.0f}", (speed, value), (0, -12), textcoords="offset points", ha="center", fontsize=8
+                f"{harmonic:.0f}",
+                (speed, value),
+                (0, -12),
+                textcoords="offset points",
+                ha="center",
+                fontsize=8,
             )
         ax.text(0.03, 0.5, "the string sings", fontsize=9)
         ax.text(0.35, 0.003, "it stays silent", fontsize=9)
-        ax.set(xlabel="speed of the bow (m/s)", ylabel="force of friction (N)", ylim=(1e-3, 2.0))
+        ax.set(
+            xlabel="speed of the bow (m/s)",
+            ylabel="force of friction (N)",
+            ylim=(1e-3, 2.0),
+        )
         ax.set_title("number at a point: the harmonic that starts first")
     return figure
 

@@ -2,10 +2,11 @@
 Friction laws with a minimum and a maximum
 ==========================================
 
-Kinetic friction over the speed, exact, of contacts that break by thermal activation. Temperature alone strengthens:
-fast contacts have less time to break. Thresholds that grow with age make slow sliding strong: friction falls with the
-speed up to a minimum. A delay before contacts re-attach makes fast sliding weak: friction falls beyond a maximum. Where
-it falls a soft spring may stick-slip.
+Kinetic friction over the speed, exact, of contacts that break by thermal activation.
+Temperature alone strengthens: fast contacts have less time to break. Thresholds that
+grow with age make slow sliding strong: friction falls with the speed up to a minimum. A
+delay before contacts re-attach makes fast sliding weak: friction falls beyond a
+maximum. Where it falls a soft spring may stick-slip.
 
 Run it with ``python examples/practice/friction_law.py law.png``.
 """
@@ -23,16 +24,23 @@ THRESHOLDS = ss.Gaussian(mean=1.0, std=0.1)
 CONTACTS = {
     "temperature": ss.Interface(thresholds=THRESHOLDS, temperature=BELL),
     "and ageing": ss.Interface(
-        thresholds=THRESHOLDS, temperature=BELL, ageing=ss.LogarithmicGrowth(slope=0.015, time=1e-2)
+        thresholds=THRESHOLDS,
+        temperature=BELL,
+        ageing=ss.LogarithmicGrowth(slope=0.015, time=1e-2),
     ),
-    "and a delay": ss.Interface(thresholds=THRESHOLDS, temperature=BELL, delay=ss.Delay(1e-3)),
+    "and a delay": ss.Interface(
+        thresholds=THRESHOLDS, temperature=BELL, delay=ss.Delay(1e-3)
+    ),
 }
 BETWEEN = (1e-2, 300.0)
 
 
 def turns() -> dict[str, ss.stability.TurningVelocity | None]:
     """Where each of the laws turns, if it does."""
-    found = {name: ss.stability.turning_velocities(interface, between=BETWEEN) for name, interface in CONTACTS.items()}
+    found = {
+        name: ss.stability.turning_velocities(interface, between=BETWEEN)
+        for name, interface in CONTACTS.items()
+    }
     return {name: one[0] if one else None for name, one in found.items()}
 
 
@@ -42,8 +50,15 @@ def draw() -> Figure:
     with plot.house_style():
         figure = plot.new_figure(plot.COLUMN, 2.8)
         axes = figure.subplots()
-        for (name, turn), color in zip(turns().items(), (plot.BLACK, plot.BLUE, plot.VERMILLION), strict=True):
-            axes.semilogx(speed, ss.kinetic_friction(CONTACTS[name], speed), color=color, label=name)
+        for (name, turn), color in zip(
+            turns().items(), (plot.BLACK, plot.BLUE, plot.VERMILLION), strict=True
+        ):
+            axes.semilogx(
+                speed,
+                ss.kinetic_friction(CONTACTS[name], speed),
+                color=color,
+                label=name,
+            )
             if turn is not None:
                 print(f"temperature {name}: {turn}")
                 axes.plot(turn.velocity, turn.force, "o", color=color, markersize=4)
@@ -56,7 +71,11 @@ def draw() -> Figure:
                     fontsize=8,
                     color=color,
                 )
-        axes.set(xlabel="speed ($x_s$ per time unit)", ylabel="kinetic friction ($f_s$ per contact)", xlim=BETWEEN)
+        axes.set(
+            xlabel="speed ($x_s$ per time unit)",
+            ylabel="kinetic friction ($f_s$ per contact)",
+            xlim=BETWEEN,
+        )
         plot.legend_above(axes)
     return figure
 

@@ -2,9 +2,10 @@
 How stiff must the servo of a precision stage be?
 =================================================
 
-A position servo holds a stage to its course as a spring would: its gain is the stiffness of the driving spring. Too
-soft, and the stage jerks; the slower it moves, the more. The softest servo that keeps smooth motion stable follows at
-each speed from linear theory, and runs on both sides of it show the difference.
+A position servo holds a stage to its course as a spring would: its gain is the
+stiffness of the driving spring. Too soft, and the stage jerks; the slower it moves, the
+more. The softest servo that keeps smooth motion stable follows at each speed from
+linear theory, and runs on both sides of it show the difference.
 
 Run it with ``python examples/practice/precision_stage.py stage.png``.
 """
@@ -24,7 +25,9 @@ SPEEDS = np.geomspace(0.2e-3, 20e-3, 25)
 
 
 def softest_servo(stage: ss.Rig) -> np.ndarray:
-    """Stiffness in N/m below which smooth motion is unstable, at each of the speeds; NaN where any servo will do."""
+    """Stiffness in N/m below which smooth motion is unstable, at each of the speeds;
+    NaN where any servo will do.
+    """
     found = []
     for speed in SPEEDS:
         try:
@@ -42,7 +45,9 @@ def error_of_tracking(stage: ss.Rig, stiffness: float) -> tuple[np.ndarray, np.n
 
 
 def draw(rig: str | Path = RIG) -> Figure:
-    """The softest servo against speed, and the error of tracking with one softer and one stiffer."""
+    """The softest servo against speed, and the error of tracking with one softer and
+    one stiffer.
+    """
     stage = ss.read_rig(rig)
     softest = softest_servo(stage)
     here = stage.velocity
@@ -51,14 +56,27 @@ def draw(rig: str | Path = RIG) -> Figure:
         figure = plot.new_figure(plot.PAGE, 2.9)
         left, right = figure.subplots(1, 2)
         left.loglog(1e3 * SPEEDS, 1e-6 * softest, color=plot.BLUE)
-        left.fill_between(1e3 * SPEEDS, 1e-6 * np.nanmin(softest) / 2, 1e-6 * softest, color=plot.ORANGE, alpha=0.25)
-        left.set(xlabel="speed (mm/s)", ylabel="stiffness of the servo (N/µm)", title="smooth motion is unstable below")
+        left.fill_between(
+            1e3 * SPEEDS,
+            1e-6 * np.nanmin(softest) / 2,
+            1e-6 * softest,
+            color=plot.ORANGE,
+            alpha=0.25,
+        )
+        left.set(
+            xlabel="speed (mm/s)",
+            ylabel="stiffness of the servo (N/µm)",
+            title="smooth motion is unstable below",
+        )
         for factor, colour in ((0.5, plot.VERMILLION), (1.3, plot.GREEN)):
             t, error = error_of_tracking(stage, factor * critical)
             late = t > t[-1] - 0.3
             left.plot(1e3 * here, 1e-6 * factor * critical, "o", color=colour)
             right.plot(
-                t[late] - t[late][0], 1e6 * error[late], color=colour, label=f"{1e-6 * factor * critical:.2g} N/µm"
+                t[late] - t[late][0],
+                1e6 * error[late],
+                color=colour,
+                label=f"{1e-6 * factor * critical:.2g} N/µm",
             )
         right.set(xlabel="time (s)", ylabel="error of tracking (µm)")
         plot.legend_above(right)

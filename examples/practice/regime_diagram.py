@@ -2,20 +2,26 @@
 A measured regime diagram
 =========================
 
-Paper slides on paper, pulled by springs of three stiffnesses at three velocities (Colas et al., *Phys. Rev. E*, 2019).
-With the stiffness of the spring and the velocity of the drive, the force tells how the slider moves:
-``stickslip measure --stiffness --velocity``. What do five of these traces say about the interface?
+Paper slides on paper, pulled by springs of three stiffnesses at three velocities (Colas
+et al., *Phys. Rev. E*, 2019). With the stiffness of the spring and the velocity of the
+drive, the force tells how the slider moves:
+``stickslip measure --stiffness --velocity``. What do five of these traces say about the
+interface?
 
-Beside each stands a model of 280 contacts **without any weakening**: no delay, no ageing, no temperature. Its smooth
-sliding is stable everywhere, and nothing moves its slider but the noise of few contacts. Recorded as the bench
-records, as often and as noisy, it moves in the same way as the paper in all five cases, and so does a model with a
-delay of 50 µs. Such traces tell how many contacts there are and how strong they are; they do not tell a mechanism.
+Beside each stands a model of 280 contacts **without any weakening**: no delay, no
+ageing, no temperature. Its smooth sliding is stable everywhere, and nothing moves its
+slider but the noise of few contacts. Recorded as the bench records, as often and as
+noisy, it moves in the same way as the paper in all five cases, and so does a model with
+a delay of 50 µs. Such traces tell how many contacts there are and how strong they are;
+they do not tell a mechanism.
 
-What both models fail at tells more. At 42 µm/s the force drops by 11, 24 and 8 mN on springs of 168, 1002 and
-2254 N/m; without weakening by 16, 15 and 14 mN, with the delay by 21, 16 and 14 mN.
+What both models fail at tells more. At 42 µm/s the force drops by 11, 24 and 8 mN on
+springs of 168, 1002 and 2254 N/m; without weakening by 16, 15 and 14 mN, with the delay
+by 21, 16 and 14 mN.
 
-Five motions, drops and periods stand against five parameters that were set by these traces and four more (number of
-contacts, standard deviation of the thresholds, breaking displacement, strength, damping), and one more for the delay.
+Five motions, drops and periods stand against five parameters that were set by these
+traces and four more (number of contacts, standard deviation of the thresholds, breaking
+displacement, strength, damping), and one more for the delay.
 
 Run it with ``python examples/practice/regime_diagram.py diagram.png beside.png``.
 """
@@ -45,14 +51,22 @@ COLOURS = {
     "moves evenly": plot.GREEN,
 }
 Row = tuple[tuple[int, int], dict[str, tuple[xr.Dataset, measure.Kinematics]]]
-"""Stiffness and velocity of a bench; by name, the measured trace and those of the models, and their motion."""
+"""Stiffness and velocity of a bench; by name, the measured trace and those of the
+models, and their motion.
+"""
 
 
 def rig(stiffness: float, velocity: float, **mechanisms: str) -> ss.Rig:
-    """The model: 280 contacts with broad thresholds, half as strong in all as the slider is heavy."""
+    """The model: 280 contacts with broad thresholds, half as strong in all as the
+    slider is heavy.
+    """
     return ss.read_rig(
         {
-            "slider": {"mass": "30.7 g", "stiffness": f"{stiffness} N/m", "damping": "1 1/s"},
+            "slider": {
+                "mass": "30.7 g",
+                "stiffness": f"{stiffness} N/m",
+                "damping": "1 1/s",
+            },
             "interface": {
                 "contact_strength": "0.15 N",
                 "breaking_displacement": "8.3 um",
@@ -70,18 +84,30 @@ def measured(stiffness: float, velocity: float) -> xr.Dataset:
     return ss.read_trace(DATA / f"k{stiffness}_v{velocity}.csv.gz")
 
 
-def simulated(stiffness: float, velocity: float, step: float, noise: float, **mechanisms: str) -> xr.Dataset:
-    """The model as the bench would have recorded it: the force alone, as often, and as noisy."""
+def simulated(
+    stiffness: float, velocity: float, step: float, noise: float, **mechanisms: str
+) -> xr.Dataset:
+    """The model as the bench would have recorded it: the force alone, as often, and
+    as noisy.
+    """
     run = ss.simulate(rig(stiffness, velocity, **mechanisms))
-    force = run["spring_force"].sel(time=slice(0.1 * float(run["time"][-1]), None))  # the first loading left out
+    # the first loading left out
+    force = run["spring_force"].sel(time=slice(0.1 * float(run["time"][-1]), None))
     times = np.arange(float(force["time"][0]), float(force["time"][-1]), step)
-    values = np.interp(times, force["time"], force) + np.random.default_rng(1).normal(0.0, noise, times.size)
-    return xr.Dataset({"spring_force": ("time", values, {"units": "N"})}, {"time": ("time", times, {"units": "s"})})
+    values = np.interp(times, force["time"], force) + np.random.default_rng(1).normal(
+        0.0, noise, times.size
+    )
+    return xr.Dataset(
+        {"spring_force": ("time", values, {"units": "N"})},
+        {"time": ("time", times, {"units": "s"})},
+    )
 
 
 def seen(trace: xr.Dataset, stiffness: float, velocity: float) -> measure.Kinematics:
     """How the slider moves, read off its force in the one way for all."""
-    known = measure.motion(trace, stiffness=f"{stiffness} N/m", velocity=f"{velocity} um/s")
+    known = measure.motion(
+        trace, stiffness=f"{stiffness} N/m", velocity=f"{velocity} um/s"
+    )
     return measure.kinematics(known, mass="30.7 g")
 
 
@@ -91,16 +117,22 @@ def word(motion: measure.Kinematics) -> str:
 
 
 def diagram(points: int = 11) -> xr.DataArray:
-    """How the model without weakening moves, over stiffness and velocity: places in `COLOURS`."""
-    stiffness, velocity = np.geomspace(60, 6000, points), np.geomspace(15, 15_000, points)
+    """How the model without weakening moves, over stiffness and velocity: places in
+    `COLOURS`.
+    """
+    stiffness = np.geomspace(60, 6000, points)
+    velocity = np.geomspace(15, 15_000, points)
     places = [*COLOURS]
 
     def place(K: float, V: float) -> int:
-        trace = simulated(K, V, min(max(2.0 / V, 5e-4), 5e-3), 1e-4)  # 2 kHz, and 200 Hz where it is slow
+        # 2 kHz, and 200 Hz where it is slow
+        trace = simulated(K, V, min(max(2.0 / V, 5e-4), 5e-3), 1e-4)
         return places.index(word(seen(trace, K, V)))
 
     table = [[place(K, V) for V in velocity] for K in stiffness]
-    return xr.DataArray(table, {"stiffness": stiffness, "velocity": velocity}, ("stiffness", "velocity"))
+    return xr.DataArray(
+        table, {"stiffness": stiffness, "velocity": velocity}, ("stiffness", "velocity")
+    )
 
 
 def compared() -> list[Row]:
@@ -111,33 +143,76 @@ def compared() -> list[Row]:
         row = {"measured": (trace, seen(trace, *bench))}
         step = float(np.median(np.diff(trace["time"])))
         for name, mechanisms in MODELS.items():
-            made = simulated(*bench, step, row["measured"][1].noise * bench[0], **mechanisms)
+            made = simulated(
+                *bench, step, row["measured"][1].noise * bench[0], **mechanisms
+            )
             row[name] = made, seen(made, *bench)
         rows.append((bench, row))
     return rows
 
 
 def draw_diagram(ax: Axes, cells: xr.DataArray, rows: list[Row]) -> None:
-    """The motion of the model as coloured cells, and the measured traces as points on them."""
+    """The motion of the model as coloured cells, and the measured traces as points
+    on them.
+    """
     colours = ListedColormap(list(COLOURS.values()))
-    mesh = {"cmap": colours, "vmin": -0.5, "vmax": len(COLOURS) - 0.5, "alpha": 0.5, "linewidth": 0}
-    ax.pcolormesh(cells["velocity"], cells["stiffness"], cells, shading="nearest", **mesh)
+    mesh = {
+        "cmap": colours,
+        "vmin": -0.5,
+        "vmax": len(COLOURS) - 0.5,
+        "alpha": 0.5,
+        "linewidth": 0,
+    }
+    ax.pcolormesh(
+        cells["velocity"], cells["stiffness"], cells, shading="nearest", **mesh
+    )
     for (stiffness, velocity), row in rows:
         colour = COLOURS[word(row["measured"][1])]
-        ax.plot(velocity, stiffness, "o", color=colour, markeredgecolor="black", markersize=8)
+        ax.plot(
+            velocity,
+            stiffness,
+            "o",
+            color=colour,
+            markeredgecolor="black",
+            markersize=8,
+        )
     for name, colour in COLOURS.items():
         ax.plot([], [], "s", color=colour, alpha=0.5, markersize=9, label=name)
-    ax.plot([], [], "o", color="white", markeredgecolor="black", markersize=8, label="measured")
-    ax.set(xscale="log", yscale="log", xlabel="velocity of the drive [µm/s]", ylabel="stiffness [N/m]")
+    ax.plot(
+        [],
+        [],
+        "o",
+        color="white",
+        markeredgecolor="black",
+        markersize=8,
+        label="measured",
+    )
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlabel="velocity of the drive [µm/s]",
+        ylabel="stiffness [N/m]",
+    )
     ax.set_title("280 contacts without weakening, and five measured traces", fontsize=9)
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
 
 
-def draw_trace(ax: Axes, trace: xr.Dataset, motion: measure.Kinematics, velocity: float) -> None:
-    """A stretch of a trace, in the colour of its motion, with the drop of its slips and the time between them."""
+def draw_trace(
+    ax: Axes, trace: xr.Dataset, motion: measure.Kinematics, velocity: float
+) -> None:
+    """A stretch of a trace, in the colour of its motion, with the drop of its slips
+    and the time between them.
+    """
     begin = 0.5 * float(trace["time"][0] + trace["time"][-1])
-    part = trace["spring_force"].sel(time=slice(begin, begin + SHOWN / (1e-6 * velocity)))
-    ax.plot(1e-3 * velocity * (part["time"] - begin), 1e3 * part, color=COLOURS[word(motion)], linewidth=0.7)
+    part = trace["spring_force"].sel(
+        time=slice(begin, begin + SHOWN / (1e-6 * velocity))
+    )
+    ax.plot(
+        1e-3 * velocity * (part["time"] - begin),
+        1e3 * part,
+        color=COLOURS[word(motion)],
+        linewidth=0.7,
+    )
     ax.set(xlim=(0, 1e3 * SHOWN), ylim=(40, 155), yticks=(50, 100, 150))
     text = f"{1e6 * motion.drop:.3g} µm every {motion.recurrence:.2g} s"
     ax.text(0.03, 0.05, text, transform=ax.transAxes, fontsize=7)
@@ -153,9 +228,15 @@ def draw_beside(rows: list[Row]) -> Figure:
         for ax, name in zip(column, names, strict=True):
             trace, motion = row[name]
             draw_trace(ax, trace, motion, bench[1])
-        column[0].set_title(f"{bench[0]} N/m, {bench[1]} µm/s\n{word(row['measured'][1])}", fontsize=8)
+        column[0].set_title(
+            f"{bench[0]} N/m, {bench[1]} µm/s\n{word(row['measured'][1])}", fontsize=8
+        )
         column[-1].tick_params(labelbottom=True)
-    for ax, label in zip(axes[:, 0], ("measured:\npaper on paper", "280 contacts\nwithout weakening"), strict=True):
+    for ax, label in zip(
+        axes[:, 0],
+        ("measured:\npaper on paper", "280 contacts\nwithout weakening"),
+        strict=True,
+    ):
         ax.set_ylabel(label, fontsize=8)
     figure.supylabel("spring force [mN]", fontsize=8)
     figure.supxlabel("travel of the drive [mm]", fontsize=8)
@@ -165,7 +246,9 @@ def draw_beside(rows: list[Row]) -> Figure:
 def draw(rows: list[Row]) -> Figure:
     """Print what is seen, and draw the diagram of the model above the traces."""
     figure = plot.new_figure(plot.PAGE, 7.6)
-    grid = figure.add_gridspec(1 + len(rows), 1 + len(MODELS), height_ratios=(2.6, *[1] * len(rows)))
+    grid = figure.add_gridspec(
+        1 + len(rows), 1 + len(MODELS), height_ratios=(2.6, *[1] * len(rows))
+    )
     draw_diagram(figure.add_subplot(grid[0, :]), diagram(), rows)
     for k, (bench, row) in enumerate(rows, start=1):
         for column, (name, (trace, motion)) in enumerate(row.items()):

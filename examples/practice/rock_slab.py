@@ -2,9 +2,9 @@
 Laboratory earthquakes: how often, how large
 ============================================
 
-Two slabs of rock are sheared past each other by a press. Faster loading makes more frequent events; does it make
-smaller ones? The catalogue of slips of a simulated run, the same that `stickslip measure` lists for a measured one,
-tells recurrence and drop.
+Two slabs of rock are sheared past each other by a press. Faster loading makes more
+frequent events; does it make smaller ones? The catalogue of slips of a simulated run,
+the same that `stickslip measure` lists for a measured one, tells recurrence and drop.
 
 Run it with ``python examples/practice/rock_slab.py rock.png``.
 """
@@ -29,7 +29,9 @@ def load(slab: ss.Rig, factor: float):
 
 
 def recurrence_and_drop(run) -> tuple[float, float]:
-    """Median time from one event to the next, in s, and median drop of the force, in N, without the first events."""
+    """Median time from one event to the next, in s, and median drop of the force, in
+    N, without the first events.
+    """
     events = ss.drops(run).isel(event=slice(2, None))
     return float(events["start"].diff("event").median()), float(events["drop"].median())
 
@@ -44,8 +46,16 @@ def draw(rig: str | Path = RIG) -> Figure:
             run = load(slab, factor)
             wait, drop = recurrence_and_drop(run)
             speed = 1e6 * float(run["drive_velocity"][-1])
-            ax.plot(1e-3 * speed * run["time"], 1e-6 * run["spring_force"], color=colour, linewidth=0.8)
-            ax.set_title(f"{speed:.0f} µm/s: an event every {wait:.3g} s, drop {1e-6 * drop:.2g} MN")
+            ax.plot(
+                1e-3 * speed * run["time"],
+                1e-6 * run["spring_force"],
+                color=colour,
+                linewidth=0.8,
+            )
+            ax.set_title(
+                f"{speed:.0f} µm/s: an event every {wait:.3g} s, drop "
+                f"{1e-6 * drop:.2g} MN"
+            )
         panels[1].set_ylabel("shear force (MN)")
         panels[-1].set_xlabel("displacement of the press (mm)")
     return figure

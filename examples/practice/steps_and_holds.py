@@ -2,10 +2,12 @@
 Velocity steps and holds
 ========================
 
-What rate and state was made to describe, told by contacts that break by thermal activation: after a jump of the
-velocity the friction force rises at once, then falls over some slip; after a hold it peaks, the higher, the longer the
-hold. Contacts whose thresholds grow with the logarithm of their age weaken with velocity in the end and heal by the
-slope of that growth for each e-fold of time; contacts that do not age strengthen, and hardly heal.
+What rate and state was made to describe, told by contacts that break by thermal
+activation: after a jump of the velocity the friction force rises at once, then falls
+over some slip; after a hold it peaks, the higher, the longer the hold. Contacts whose
+thresholds grow with the logarithm of their age weaken with velocity in the end and heal
+by the slope of that growth for each e-fold of time; contacts that do not age
+strengthen, and hardly heal.
 
 Run it with ``python examples/practice/steps_and_holds.py steps.png``.
 """
@@ -24,7 +26,9 @@ SLOPE = 0.02
 CONTACTS = {
     "no ageing": ss.Interface(thresholds=THRESHOLDS, temperature=BELL),
     "logarithmic ageing": ss.Interface(
-        thresholds=THRESHOLDS, temperature=BELL, ageing=ss.LogarithmicGrowth(slope=SLOPE, time=1e-3)
+        thresholds=THRESHOLDS,
+        temperature=BELL,
+        ageing=ss.LogarithmicGrowth(slope=SLOPE, time=1e-3),
     ),
 }
 HOLDS = np.geomspace(1.0, 1e4, 9)
@@ -35,16 +39,32 @@ def draw() -> Figure:
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 3.0)
         step, heal = figure.subplots(1, 2)
-        for (name, interface), color in zip(CONTACTS.items(), (plot.BLUE, plot.ORANGE), strict=True):
+        for (name, interface), color in zip(
+            CONTACTS.items(), (plot.BLUE, plot.ORANGE), strict=True
+        ):
             run = ss.velocity_step(interface, before=1.0, after=10.0, distance=3.0)
-            step.plot(run.displacement, run.friction_force - run.friction_force[0], color=color, label=name)
+            step.plot(
+                run.displacement,
+                run.friction_force - run.friction_force[0],
+                color=color,
+                label=name,
+            )
             holds = ss.slide_hold_slide(interface, velocity=1.0, holds=HOLDS.tolist())
             heal.semilogx(holds.hold, holds.peak, "o-", color=color, markersize=3.5)
             if interface.ageing is not None:
                 line = holds.peak[-1].item() + SLOPE * np.log(HOLDS / HOLDS[-1])
-                heal.semilogx(HOLDS, line, ":", color="0.4", label="slope of ageing", zorder=0)
-        step.set(xlabel="slip after the step ($x_s$)", ylabel="change of the friction force ($f_s$)")
-        heal.set(xlabel="hold (time units)", ylabel="peak above sliding ($f_s$)", ylim=(0.0, None))
+                heal.semilogx(
+                    HOLDS, line, ":", color="0.4", label="slope of ageing", zorder=0
+                )
+        step.set(
+            xlabel="slip after the step ($x_s$)",
+            ylabel="change of the friction force ($f_s$)",
+        )
+        heal.set(
+            xlabel="hold (time units)",
+            ylabel="peak above sliding ($f_s$)",
+            ylim=(0.0, None),
+        )
         step.legend()
         heal.legend()
     return figure

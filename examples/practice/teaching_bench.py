@@ -2,12 +2,12 @@
 One block, three springs
 ========================
 
-For the classroom: a block on sandpaper is pulled by a spring and a slow motor. With a soft spring it sticks and
-slips; with stiffer springs the slips get smaller and faster, until the block slides. `stickslip.regime` says which,
-and why.
+For the classroom: a block on sandpaper is pulled by a spring and a slow motor. With a
+soft spring it sticks and slips; with stiffer springs the slips get smaller and faster,
+until the block slides. `stickslip.regime` says which, and why.
 
-Run it with ``python examples/practice/teaching_bench.py bench.png``; in the browser, ``stickslip explore
-teaching_bench`` has a slider for the spring.
+Run it with ``python examples/practice/teaching_bench.py bench.png``; in the browser,
+``stickslip explore teaching_bench`` has a slider for the spring.
 """
 
 import math
@@ -27,7 +27,9 @@ DURATION = 120.0
 
 
 def pull(bench: ss.Rig, stiffness: float):
-    """The run with another spring, in SI units; the damping stays the same fraction of the block's own oscillation."""
+    """The run with another spring, in SI units; the damping stays the same fraction
+    of the block's own oscillation.
+    """
     damping = bench.value("damping") * math.sqrt(stiffness / bench.value("stiffness"))
     long = ss.constant(bench.velocity, duration=DURATION)
     return ss.simulate(bench.replace(stiffness=stiffness, damping=damping, drive=long))

@@ -2,9 +2,10 @@
 A wiper chatters where it turns round
 =====================================
 
-A wiper blade speeds up, slows down and turns round. Does it chatter in the middle of the stroke, or at its ends? The
-theory of linear stability gives the speeds between which smooth wiping cannot last; a simulated stroke shows what that
-looks like. Chatter takes its time to grow and to die, so it lags behind the speed.
+A wiper blade speeds up, slows down and turns round. Does it chatter in the middle of
+the stroke, or at its ends? The theory of linear stability gives the speeds between
+which smooth wiping cannot last; a simulated stroke shows what that looks like. Chatter
+takes its time to grow and to die, so it lags behind the speed.
 
 Run it with ``python examples/practice/wiper.py wiper.png``.
 """
@@ -23,7 +24,9 @@ RIG = "wiper"
 
 def chattering(wiper: ss.Rig) -> tuple[float, float]:
     """Speeds in m/s between which smooth wiping is unstable."""
-    edges = ss.critical(wiper.replace(velocity=1.0), "velocity", between=(1e-3, 1e2)).edges
+    edges = ss.critical(
+        wiper.replace(velocity=1.0), "velocity", between=(1e-3, 1e2)
+    ).edges
     return edges[0].value, edges[-1].value
 
 
@@ -32,18 +35,29 @@ def draw(rig: str | Path = RIG) -> Figure:
     wiper = ss.read_rig(rig)
     low, high = chattering(wiper)
     run = ss.simulate(wiper)
-    time, speed = run["time"].to_numpy(), run["drive_velocity"].to_numpy()
+    time = run["time"].to_numpy()
+    speed = run["drive_velocity"].to_numpy()
 
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 3.6)
         above, below = figure.subplots(2, sharex=True)
         above.plot(time, speed, color=plot.GREY, label="wiper motor")
-        above.axhspan(low, high, color=plot.ORANGE, alpha=0.2, label="smooth wiping is unstable")
+        above.axhspan(
+            low, high, color=plot.ORANGE, alpha=0.2, label="smooth wiping is unstable"
+        )
         above.set(ylabel="speed (m/s)", ylim=(0, None))
         plot.legend_above(above)
         below.plot(time, run["spring_force"], color=plot.BLUE)
-        below.fill_between(time, 0, 1, np.abs(speed - 0.5 * (low + high)) < 0.5 * (high - low), color=plot.ORANGE,
-                           alpha=0.2, transform=below.get_xaxis_transform(), linewidth=0)  # fmt: skip
+        below.fill_between(
+            time,
+            0,
+            1,
+            np.abs(speed - 0.5 * (low + high)) < 0.5 * (high - low),
+            color=plot.ORANGE,
+            alpha=0.2,
+            transform=below.get_xaxis_transform(),
+            linewidth=0,
+        )
         below.set(xlabel="time (s)", ylabel="force on the arm (N)")
     return figure
 

@@ -1,7 +1,9 @@
-"""Friction of interfaces made of many contacts: stick-slip or smooth sliding, and what decides between them.
+"""Friction of interfaces made of many contacts: stick-slip or smooth sliding, and what
+decides between them.
 
-The public names load what they need on first use; `__init__.pyi` beside this file says where each one lives. Examples
-take ``import stickslip as ss`` as read, and numpy and xarray as ``np`` and ``xr``.
+The public names load what they need on first use; `__init__.pyi` beside this file says
+where each one lives. Examples take ``import stickslip as ss`` as read, and numpy and
+xarray as ``np`` and ``xr``.
 """
 
 import sys
@@ -10,7 +12,10 @@ from importlib.metadata import version
 import lazy_loader
 
 if sys.platform == "win32":
-    raise ImportError("stickslip needs the file locks and signals of Linux or macOS; under Windows, use WSL")
+    raise ImportError(
+        "stickslip needs the file locks and signals of Linux or macOS; under Windows, "
+        "use WSL"
+    )
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __version__ = version("stickslip")

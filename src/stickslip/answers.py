@@ -1,4 +1,6 @@
-"""The base of all answers: each prints as a short text, is a card in a notebook, and converts to plain numbers."""
+"""The base of all answers: each prints as a short text, is a card in a notebook, and
+converts to plain numbers.
+"""
 
 import html
 import math
@@ -16,64 +18,116 @@ COLOURS = {
 }
 """Of each motion, in every picture: light to dark, as what it does to a machine."""
 _LINE = "#8888"  # seen on any page, light or dark, as the colour of the text is
-_CARD = f"border:1px solid {_LINE};border-radius:6px;padding:.5em .9em;max-width:56em;overflow-x:auto"
+_CARD = (
+    f"border:1px solid {_LINE};border-radius:6px;padding:.5em "
+    ".9em;max-width:56em;overflow-x:auto"
+)
 _WIDE = 600.0  # of the strip, in its own units
 
 
 class Answer:
-    """Base of the records that answer a question; a record says what it found in ``__str__``."""
+    """Base of the records that answer a question; a record says what it found in
+    ``__str__``.
+    """
 
     def __repr__(self) -> str:
         return str(self)
 
     def _repr_html_(self) -> str:
         title, *lines = str(self).splitlines()
-        return card(title, table(re.split(" {2,}", line.strip()) for line in lines), str(getattr(self, "kind", "")))
+        return card(
+            title,
+            table(re.split(" {2,}", line.strip()) for line in lines),
+            str(getattr(self, "kind", "")),
+        )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
+        """Return the answer as plain numbers, texts and lists, as JSON takes them;
+        what is not finite is None.
+        """
         found: dict[str, Any] = plain(self)
         return found
 
 
 def card(title: str, content: str, motion: str = "") -> str:
-    """Return HTML that a notebook shows of an answer: a line, and what stands beneath it; its edge tells a motion."""
+    """Return HTML that a notebook shows of an answer: a line, and what stands
+    beneath it; its edge tells a motion.
+    """
     edge = f"border-left:5px solid {COLOURS.get(motion, _LINE)}"
-    return f'<div style="{_CARD};{edge}"><div style="font-size:1.1em"><b>{escaped(title)}</b></div>{content}</div>'
+    return (
+        f'<div style="{_CARD};{edge}"><div '
+        f'style="font-size:1.1em"><b>{escaped(title)}</b></div>{content}</div>'
+    )
 
 
 def table(rows: Iterable[str | Sequence[str]]) -> str:
     """Return rows of texts as an HTML table; a text alone is as wide as all of it."""
     given = [[row] if isinstance(row, str) else list(row) for row in rows]
     look = f"text-align:left;padding:.15em 1em .15em 0;border-bottom:1px solid {_LINE}"
-    wide, cell = max(map(len, given), default=1), f'<td style="{look}"'
-    lines = ["".join(f"{cell} colspan={1 if row[1:] else wide}>{escaped(each)}</td>" for each in row) for row in given]
-    return f"<table style='border-collapse:collapse'><tr>{'</tr><tr>'.join(lines)}</tr></table>" if lines else ""
+    wide = max(map(len, given), default=1)
+    cell = f'<td style="{look}"'
+    lines = [
+        "".join(
+            f"{cell} colspan={1 if row[1:] else wide}>{escaped(each)}</td>"
+            for each in row
+        )
+        for row in given
+    ]
+    return (
+        (
+            "<table "
+            f"style='border-collapse:collapse'><tr>{'</tr><tr>'.join(lines)}</tr></table>"
+        )
+        if lines
+        else ""
+    )
 
 
-def strip(bands: Iterable[Any], ends: tuple[float, float], at: float, named: Sequence[str]) -> str:
-    """Return speeds coloured by their motion as SVG, on a logarithmic axis between named ends; one is marked."""
+def strip(
+    bands: Iterable[Any], ends: tuple[float, float], at: float, named: Sequence[str]
+) -> str:
+    """Return speeds coloured by their motion as SVG, on a logarithmic axis between
+    named ends; one is marked.
+    """
 
     def place(speed: float) -> float:
-        return _WIDE * math.log(min(max(speed, ends[0]), ends[1]) / ends[0]) / math.log(ends[1] / ends[0])
+        return (
+            _WIDE
+            * math.log(min(max(speed, ends[0]), ends[1]) / ends[0])
+            / math.log(ends[1] / ends[0])
+        )
 
-    drawn, keys = "", dict[str, str]()
+    drawn = ""
+    keys = dict[str, str]()
     for band in bands:
         words = band.kind + (", or smooth" if band.bistable else "")
-        fill = f'fill="{COLOURS.get(band.kind, "none")}" fill-opacity="{0.6 if band.bistable else 1}"'
-        left, right = place(band.low), place(band.high)
+        fill = (
+            f'fill="{COLOURS.get(band.kind, "none")}" '
+            f'fill-opacity="{0.6 if band.bistable else 1}"'
+        )
+        left = place(band.low)
+        right = place(band.high)
         drawn += (
-            f'<rect x="{left:.1f}" y="12" width="{right - left:.1f}" height="16" {fill}><title>{words}</title></rect>'
+            f'<rect x="{left:.1f}" y="12" width="{right - left:.1f}" height="16" '
+            f"{fill}><title>{words}</title></rect>"
         )
         box = f'<rect y="1" width="11" height="11" stroke="{_LINE}" {fill}/>'
-        keys[words] = f'<svg width="12" height="13" style="vertical-align:-2px">{box}</svg> {words}'
-    mark, (low, high) = place(at), map(escaped, named)
+        keys[words] = (
+            f'<svg width="12" height="13" style="vertical-align:-2px">{box}</svg> '
+            f"{words}"
+        )
+    mark = place(at)
+    low, high = map(escaped, named)
     return (
-        f'<svg viewBox="-6 0 {_WIDE + 12} 44" role="img" aria-label="motion at each speed" fill="currentColor" '
-        f'font-size="12" style="display:block;width:100%;max-width:46em;margin:.5em 0 0">{drawn}'
+        f'<svg viewBox="-6 0 {_WIDE + 12} 44" role="img" aria-label="motion at each '
+        'speed" fill="currentColor" '
+        'font-size="12" style="display:block;width:100%;max-width:46em;margin:.5em 0 '
+        f'0">{drawn}'
         f'<rect y="12" width="{_WIDE}" height="16" fill="none" stroke="{_LINE}"/>'
-        f'<path d="M{mark - 5:.1f} 1h10l-5 9zM{mark:.1f} 8v22" stroke="currentColor"/><text y="42">{low}</text>'
-        f'<text x="{_WIDE}" y="42" text-anchor="end">{high}</text></svg><small>{" &emsp; ".join(keys.values())}</small>'
+        f'<path d="M{mark - 5:.1f} 1h10l-5 9zM{mark:.1f} 8v22" '
+        f'stroke="currentColor"/><text y="42">{low}</text>'
+        f'<text x="{_WIDE}" y="42" '
+        f'text-anchor="end">{high}</text></svg><small>{" &emsp; ".join(keys.values())}</small>'  # noqa: E501
     )
 
 
@@ -83,13 +137,18 @@ def escaped(text: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON can hold of a record, mapping, sequence, array or value; what is not finite becomes None.
+    """Return what JSON can hold of a record, mapping, sequence, array or value; what is
+    not finite becomes None.
 
     Beside a number of a record that has an error there is one.
     """
     if is_dataclass(value) and not isinstance(value, type):
         held = {field.name: getattr(value, field.name) for field in fields(value)}
-        errors = {f"{name}_error": each.error for name, each in held.items() if hasattr(each, "error")}
+        errors = {
+            f"{name}_error": each.error
+            for name, each in held.items()
+            if hasattr(each, "error")
+        }
         return {name: plain(each) for name, each in (held | errors).items()}
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 
 app = App(
     name="stickslip",
-    help="Friction of interfaces made of many contacts: will it stick-slip, at which speeds, and what would stop it?",
+    help=(
+        "Friction of interfaces made of many contacts: will it stick-slip, at which "
+        "speeds, and what would stop it?"
+    ),
     version=__version__,
     result_action="return_value",
     suppress_keyboard_interrupt=False,  # its message is ours
@@ -43,19 +46,46 @@ def _number(_type: object, tokens: Sequence[Token]) -> float:
 
 
 Number = Annotated[float, Parameter(converter=_number)]
-Whole = Annotated[int, Parameter(converter=_number)]  # whoever takes it asks for a whole number
+# whoever takes it asks for a whole number
+Whole = Annotated[int, Parameter(converter=_number)]
 Switch = Annotated[bool, Parameter(negative="")]
 File = Path | None
 Output = Annotated[File, Parameter(alias="-o")]
-RigFile = Annotated[Path, Parameter(help="A rig file in TOML, or the name of an example: `stickslip new` lists them.")]
+RigFile = Annotated[
+    Path,
+    Parameter(
+        help=(
+            "A rig file in TOML, or the name of an example: `stickslip new` lists them."
+        )
+    ),
+]
 Json = Annotated[Switch, Parameter(help="Print JSON for a machine to read.")]
-Thorough = Annotated[Switch, Parameter(help="Make all runs there are to make, however long they take.")]
-Smooth = Annotated[tuple[str, str] | None, Parameter(help="Speeds to be made smooth: '1 mm/s' '5 mm/s'.", negative="")]
+Thorough = Annotated[
+    Switch, Parameter(help="Make all runs there are to make, however long they take.")
+]
+Smooth = Annotated[
+    tuple[str, str] | None,
+    Parameter(help="Speeds to be made smooth: '1 mm/s' '5 mm/s'.", negative=""),
+]
 Flip = Annotated[Switch, Parameter(help="Change the sign of the force.")]
 Plot = Annotated[File, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
-Kind = Literal["overview", "phase", "energy", "spacetime", "fronts", "precursors", "slips", "contacts", "sound"]
-SUFFIXES: dict[str, Kind] = {".gif": "contacts", ".wav": "sound"}  # what is made by default as such a file
-KINDS = "What to show of a run: by default an overview, as .gif its contacts; fronts, precursors, slips: of a chain."
+Kind = Literal[
+    "overview",
+    "phase",
+    "energy",
+    "spacetime",
+    "fronts",
+    "precursors",
+    "slips",
+    "contacts",
+    "sound",
+]
+# what is made by default as such a file
+SUFFIXES: dict[str, Kind] = {".gif": "contacts", ".wav": "sound"}
+KINDS = (
+    "What to show of a run: by default an overview, as .gif its contacts; fronts, "
+    "precursors, slips: of a chain."
+)
 _FAILURES_SHOWN = 5  # of a sweep
 
 
@@ -64,38 +94,79 @@ _FAILURES_SHOWN = 5  # of a sweep
 class Columns:
     """Where force and time stand in a table."""
 
-    force: Annotated[str | None, Parameter(help="Column of the force, by name or number from 1.")] = None
-    time: Annotated[str | None, Parameter(help="Column of the time, by name or number from 1.")] = None
-    step: Annotated[str | None, Parameter(help="Sampling interval, without a time column: 0.5 ms, or in s.")] = None
+    force: Annotated[
+        str | None, Parameter(help="Column of the force, by name or number from 1.")
+    ] = None
+    time: Annotated[
+        str | None, Parameter(help="Column of the time, by name or number from 1.")
+    ] = None
+    step: Annotated[
+        str | None,
+        Parameter(help="Sampling interval, without a time column: 0.5 ms, or in s."),
+    ] = None
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """What is known of a bench besides the force; stiffness and velocity tell the motion of the slider."""
+    """What is known of a bench besides the force; stiffness and velocity tell the
+    motion of the slider.
+    """
 
-    displacement: Annotated[str | None, Parameter(help="Column of the displacement, by name or number.")] = None
-    load: Annotated[str | None, Parameter(help="Column of the normal load, or the load itself: '20 N'.")] = None
+    displacement: Annotated[
+        str | None, Parameter(help="Column of the displacement, by name or number.")
+    ] = None
+    load: Annotated[
+        str | None,
+        Parameter(help="Column of the normal load, or the load itself: '20 N'."),
+    ] = None
     flip: Flip = False
-    stiffness: Annotated[str | None, Parameter(help="Of the driving spring: '350 N/m'.")] = None
+    stiffness: Annotated[
+        str | None, Parameter(help="Of the driving spring: '350 N/m'.")
+    ] = None
     velocity: Annotated[str | None, Parameter(help="Of the drive: '0.1 mm/s'.")] = None
-    mass: Annotated[str | None, Parameter(help="Of the slider, to compare with that of its slips: '75.6 g'.")] = None
-    contacts: Annotated[int | None, Parameter(help="Their number: their noise is no oscillation.")] = None
+    mass: Annotated[
+        str | None,
+        Parameter(help="Of the slider, to compare with that of its slips: '75.6 g'."),
+    ] = None
+    contacts: Annotated[
+        int | None, Parameter(help="Their number: their noise is no oscillation.")
+    ] = None
 
     def read(self, data: Path, columns: Columns) -> xr.Dataset:
         """Read a run, or a measured trace with what is known of its bench."""
-        trace = _read_data(data, columns, displacement=self.displacement, load=self.load, flip=self.flip)
+        trace = _read_data(
+            data,
+            columns,
+            displacement=self.displacement,
+            load=self.load,
+            flip=self.flip,
+        )
         if self.stiffness and self.velocity:
             motion = ss.measure.motion
-            return motion(trace, stiffness=self.stiffness, velocity=self.velocity, contacts=self.contacts)
+            return motion(
+                trace,
+                stiffness=self.stiffness,
+                velocity=self.velocity,
+                contacts=self.contacts,
+            )
         if self.stiffness or self.velocity or self.mass:
             missing = "velocity" if self.stiffness else "stiffness"
-            raise InputError(f"--{missing}: is missing; the motion of the slider needs --stiffness and --velocity")
-        return trace if self.contacts is None else trace.assign_attrs(contacts=self.contacts)
+            raise InputError(
+                f"--{missing}: is missing; the motion of the slider needs --stiffness "
+                "and --velocity"
+            )
+        return (
+            trace
+            if self.contacts is None
+            else trace.assign_attrs(contacts=self.contacts)
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code: 2 for input that cannot be used, 1 for a claim or case that fails."""
+    """Run the command line; return the exit code: 2 for input that cannot be used, 1
+    for a claim or case that fails.
+    """
     try:
         with console.stoppable():
             result = app(arguments, exit_on_error=False, print_error=False)
@@ -103,7 +174,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(str(error))
     except CycloptsError as error:
         dashed = isinstance(error, MissingArgumentError)
-        hint = "; a value that begins with '-' is written --NAME=VALUE" if dashed else ""
+        hint = (
+            "; a value that begins with '-' is written --NAME=VALUE" if dashed else ""
+        )
         return _fail(f"{error}{hint} (see stickslip --help)")
     except KeyboardInterrupt:
         return _fail("interrupted; no half-written file was left behind", code=130)
@@ -121,16 +194,29 @@ def _fail(message: str, code: int = 2) -> int:
 
 
 def _check_outputs(
-    output: Path | None = None, *, picture: Path | None = None, read: Path | None = None, kind: str = ""
+    output: Path | None = None,
+    *,
+    picture: Path | None = None,
+    read: Path | None = None,
+    kind: str = "",
 ) -> None:
-    """Complain before any work is done of a place that cannot be written, or that holds the file that is read."""
-    places = {place: files.target(place) for place in (output, picture) if place is not None}
+    """Complain before any work is done of a place that cannot be written, or that
+    holds the file that is read.
+    """
+    places = {
+        place: files.target(place) for place in (output, picture) if place is not None
+    }
     for given, place in places.items():
         with suppress(OSError):  # one of the two is not there
             if read is not None and place.samefile(read):
-                raise InputError(f"{given}: is the file to be read; choose another name for what is written")
+                raise InputError(
+                    f"{given}: is the file to be read; choose another name for what is "
+                    "written"
+                )
     if output is not None and picture is not None and places[output] == places[picture]:
-        raise InputError(f"{output}: is given for two outputs; choose another name for one of them")
+        raise InputError(
+            f"{output}: is given for two outputs; choose another name for one of them"
+        )
     if picture is not None:
         from stickslip.plot.style import format_of
 
@@ -144,13 +230,19 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
     if data.is_file() and is_netcdf(data):
         run = ss.load(data)
         if "spring_force" not in run or "time" not in run.coords:
-            raise InputError(f"{data}: is not a run: it has no spring_force along a time")
+            raise InputError(
+                f"{data}: is not a run: it has no spring_force along a time"
+            )
         return run
     return ss.read_trace(data, **vars(columns), **more)
 
 
-def _quantity(option: str, text: str | None, si: str, example: str, *, unit: str) -> float | None:
-    """Read a quantity, bare in SI units, in a unit of the data; a plain number where the data have another unit."""
+def _quantity(
+    option: str, text: str | None, si: str, example: str, *, unit: str
+) -> float | None:
+    """Read a quantity, bare in SI units, in a unit of the data; a plain number where
+    the data have another unit.
+    """
     from stickslip.measure.headings import ratio
     from stickslip.model.quantities import read_number, read_quantity
 
@@ -158,7 +250,11 @@ def _quantity(option: str, text: str | None, si: str, example: str, *, unit: str
         return None
     size = ratio(si, unit)
     try:
-        return read_number(text) if size is None else size * read_quantity(text, si, example, bare=True)
+        return (
+            read_number(text)
+            if size is None
+            else size * read_quantity(text, si, example, bare=True)
+        )
     except InputError as error:
         raise InputError(f"{option}: {shown(text)}: {error}") from None
 
@@ -170,16 +266,29 @@ def _draw(picture: Path | None, figure: Callable[[], Any]) -> None:
 
 
 def _answer(text: object, content: Any, json: bool, **written: Path | None) -> None:
-    """Print an answer: as JSON, or as a text with where each thing was written, if it was."""
+    """Print an answer: as JSON, or as a text with where each thing was written, if
+    it was.
+    """
     if json:
         console.print_json(content)
     else:
-        print(text, *(f"{what}: {place}" for what, place in written.items() if place is not None), sep="\n")
+        print(
+            text,
+            *(
+                f"{what}: {place}"
+                for what, place in written.items()
+                if place is not None
+            ),
+            sep="\n",
+        )
 
 
 app.command(
     "stickslip.rate_state.command:rsf",
-    help="Say whether friction is rate-and-state-like, with which a, b and D; fit a velocity step.",
+    help=(
+        "Say whether friction is rate-and-state-like, with which a, b and D; fit a "
+        "velocity step."
+    ),
 )
 
 
@@ -187,15 +296,19 @@ app.command(
 def predict(
     rig: RigFile,
     *,
-    fast: Annotated[Switch, Parameter(help="Stop at the verdict: linear theory and one run.")] = False,
+    fast: Annotated[
+        Switch, Parameter(help="Stop at the verdict: linear theory and one run.")
+    ] = False,
     thorough: Thorough = False,
     smooth: Smooth = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Say at which speeds a rig stick-slips, how safely it slides at its own, and what would stop it.
+    """Say at which speeds a rig stick-slips, how safely it slides at its own, and what
+    would stop it.
 
-    The verdict comes first, on standard error, while the rest is still sought, for some 15 s.
+    The verdict comes first, on standard error, while the rest is still sought, for some
+    15 s.
     """
     from stickslip.advise import Prediction, complete, in_full, predict
 
@@ -205,14 +318,23 @@ def predict(
         found = predict(described, fast=True, smooth=smooth, progress=progress)
     if not fast and isinstance(found, Prediction):
         if thorough:
-            print(f"all runs that can be asked for take about {in_time(in_full(found))}", file=sys.stderr)
+            print(
+                f"all runs that can be asked for take about {in_time(in_full(found))}",
+                file=sys.stderr,
+            )
         if sys.stderr.isatty():
             print(f"{found.headline}\n... looking for mitigations", file=sys.stderr)
         with console.working("predicting") as progress:
-            found = complete(found, thorough=thorough, pairs=smooth is not None, progress=progress)
+            found = complete(
+                found, thorough=thorough, pairs=smooth is not None, progress=progress
+            )
     _draw(plot, found.plot)
     on_page = sys.stdout.isatty()  # in a pipe nobody knows its width
-    text = found.text(get_terminal_size().columns, "\033[1m{}\033[0m") if on_page else found.text(80)
+    text = (
+        found.text(get_terminal_size().columns, "\033[1m{}\033[0m")
+        if on_page
+        else found.text(80)
+    )
     _answer(text, found.to_dict(), json, picture=plot)
 
 
@@ -220,24 +342,36 @@ def predict(
 def report(
     rig: RigFile,
     *,
-    output: Annotated[Path, Parameter(alias="-o", help="The page.")] = Path("report.html"),
+    output: Annotated[Path, Parameter(alias="-o", help="The page.")] = Path(
+        "report.html"
+    ),
     thorough: Thorough = False,
     smooth: Smooth = None,
 ) -> None:
-    """Write what `predict` says as one page to forward, with its pictures: HTML that can be printed."""
+    """Write what `predict` says as one page to forward, with its pictures: HTML that
+    can be printed.
+    """
     from stickslip.advise.report import report
 
     _check_outputs(picture=output, read=rig, kind="page")
     described = ss.read_rig(rig)
     with console.working("predicting") as progress:
-        found = ss.predict(described, thorough=thorough, smooth=smooth, progress=part(progress, 0.0, 0.7))
+        found = ss.predict(
+            described,
+            thorough=thorough,
+            smooth=smooth,
+            progress=part(progress, 0.0, 0.7),
+        )
         files.write(output, report(found, progress=part(progress, 0.7, 1.0)).encode())
     print(f"{found.headline}\nreport: {output}")
 
 
 @app.command
 def new(
-    example: Annotated[str | None, Parameter(help="Name of a rig; without one, all that ship are listed.")] = None,
+    example: Annotated[
+        str | None,
+        Parameter(help="Name of a rig; without one, all that ship are listed."),
+    ] = None,
 ) -> None:
     """Print a rig file to start from: `stickslip new brake_pad > my.toml`."""
     from stickslip.io import rig_files as rigs
@@ -253,8 +387,12 @@ def new(
 def simulate(
     rig: RigFile,
     *,
-    output: Annotated[Output, Parameter(help="Write the run as NetCDF; it can be made again from it.")] = None,
-    long: Annotated[Switch, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.")] = False,
+    output: Annotated[
+        Output, Parameter(help="Write the run as NetCDF; it can be made again from it.")
+    ] = None,
+    long: Annotated[
+        Switch, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.")
+    ] = False,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -271,7 +409,9 @@ def simulate(
 
 @app.command
 def rerun(
-    run: Annotated[Path, Parameter(help="A run (NetCDF) that `stickslip simulate` wrote.")],
+    run: Annotated[
+        Path, Parameter(help="A run (NetCDF) that `stickslip simulate` wrote.")
+    ],
     *,
     output: Annotated[Output, Parameter(help="Write the new run as NetCDF.")] = None,
     json: Json = False,
@@ -285,7 +425,9 @@ def rerun(
     _keep_run(again.assign_attrs(before.attrs | again.attrs), output, plot, json)
 
 
-def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, json: bool) -> None:
+def _keep_run(
+    run: xr.Dataset, output: Path | None, plot: Path | None, json: bool
+) -> None:
     """Write a run and its picture, and say what it did."""
     if output is not None:
         ss.save(run, output)
@@ -296,7 +438,9 @@ def _keep_run(run: xr.Dataset, output: Path | None, plot: Path | None, json: boo
 
 
 def _motion(run: xr.Dataset, seen: object) -> str:
-    """The motion in words: its regime, or on a ramp where it changes, and the fronts of an elastic slider."""
+    """The motion in words: its regime, or on a ramp where it changes, and the fronts
+    of an elastic slider.
+    """
     from stickslip.measure.fronts import in_words as of_fronts
     from stickslip.measure.ramps import in_words as of_a_ramp
 
@@ -305,13 +449,25 @@ def _motion(run: xr.Dataset, seen: object) -> str:
 
 @app.command
 def measure(
-    data: Annotated[Path, Parameter(help="A run (NetCDF), or a table in plain text with a column of force.")],
+    data: Annotated[
+        Path,
+        Parameter(
+            help="A run (NetCDF), or a table in plain text with a column of force."
+        ),
+    ],
     *,
     columns: Columns = Columns(),
     bench: Bench = Bench(),
-    minimum_drop: Annotated[str | None, Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N.")] = None,
-    after: Annotated[str | None, Parameter(help="Ignore data before this time: '10 ms', or in s.")] = None,
-    events: Annotated[File, Parameter(help="Write the catalogue of slips as CSV.")] = None,
+    minimum_drop: Annotated[
+        str | None,
+        Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N."),
+    ] = None,
+    after: Annotated[
+        str | None, Parameter(help="Ignore data before this time: '10 ms', or in s.")
+    ] = None,
+    events: Annotated[
+        File, Parameter(help="Write the catalogue of slips as CSV.")
+    ] = None,
     json: Json = False,
     plot: Annotated[Plot, Parameter(alias="-o")] = None,
 ) -> None:
@@ -321,53 +477,106 @@ def measure(
 
     _check_outputs(events, picture=plot, read=data)
     trace = bench.read(data, columns)
-    units = {name: str(trace[name].attrs.get("units", "")) for name in ("time", "spring_force")}
+    units = {
+        name: str(trace[name].attrs.get("units", ""))
+        for name in ("time", "spring_force")
+    }
     since = _quantity("--after", after, "s", "10 s", unit=units["time"])
-    smallest = _quantity("--minimum-drop", minimum_drop, "N", "5 mN", unit=units["spring_force"])
-    seen, catalogue = ss.measure.regime_and_drops(trace, minimum_drop=smallest, after=since)
-    about, note = catalogue.attrs, trace.attrs.get("note")
-    moves = ss.measure.kinematics(trace.sel(time=slice(since, None)), mass=bench.mass) if bench.velocity else None
+    smallest = _quantity(
+        "--minimum-drop", minimum_drop, "N", "5 mN", unit=units["spring_force"]
+    )
+    seen, catalogue = ss.measure.regime_and_drops(
+        trace, minimum_drop=smallest, after=since
+    )
+    about = catalogue.attrs
+    note = trace.attrs.get("note")
+    moves = (
+        ss.measure.kinematics(trace.sel(time=slice(since, None)), mass=bench.mass)
+        if bench.velocity
+        else None
+    )
     if events is not None:
         files.write(events, as_csv(catalogue).encode())
     _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
-    numbers = {str(name): each.attrs for name, each in catalogue.data_vars.items() if "mean" in each.attrs}
-    statistics = {name: {key: plain(of[key]) for key in ("mean", "std", "units")} for name, of in numbers.items()}
+    numbers = {
+        str(name): each.attrs
+        for name, each in catalogue.data_vars.items()
+        if "mean" in each.attrs
+    }
+    statistics = {
+        name: {key: plain(of[key]) for key in ("mean", "std", "units")}
+        for name, of in numbers.items()
+    }
     content = {
         "regime": plain(seen),
-        "statistics": statistics | {"count": about["count"], "drops_are": about["drops_are"]},
-        "events": {str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables},
+        "statistics": statistics
+        | {"count": about["count"], "drops_are": about["drops_are"]},
+        "events": {
+            str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables
+        },
         "kinematics": plain(moves),
         "note": plain(note),
     }
     means = ss.measure.statistics(catalogue)
-    where = "in all of the data" if since is None else f"after t = {engineering(since, units['time'])}"
-    head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"
+    where = (
+        "in all of the data"
+        if since is None
+        else f"after t = {engineering(since, units['time'])}"
+    )
+    head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"  # noqa: E501
     lines = [_motion(trace, seen), *([str(moves)] if moves else []), "", head]
-    lines += [*(f"{name}: {text}" for name, text in means), *([f"note: {note}"] if note else [])]
-    _answer("\n".join(lines), content, json, **{about["drops_are"]: events, "picture": plot})
+    lines += [
+        *(f"{name}: {text}" for name, text in means),
+        *([f"note: {note}"] if note else []),
+    ]
+    _answer(
+        "\n".join(lines), content, json, **{about["drops_are"]: events, "picture": plot}
+    )
 
 
 @app.command
 def plot(
-    data: Annotated[Path, Parameter(help="A run (NetCDF), a table in plain text, or the store of a sweep.")],
-    output: Annotated[Path, Parameter(help="The picture: .png, .svg or .pdf; a film: .gif; a sound: .wav.")],
+    data: Annotated[
+        Path,
+        Parameter(
+            help="A run (NetCDF), a table in plain text, or the store of a sweep."
+        ),
+    ],
+    output: Annotated[
+        Path,
+        Parameter(help="The picture: .png, .svg or .pdf; a film: .gif; a sound: .wav."),
+    ],
     *,
     kind: Annotated[Kind | None, Parameter(help=KINDS)] = None,
-    beside: Annotated[File, Parameter(help="Another run: draw both forces on one scale.")] = None,
+    beside: Annotated[
+        File, Parameter(help="Another run: draw both forces on one scale.")
+    ] = None,
     columns: Columns = Columns(),
-    at: Annotated[str | None, Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding.")] = None,
-    bistable: Annotated[Switch, Parameter(help="Of a sweep: also show where stick-slip ends.")] = False,
+    at: Annotated[
+        str | None,
+        Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding."),
+    ] = None,
+    bistable: Annotated[
+        Switch, Parameter(help="Of a sweep: also show where stick-slip ends.")
+    ] = False,
 ) -> None:
     """Draw a run, a measured trace or a sweep."""
     from stickslip.sweep import is_store
 
     swept = is_store(data)
-    kind = "overview" if swept or beside else kind or SUFFIXES.get(output.suffix.lower(), "overview")
+    kind = (
+        "overview"
+        if swept or beside
+        else kind or SUFFIXES.get(output.suffix.lower(), "overview")
+    )
     _check_outputs(picture=output, read=data, kind=kind)
     if swept:
         from stickslip.sweep.plan import open_plan
 
-        print(f"on top: {_draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)}")
+        print(
+            "on top: "
+            f"{_draw_sweep(_cut(open_plan(data), at), output, bistable=bistable)}"
+        )
     else:
         trace = _read_data(data, columns)
         if beside is not None:
@@ -377,90 +586,172 @@ def plot(
             figure = getattr(ss.plot, names.get(kind, kind))(trace)
             figure = getattr(figure, "figure", figure)  # of axes
         ss.plot.save(figure, output)
-    print(f"{'film' if kind == 'contacts' else 'sound' if kind == 'sound' else 'picture'}: {output}")
+    print(
+        f"{'film' if kind == 'contacts' else 'sound' if kind == 'sound' else 'picture'}: {output}"  # noqa: E501
+    )
 
 
 @app.command
 def fit(
-    trace: Annotated[Path, Parameter(help="A table in plain text with a column of force, or a run (NetCDF).")],
+    trace: Annotated[
+        Path,
+        Parameter(
+            help="A table in plain text with a column of force, or a run (NetCDF)."
+        ),
+    ],
     *,
-    stiffness: Annotated[str | None, Parameter(help="Stiffness of the driving spring: '350 N/m'.")] = None,
-    speed: Annotated[str | None, Parameter(help="Speed of the drive: '0.1 mm/s'.")] = None,
+    stiffness: Annotated[
+        str | None, Parameter(help="Stiffness of the driving spring: '350 N/m'.")
+    ] = None,
+    speed: Annotated[
+        str | None, Parameter(help="Speed of the drive: '0.1 mm/s'.")
+    ] = None,
     mass: Annotated[str | None, Parameter(help="Mass of the slider: '0.4 kg'.")] = None,
     load: Annotated[str | None, Parameter(help="Normal load: '20 N'.")] = None,
-    speeds: Annotated[File, Parameter(help="Table of speeds (m/s) and mean forces (N): the delay.")] = None,
-    holds: Annotated[File, Parameter(help="Table of holds (s) and static friction (N): ageing.")] = None,
+    speeds: Annotated[
+        File, Parameter(help="Table of speeds (m/s) and mean forces (N): the delay.")
+    ] = None,
+    holds: Annotated[
+        File, Parameter(help="Table of holds (s) and static friction (N): ageing.")
+    ] = None,
     columns: Columns = Columns(),
     flip: Flip = False,
-    smallest: Annotated[Number | None, Parameter(help="Smallest drop that counts as a slip.")] = None,
-    after: Annotated[Number | None, Parameter(help="Leave out slips before this time.")] = None,
-    output: Annotated[Output, Parameter(help="Write the rig; needs --stiffness.")] = None,
+    smallest: Annotated[
+        Number | None, Parameter(help="Smallest drop that counts as a slip.")
+    ] = None,
+    after: Annotated[
+        Number | None, Parameter(help="Leave out slips before this time.")
+    ] = None,
+    output: Annotated[
+        Output, Parameter(help="Write the rig; needs --stiffness.")
+    ] = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Fit the rig behind a measured stick-slip trace, with intervals; the first time, simulations take minutes."""
+    """Fit the rig behind a measured stick-slip trace, with intervals; the first
+    time, simulations take minutes.
+    """
     from stickslip.fitting.bench import read_pairs
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=trace)
     if output is not None and stiffness is None:
         raise InputError(
-            f"-o {output}: a rig needs the stiffness of the driving spring, without which a force trace gives no "
+            f"-o {output}: a rig needs the stiffness of the driving spring, without "
+            "which a force trace gives no "
             "length; give --stiffness '350 N/m'"
         )
     given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}
     known = {name: value for name, value in given.items() if value is not None}
-    means, peaks = read_pairs(speeds, "m/s"), read_pairs(holds, "s")
+    means = read_pairs(speeds, "m/s")
+    peaks = read_pairs(holds, "s")
     data = _read_data(trace, columns, flip=flip)
     with console.working("simulating") as progress:
-        found = ss.fit(data, known=known, smallest=smallest, after=after, speeds=means, holds=peaks, progress=progress)
+        found = ss.fit(
+            data,
+            known=known,
+            smallest=smallest,
+            after=after,
+            speeds=means,
+            holds=peaks,
+            progress=progress,
+        )
         if output is not None:
             files.write(output, to_toml(found.rig(name=trace.stem)).encode())
     _draw(plot, found.plot)
     written = {"rig": output, "picture": plot}
-    _answer(found, found.to_dict() | {what: str(where) for what, where in written.items() if where}, json, **written)
+    _answer(
+        found,
+        found.to_dict()
+        | {what: str(where) for what, where in written.items() if where},
+        json,
+        **written,
+    )
 
 
 @app.command
 def map(
     rig: RigFile,
     *,
-    over: Annotated[str, Parameter(help="Two parameters, such as stiffness,velocity.")] = "stiffness,velocity",
-    around: Annotated[Number, Parameter(help="Factor on either side of the rig's own point.")] = 30.0,
-    points: Annotated[Whole, Parameter(help="Points of the map along each parameter.")] = 80,
-    bistable: Annotated[Switch, Parameter(help="Show where stick-slip persists beside it, too.")] = False,
-    output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path("map.png"),
+    over: Annotated[
+        str, Parameter(help="Two parameters, such as stiffness,velocity.")
+    ] = "stiffness,velocity",
+    around: Annotated[
+        Number, Parameter(help="Factor on either side of the rig's own point.")
+    ] = 30.0,
+    points: Annotated[
+        Whole, Parameter(help="Points of the map along each parameter.")
+    ] = 80,
+    bistable: Annotated[
+        Switch, Parameter(help="Show where stick-slip persists beside it, too.")
+    ] = False,
+    output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path(
+        "map.png"
+    ),
     json: Json = False,
 ) -> None:
-    """Draw where smooth sliding is stable, over two parameters of a rig; computed, not swept."""
+    """Draw where smooth sliding is stable, over two parameters of a rig; computed,
+    not swept.
+    """
     from stickslip.advise import chart
 
     _check_outputs(picture=output, read=rig)
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
-        raise InputError(f"--over {shortened(over)}: must name two parameters, such as stiffness,velocity")
+        raise InputError(
+            f"--over {shortened(over)}: must name two parameters, such as "
+            "stiffness,velocity"
+        )
     described = ss.read_rig(rig)
     with console.working("mapping") as progress:
-        found = chart(described, (names[0], names[1]), around, points, bistable=bistable, progress=progress)
+        found = chart(
+            described,
+            (names[0], names[1]),
+            around,
+            points,
+            bistable=bistable,
+            progress=progress,
+        )
     _draw(output, lambda: ss.plot.chart(found))
-    content = {str(name): plain(found[name].to_numpy()) for name in found.variables} | plain(dict(found.attrs))
+    content = {
+        str(name): plain(found[name].to_numpy()) for name in found.variables
+    } | plain(dict(found.attrs))
     _answer(found.attrs["summary"], content, json, picture=output)
 
 
 @app.command
 def sweep(
-    file: Annotated[File, Parameter(help="A sweep file in TOML; `stickslip new phase_diagram` prints one.")] = None,
+    file: Annotated[
+        File,
+        Parameter(
+            help="A sweep file in TOML; `stickslip new phase_diagram` prints one."
+        ),
+    ] = None,
     *,
-    store: Annotated[Path, Parameter(help="File of the results; if it is there, the sweep goes on.")],
-    status: Annotated[Switch, Parameter(help="Run nothing: say how far the sweep is.")] = False,
-    workers: Annotated[Whole | None, Parameter(help="Cases that run at a time; by default one per core.")] = None,
-    processes: Annotated[Switch, Parameter(help="Run them in processes, not in threads.")] = False,
-    scheduler: Annotated[str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")] = None,
-    retry_failed: Annotated[Switch, Parameter(help="Run cases again that failed before.")] = False,
+    store: Annotated[
+        Path, Parameter(help="File of the results; if it is there, the sweep goes on.")
+    ],
+    status: Annotated[
+        Switch, Parameter(help="Run nothing: say how far the sweep is.")
+    ] = False,
+    workers: Annotated[
+        Whole | None,
+        Parameter(help="Cases that run at a time; by default one per core."),
+    ] = None,
+    processes: Annotated[
+        Switch, Parameter(help="Run them in processes, not in threads.")
+    ] = False,
+    scheduler: Annotated[
+        str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")
+    ] = None,
+    retry_failed: Annotated[
+        Switch, Parameter(help="Run cases again that failed before.")
+    ] = False,
     json: Json = False,
     plot: Plot = None,
 ) -> int:
-    """Run many cases over the parameters of a rig; a second start with the same store runs what is missing.
+    """Run many cases over the parameters of a rig; a second start with the same store
+    runs what is missing.
 
     The exit code is 1 if cases failed: they are recorded, and the others are done.
     """
@@ -473,43 +764,86 @@ def sweep(
         _answer(found, plain(found), json)
         return 0
     if file is None:
-        raise InputError("sweep: missing FILE; give a sweep file (`stickslip new phase_diagram` prints one)")
+        raise InputError(
+            "sweep: missing FILE; give a sweep file (`stickslip new phase_diagram` "
+            "prints one)"
+        )
     plan = read_plan(file)
-    with console.executor_of(workers, processes, scheduler) as executor, console.progress_of(plan.name) as report:
+    with (
+        console.executor_of(workers, processes, scheduler) as executor,
+        console.progress_of(plan.name) as report,
+    ):
         try:
-            result = plan.run(store=store, executor=executor, progress=report, retry_failed=retry_failed)
+            result = plan.run(
+                store=store,
+                executor=executor,
+                progress=report,
+                retry_failed=retry_failed,
+            )
         except KeyboardInterrupt:
             if not store.exists():
                 return _fail("interrupted; nothing was done yet", code=130)
             kept = status_of(store).summary
-            cases = f"{kept.done + kept.failed} of {kept.total} cases are kept in {str(store)!r}"
-            return _fail(f"interrupted; {cases}; the same command goes on from there", code=130)
+            cases = (
+                f"{kept.done + kept.failed} of {kept.total} cases are kept in "
+                f"{str(store)!r}"
+            )
+            return _fail(
+                f"interrupted; {cases}; the same command goes on from there", code=130
+            )
     return _report_sweep(result, store, plot, json)
 
 
-def _report_sweep(result: xr.Dataset, store: Path, picture: Path | None, json: bool) -> int:
-    """Say what became of the cases; the last line and the exit code say whether some failed."""
+def _report_sweep(
+    result: xr.Dataset, store: Path, picture: Path | None, json: bool
+) -> int:
+    """Say what became of the cases; the last line and the exit code say whether some
+    failed.
+    """
     from stickslip.sweep import failures, summary
     from stickslip.sweep.study import KINDS
 
     theory = None if picture is None else _draw_sweep(result, picture)
-    counted, failed, crossings = summary(result), failures(result), result.sizes.get("crossing")
+    counted = summary(result)
+    failed = failures(result)
+    crossings = result.sizes.get("crossing")
     codes = result["regime"].to_numpy().ravel().tolist() if "regime" in result else []
-    regimes = {kind: codes.count(code) for code, kind in enumerate(KINDS) if code in codes}
-    line = str(counted) + ("" if crossings is None else f"; {crossings} points found where the regime changes")
-    about = {"line": line, "regimes": regimes, "failures": failed, "crossings": crossings}
-    content = plain(counted) | plain(about | {"store": store, "picture": picture, "theory": theory})
-    lines = [*(f"{kind}: {count}" for kind, count in regimes.items()), f"store: {store}"]
+    regimes = {
+        kind: codes.count(code) for code, kind in enumerate(KINDS) if code in codes
+    }
+    line = str(counted) + (
+        ""
+        if crossings is None
+        else f"; {crossings} points found where the regime changes"
+    )
+    about = {
+        "line": line,
+        "regimes": regimes,
+        "failures": failed,
+        "crossings": crossings,
+    }
+    content = plain(counted) | plain(
+        about | {"store": store, "picture": picture, "theory": theory}
+    )
+    lines = [
+        *(f"{kind}: {count}" for kind, count in regimes.items()),
+        f"store: {store}",
+    ]
     lines += [] if picture is None else [f"picture: {picture}, on top: {theory}"]
     lines += [f"failed: {failure}" for failure in failed[:_FAILURES_SHOWN]]
     if len(failed) > _FAILURES_SHOWN:
-        lines.append(f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable error of the store")
+        lines.append(
+            f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable "
+            "error of the store"
+        )
     _answer("\n".join([*lines, line]), content, json)
     return 1 if failed else 0
 
 
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool = False) -> str:
-    """Draw a sweep with what theory says on top; return what that is, or why there is nothing."""
+    """Draw a sweep with what theory says on top; return what that is, or why there
+    is nothing.
+    """
     from stickslip.sweep.theory import with_theory
 
     with console.working("drawing") as progress:
@@ -526,11 +860,17 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
         name, _, value = (word.strip() for word in given.partition("="))
         try:
             numeric = result[name].dtype.kind in "iuf"
-            result = result.sel({name: read_number(value) if numeric else value}, method="nearest" if numeric else None)
+            result = result.sel(
+                {name: read_number(value) if numeric else value},
+                method="nearest" if numeric else None,
+            )
         except (KeyError, ValueError):
-            there = "; ".join(f"{axis} = {result[axis].to_numpy().tolist()}" for axis in result.dims)
+            there = "; ".join(
+                f"{axis} = {result[axis].to_numpy().tolist()}" for axis in result.dims
+            )
             raise InputError(
-                f"--at {shortened(given)}: must be an axis and a value of the sweep, as in delay=0.1; it has {there}"
+                f"--at {shortened(given)}: must be an axis and a value of the sweep, "
+                f"as in delay=0.1; it has {there}"
             ) from None
     return result
 
@@ -539,29 +879,55 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
 def paper(
     figure: Annotated[str, Parameter(help="fig1, fig2 ... or all")],
     *,
-    check: Annotated[Switch, Parameter(help="Check the paper's claims; exit code 1 if one fails.")] = False,
+    check: Annotated[
+        Switch, Parameter(help="Check the paper's claims; exit code 1 if one fails.")
+    ] = False,
     quick: Annotated[Switch, Parameter(help="Fewer points and contacts.")] = False,
-    output: Annotated[Path, Parameter(alias="-o", help="Directory for pictures and data; made if missing.")] = Path(),
+    output: Annotated[
+        Path,
+        Parameter(alias="-o", help="Directory for pictures and data; made if missing."),
+    ] = Path(),
     formats: Annotated[
         list[Literal["png", "pdf", "svg"]] | None,
-        Parameter(name="--format", help="Of the picture; may be given more than once.", negative=""),
+        Parameter(
+            name="--format",
+            help="Of the picture; may be given more than once.",
+            negative="",
+        ),
     ] = None,
     json: Json = False,
 ) -> int:
-    """Make a figure of the paper, or all: picture, data, caption and, with --check, its claims with verdicts."""
+    """Make a figure of the paper, or all: picture, data, caption and, with --check,
+    its claims with verdicts.
+    """
     from stickslip.paper import figures_named, places, reproduce
 
-    kinds, chosen = formats or ["png"], figures_named(figure)
+    kinds = formats or ["png"]
+    chosen = figures_named(figure)
     for one in chosen:  # before any work is done
         places(one, output, kinds)
     made = []
     for one in chosen:
         with console.working(one.name) as progress:
-            made.append(reproduce(one, output, formats=kinds, check=check, quick=quick, progress=progress))
+            made.append(
+                reproduce(
+                    one,
+                    output,
+                    formats=kinds,
+                    check=check,
+                    quick=quick,
+                    progress=progress,
+                )
+            )
         if not json:
             print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
     if json:
-        console.print_json({"figures": [one.to_dict() for one in made], "ok": all(one.ok for one in made)})
+        console.print_json(
+            {
+                "figures": [one.to_dict() for one in made],
+                "ok": all(one.ok for one in made),
+            }
+        )
     return 0 if all(one.ok for one in made) else 1
 
 
@@ -569,9 +935,14 @@ def paper(
 def explore(
     rig: Annotated[File, Parameter(help="A rig file in TOML to begin with.")] = None,
     *,
-    port: Annotated[Whole | None, Parameter(help="Port on this machine; 0 for any free one.")] = None,
+    port: Annotated[
+        Whole | None, Parameter(help="Port on this machine; 0 for any free one.")
+    ] = None,
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
-    share: Annotated[bool, Parameter(help="Serve it to the local network, too, behind a secret link.")] = False,
+    share: Annotated[
+        bool,
+        Parameter(help="Serve it to the local network, too, behind a secret link."),
+    ] = False,
 ) -> None:
     """Open the browser app: move a slider and see sliding turn into stick-slip."""
     from stickslip import explorer

@@ -1,4 +1,6 @@
-"""The command line's other end: progress, executors and answers on a terminal, in a pipe, or in a log."""
+"""The command line's other end: progress, executors and answers on a terminal, in a
+pipe, or in a log.
+"""
 
 from __future__ import annotations
 
@@ -19,30 +21,47 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def executor_of(workers: int | None, processes: bool, scheduler: str | None) -> Iterator[Any]:
-    """Where the cases of a sweep run: in threads, processes, or on the Dask cluster at an address."""
+def executor_of(
+    workers: int | None, processes: bool, scheduler: str | None
+) -> Iterator[Any]:
+    """Where the cases of a sweep run: in threads, processes, or on the Dask cluster
+    at an address.
+    """
     from stickslip.sweep import Processes, Threads
 
     if scheduler is None:
         yield Processes(workers) if processes else Threads(workers)
         return
     if processes or workers is not None:
-        raise InputError("--scheduler: the cluster has its own workers; leave out --workers and --processes")
+        raise InputError(
+            "--scheduler: the cluster has its own workers; leave out --workers and "
+            "--processes"
+        )
     try:
         from distributed import Client
     except ImportError:
-        raise InputError("--scheduler needs the dask.distributed package: pip install 'stickslip[sweep]'") from None
+        raise InputError(
+            "--scheduler needs the dask.distributed package: pip install "
+            "'stickslip[sweep]'"
+        ) from None
     for name in [*logging.root.manager.loggerDict]:
         if name.startswith("distributed"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what concerns the user is said in our line
+            # what concerns the user is said in our line
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client: Any = Client(scheduler, timeout="10s", set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
-        why = f"--scheduler {scheduler}: cannot be reached ({error}); start one with: dask scheduler"
+        why = (
+            f"--scheduler {scheduler}: cannot be reached ({error}); start one with: "
+            "dask scheduler"
+        )
         raise InputError(why) from None
     try:
         if not client.nthreads():
-            print(f"no workers yet; start one with: dask worker {scheduler}", file=sys.stderr)
+            print(
+                f"no workers yet; start one with: dask worker {scheduler}",
+                file=sys.stderr,
+            )
         yield client.get_executor()
     finally:
         client.close(timeout=5)
@@ -54,18 +73,26 @@ def working(title: str) -> Iterator[Callable[[float], None]]:
     from stickslip.kernels._jit import compiled_before
 
     if not compiled_before():
-        print("first use: the solvers are compiled, once; this takes about half a minute", file=sys.stderr, flush=True)
+        print(
+            "first use: the solvers are compiled, once; this takes about half a minute",
+            file=sys.stderr,
+            flush=True,
+        )
     with bar(title) as report:
         yield report
 
 
 @contextmanager
 def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
-    """Show the progress of a sweep: a bar on a terminal, elsewhere (in the log of a job) a line every half minute."""
+    """Show the progress of a sweep: a bar on a terminal, elsewhere (in the log of a
+    job) a line every half minute.
+    """
     with bar(title, first=0.0, every=30.0) as report:
 
         def tell(p: Progress) -> None:
-            words = f"{p.finished} of {p.total} cases" + (f", {p.failed} failed" if p.failed else "")
+            words = f"{p.finished} of {p.total} cases" + (
+                f", {p.failed} failed" if p.failed else ""
+            )
             report(p.finished / p.total, words, p.found / p.total)
 
         yield tell
@@ -73,7 +100,9 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal sends when it is closed."""
+    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal
+    sends when it is closed.
+    """
     if threading.current_thread() is not threading.main_thread():  # only that one may
         yield
         return
@@ -82,7 +111,11 @@ def stoppable() -> Iterator[None]:
         raise KeyboardInterrupt
 
     # What is ignored stays so: `nohup` means it.
-    heeded = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) != signal.SIG_IGN]
+    heeded = [
+        n
+        for n in (signal.SIGTERM, signal.SIGHUP)
+        if signal.getsignal(n) != signal.SIG_IGN
+    ]
     before = {n: signal.signal(n, stop) for n in heeded}
     try:
         yield

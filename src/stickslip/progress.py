@@ -1,4 +1,6 @@
-"""Progress of a long computation: a function that is called with the fraction done, or a bar."""
+"""Progress of a long computation: a function that is called with the fraction done,
+or a bar.
+"""
 
 import sys
 import time
@@ -14,15 +16,20 @@ Progress = Callable[[float], None]
 
 
 def part(report: Progress, begin: float, end: float) -> Progress:
-    """Return the report of a part of the work, from one fraction of all of it to another."""
+    """Return the report of a part of the work, from one fraction of all of it to
+    another.
+    """
     return lambda done: report(begin + (end - begin) * done)
 
 
 @contextmanager
-def bar(title: str, *, always: bool = False, first: float = 60.0, every: float = 60.0) -> Iterator[Callable[..., None]]:
+def bar(
+    title: str, *, always: bool = False, first: float = 60.0, every: float = 60.0
+) -> Iterator[Callable[..., None]]:
     """Show a progress bar on a terminal or, if asked `always`, in a notebook as well.
 
-    Elsewhere, as in the log of a job, a line with the time and the words given, after `first` s, then each `every` s.
+    Elsewhere, as in the log of a job, a line with the time and the words given, after
+    `first` s, then each `every` s.
     """
     if not (always or sys.stderr.isatty()):
         yield _log_of(title, first, every)
@@ -41,14 +48,22 @@ def _log_of(title: str, first: float, every: float) -> Callable[..., None]:
     due = begin + first
 
     def write(done: float, words: str = "", since: float = 0.0) -> None:
-        """Write a line, if it is time, while a part of the work is done and not all; `since` was done at the begin."""
+        """Write a line, if it is time, while a part of the work is done and not all;
+        `since` was done at the begin.
+        """
         nonlocal due
         now = time.monotonic()
         if now >= due and done < 1.0:
             due = now + every
-            left = f", about {in_time((now - begin) * (1.0 - done) / (done - since))} left" if done > since else ""
+            left = (
+                f", about {in_time((now - begin) * (1.0 - done) / (done - since))} left"
+                if done > since
+                else ""
+            )
             words = words or f"{100.0 * done:.0f} %"
-            sys.stderr.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {title}: {words}{left}\n")
+            sys.stderr.write(
+                f"{time.strftime('%Y-%m-%d %H:%M:%S')} {title}: {words}{left}\n"
+            )
             sys.stderr.flush()
 
     return write
@@ -56,7 +71,12 @@ def _log_of(title: str, first: float, every: float) -> Callable[..., None]:
 
 def in_time(seconds: float) -> str:
     """Say a time as a person would: ``"14 min"``."""
-    for size, name in ((31_557_600.0, "years"), (86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
+    for size, name in (
+        (31_557_600.0, "years"),
+        (86_400.0, "days"),
+        (3600.0, "h"),
+        (60.0, "min"),
+    ):
         if seconds >= 2 * size:
             return f"{number(seconds / size, 2)} {name}"
     return f"{number(seconds, 2)} s"
@@ -64,7 +84,9 @@ def in_time(seconds: float) -> str:
 
 @contextmanager
 def reporting(progress: Any, title: str) -> Iterator[Progress]:
-    """Turn what a caller gave as ``progress=`` into a function: their own, a bar for True, or nothing."""
+    """Turn what a caller gave as ``progress=`` into a function: their own, a bar for
+    True, or nothing.
+    """
     if progress is None or progress is False:
         yield lambda _done: None
     elif progress is True:
@@ -74,5 +96,6 @@ def reporting(progress: Any, title: str) -> Iterator[Progress]:
         yield progress
     else:
         raise InputError(
-            f"{title}: progress = {shown(progress)}: must be True, for a bar, or a function of the fraction done"
+            f"{title}: progress = {shown(progress)}: must be True, for a bar, or a "
+            "function of the fraction done"
         )

@@ -1,4 +1,6 @@
-"""Numbers and quantities in words: as a person would write them, with one table of SI prefixes."""
+"""Numbers and quantities in words: as a person would write them, with one table of
+SI prefixes.
+"""
 
 import math
 import re
@@ -21,16 +23,23 @@ PREFIXES: dict[str, tuple[str, int]] = {
     "T": ("tera", 12),
 }
 """SI prefixes as they are read: their names and powers of ten."""
-_WRITTEN = {0: "", **{power: symbol for symbol, (_, power) in PREFIXES.items() if power % 3 == 0}}
+_WRITTEN = {
+    0: "",
+    **{power: symbol for symbol, (_, power) in PREFIXES.items() if power % 3 == 0},
+}
 _PREFIXED = re.compile(rf"({'|'.join(PREFIXES)}|)(N|m|s|g|J|Pa|Hz|V|A)([/*].*)?")
 _PER_SECOND = {f"/{symbol}s": power for symbol, (_, power) in PREFIXES.items()}
 _LARGEST = {"s": 0, "g": 3}
-"""Largest power of ten of the units that people give no larger prefix: 5000 s, 5000 kg."""
-_POSITIONAL = 7  # digits before the decimal point up to which a number is written without an exponent
+"""Largest power of ten of the units that people give no larger prefix: 5000 s, 5000
+kg.
+"""
+# digits before the decimal point up to which a number is written without an exponent
+_POSITIONAL = 7
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number of so many significant digits, without an exponent from 0.0001 to ten millions.
+    """A number of so many significant digits, without an exponent from 0.0001 to ten
+    millions.
 
     Examples
     --------
@@ -42,9 +51,11 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
-    """The prefix that suits a value in an SI unit: what to divide it by, and the unit with that prefix.
+    """The prefix that suits a value in an SI unit: what to divide it by, and the unit
+    with that prefix.
 
-    Any other unit stays as it is. 999.96 N in four significant digits is 1 kN. Rates are given per second.
+    Any other unit stays as it is. 999.96 N in four significant digits is 1 kN. Rates
+    are given per second.
 
     Examples
     --------
@@ -58,17 +69,29 @@ def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
     here = (PREFIXES[letter][1] if letter else 0) - _PER_SECOND.get(rest, 0)
     decade = math.floor(math.log10(abs(float(f"{value:.{digits}g}"))) + 1e-12) + here
     decade = 0 if symbol == "Hz" and decade == -1 else decade  # 0.7 Hz, not 700 mHz
-    power = min(max(decade // 3 * 3, min(_WRITTEN)), _LARGEST.get(symbol, max(_WRITTEN)))
-    return 10.0 ** (power - here), _WRITTEN[power] + symbol + ("/s" if rest in _PER_SECOND else rest)
+    power = min(
+        max(decade // 3 * 3, min(_WRITTEN)), _LARGEST.get(symbol, max(_WRITTEN))
+    )
+    return 10.0 ** (power - here), _WRITTEN[power] + symbol + (
+        "/s" if rest in _PER_SECOND else rest
+    )
 
 
 def engineering(value: float, unit: str, digits: int = 4) -> str:
-    """A value in so many digits, with its unit and the prefix that suits it; ``"1"`` is no unit, "time" time units.
+    """A value in so many digits, with its unit and the prefix that suits it; ``"1"`` is
+    no unit, "time" time units.
 
     Examples
     --------
-    >>> engineering(4e6, "N/m"), engineering(2.094e5, "mN"), engineering(1180, "kg/m^3"), engineering(0.0756, "kg")
+    >>> (
+    ...     engineering(4e6, "N/m"),
+    ...     engineering(2.094e5, "mN"),
+    ...     engineering(1180, "kg/m^3"),
+    ...     engineering(0.0756, "kg"),
+    ... )
     ('4 MN/m', '209.4 N', '1180 kg/m^3', '75.6 g')
     """
-    divisor, name = prefixed(value, {"1": "", "time": "time units"}.get(unit, unit), digits)
+    divisor, name = prefixed(
+        value, {"1": "", "time": "time units"}.get(unit, unit), digits
+    )
     return f"{number(value / divisor, digits)} {name}".rstrip()

@@ -1,12 +1,13 @@
 """The answer to: will this rig stick-slip, at which speeds, and what would stop it.
 
-`predict` answers for a `Rig`; `chart` draws up the map around it. Three questions are kept apart, because their answers
-differ:
+`predict` answers for a `Rig`; `chart` draws up the map around it. Three questions are
+kept apart, because their answers differ:
 
-- *elastic instability*: is the spring softer than the steepest fall of the force, ``K < K*``, Eq. (8)? Needed for a
-  first slip, not enough for stick-slip to persist.
+- *elastic instability*: is the spring softer than the steepest fall of the force,
+  ``K < K*``, Eq. (8)? Needed for a first slip, not enough for stick-slip to persist.
 - *linear stability*: does smooth sliding, once there, resist a small disturbance?
-- *sustained stick-slip*: does stick-slip go on from a start at rest? Between the last two the rig is bistable.
+- *sustained stick-slip*: does stick-slip go on from a start at rest? Between the last
+  two the rig is bistable.
 """
 
 from stickslip.advise import say
@@ -17,5 +18,14 @@ from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.prediction import complete, in_full, predict
 
-__all__ = ["Band", "Doubt", "ElasticPrediction", "Margin", "Mitigation", "Prediction", "WaveAnswer", "chart"]
+__all__ = [
+    "Band",
+    "Doubt",
+    "ElasticPrediction",
+    "Margin",
+    "Mitigation",
+    "Prediction",
+    "WaveAnswer",
+    "chart",
+]
 __all__ += ["complete", "in_full", "predict", "say"]

@@ -46,8 +46,12 @@ class Foretold(Answer):
         return self.text()
 
     def text(self, width: int | None = None, bold: str = "{}") -> str:
-        """Return all that is told: sentences wrapped, if to a width, tables kept whole, titles in a format."""
-        wrapped = partial(wrap, width=sys.maxsize if width is None else width, break_on_hyphens=False)
+        """Return all that is told: sentences wrapped, if to a width, tables kept
+        whole, titles in a format.
+        """
+        wrapped = partial(
+            wrap, width=sys.maxsize if width is None else width, break_on_hyphens=False
+        )
 
         def headed(title: str, rest: str) -> list[str]:  # by their width as it is seen
             first, *more = wrapped(title + rest)
@@ -56,51 +60,107 @@ class Foretold(Answer):
         lines = headed(printable(self.rig.name), f": {self.headline}")
         for _, title, rest, rows in self.told:
             lines += ["", *(headed(title, rest) if title else [])] if rows else []
-            wide = [max(map(len, cells)) for cells in zip(*(r for r in rows if not isinstance(r, str)), strict=True)]
+            wide = [
+                max(map(len, cells))
+                for cells in zip(
+                    *(r for r in rows if not isinstance(r, str)), strict=True
+                )
+            ]
             mark = "- " if title else ""
             for row in rows:
                 if isinstance(row, str):
-                    lines += wrapped(mark + printable(row), subsequent_indent=" " * len(mark))
+                    lines += wrapped(
+                        mark + printable(row), subsequent_indent=" " * len(mark)
+                    )
                 else:
-                    lines.append("  ".join(map(str.ljust, map(printable, row), wide)).rstrip())
+                    lines.append(
+                        "  ".join(map(str.ljust, map(printable, row), wide)).rstrip()
+                    )
         return "\n".join(lines)
 
     @property
     def verdict(self) -> str:
         """The whole answer in one sentence."""
-        told = (rows for name, _, _, rows in self.sections if name in ("here", "speeds"))
+        told = (
+            rows for name, _, _, rows in self.sections if name in ("here", "speeds")
+        )
         return "; ".join([self.headline, *chain.from_iterable(told)])
 
     @property
     def told(self) -> list[say.Section]:
         """The sections, and what of the rig was assumed or fitted."""
-        about = {"assumed": ", not measured", "fitted": " to a trace, with 90 % intervals"}
-        rests_on = {name: [f"{key}: {item}" for key, item in getattr(self.rig, name).items()] for name in about}
-        return [*self.sections, *((name, name.title(), about[name], rests_on[name]) for name in about)]
+        about = {
+            "assumed": ", not measured",
+            "fitted": " to a trace, with 90 % intervals",
+        }
+        rests_on = {
+            name: [f"{key}: {item}" for key, item in getattr(self.rig, name).items()]
+            for name in about
+        }
+        return [
+            *self.sections,
+            *((name, name.title(), about[name], rests_on[name]) for name in about),
+        ]
 
     def _repr_html_(self) -> str:
         found: Any = self
-        bands, ends, speed = found.bands, found.speeds_searched, self.rig.velocity
-        drawn = strip(bands, ends, speed, [say.quantity(self.rig, end, "velocity", 3) for end in ends]) if bands else ""
+        bands = found.bands
+        ends = found.speeds_searched
+        speed = self.rig.velocity
+        drawn = (
+            strip(
+                bands,
+                ends,
+                speed,
+                [say.quantity(self.rig, end, "velocity", 3) for end in ends],
+            )
+            if bands
+            else ""
+        )
         motion = found.regime.kind if "regime" in vars(self) else ""
         return card(f"{self.rig.name}: {self.headline}", drawn + self.tables(), motion)
 
     def tables(self) -> str:
         """Return all that is told beneath the headline as HTML, a table each."""
-        told = [(f"<b>{title}</b>{escaped(rest)}", table(rows)) for _, title, rest, rows in self.told if rows]
+        told = [
+            (f"<b>{title}</b>{escaped(rest)}", table(rows))
+            for _, title, rest, rows in self.told
+            if rows
+        ]
         return "".join(f"<p>{head}</p>{rows}" for head, rows in told)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the answer as plain numbers, texts and lists, as JSON takes them; what is not finite is None."""
-        names = ["headline", "verdict", "units", *self._derived, *(each.name for each in fields(self))]
-        told = {name: getattr(self, name) for name in names if name not in ("rig", "recording")}
+        """Return the answer as plain numbers, texts and lists, as JSON takes them;
+        what is not finite is None.
+        """
+        names = [
+            "headline",
+            "verdict",
+            "units",
+            *self._derived,
+            *(each.name for each in fields(self)),
+        ]
+        told = {
+            name: getattr(self, name)
+            for name in names
+            if name not in ("rig", "recording")
+        }
         told["said"] = {name: rows for name, _, _, rows in self.sections if rows}
         assumed = {key: str(item) for key, item in self.rig.assumed.items()}
-        found: dict[str, Any] = plain({"rig": self.rig.name, "velocity": self.rig.velocity, **told, "assumed": assumed})
+        found: dict[str, Any] = plain(
+            {
+                "rig": self.rig.name,
+                "velocity": self.rig.velocity,
+                **told,
+                "assumed": assumed,
+            }
+        )
         return found
 
     def plot(self) -> Figure:
-        """Draw the answer: the motion at each speed; of a rigid slider also the force at its own, and the margins."""
+        """Draw the answer: the motion at each speed; of a rigid slider also the
+        force at its own, and the margins.
+        """
         from stickslip import plot
 
         figure: Figure = getattr(plot, self._picture)(self)
@@ -109,16 +169,20 @@ class Foretold(Answer):
 
 @dataclass(frozen=True, kw_only=True)
 class Margin:
-    """How far a parameter can be varied, alone, before smooth sliding changes its linear stability."""
+    """How far a parameter can be varied, alone, before smooth sliding changes its
+    linear stability.
+    """
 
     parameter: str
     value: float  #: where it stands, in the rig's own units, as all that follows
 
-    #: The nearest stability limits below and above; None if there is none within `searched`.
+    #: The nearest stability limits below and above; None if there is none within
+    #: `searched`.
     lower: float | None
     upper: float | None
     searched: tuple[float, float]
-    stable: tuple[tuple[float, float], ...]  #: all ranges within that in which smooth sliding is stable
+    #: all ranges within that in which smooth sliding is stable
+    stable: tuple[tuple[float, float], ...]
 
     @property
     def limits(self) -> list[float]:
@@ -128,64 +192,91 @@ class Margin:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction(Foretold):
-    """What `predict` found; every number in the rig's own units. It prints as its short text."""
+    """What `predict` found; every number in the rig's own units.
 
-    headline, sections = property(say.headline), property(say.sections)
+    It prints as its short text.
+    """
+
+    headline = property(say.headline)
+    sections = property(say.sections)
     changed = say.changed
     _picture = "prediction"
-    _derived: ClassVar[tuple[str, ...]] = ("at_speeds", "in_time", "stiffness_margin", "smooth", "bistable")
+    _derived: ClassVar[tuple[str, ...]] = (
+        "at_speeds",
+        "in_time",
+        "stiffness_margin",
+        "smooth",
+        "bistable",
+    )
     _derived += ("frequency", "amplitude", "relative_amplitude")
 
     recording: Recording  #: the simulated run that `regime` is of; `run` is its Dataset
     regime: Regime  #: of the run, with its evidence
 
-    #: Largest force in slow rigid motion, and mean force of steady sliding at the rig's speed.
+    #: Largest force in slow rigid motion, and mean force of steady sliding at the rig's
+    #: speed.
     static_friction: float
     kinetic_friction: float
 
-    #: ``K*`` of Eq. (8) in both conventions. Where thresholds age, these and the static friction are those of contacts
-    #: whose thresholds have fully grown and do not change during the motion; where heat breaks contacts, they are of
-    #: motion that is too fast for it.
+    #: ``K*`` of Eq. (8) in both conventions. Where thresholds age, these and the static
+    #: friction are those of contacts whose thresholds have fully grown and do not
+    #: change during the motion; where heat breaks contacts, they are of motion that is
+    #: too fast for it.
     critical_stiffness: float
     critical_stiffness_without_reattachment: float
 
-    #: Growing modes of smooth sliding; None where the theory does not apply, for the reason in `theory_note`.
+    #: Growing modes of smooth sliding; None where the theory does not apply, for the
+    #: reason in `theory_note`.
     unstable_modes: int | None
 
-    #: Of the fastest mode; the frequency in cycles per unit of time, so in Hz for a rig in SI units.
+    #: Of the fastest mode; the frequency in cycles per unit of time, so in Hz for a rig
+    #: in SI units.
     growth_rate: float | None
     mode_frequency: float | None
     theory_note: str
     speeds_searched: tuple[float, float]
-    bands: tuple[Band, ...]  #: the motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`, rising
+    #: the motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`,
+    #: rising
+    bands: tuple[Band, ...]
     margins: tuple[Margin, ...] = ()
 
-    #: Of a stable rig, the parameter with the nearest limit among those that are set on a machine, and its value on the
-    #: way there from which on the noise of the contacts makes the force fluctuate by more than 5 % rms, by linear
-    #: theory; where it does so now, that is the value that it has.
+    #: Of a stable rig, the parameter with the nearest limit among those that are set on
+    #: a machine, and its value on the way there from which on the noise of the contacts
+    #: makes the force fluctuate by more than 5 % rms, by linear theory; where it does
+    #: so now, that is the value that it has.
     noisy: tuple[str, float] | None = None
 
-    #: Those that can be made on the machine first, in each group the smallest first. Where the rig works over a range
-    #: of speeds, or at several, each is one for all of them.
+    #: Those that can be made on the machine first, in each group the smallest first.
+    #: Where the rig works over a range of speeds, or at several, each is one for all of
+    #: them.
     mitigations: tuple[Mitigation, ...] = ()
 
-    #: Two changes that give smooth sliding together, each smaller than any one alone, if that was asked for and found.
+    #: Two changes that give smooth sliding together, each smaller than any one alone,
+    #: if that was asked for and found.
     pair: tuple[Mitigation, ...] = ()
 
-    #: Parameters that give no smooth sliding, with the range searched; and at the furthest value of which some of the
-    #: runs slide smoothly, not all: that value, and their fraction.
+    #: Parameters that give no smooth sliding, with the range searched; and at the
+    #: furthest value of which some of the runs slide smoothly, not all: that value, and
+    #: their fraction.
     attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     unreliable: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    not_searched: tuple[str, ...] = ()  #: parameters whose search was given up for its cost
-    complete: bool = False  #: whether mitigations, and the speeds from rest, have been looked for
-    doubt: Doubt | None = None  #: what it would do with other values of what the rig's file calls assumed
+    #: parameters whose search was given up for its cost
+    not_searched: tuple[str, ...] = ()
+    #: whether mitigations, and the speeds from rest, have been looked for
+    complete: bool = False
+    #: what it would do with other values of what the rig's file calls assumed
+    doubt: Doubt | None = None
 
-    #: Where the rig names no mechanism by which contacts strengthen: what it would do with which delay.
+    #: Where the rig names no mechanism by which contacts strengthen: what it would do
+    #: with which delay.
     delays: tuple[Band, ...] = ()
 
-    #: Standard deviation of the spring force over its mean, where it is seen and by theory noise of the contacts.
+    #: Standard deviation of the spring force over its mean, where it is seen and by
+    #: theory noise of the contacts.
     noise: float | None = None
-    stays: bool = True  #: false where linearly stable smooth sliding is left, by theory, by the noise of its contacts
+    #: false where linearly stable smooth sliding is left, by theory, by the noise of
+    #: its contacts
+    stays: bool = True
 
     @cached_property
     def run(self) -> xr.Dataset:
@@ -194,43 +285,80 @@ class Prediction(Foretold):
 
     @property
     def judged(self) -> bool:
-        """Whether there is a verdict: not where nothing says how contacts strengthen with rest."""
+        """Whether there is a verdict: not where nothing says how contacts strengthen
+        with rest.
+        """
         return not self.delays
 
     @property
     def stiffness_margin(self) -> float:
-        """``K/K*``: above 1 there is no elastic instability; infinite if the force never falls."""
-        return self.rig.value("stiffness") / self.critical_stiffness if self.critical_stiffness > 0 else math.inf
+        """``K/K*``: above 1 there is no elastic instability; infinite if the force
+        never falls.
+        """
+        return (
+            self.rig.value("stiffness") / self.critical_stiffness
+            if self.critical_stiffness > 0
+            else math.inf
+        )
 
     @property
     def smooth(self) -> bool | None:
-        """Whether the rig slides smoothly: stable, and seen to in the run; None if that is undecided."""
+        """Whether the rig slides smoothly: stable, and seen to in the run; None if
+        that is undecided.
+        """
         if self.regime.kind == "undecided" or not self.judged:
             return None
         return self.regime.kind == "smooth sliding" and not self.unstable_modes
 
     @property
     def bistable(self) -> bool:
-        """Whether smooth sliding is stable, and stays, although the run from rest shows sustained stick-slip."""
-        return self.regime.kind in OSCILLATES and self.judged and self.unstable_modes == 0 and self.stays
+        """Whether smooth sliding is stable, and stays, although the run from rest
+        shows sustained stick-slip.
+        """
+        return (
+            self.regime.kind in OSCILLATES
+            and self.judged
+            and self.unstable_modes == 0
+            and self.stays
+        )
 
     @property
     def ill(self) -> bool:
-        """Whether there is something to mitigate, at any of the speeds at which the rig works."""
-        return self.judged and (bool(self.unstable_modes) or self.regime.kind in OSCILLATES or bool(self.trouble))
+        """Whether there is something to mitigate, at any of the speeds at which the
+        rig works.
+        """
+        return self.judged and (
+            bool(self.unstable_modes)
+            or self.regime.kind in OSCILLATES
+            or bool(self.trouble)
+        )
 
     @property
     def trouble(self) -> tuple[Band, ...]:
         """Ranges of speed with an oscillation among those at which the rig works."""
-        ends = [(speed, speed) for speed, _ in self.at_speeds] if self.between is None else [self.between]
+        ends = (
+            [(speed, speed) for speed, _ in self.at_speeds]
+            if self.between is None
+            else [self.between]
+        )
         bad = [band for band in self.bands if band.kind in (*OSCILLATES, "unstable")]
-        return tuple(band for band in bad if any(band.low <= high and low <= band.high for low, high in ends))
+        return tuple(
+            band
+            for band in bad
+            if any(band.low <= high and low <= band.high for low, high in ends)
+        )
 
     @property
     def frequency(self) -> float | None:
-        """Cycles per unit of time (Hz, for a rig in SI units) of the oscillation in the run; None if it has none."""
+        """Cycles per unit of time (Hz, for a rig in SI units) of the oscillation in
+        the run; None if it has none.
+        """
         period = self.regime.period
-        return 1.0 / period if self.regime.kind in OSCILLATES and math.isfinite(period) and period > 0 else None
+        return (
+            1.0 / period
+            if self.regime.kind in OSCILLATES and math.isfinite(period) and period > 0
+            else None
+        )
 
     @property
     def amplitude(self) -> float:
@@ -244,46 +372,87 @@ class Prediction(Foretold):
 
     @property
     def at_speeds(self) -> tuple[tuple[float, str], ...]:
-        """Each speed at which the rig works, in its own units, and the motion there from a start at rest."""
-        speeds = [speed * self.rig.unit("velocity") for speed in self.rig.operation.speeds]
-        motions = [next((band.motion for band in self.bands if speed in band), "undecided") for speed in speeds]
-        motions[:1] = [self.regime.kind][: len(speeds)]  # the first is that of the drive
+        """Each speed at which the rig works, in its own units, and the motion there
+        from a start at rest.
+        """
+        speeds = [
+            speed * self.rig.unit("velocity") for speed in self.rig.operation.speeds
+        ]
+        motions = [
+            next((band.motion for band in self.bands if speed in band), "undecided")
+            for speed in speeds
+        ]
+        # the first is that of the drive
+        motions[:1] = [self.regime.kind][: len(speeds)]
         return tuple(zip(speeds, motions, strict=True))
 
     @property
     def between(self) -> tuple[float, float] | None:
-        """The range of speeds at which the rig works, in its own units: as given, or those its drive goes through."""
-        given, pieces = self.rig.operation.between, self.rig.drive.pieces
-        ends = given or [abs(speed) for piece in pieces for speed in (piece.start, piece.end)]
+        """The range of speeds at which the rig works, in its own units: as given, or
+        those its drive goes through.
+        """
+        given = self.rig.operation.between
+        pieces = self.rig.drive.pieces
+        ends = given or [
+            abs(speed) for piece in pieces for speed in (piece.start, piece.end)
+        ]
         low, high = (end(ends) * self.rig.unit("velocity") for end in (min, max))
         return None if low == high else (max(low, self.speeds_searched[0]), high)
 
     @property
     def in_time(self) -> tuple[Band, ...]:
-        """What it does when along a drive that goes through speeds, by `bands`; nothing where there is one speed.
+        """What it does when along a drive that goes through speeds, by `bands`; nothing
+        where there is one speed.
 
-        Where there are two motions at a speed, it goes on with what it did before; it starts from rest. Transients are
-        left out: each speed is taken for one that lasts.
+        Where there are two motions at a speed, it goes on with what it did before; it
+        starts from rest. Transients are left out: each speed is taken for one that
+        lasts.
         """
-        found, begin, unit = list[Band](), 0.0, self.rig.unit("velocity")
-        edges = [sign * end / unit for band in self.bands for end in band.ends for sign in (1.0, -1.0)]
+        found = list[Band]()
+        begin = 0.0
+        unit = self.rig.unit("velocity")
+        edges = [
+            sign * end / unit
+            for band in self.bands
+            for end in band.ends
+            for sign in (1.0, -1.0)
+        ]
         for piece in self.rig.drive.pieces:
-            rate, whole = piece.acceleration, piece.duration
-            cuts = sorted((e - piece.start) / rate for e in edges if 0.0 < (e - piece.start) * rate < whole * rate**2)
+            rate = piece.acceleration
+            whole = piece.duration
+            cuts = sorted(
+                (e - piece.start) / rate
+                for e in edges
+                if 0.0 < (e - piece.start) * rate < whole * rate**2
+            )
             for first, last in pairwise([0.0, *cuts, whole]):
                 speed = abs(piece.start + 0.5 * rate * (first + last)) * unit
-                kind, bistable = next(((b.kind, b.bistable) for b in self.bands if speed in b), ("unknown", False))
-                if bistable and found and found[-1].kind in ("smooth sliding", "stable"):
+                kind, bistable = next(
+                    ((b.kind, b.bistable) for b in self.bands if speed in b),
+                    ("unknown", False),
+                )
+                if (
+                    bistable
+                    and found
+                    and found[-1].kind in ("smooth sliding", "stable")
+                ):
                     kind = found[-1].kind
                 found.append(Band(kind=kind, low=begin + first, high=begin + last))
             begin += whole
-        return () if self.between is None else scaled(joined(found), self.rig.unit("time"))
+        return (
+            () if self.between is None else scaled(joined(found), self.rig.unit("time"))
+        )
 
     @property
     def units(self) -> dict[str, str]:
         """Names of the units that numbers are in."""
-        names = {p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)}
-        return names | {"force": self.rig.unit_name("f_s"), "frequency": say.frequency_unit(self.rig)}
+        names = {
+            p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)
+        }
+        return names | {
+            "force": self.rig.unit_name("f_s"),
+            "frequency": say.frequency_unit(self.rig),
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,11 +461,13 @@ class WaveAnswer:
 
     name: str  #: the wave, in words
 
-    #: In blocks, along the drive; infinite where blocks in a row move alike, NaN where a wave does not reach into it.
+    #: In blocks, along the drive; infinite where blocks in a row move alike, NaN where
+    #: a wave does not reach into it.
     wavelength: float
     stiffness: float  #: of the rigid slider that the mode amounts to
 
-    #: Growth rate and frequency (in cycles per time) at the rig's speed; None where nothing decays exponentially.
+    #: Growth rate and frequency (in cycles per time) at the rig's speed; None where
+    #: nothing decays exponentially.
     growth: float | None
     frequency: float | None
     speeds: tuple[tuple[float, float], ...]  #: ranges of speed in which it grows
@@ -304,14 +475,19 @@ class WaveAnswer:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ElasticPrediction(Foretold):
-    """What `predict` found of an elastic slider, by linear theory; every number in the rig's own units."""
+    """What `predict` found of an elastic slider, by linear theory; every number in
+    the rig's own units.
+    """
 
-    headline, sections = property(say.headline_on_waves), property(say.sections_on_waves)
-    _picture, _derived = "waves", ("speeds",)
+    headline = property(say.headline_on_waves)
+    sections = property(say.sections_on_waves)
+    _picture = "waves"
+    _derived = ("speeds",)
 
     growing: int = 0  #: modes that grow at the rig's speed, among the 64 softest
     waves: tuple[WaveAnswer, ...] = ()  #: of the five softest modes
-    critical: CriticalLength | None = None  #: of a chain: below which stiffness modes grow, and from which length on
+    #: of a chain: below which stiffness modes grow, and from which length on
+    critical: CriticalLength | None = None
     theory_note: str = ""  #: why the theory has nothing to say, or nothing
     speeds_searched: tuple[float, float]
 
@@ -319,7 +495,9 @@ class ElasticPrediction(Foretold):
     def bands(self) -> tuple[Band, ...]:
         """Ranges of speed in which any mode grows."""
         pairs = sorted(pair for wave in self.waves for pair in wave.speeds)
-        return tuple(joined(Band(kind="unstable", low=low, high=high) for low, high in pairs))
+        return tuple(
+            joined(Band(kind="unstable", low=low, high=high) for low, high in pairs)
+        )
 
     @property
     def speeds(self) -> tuple[tuple[float, float], ...]:

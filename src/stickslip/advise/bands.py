@@ -1,4 +1,5 @@
-"""Ranges with one kind of motion along a parameter: as linear theory tells, and as runs from rest show over speed.
+"""Ranges with one kind of motion along a parameter: as linear theory tells, and as runs
+from rest show over speed.
 
 All along here are factors on what the rig has, so that no unit matters.
 """
@@ -21,14 +22,27 @@ from stickslip.simulation import estimate
 from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
-PRECISION = 0.05  # where motion changes is found to this part of the value; nor is one set more closely on a machine
-# What is said of contacts whose linear response is 0; what kinds of motion are called, where that is another word.
+# where motion changes is found to this part of the value; nor is one set more closely
+# on a machine
+PRECISION = 0.05
+# What is said of contacts whose linear response is 0; what kinds of motion are called,
+# where that is another word.
 CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
-MOTIONS = {"unstable": "linearly unstable", "stable": "linearly stable", "unknown": "not known"}
-_PER_DECADE = {False: 16, True: 6}  # points at which growing modes are counted, by what `is_dear` says
-_PER_EDGE = 12  # looks that a limit takes: some four steps of Newton's method, each at three values of the parameter
-_NARROW = 1e-3  # where theory cannot tell of a range, the ends of what it can tell are found to this part of the value
-Turn = tuple[Parameter, int]  # a parameter that a factor makes larger, or on side -1 smaller
+MOTIONS = {
+    "unstable": "linearly unstable",
+    "stable": "linearly stable",
+    "unknown": "not known",
+}
+# points at which growing modes are counted, by what `is_dear` says
+_PER_DECADE = {False: 16, True: 6}
+# looks that a limit takes: some four steps of Newton's method, each at three values of
+# the parameter
+_PER_EDGE = 12
+# where theory cannot tell of a range, the ends of what it can tell are found to this
+# part of the value
+_NARROW = 1e-3
+# a parameter that a factor makes larger, or on side -1 smaller
+Turn = tuple[Parameter, int]
 _APART = 3.0  # speeds at which runs are made first lie within this factor of each other
 
 
@@ -36,16 +50,19 @@ _APART = 3.0  # speeds at which runs are made first lie within this factor of ea
 class Band:
     """A range of a parameter, the speed of a prediction, with one kind of motion."""
 
-    #: From a start at rest; "stable" or "unstable" where linear theory says that of smooth sliding, and what comes of
-    #: a start at rest was not simulated or could not be judged; "unknown" where the theory cannot tell either.
+    #: From a start at rest; "stable" or "unstable" where linear theory says that of
+    #: smooth sliding, and what comes of a start at rest was not simulated or could not
+    #: be judged; "unknown" where the theory cannot tell either.
     kind: str
 
-    #: Whether smooth sliding, once reached, is stable as well (linear, so without the noise of contacts).
+    #: Whether smooth sliding, once reached, is stable as well (linear, so without the
+    #: noise of contacts).
     bistable: bool = False
     low: float
     high: float
 
-    #: Whether the motion changes at that end; False where it was seen that far, and not looked for beyond.
+    #: Whether the motion changes at that end; False where it was seen that far, and not
+    #: looked for beyond.
     low_found: bool = True
     high_found: bool = True
 
@@ -60,7 +77,9 @@ class Band:
     @property
     def motion(self) -> str:
         """Its motion in words."""
-        return MOTIONS.get(self.kind, self.kind) + (" from rest only" if self.bistable else "")
+        return MOTIONS.get(self.kind, self.kind) + (
+            " from rest only" if self.bistable else ""
+        )
 
 
 def halvings(furthest: float) -> int:
@@ -70,7 +89,9 @@ def halvings(furthest: float) -> int:
 
 def scaled(bands: Iterable[Band], size: float) -> tuple[Band, ...]:
     """Bands in a unit that is smaller by a factor."""
-    return tuple(replace(band, low=band.low * size, high=band.high * size) for band in bands)
+    return tuple(
+        replace(band, low=band.low * size, high=band.high * size) for band in bands
+    )
 
 
 def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
@@ -78,20 +99,30 @@ def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
     found: list[Band] = []
     for band in bands:
         last = found[-1] if found else None
-        if last and (last.kind, last.bistable) == (band.kind, band.bistable) and band.low <= last.high:
-            found[-1] = replace(last, high=max(last.high, band.high), high_found=band.high_found)
+        if (
+            last
+            and (last.kind, last.bistable) == (band.kind, band.bistable)
+            and band.low <= last.high
+        ):
+            found[-1] = replace(
+                last, high=max(last.high, band.high), high_found=band.high_found
+            )
         elif band.low < band.high:
             found.append(band)
     return tuple(found)
 
 
 def is_dear(rig: Rig) -> bool:
-    """Whether a look at the linear response costs a hundred times as much: contacts age, or heat breaks them."""
+    """Whether a look at the linear response costs a hundred times as much: contacts
+    age, or heat breaks them.
+    """
     return rig.interface.ageing is not None or rig.interface.temperature is not None
 
 
 def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
-    """Growth rate and frequency, in cycles, in the rig's own units; None if no mode grows or decays exponentially."""
+    """Growth rate and frequency, in cycles, in the rig's own units; None if no mode
+    grows or decays exponentially.
+    """
     try:
         root = growth_rate(rig)
     except UndecidedError:
@@ -111,61 +142,104 @@ def factor_on(*turns: Turn) -> Parameter:
     return Parameter(name=turns[0][0].name, unit="1", get=lambda _rig: 1.0, set=varied)
 
 
-def stability_along(rig: Rig, parameter: Parameter, low: float, high: float) -> tuple[Band, ...]:
-    """Ranges of the factor on a parameter, rising, in which smooth sliding is stable throughout, or not.
+def stability_along(
+    rig: Rig, parameter: Parameter, low: float, high: float
+) -> tuple[Band, ...]:
+    """Ranges of the factor on a parameter, rising, in which smooth sliding is stable
+    throughout, or not.
 
     Stable ranges narrower than a sixteenth of a decade may be missed.
     """
     factor = factor_on((parameter, 1))
     try:
-        found = search(factor, rig.natural, low, high, density=_PER_DECADE[is_dear(rig)], edges_only=True)
+        found = search(
+            factor,
+            rig.natural,
+            low,
+            high,
+            density=_PER_DECADE[is_dear(rig)],
+            edges_only=True,
+        )
     except (InputError, UndecidedError):  # at some value the theory cannot tell
-        if high < (1.0 + _NARROW) * low or all(linearly_unstable(factor.set(rig, end)) is None for end in (low, high)):
+        if high < (1.0 + _NARROW) * low or all(
+            linearly_unstable(factor.set(rig, end)) is None for end in (low, high)
+        ):
             return (Band(kind="unknown", low=low, high=high),)
         middle = math.sqrt(low * high)
-        parts = [stability_along(rig, parameter, *ends) for ends in ((low, middle), (middle, high))]
+        parts = [
+            stability_along(rig, parameter, *ends)
+            for ends in ((low, middle), (middle, high))
+        ]
         return joined(chain.from_iterable(parts))
     ends = [low, *(edge.value for edge in found.edges), high]
-    growing = [found.unstable_at_ends[0], *(edge.unstable_above for edge in found.edges)]
+    growing = [
+        found.unstable_at_ends[0],
+        *(edge.unstable_above for edge in found.edges),
+    ]
     kinds = ["unstable" if modes else "stable" for modes in growing]
-    return tuple(Band(kind=kind, low=a, high=b) for kind, (a, b) in zip(kinds, pairwise(ends), strict=True))
+    return tuple(
+        Band(kind=kind, low=a, high=b)
+        for kind, (a, b) in zip(kinds, pairwise(ends), strict=True)
+    )
 
 
-def theory_along(trials: Trials, rig: Rig, parameter: Parameter, low: float, high: float) -> tuple[Band, ...]:
+def theory_along(
+    trials: Trials, rig: Rig, parameter: Parameter, low: float, high: float
+) -> tuple[Band, ...]:
     """`stability_along`, where it can be paid for; raises `Spent` elsewhere."""
-    ends = [factor_on((parameter, 1)).set(rig.natural, factor) for factor in (low, high)]
+    ends = [
+        factor_on((parameter, 1)).set(rig.natural, factor) for factor in (low, high)
+    ]
     known = len({(there.interface, there.velocity) for there in ends}) == 1
-    each = sum(cost.again if known else cost.look for cost in map(effort, ends)) / len(ends)
+    each = sum(cost.again if known else cost.look for cost in map(effort, ends)) / len(
+        ends
+    )
     looks = each * (1.0 + _PER_DECADE[is_dear(rig)] * math.log10(high / low))
-    before, found = trials.spent, trials.theory(stability_along, rig, parameter, low, high, looks=looks)
-    trials.spent += each * _PER_EDGE * (len(found) - 1) if trials.spent > before else 0.0
+    before = trials.spent
+    found = trials.theory(stability_along, rig, parameter, low, high, looks=looks)
+    trials.spent += (
+        each * _PER_EDGE * (len(found) - 1) if trials.spent > before else 0.0
+    )
     return found
 
 
 def works_at(rig: Rig) -> list[float]:
     """The speeds at which a rig works, and the ends of a range of them."""
-    return [speed / rig.natural.velocity for speed in (*rig.operation.speeds, *(rig.operation.between or ()))]
+    return [
+        speed / rig.natural.velocity
+        for speed in (*rig.operation.speeds, *(rig.operation.between or ()))
+    ]
 
 
 class Survey:
-    """Runs from rest at speeds over the whole range: a grid first, then by halving where two neighbours differ.
+    """Runs from rest at speeds over the whole range: a grid first, then by halving
+    where two neighbours differ.
 
-    What was not simulated, or could not be judged, is called neither smooth nor stick-slip.
+    What was not simulated, or could not be judged, is called neither smooth nor
+    stick-slip.
     """
 
     def __init__(self, rig: Rig, linear: Sequence[Band], here: str) -> None:
-        self._setting, self._linear, self._works = trial(rig), linear, works_at(rig)
+        self._setting = trial(rig)
+        self._linear = linear
+        self._works = works_at(rig)
         places = [*self._works, *_grid(linear)]
         apart = [v for v in places if not math.isclose(v, 1.0, rel_tol=PRECISION)]
-        self.known = dict.fromkeys(apart, "") | {1.0: here}  # by speed; "" is not known yet
+        # by speed; "" is not known yet
+        self.known = dict.fromkeys(apart, "") | {1.0: here}
 
     def look(self, trials: Trials) -> None:
-        """Simulate where the rig works, on the grid, and closer to where motion changes, with what there is.
+        """Simulate where the rig works, on the grid, and closer to where motion
+        changes, with what there is.
 
         Where most is in doubt for what a run takes comes first.
         """
         looked = set[float]()
-        case = cache(lambda v: trial(VELOCITY.set(self._setting, v * self._setting.natural.velocity)))
+        case = cache(
+            lambda v: trial(
+                VELOCITY.set(self._setting, v * self._setting.natural.velocity)
+            )
+        )
         seconds = cache(lambda v: estimate(case(v)).seconds)
         while doubt := self._doubts(looked):
             speed = max(doubt, key=lambda v: doubt[v] / seconds(v))
@@ -177,64 +251,121 @@ class Survey:
                     self.known[speed] = "undecided"
 
     def _doubts(self, looked: set[float]) -> dict[float, float]:
-        """How much is in doubt at speeds: those not tried yet, or the middles between two with different motion."""
-        untried = [speed for speed, kind in self.known.items() if not kind and speed not in looked]
+        """How much is in doubt at speeds: those not tried yet, or the middles
+        between two with different motion.
+        """
+        untried = [
+            speed
+            for speed, kind in self.known.items()
+            if not kind and speed not in looked
+        ]
         if untried:
-            return {speed: math.inf if speed in self._works else 1.0 for speed in untried}
-        changes = [pair for b in self._linear for pair in self._changes(b) if b.kind not in (pair[0][1], pair[1][1])]
-        widths = {math.sqrt(left * right): math.log(right / left) for (left, _), (right, _) in changes}
-        return {v: width for v, width in widths.items() if v not in looked and width > 2.0 * math.log1p(PRECISION)}
+            return {
+                speed: math.inf if speed in self._works else 1.0 for speed in untried
+            }
+        changes = [
+            pair
+            for b in self._linear
+            for pair in self._changes(b)
+            if b.kind not in (pair[0][1], pair[1][1])
+        ]
+        widths = {
+            math.sqrt(left * right): math.log(right / left)
+            for (left, _), (right, _) in changes
+        }
+        return {
+            v: width
+            for v, width in widths.items()
+            if v not in looked and width > 2.0 * math.log1p(PRECISION)
+        }
 
     def _changes(self, band: Band) -> list[tuple[tuple[float, str], tuple[float, str]]]:
         """Neighbours with different motion."""
-        return [(one, two) for one, two in pairwise(self._seen(band)) if one[1] != two[1]]
+        return [
+            (one, two) for one, two in pairwise(self._seen(band)) if one[1] != two[1]
+        ]
 
     def _seen(self, band: Band) -> list[tuple[float, str]]:
-        """Speeds tried in a range, rising, with the motion there; what theory says where that is not known.
+        """Speeds tried in a range, rising, with the motion there; what theory says
+        where that is not known.
 
-        A run that seems smooth where smooth sliding is unstable has not grown yet, or is hidden by noise.
+        A run that seems smooth where smooth sliding is unstable has not grown yet, or
+        is hidden by noise.
         """
-        told = OSCILLATES if band.kind == "unstable" else (*OSCILLATES, "smooth sliding")
+        told = (
+            OSCILLATES if band.kind == "unstable" else (*OSCILLATES, "smooth sliding")
+        )
         inside = sorted(speed for speed in self.known if speed in band)
-        seen = [(v, kind if (kind := self.known[v]) in told else band.kind) for v in inside]
+        seen = [
+            (v, kind if (kind := self.known[v]) in told else band.kind) for v in inside
+        ]
         if band.kind == "stable":
             return seen
-        # One speed left out between two with the same oscillation tells nothing against it.
+        # One speed left out between two with the same oscillation tells nothing against
+        # it.
         sides = zip([(0.0, ""), *seen], seen, [*seen[1:], (0.0, "?")], strict=False)
-        return [each for one, each, two in sides if not (each[1] == band.kind and one[1] == two[1] != band.kind)]
+        return [
+            each
+            for one, each, two in sides
+            if not (each[1] == band.kind and one[1] == two[1] != band.kind)
+        ]
 
     def bands(self) -> tuple[Band, ...]:
         """Ranges of linear stability, cut where the motion changes.
 
-        Where the place of a change is not known, what was seen at a speed is told of no others than those next to it.
+        Where the place of a change is not known, what was seen at a speed is told of no
+        others than those next to it.
         """
         parts: list[Band] = []
         for band in self._linear:
-            begin, found = band.low, True
+            begin = band.low
+            found = True
             for (left, one), (right, _) in self._changes(band):
-                first, last = left * (1.0 + PRECISION), right / (1.0 + PRECISION)
+                first = left * (1.0 + PRECISION)
+                last = right / (1.0 + PRECISION)
                 if near := first >= last:
                     first = last = math.sqrt(left * right)
-                parts += [_part(band, one, begin, first, found, near), replace(band, low=first, high=last)]
-                begin, found = last, near
+                parts += [
+                    _part(band, one, begin, first, found, near),
+                    replace(band, low=first, high=last),
+                ]
+                begin = last
+                found = near
             _, last_kind = [(0.0, band.kind), *self._seen(band)][-1]
             parts.append(_part(band, last_kind, begin, band.high, found, True))
         return joined(parts)
 
 
 def _grid(linear: Sequence[Band]) -> list[float]:
-    """Speeds in each range, evenly by their logarithm, and next to limits of stability, just on the stable side."""
-    inside, near = list[float](), 1.0 + 2.0 * PRECISION
+    """Speeds in each range, evenly by their logarithm, and next to limits of
+    stability, just on the stable side.
+    """
+    inside = list[float]()
+    near = 1.0 + 2.0 * PRECISION
     for band in linear:
         count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
         inside += np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
-    stable = [band for band in linear if band.kind == "stable" and band.high > near * band.low]
-    return [*inside, *(v for band in stable for v in (band.low * near, band.high / near))]
+    stable = [
+        band for band in linear if band.kind == "stable" and band.high > near * band.low
+    ]
+    return [
+        *inside,
+        *(v for band in stable for v in (band.low * near, band.high / near)),
+    ]
 
 
-def _part(band: Band, kind: str, low: float, high: float, low_found: bool, high_found: bool) -> Band:
+def _part(
+    band: Band, kind: str, low: float, high: float, low_found: bool, high_found: bool
+) -> Band:
     """A part of a linear range in which a motion was seen."""
     if kind == band.kind:
         return replace(band, low=low, high=high)
     bistable = band.kind == "stable" and kind in OSCILLATES
-    return Band(kind=kind, bistable=bistable, low=low, high=high, low_found=low_found, high_found=high_found)
+    return Band(
+        kind=kind,
+        bistable=bistable,
+        low=low,
+        high=high,
+        low_found=low_found,
+        high_found=high_found,
+    )

@@ -23,55 +23,76 @@ def chart(
     *,
     bistable: bool = False,
 ) -> xr.Dataset:
-    """Map the linear stability of smooth sliding over two parameters around a rig's own point, in the rig's units.
+    """Map the linear stability of smooth sliding over two parameters around a rig's own
+    point, in the rig's units.
 
-    The window reaches a factor `around` to either side, with half of the points along each parameter for the shading.
-    With `bistable`, stick-slip is followed from the boundary to where it decays, along the second parameter, at some
-    values of the first, which takes seconds for each.
+    The window reaches a factor `around` to either side, with half of the points along
+    each parameter for the shading. With `bistable`, stick-slip is followed from the
+    boundary to where it decays, along the second parameter, at some values of the
+    first, which takes seconds for each.
 
     Returns
     -------
     xarray.Dataset
-        ``growth_rate`` over the two parameters; along ``point`` the boundary with ``curve`` and ``frequency``; scalars
-        ``here_<parameter>``; with `bistable`, along ``band`` both ends of the bistable band; the attribute ``summary``
-        in words.
+        ``growth_rate`` over the two parameters; along ``point`` the boundary with
+        ``curve`` and ``frequency``; scalars ``here_<parameter>``; with `bistable`,
+        along ``band`` both ends of the bistable band; the attribute ``summary`` in
+        words.
     """
     around = number("map: around", around, above=1.0, at_most=1e4)
     points = whole("map: points", points, at_least=4, at_most=2_000)
-    report, natural = progress or (lambda _done: None), rig.natural
-    here = {p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0) for p in map(parameter_named, over)}
+    report = progress or (lambda _done: None)
+    natural = rig.natural
+    here = {
+        p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0)
+        for p in map(parameter_named, over)
+    }
     one, other = here
     if bistable:
         check_rig(natural, FromRest(), METHOD)
         if rig.interface.ageing is not None and rig.interface.temperature is not None:
             raise InputError(
-                "map: --bistable: of contacts that age and break by heat it takes hours; leave it out, and ask "
-                "bistable_range() over the velocity for one value of the other parameter"
+                "map: --bistable: of contacts that age and break by heat it takes "
+                "hours; leave it out, and ask "
+                "bistable_range() over the velocity for one value of the other "
+                "parameter"
             )
         if units := [p.name for p in map(parameter_named, over) if p.rescales]:
             raise InputError(
-                f"map: over = {units[0]}: stick-slip is not followed along a unit of the rig; leave out --bistable"
+                f"map: over = {units[0]}: stick-slip is not followed along a unit of "
+                "the rig; leave out --bistable"
             )
-    ends = [(v / around, v * min(around, highest(natural, parameter_named(name)))) for name, v in here.items()]
+    ends = [
+        (v / around, v * min(around, highest(natural, parameter_named(name))))
+        for name, v in here.items()
+    ]
     low, high = (np.geomspace(*each, max(points // 2, 4)) for each in ends)
-    found = stability.stability_map(natural, over=(one, other), values=(low, high), growth=True)
+    found = stability.stability_map(
+        natural, over=(one, other), values=(low, high), growth=True
+    )
     report(0.7)
     edge = stability.boundary(natural, over=(one, other), between=(ends[0], ends[1]))
     edges = {name: f"edge_{name}" for name in (one, other, "frequency")}
     found = found.merge(edge.rename(edges), combine_attrs="override")
     if bistable:
         watch = part(report, 0.7, 1.0)
-        bands = bistable_region(natural, over=(one, other), edge=edge, between=ends[1], progress=watch)
+        bands = bistable_region(
+            natural, over=(one, other), edge=edge, between=ends[1], progress=watch
+        )
         found = found.merge(bands, combine_attrs="override")
     report(1.0)
     for name, value in here.items():
         found[f"here_{name}"] = ((), value, dict(found[name].attrs))
-    modes, curves = stability.count_unstable(natural), len(set(edge["curve"].to_numpy().tolist()))
+    modes = stability.count_unstable(natural)
+    curves = len(set(edge["curve"].to_numpy().tolist()))
     state = f"unstable ({modes} growing modes)" if modes else "stable"
-    boundary = f"{curves} neutral curve{'s' * (curves > 1)}" if curves else "no boundary"
+    boundary = (
+        f"{curves} neutral curve{'s' * (curves > 1)}" if curves else "no boundary"
+    )
     found.attrs["rig"] = rig.name
     found.attrs["summary"] = (
-        f"{rig.name}: smooth sliding is {state} at the rig's own point; {boundary} within a factor {around:g} of it in "
+        f"{rig.name}: smooth sliding is {state} at the rig's own point; {boundary} "
+        f"within a factor {around:g} of it in "
         f"{one} and {other}"
     )
     return rig.in_its_units(found)

@@ -1,4 +1,6 @@
-"""What would stop it: the smallest changes that give smooth sliding, each judged by runs of the rig's own contacts."""
+"""What would stop it: the smallest changes that give smooth sliding, each judged by
+runs of the rig's own contacts.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stickslip.advise.bands import PRECISION, Band, Turn, factor_on, fastest_mode, halvings, is_dear, theory_along
+from stickslip.advise.bands import (
+    PRECISION,
+    Band,
+    Turn,
+    factor_on,
+    fastest_mode,
+    halvings,
+    is_dear,
+    theory_along,
+)
 from stickslip.advise.runs import SEEDS, Spent, Trials, trial
 from stickslip.cycles.edges import halved
 from stickslip.cycles.verdict import linearly_unstable
@@ -26,10 +37,23 @@ if TYPE_CHECKING:
 
 _WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
 _CLEARANCE = 1.03  # how far past a linear boundary runs begin
-_APART = 4.0  # speeds of a range at which runs are made lie within this factor of each other
+# speeds of a range at which runs are made lie within this factor of each other
+_APART = 4.0
 # What can be changed on a machine; what only another material or surface would change.
-TURNABLE = (VELOCITY, parameters.STIFFNESS, parameters.DAMPING, parameters.MASS, parameters.LOAD)
-_OTHERS = (parameters.FRICTION, parameters.CONTACT_STIFFNESS, parameters.DELAY, parameters.STD, parameters.AGEING)
+TURNABLE = (
+    VELOCITY,
+    parameters.STIFFNESS,
+    parameters.DAMPING,
+    parameters.MASS,
+    parameters.LOAD,
+)
+_OTHERS = (
+    parameters.FRICTION,
+    parameters.CONTACT_STIFFNESS,
+    parameters.DELAY,
+    parameters.STD,
+    parameters.AGEING,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,11 +63,12 @@ class Mitigation:
     parameter: str
     value: float  #: where it stands
 
-    #: Stick-slip decays even from a start at rest, anywhere within 5 % of this value: of as many contacts as the rig
-    #: has, or as many as show no noise, in 8 of 8 runs at its nearer end, so that (at 95 % confidence) it decays there
-    #: in more than two of three.
-    #: Where the rig works over a range of speeds, at its ends and between them, no two speeds more than a factor four
-    #: apart; and by linear theory at every speed of the range.
+    #: Stick-slip decays even from a start at rest, anywhere within 5 % of this value:
+    #: of as many contacts as the rig has, or as many as show no noise, in 8 of 8 runs
+    #: at its nearer end, so that (at 95 % confidence) it decays there in more than two
+    #: of three. Where the rig works over a range of speeds, at its ends and between
+    #: them, no two speeds more than a factor four apart; and by linear theory at every
+    #: speed of the range.
     stops: float
 
     @property
@@ -52,28 +77,51 @@ class Mitigation:
         return abs(math.log(self.stops / self.value))
 
 
-def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: bool = False) -> Prediction:
-    """A verdict with the smallest change of each parameter, or of two, that stops it, and what was tried in vain."""
-    rig, search = found.rig, _Search(found, trials)
-    changes, tried = dict[Parameter, Mitigation](), dict[Parameter, tuple[float, float]]()
-    rough, left, pair = dict[Parameter, float](), list[Parameter](), tuple[Mitigation, ...]()
+def mitigated(
+    found: Prediction, trials: Trials, report: Progress, *, pairs: bool = False
+) -> Prediction:
+    """A verdict with the smallest change of each parameter, or of two, that stops
+    it, and what was tried in vain.
+    """
+    rig = found.rig
+    search = _Search(found, trials)
+    changes = dict[Parameter, Mitigation]()
+    tried = dict[Parameter, tuple[float, float]]()
+    rough, left, pair = (
+        dict[Parameter, float](),
+        list[Parameter](),
+        tuple[Mitigation, ...](),
+    )
     some = dict[Parameter, tuple[float, float]]()
-    # What can be changed on a machine first: by one run at a time, each with a fair share of half of what is left; then
-    # by all runs, the smallest change first.
+    # What can be changed on a machine first: by one run at a time, each with a fair
+    # share of half of what is left; then by all runs, the smallest change first.
     for step, (group, seeds) in enumerate(product((TURNABLE, _OTHERS), (1, SEEDS))):
-        again = [each for each in group if (search.can_vary(each) if seeds == 1 else each in left)]
-        for i, parameter in enumerate(waiting := sorted(again, key=lambda each: rough.get(each, math.inf))):
+        again = [
+            each
+            for each in group
+            if (search.can_vary(each) if seeds == 1 else each in left)
+        ]
+        for i, parameter in enumerate(
+            waiting := sorted(again, key=lambda each: rough.get(each, math.inf))
+        ):
             report((step + i / len(waiting)) / 4.0)
             with trials.within(0.5 / (len(waiting) - i) if seeds == 1 else 1.0):
                 up = search.along((parameter, 1), seeds=seeds)
-                down = search.along((parameter, -1), seeds=seeds, most=up.factor or math.inf)
+                down = search.along(
+                    (parameter, -1), seeds=seeds, most=up.factor or math.inf
+                )
             left = [each for each in left if each is not parameter]
             if factor := down.factor or up.factor:
                 rough[parameter] = factor
             if factor and seeds > 1:
-                (changes[parameter],) = _changes(rig, factor, (parameter, -1 if down.factor else 1))
+                (changes[parameter],) = _changes(
+                    rig, factor, (parameter, -1 if down.factor else 1)
+                )
             elif down.reached * up.reached > 1.0:
-                tried[parameter] = rig.value(parameter) / down.reached, rig.value(parameter) * up.reached
+                tried[parameter] = (
+                    rig.value(parameter) / down.reached,
+                    rig.value(parameter) * up.reached,
+                )
             for end, part in filter(None, (up.some, down.some)):
                 some[parameter] = rig.value(parameter) * end, part
             if not (up.wholly and down.wholly) or (factor and seeds == 1):
@@ -81,14 +129,25 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
     if pairs:
         most = min((math.exp(each.size) for each in changes.values()), default=math.inf)
         with suppress(Spent):
-            pair = search.pair([each for each in TURNABLE if search.can_vary(each)], most / (1.0 + PRECISION))
-    mitigations = sorted(changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3)))
+            pair = search.pair(
+                [each for each in TURNABLE if search.can_vary(each)],
+                most / (1.0 + PRECISION),
+            )
+    mitigations = sorted(
+        changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3))
+    )
     return replace(
         found,
         mitigations=tuple(changes[each] for each in mitigations),
         pair=pair,
-        attempts={each.name: ends for each, ends in tried.items() if each not in changes},
-        unreliable={each.name: furthest for each, furthest in some.items() if each not in changes},
+        attempts={
+            each.name: ends for each, ends in tried.items() if each not in changes
+        },
+        unreliable={
+            each.name: furthest
+            for each, furthest in some.items()
+            if each not in changes
+        },
         not_searched=tuple(each.title for each in left if each not in changes),
     )
 
@@ -96,13 +155,20 @@ def mitigated(found: Prediction, trials: Trials, report: Progress, *, pairs: boo
 def _changes(rig: Rig, factor: float, *turns: Turn) -> tuple[Mitigation, ...]:
     """A factor on each of some parameters, up or down, as changes."""
     values = [(each.name, rig.value(each), side) for each, side in turns]
-    return tuple(Mitigation(parameter=name, value=v, stops=v * factor**side) for name, v, side in values)
+    return tuple(
+        Mitigation(parameter=name, value=v, stops=v * factor**side)
+        for name, v, side in values
+    )
 
 
 def has(rig: Rig, parameter: Parameter) -> bool:
-    """Whether a rig has a parameter that can be varied: natural units have none that only rescales them."""
+    """Whether a rig has a parameter that can be varied: natural units have none that
+    only rescales them.
+    """
     try:
-        return parameter.get(rig) > 0 and not (parameter.rescales and rig.scales is None)
+        return parameter.get(rig) > 0 and not (
+            parameter.rescales and rig.scales is None
+        )
     except InputError:
         return False
 
@@ -112,18 +178,25 @@ def reach(rig: Rig, parameter: Parameter) -> tuple[float, float]:
     if parameter is parameters.STD:
         return 1.0 / 3.0, highest(rig, parameter)
     widest = 10.0 if is_dear(rig) else 30.0
-    return 1.0 / widest, 3.0 if parameter is parameters.DELAY else widest  # longer delays never help: many modes
+    # longer delays never help: many modes
+    return 1.0 / widest, 3.0 if parameter is parameters.DELAY else widest
 
 
 def highest(rig: Rig, parameter: Parameter) -> float:
-    """Factor up to which a parameter can be raised at all: wider thresholds are no longer such about a mean."""
+    """Factor up to which a parameter can be raised at all: wider thresholds are no
+    longer such about a mean.
+    """
     if parameter is not parameters.STD:
         return math.inf
-    return max(_WIDEST_STD * rig.interface.thresholds.moment(1) / parameter.get(rig), 1.0)
+    return max(
+        _WIDEST_STD * rig.interface.thresholds.moment(1) / parameter.get(rig), 1.0
+    )
 
 
 def speeds_of(found: Prediction) -> list[float]:
-    """Natural speeds at which the rig is to slide smoothly: its own, those at which it works, or some over a range."""
+    """Natural speeds at which the rig is to slide smoothly: its own, those at which
+    it works, or some over a range.
+    """
     if found.between is None:
         return list(found.rig.operation.speeds) or [found.rig.natural.velocity]
     low, high = (end / found.rig.unit("velocity") for end in found.between)
@@ -132,120 +205,223 @@ def speeds_of(found: Prediction) -> list[float]:
 
 
 class _Outcome(NamedTuple):
-    """The smallest factor that stops it, if any; up to which there is none, and whether that is all there is to try."""
+    """The smallest factor that stops it, if any; up to which there is none, and
+    whether that is all there is to try.
+    """
 
     factor: float | None
     reached: float
     wholly: bool
-    some: tuple[float, float] | None = None  # the furthest, and the fraction of runs there that slide smoothly
+    # the furthest, and the fraction of runs there that slide smoothly
+    some: tuple[float, float] | None = None
 
 
 class _Search:
-    """The rig at each speed at which it is to slide smoothly, in natural units, and the runs that are allowed."""
+    """The rig at each speed at which it is to slide smoothly, in natural units, and
+    the runs that are allowed.
+    """
 
     def __init__(self, found: Prediction, trials: Trials) -> None:
-        self._own, setting, speeds = found.rig, trial(found.rig.natural), speeds_of(found)
+        self._own = found.rig
+        setting = trial(found.rig.natural)
+        speeds = speeds_of(found)
         self._range = 1.0 if found.between is None else speeds[-1] / speeds[0]
         self._rigs = [VELOCITY.set(setting, speed) for speed in speeds]
         self._trials = trials
 
     def can_vary(self, parameter: Parameter) -> bool:
         """Whether to vary a parameter may help: the speed only if it is one."""
-        # The damping of contacts that wait for an arrest stays: with enough of it, none would attach again.
-        arrest = parameter is parameters.DAMPING and isinstance(self._own.interface.delay, OnArrest)
-        return has(self._own, parameter) and not arrest and (parameter is not VELOCITY or len(self._rigs) == 1)
+        # The damping of contacts that wait for an arrest stays: with enough of it, none
+        # would attach again.
+        arrest = parameter is parameters.DAMPING and isinstance(
+            self._own.interface.delay, OnArrest
+        )
+        return (
+            has(self._own, parameter)
+            and not arrest
+            and (parameter is not VELOCITY or len(self._rigs) == 1)
+        )
 
     def _furthest(self, *turns: Turn) -> float:
-        """The factor up to which parameters are varied, as far as that could be built."""
+        """The factor up to which parameters are varied, as far as that could be
+        built.
+        """
         ends = list[float]()
         for parameter, side in turns:
-            value, (low, high) = parameter.get(self._own.natural), reach(self._rigs[0], parameter)
-            least, most = self._own.operation.range_of(parameter.name) or (low * value, high * value)
-            ends.append(min(high, most / value) if side > 0 else 1.0 / max(low, least / value))
+            value = parameter.get(self._own.natural)
+            low, high = reach(self._rigs[0], parameter)
+            least, most = self._own.operation.range_of(parameter.name) or (
+                low * value,
+                high * value,
+            )
+            ends.append(
+                min(high, most / value) if side > 0 else 1.0 / max(low, least / value)
+            )
         return min(ends)
 
-    def along(self, *turns: Turn, seeds: int = SEEDS, most: float = math.inf) -> _Outcome:
-        """The smallest factor on some parameters, up to `most`, from which on stick-slip decays from rest.
+    def along(
+        self, *turns: Turn, seeds: int = SEEDS, most: float = math.inf
+    ) -> _Outcome:
+        """The smallest factor on some parameters, up to `most`, from which on
+        stick-slip decays from rest.
 
-        Within `PRECISION`, in so many runs. Steps double from just past where smooth sliding may be stable on. A factor
-        that the first run does not deny, but another, is not counted among those from which on there is none.
+        Within `PRECISION`, in so many runs. Steps double from just past where smooth
+        sliding may be stable on. A factor that the first run does not deny, but
+        another, is not counted among those from which on there is none.
         """
-        self._reached, change, furthest = 1.0, factor_on(*turns), min(most, self._furthest(*turns))
+        self._reached, change, furthest = (
+            1.0,
+            factor_on(*turns),
+            min(most, self._furthest(*turns)),
+        )
         try:
             for low, high in self._may_be_stable(*turns, most=most):
                 self._reached = low
                 value = self._first(change, low, high, 1)
                 if value is not None and not self._smooth(change, value, seeds):
-                    value = self._first(change, value, high, seeds) if value < high else None
+                    value = (
+                        self._first(change, value, high, seeds)
+                        if value < high
+                        else None
+                    )
                 if value is not None and value <= high / (1.0 + PRECISION):
                     return _Outcome(value * (1.0 + PRECISION), self._reached, True)
-                if value is not None and high == furthest:  # too near to the end to stand with room beyond it
+                # too near to the end to stand with room beyond it
+                if value is not None and high == furthest:
                     return _Outcome(None, self._reached, True)
             if furthest > 1.0 and seeds > 1 and self._smooth(change, furthest, 1):
                 rigs, others = self._varied(change, furthest), range(1, seeds + 1)
-                part = sum(self._trials.slide_smoothly(rigs, [other]) for other in others) / seeds
-                return _Outcome(None, self._reached, True, (furthest ** turns[0][1], part))
+                part = (
+                    sum(self._trials.slide_smoothly(rigs, [other]) for other in others)
+                    / seeds
+                )
+                return _Outcome(
+                    None, self._reached, True, (furthest ** turns[0][1], part)
+                )
         except Spent:
             return _Outcome(None, self._reached, False)
         return _Outcome(None, max(furthest, 1.0), True)
 
-    def _first(self, change: Parameter, low: float, high: float, seeds: int) -> float | None:
-        """The smallest factor in a range, to `PRECISION`, with so many smooth runs, if its steps meet any."""
-        steps = [low * _CLEARANCE * (1.0 + PRECISION) ** (2**k - 1) for k in range(halvings(high / low) + 1)]
-        for rough, step in pairwise([low, *(step for step in steps if step < high), high]):
+    def _first(
+        self, change: Parameter, low: float, high: float, seeds: int
+    ) -> float | None:
+        """The smallest factor in a range, to `PRECISION`, with so many smooth runs,
+        if its steps meet any.
+        """
+        steps = [
+            low * _CLEARANCE * (1.0 + PRECISION) ** (2**k - 1)
+            for k in range(halvings(high / low) + 1)
+        ]
+        for rough, step in pairwise(
+            [low, *(step for step in steps if step < high), high]
+        ):
             if rough > low and not self._smooth(change, rough, 1):
                 self._reached = rough
             if self._smooth(change, step, seeds):
-                width = 1.001 * math.log1p(PRECISION)  # to which doubled steps are halved, whatever the rounding
-                return halved(lambda factor: self._smooth(change, factor, seeds), rough, step, width)[1]
+                # to which doubled steps are halved, whatever the rounding
+                width = 1.001 * math.log1p(PRECISION)
+                return halved(
+                    lambda factor: self._smooth(change, factor, seeds),
+                    rough,
+                    step,
+                    width,
+                )[1]
         return None
 
     def _varied(self, change: Parameter, factor: float) -> list[Rig]:
         return [change.set(rig, factor) for rig in self._rigs]
 
     def _smooth(self, change: Parameter, factor: float, seeds: int) -> bool:
-        """Whether the rig slides smoothly after a change: by linear theory, at all speeds, and in runs."""
+        """Whether the rig slides smoothly after a change: by linear theory, at all
+        speeds, and in runs.
+        """
         rigs = self._varied(change, factor)
         if any(self._trials.theory(linearly_unstable, rig) for rig in rigs):
             return False
-        bands = theory_along(self._trials, rigs[0], VELOCITY, 1.0, self._range) if self._range > 1.0 else ()
-        return all(band.kind != "unstable" for band in bands) and self._trials.slide_smoothly(rigs, range(1, seeds + 1))
+        bands = (
+            theory_along(self._trials, rigs[0], VELOCITY, 1.0, self._range)
+            if self._range > 1.0
+            else ()
+        )
+        return all(
+            band.kind != "unstable" for band in bands
+        ) and self._trials.slide_smoothly(rigs, range(1, seeds + 1))
 
     def _may_be_stable(self, *turns: Turn, most: float) -> list[tuple[float, float]]:
-        """Ranges of the factor in which linear theory does not call smooth sliding unstable at any of the speeds.
+        """Ranges of the factor in which linear theory does not call smooth sliding
+        unstable at any of the speeds.
 
-        Where it is stable already, at the one speed there is, a range that ends at a limit leads the wrong way.
+        Where it is stable already, at the one speed there is, a range that ends at a
+        limit leads the wrong way.
         """
         furthest = self._furthest(*turns)
         found = [(1.0, min(most, furthest))] if min(most, furthest) > 1.0 else []
         for rig in self._rigs if found else ():
-            bands = [b for b in self._linear(rig, furthest, *turns) if b.kind != "unstable" and b.high > 1.0]
-            if len(self._rigs) == 1 and bands and bands[0].kind == "stable" and bands[0].low <= 1.0:
-                bands = [band for band in bands if band.low > 1.0 or band.high >= furthest]
-            both = [(max(low, band.low), min(high, band.high)) for low, high in found for band in bands]
+            bands = [
+                b
+                for b in self._linear(rig, furthest, *turns)
+                if b.kind != "unstable" and b.high > 1.0
+            ]
+            if (
+                len(self._rigs) == 1
+                and bands
+                and bands[0].kind == "stable"
+                and bands[0].low <= 1.0
+            ):
+                bands = [
+                    band for band in bands if band.low > 1.0 or band.high >= furthest
+                ]
+            both = [
+                (max(low, band.low), min(high, band.high))
+                for low, high in found
+                for band in bands
+            ]
             found = [(low, high) for low, high in both if low < high]
         return found
 
     def _linear(self, rig: Rig, furthest: float, *turns: Turn) -> tuple[Band, ...]:
-        """What linear theory says along a factor; of one parameter, as of its margins."""
+        """What linear theory says along a factor; of one parameter, as of its
+        margins.
+        """
         (parameter, side), *more = turns
         if more:
             return theory_along(self._trials, rig, factor_on(*turns), 1.0, furthest)
         bands = theory_along(self._trials, rig, parameter, *reach(rig, parameter))
-        return bands if side > 0 else tuple(replace(b, low=1.0 / b.high, high=1.0 / b.low) for b in reversed(bands))
+        return (
+            bands
+            if side > 0
+            else tuple(
+                replace(b, low=1.0 / b.high, high=1.0 / b.low) for b in reversed(bands)
+            )
+        )
 
     def pair(self, choices: Sequence[Parameter], most: float) -> tuple[Mitigation, ...]:
-        """Two parameters that stop it by one factor below `most`, each turned so that the fastest mode grows less."""
+        """Two parameters that stop it by one factor below `most`, each turned so
+        that the fastest mode grows less.
+        """
         turns = [(each, side) for each in choices for side in (1, -1)]
-        two = combinations([each for each in turns if self._growth(each, 1.0 + PRECISION) < self._growth(each, 1.0)], 2)
+        two = combinations(
+            [
+                each
+                for each in turns
+                if self._growth(each, 1.0 + PRECISION) < self._growth(each, 1.0)
+            ],
+            2,
+        )
         ranges = {both: self._may_be_stable(*both, most=most) for both in two}
-        for both in sorted(filter(ranges.get, ranges), key=lambda both: ranges[both][0][0]):
+        for both in sorted(
+            filter(ranges.get, ranges), key=lambda both: ranges[both][0][0]
+        ):
             if factor := self.along(*both, most=most).factor:
                 return _changes(self._own, factor, *both)
         return ()
 
     def _growth(self, turn: Turn, factor: float) -> float:
-        """Growth of the fastest mode at any of the speeds, over the distance that the drive goes."""
+        """Growth of the fastest mode at any of the speeds, over the distance that
+        the drive goes.
+        """
         there = [factor_on(turn).set(rig, factor) for rig in self._rigs]
         rates = [(fastest_mode(rig)[0], rig.velocity) for rig in there]
-        return max(math.inf if rate is None else rate / velocity for rate, velocity in rates)
+        return max(
+            math.inf if rate is None else rate / velocity for rate, velocity in rates
+        )

@@ -1,4 +1,6 @@
-"""Every sentence that a prediction says: its headline, the numbers behind it, margins, and what was tried."""
+"""Every sentence that a prediction says: its headline, the numbers behind it,
+margins, and what was tried.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,13 @@ if TYPE_CHECKING:
     from stickslip.advise.answer import ElasticPrediction, Prediction
 
 Section = tuple[str, str, str, Sequence[str] | Sequence[tuple[str, ...]]]
-"""Name, title, the rest of its line, and sentences, or rows of a table, whose first, below a title, is its head."""
+"""Name, title, the rest of its line, and sentences, or rows of a table, whose first,
+below a title, is its head.
+"""
 
-SEEN = 0.05  # root mean square of a fluctuation over the mean force, by convention, that a rig is asked to stay below
+# root mean square of a fluctuation over the mean force, by convention, that a rig is
+# asked to stay below
+SEEN = 0.05
 
 
 def quantity(rig: Rig, value: float, unit: str, digits: int = 4) -> str:
@@ -32,8 +38,14 @@ def quantity(rig: Rig, value: float, unit: str, digits: int = 4) -> str:
 
 
 def amount(rig: Rig, parameter: str, value: float) -> str:
-    """Say a parameter's value, in the rig's own units, in words; a standard deviation as a fraction of the mean."""
-    return f"{value:.3g}" if parameter == "std" else quantity(rig, value, parameter_named(parameter).unit)
+    """Say a parameter's value, in the rig's own units, in words; a standard
+    deviation as a fraction of the mean.
+    """
+    return (
+        f"{value:.3g}"
+        if parameter == "std"
+        else quantity(rig, value, parameter_named(parameter).unit)
+    )
 
 
 def frequency_unit(rig: Rig) -> str:
@@ -46,59 +58,128 @@ def _speed(rig: Rig, value: float) -> str:
 
 
 def _span(
-    found: Prediction | ElasticPrediction, low: float, high: float, low_found: bool = True, high_found: bool = True
+    found: Prediction | ElasticPrediction,
+    low: float,
+    high: float,
+    low_found: bool = True,
+    high_found: bool = True,
 ) -> str:
     """Two speeds; an end that is no limit, such as one of the search, says so."""
     begin, end = found.speeds_searched
-    first, last = _speed(found.rig, low), _speed(found.rig, high)
+    first = _speed(found.rig, low)
+    last = _speed(found.rig, high)
     if not (low_found and low > begin):
         first += " (or less)"
     elif first.partition(" ")[2] == last.partition(" ")[2]:
         first = first.partition(" ")[0]
-    return f"from {first} to {last}" + ("" if high_found and high < end else " (or more)")
+    return f"from {first} to {last}" + (
+        "" if high_found and high < end else " (or more)"
+    )
 
 
 def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
     """Rate and frequency of a mode."""
-    rate = f"{number(growth)} {rig.unit_name('1/time').replace('1/time', 'per time unit')}"
-    return rate + (f" at {engineering(frequency, frequency_unit(rig), digits)}" if frequency else ", non-oscillatory")
+    rate = (
+        f"{number(growth)} {rig.unit_name('1/time').replace('1/time', 'per time unit')}"
+    )
+    return rate + (
+        f" at {engineering(frequency, frequency_unit(rig), digits)}"
+        if frequency
+        else ", non-oscillatory"
+    )
 
 
 def headline(found: Prediction) -> str:
-    """What the rig does at its own speed, in a line, and when it oscillates along a drive that starts smoothly."""
+    """What the rig does at its own speed, in a line, and when it oscillates along a
+    drive that starts smoothly.
+    """
     words, _ = _motion(found)
-    here = f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {words}" if found.judged else words
-    spells = [band for kind in OSCILLATES for band in found.in_time if band.kind == kind]
+    here = (
+        f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {words}"
+        if found.judged
+        else words
+    )
+    spells = [
+        band for kind in OSCILLATES for band in found.in_time if band.kind == kind
+    ]
     if spells and found.regime.kind not in OSCILLATES:
-        return f"{spells[0].kind} from {quantity(found.rig, spells[0].low, 'time', 3)} on; {here}"
+        return (
+            f"{spells[0].kind} from {quantity(found.rig, spells[0].low, 'time', 3)} "
+            f"on; {here}"
+        )
     return here
 
 
 def _motion(found: Prediction) -> tuple[str, str]:
     """The motion at the rig's own speed, and what else there is to say of it."""
-    rig, kind, modes = found.rig, str(found.regime.kind), found.unstable_modes
+    rig = found.rig
+    kind = str(found.regime.kind)
+    modes = found.unstable_modes
     contacts = _contacts(found)
     if not found.judged:
         spans = (
-            f"{band.motion} from {' to '.join(quantity(rig, v, 'time') for v in band.ends)}" for band in found.delays
+            (
+                f"{band.motion} from "
+                f"{' to '.join(quantity(rig, v, 'time') for v in band.ends)}"
+            )
+            for band in found.delays
         )
-        told = f"with a delay of re-attachment it would be, at this speed, {', '.join(spans)}"
+        told = (
+            "with a delay of re-attachment it would be, at this speed, "
+            f"{', '.join(spans)}"
+        )
         return "cannot be judged: nothing says how contacts strengthen with rest", told
-    hidden = f"the oscillation may not yet exceed the noise of {contacts}" if modes else ""
+    hidden = (
+        f"the oscillation may not yet exceed the noise of {contacts}" if modes else ""
+    )
     if found.noise is not None:
-        enough = getattr(found.recording.rig.method, "count", math.nan) * (found.noise / SEEN) ** 2  # its variance: 1/N
-        told = f"below {100 * SEEN:.0f} % from {number(enough, 2)} contacts on" if found.noise > SEEN else hidden
-        return f"{kind}; the force fluctuates by {100 * found.noise:.2g} % rms, noise of {contacts}", told
+        # its variance: 1/N
+        enough = (
+            getattr(found.recording.rig.method, "count", math.nan)
+            * (found.noise / SEEN) ** 2
+        )
+        told = (
+            f"below {100 * SEEN:.0f} % from {number(enough, 2)} contacts on"
+            if found.noise > SEEN
+            else hidden
+        )
+        return (
+            (
+                f"{kind}; the force fluctuates by {100 * found.noise:.2g} % rms, noise "
+                "of "
+                f"{contacts}"
+            ),
+            told,
+        )
     if kind == "undecided":
-        theory = "" if modes is None else f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
+        theory = (
+            ""
+            if modes is None
+            else f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
+        )
         return kind + theory, found.regime.reason
     if kind == "smooth sliding":
         return "linearly unstable, but smooth in this run" if modes else kind, hidden
-    often = "" if found.frequency is None else f", {engineering(found.frequency, frequency_unit(rig), 3)}"
+    often = (
+        ""
+        if found.frequency is None
+        else f", {engineering(found.frequency, frequency_unit(rig), 3)}"
+    )
     words = f"{kind}{often}, force ±{quantity(rig, found.amplitude, 'force', 3)}"
     if found.bistable:
-        return f"{words}; bistable", "from this start, although smooth sliding, once reached, is linearly stable"
-    return words, f"no mode grows, but {contacts} leave smooth sliding by their noise" if modes == 0 else ""
+        return (
+            f"{words}; bistable",
+            (
+                "from this start, although smooth sliding, once reached, is linearly "
+                "stable"
+            ),
+        )
+    return (
+        words,
+        f"no mode grows, but {contacts} leave smooth sliding by their noise"
+        if modes == 0
+        else "",
+    )
 
 
 def _contacts(found: Prediction) -> str:
@@ -106,35 +187,65 @@ def _contacts(found: Prediction) -> str:
 
 
 def speeds(found: Prediction) -> Iterator[str]:
-    """The motion at each speed: its ranges, other speeds at which the rig works, and its range of speeds."""
+    """The motion at each speed: its ranges, other speeds at which the rig works, and
+    its range of speeds.
+    """
     if not found.judged:
         return
-    where, known = dict[str, list[str]](), [band for band in found.bands if band.kind != "unknown"]
+    where = dict[str, list[str]]()
+    known = [band for band in found.bands if band.kind != "unknown"]
     for band in found.bands:
-        where.setdefault(band.kind, []).append(span := _span(found, *band.ends, band.low_found, band.high_found))
+        where.setdefault(band.kind, []).append(
+            span := _span(found, *band.ends, band.low_found, band.high_found)
+        )
         if band.kind not in ("smooth sliding", "stable", "unknown"):
-            yield f"{MOTIONS.get(band.kind, band.kind)} {span}" + (" if started from rest" if band.bistable else "")
+            yield f"{MOTIONS.get(band.kind, band.kind)} {span}" + (
+                " if started from rest" if band.bistable else ""
+            )
     if found.theory_note:
         yield found.theory_note
     elif known and {*where} <= {"smooth sliding", "stable", "unknown"}:
-        kind = "smooth sliding" if found.complete and "stable" not in where else "linearly stable"
+        kind = (
+            "smooth sliding"
+            if found.complete and "stable" not in where
+            else "linearly stable"
+        )
         yield f"{kind} at all speeds {_span(found, known[0].low, known[-1].high)}"
     elif "smooth sliding" in where:
         yield f"smooth sliding {' and '.join(where['smooth sliding'])}"
     if found.complete and "stable" in where:
-        yield f"linearly stable {' and '.join(where['stable'])} (starts from rest not judged)"
+        yield (
+            f"linearly stable {' and '.join(where['stable'])} (starts from rest not "
+            "judged)"
+        )
     if "unknown" in where and not found.theory_note:
-        yield f"{' and '.join(where['unknown'])} linear theory cannot tell, or not in the time that is allowed"
-    yield from (f"at {_speed(found.rig, v)}: {kind}" for v, kind in found.at_speeds if v != found.rig.velocity)
+        yield (
+            f"{' and '.join(where['unknown'])} linear theory cannot tell, or not in "
+            "the time that is allowed"
+        )
+    yield from (
+        f"at {_speed(found.rig, v)}: {kind}"
+        for v, kind in found.at_speeds
+        if v != found.rig.velocity
+    )
     if len(found.in_time) > 1:
-        spells = (f"{band.motion} from {quantity(found.rig, band.low, 'time', 3)}" for band in found.in_time)
+        spells = (
+            f"{band.motion} from {quantity(found.rig, band.low, 'time', 3)}"
+            for band in found.in_time
+        )
         end = quantity(found.rig, found.in_time[-1].high, "time", 3)
         yield f"along its drive, if each speed lasted: {', '.join(spells)}, to {end}"
     elif found.between is not None:
         low, high = found.between
         inside = [band for band in found.bands if band.low < high and band.high > low]
-        words = ", ".join(f"{band.motion} from {_speed(found.rig, max(band.low, low))}" for band in inside)
-        yield f"over its range, {_speed(found.rig, low)} to {_speed(found.rig, high)}: {words or 'undecided'}"
+        words = ", ".join(
+            f"{band.motion} from {_speed(found.rig, max(band.low, low))}"
+            for band in inside
+        )
+        yield (
+            f"over its range, {_speed(found.rig, low)} to {_speed(found.rig, high)}: "
+            f"{words or 'undecided'}"
+        )
 
 
 def sections(found: Prediction) -> Iterator[Section]:
@@ -144,40 +255,87 @@ def sections(found: Prediction) -> Iterator[Section]:
     yield "regime", "", "", str(found.regime).splitlines() if found.judged else []
     yield "numbers", "", "", list(numbers(found))
     if found.margins:
-        about = " of smooth sliding, one parameter varied at a time (linear stability, without noise)"
+        about = (
+            " of smooth sliding, one parameter varied at a time (linear stability, "
+            "without noise)"
+        )
         head = ("parameter", "now", "stability limit below", "stability limit above")
         yield "margins", "Margins", about, [head, *margins(found)]
     yield "noise", "Noise", "", list(noise(found))
     at = [speed for speed, _ in found.at_speeds] or [found.rig.velocity]
     where = f"at {' and '.join(quantity(found.rig, speed, 'velocity') for speed in at)}"
     where = where if found.between is None else _span(found, *found.between)
-    yield "mitigations", "Mitigations", f" {where}, the smallest change first; simulated", list(mitigations(found))
+    yield (
+        "mitigations",
+        "Mitigations",
+        f" {where}, the smallest change first; simulated",
+        list(mitigations(found)),
+    )
     yield "attempts", "Tried", ", within the range searched", list(attempts(found))
-    left = f"not searched farther in the time that is allowed: {', '.join(found.not_searched)}; see --thorough"
+    left = (
+        "not searched farther in the time that is allowed: "
+        f"{', '.join(found.not_searched)}; see --thorough"
+    )
     yield "not_searched", "Left out", "", [left] if found.not_searched else []
     doubt = found.doubt.said() if found.doubt else ()
-    yield "doubt", "Doubt", ", all that was fitted or assumed varied at once", list(doubt)
+    yield (
+        "doubt",
+        "Doubt",
+        ", all that was fitted or assumed varied at once",
+        list(doubt),
+    )
 
 
 def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
     """Names and values, with units, of the quantities behind the verdict."""
     rig = found.rig
     aged = ", thresholds fully aged" if rig.interface.ageing is not None else ""
-    aged += ", no contact broken by heat" if rig.interface.temperature is not None else ""
+    aged += (
+        ", no contact broken by heat" if rig.interface.temperature is not None else ""
+    )
     without = quantity(rig, found.critical_stiffness_without_reattachment, "stiffness")
     margin = found.stiffness_margin
-    state = f"unstable, {found.unstable_modes} growing modes" if found.unstable_modes else "stable"
+    state = (
+        f"unstable, {found.unstable_modes} growing modes"
+        if found.unstable_modes
+        else "stable"
+    )
     if found.growth_rate is not None:
-        state += f"; fastest mode: growth rate {_mode(rig, found.growth_rate, found.mode_frequency, 3)}"
-    critical = f"{quantity(rig, found.critical_stiffness, 'stiffness')} ({without} without re-attachment)"
+        state += (
+            "; fastest mode: growth rate "
+            f"{_mode(rig, found.growth_rate, found.mode_frequency, 3)}"
+        )
+    critical = (
+        f"{quantity(rig, found.critical_stiffness, 'stiffness')} ({without} "
+        "without re-attachment)"
+    )
     yield "total contact strength N f_s", rig.in_units(1.0, "force")
-    yield f"static friction F_s (slow rigid motion{aged})", quantity(rig, found.static_friction, "force")
-    yield "kinetic friction F_k at this speed", quantity(rig, found.kinetic_friction, "force")
+    yield (
+        f"static friction F_s (slow rigid motion{aged})",
+        quantity(rig, found.static_friction, "force"),
+    )
+    yield (
+        "kinetic friction F_k at this speed",
+        quantity(rig, found.kinetic_friction, "force"),
+    )
     if found.frequency is not None:
-        yield "force, peak to peak", f"{100 * found.relative_amplitude:.0f} % of static friction"
-    yield "stiffness K of the driving spring", quantity(rig, rig.value("stiffness"), "stiffness")
+        yield (
+            "force, peak to peak",
+            f"{100 * found.relative_amplitude:.0f} % of static friction",
+        )
+    yield (
+        "stiffness K of the driving spring",
+        quantity(rig, rig.value("stiffness"), "stiffness"),
+    )
     yield f"critical stiffness K* (first pull{aged})", critical
-    yield "margin K/K*", f"{margin:.3g} ({'softer: elastic' if margin < 1 else 'stiffer: no elastic'} instability)"
+    yield (
+        "margin K/K*",
+        (
+            f"{margin:.3g} "
+            f"({'softer: elastic' if margin < 1 else 'stiffer: no elastic'} "
+            "instability)"
+        ),
+    )
     yield "linear stability of smooth sliding", found.theory_note or state
 
 
@@ -185,10 +343,20 @@ def margins(found: Prediction) -> Iterator[tuple[str, str, str, str]]:
     """Parameter, value and stability limits, in words."""
     for each in found.margins:
         ends = [each.value, each.lower, each.upper, *each.searched]
-        value, lower, upper, low, high = ("" if end is None else amount(found.rig, each.parameter, end) for end in ends)
+        value, lower, upper, low, high = (
+            "" if end is None else amount(found.rig, each.parameter, end)
+            for end in ends
+        )
         held = _held(found.rig, each.parameter)
-        title = parameter_named(each.parameter).title + (f", {held.title} held" if held else "")
-        yield title, value, lower or f"none down to {low}", upper or f"none up to {high}"
+        title = parameter_named(each.parameter).title + (
+            f", {held.title} held" if held else ""
+        )
+        yield (
+            title,
+            value,
+            lower or f"none down to {low}",
+            upper or f"none up to {high}",
+        )
 
 
 def noise(found: Prediction) -> Iterator[str]:
@@ -199,8 +367,10 @@ def noise(found: Prediction) -> Iterator[str]:
         limit = min(limits, key=lambda end: abs(math.log(end / value)))
         now, end = (amount(found.rig, name, each) for each in (value, limit))
         yield (
-            f"{_contacts(found)} make the force fluctuate by {100 * SEEN:.0f} % rms at {now}, "
-            f"before the {parameter_named(name).title} reaches its limit, {end} (linear theory)"
+            f"{_contacts(found)} make the force fluctuate by {100 * SEEN:.0f} % rms at "
+            f"{now}, "
+            f"before the {parameter_named(name).title} reaches its limit, {end} "
+            "(linear theory)"
         )
 
 
@@ -208,54 +378,93 @@ def mitigations(found: Prediction) -> Iterator[str]:
     """Each mitigation as a sentence, and two that will do together."""
     kinds = [str(found.regime.kind), *(band.kind for band in found.trouble)]
     named = {"stick-slip": "stick-slip", "sustained oscillation": "the oscillation"}
-    decays = f"{next((named[kind] for kind in kinds if kind in named), 'the instability')} decays even from rest"
+    decays = f"{next((named[kind] for kind in kinds if kind in named), 'the instability')} decays even from rest"  # noqa: E501
     for each in found.mitigations:
         yield f"{changed(found, each)}, and {decays}"
     if found.pair:
         yield f"the smallest two together: {changed(found, *found.pair)}"
     if found.complete and found.ill and not found.mitigations:
         tried = found.attempts or found.unreliable
-        yield "none found of a single parameter; what was tried:" if tried else "none: nothing can be varied"
+        yield (
+            "none found of a single parameter; what was tried:"
+            if tried
+            else "none: nothing can be varied"
+        )
 
 
 def changed(found: Prediction, *changes: Mitigation) -> str:
-    """Changes made together in words: of each parameter from what value to what, and what they hold."""
-    rig, there = found.rig, found.rig.replace(**{each.parameter: each.stops for each in changes})
+    """Changes made together in words: of each parameter from what value to what, and
+    what they hold.
+    """
+    rig = found.rig
+    there = found.rig.replace(**{each.parameter: each.stops for each in changes})
     names = [each.parameter for each in changes]
-    words = [f"{parameter_named(name).title}: from {_value(rig, name)} to {_value(there, name)}" for name in names]
-    held = {kept for name in names if (kept := _held(there, name)) and kept.name not in names}
-    return " and ".join(words) + "".join(f", with {kept.title} held at {_value(there, kept.name)}" for kept in held)
+    words = [
+        (
+            f"{parameter_named(name).title}: from {_value(rig, name)} to "
+            f"{_value(there, name)}"
+        )
+        for name in names
+    ]
+    held = {
+        kept
+        for name in names
+        if (kept := _held(there, name)) and kept.name not in names
+    }
+    return " and ".join(words) + "".join(
+        f", with {kept.title} held at {_value(there, kept.name)}" for kept in held
+    )
 
 
 def _held(rig: Rig, name: str) -> Parameter | None:
     """The parameter that another holds, if a rig has it."""
     holds = parameter_named(name).holds
-    return parameter_named(holds) if holds and has(rig, parameter_named(holds)) else None
+    return (
+        parameter_named(holds) if holds and has(rig, parameter_named(holds)) else None
+    )
 
 
 def _value(rig: Rig, name: str) -> str:
-    """The value of a parameter, with what a rig file may give in its place, or has to give anew with it."""
-    also = [f"damping ratio {rig.slider.damping_ratio:.3g}"] if name == "damping" else []
+    """The value of a parameter, with what a rig file may give in its place, or has
+    to give anew with it.
+    """
+    also = (
+        [f"damping ratio {rig.slider.damping_ratio:.3g}"] if name == "damping" else []
+    )
     if name == "delay":
         with suppress(InputError):  # the friction never halves
-            also.append(f"v_half {rig.in_units(half_distance(rig.interface) / DELAY.get(rig), 'velocity')}")
+            also.append(
+                "v_half "
+                f"{rig.in_units(half_distance(rig.interface) / DELAY.get(rig), 'velocity')}"  # noqa: E501
+            )
     if name == "load" and rig.operation.normal_load:
         also.append(f"contact strength {rig.in_units(1.0, 'force')}")
     if name in ("friction", "contact_stiffness"):
         also.append(f"breaking displacement {rig.in_units(1.0, 'length')}")
     if name in ("friction", "load") and (force := rig.interface.sliding_force):
         also.append(f"sliding force {rig.in_units(force, 'force')}")
-    return amount(rig, name, rig.value(name)) + (f" ({', '.join(also)})" if also else "")
+    return amount(rig, name, rig.value(name)) + (
+        f" ({', '.join(also)})" if also else ""
+    )
 
 
 def attempts(found: Prediction) -> Iterator[str]:
-    """How far each parameter was varied without a value that reliably gives smooth sliding."""
+    """How far each parameter was varied without a value that reliably gives smooth
+    sliding.
+    """
     for name, ends in found.attempts.items():
         low, high = (amount(found.rig, name, value) for value in ends)
-        yield f"{parameter_named(name).title}: no value found from {low} to {high} with smooth sliding in 8 of 8 runs"
+        yield (
+            f"{parameter_named(name).title}: no value found from {low} to {high} "
+            "with smooth sliding in 8 of 8 runs"
+        )
     for name, (value, part) in found.unreliable.items():
-        times, furthest = round(8 * part), amount(found.rig, name, value)
-        yield f"{parameter_named(name).title}: at {furthest}, the furthest, smooth sliding in {times} of 8 runs"
+        times = round(8 * part)
+        furthest = amount(found.rig, name, value)
+        yield (
+            f"{parameter_named(name).title}: at {furthest}, the furthest, smooth "
+            f"sliding in {times} of 8 runs"
+        )
 
 
 def _grows(found: ElasticPrediction, speeds: tuple[tuple[float, float], ...]) -> str:
@@ -269,27 +478,44 @@ def headline_on_waves(found: ElasticPrediction) -> str:
         return f"undecided: {found.theory_note}"
     words = "smooth sliding is linearly stable at every wavelength"
     if found.growing:
-        first = max(found.waves, key=lambda wave: -math.inf if wave.growth is None else wave.growth)
-        words = f"growing modes of smooth sliding: {found.growing}, fastest: {first.name}"
+        first = max(
+            found.waves,
+            key=lambda wave: -math.inf if wave.growth is None else wave.growth,
+        )
+        words = (
+            f"growing modes of smooth sliding: {found.growing}, fastest: {first.name}"
+        )
     return f"at {_speed(found.rig, found.rig.velocity)}: {words}"
 
 
 def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
-    rig, told = found.rig, list[str]()
+    rig = found.rig
+    told = list[str]()
     where = "" if found.speeds else f" {_span(found, *found.speeds_searched)}"
-    yield "speeds", "Speeds", "", [] if found.theory_note else [f"linearly {_grows(found, found.speeds)}{where}"]
+    yield (
+        "speeds",
+        "Speeds",
+        "",
+        [] if found.theory_note else [f"linearly {_grows(found, found.speeds)}{where}"],
+    )
     for wave in found.waves:
         decay = "no exponential decay"
         if wave.growth is not None:
             rate = "growth rate" if wave.growth > 0 else "decay rate"
             decay = f"{rate} {_mode(rig, abs(wave.growth), wave.frequency, 4)}"
         stiffness = quantity(rig, wave.stiffness, "stiffness")
-        told.append(f"{wave.name} (stiffness {stiffness}): {decay}; {_grows(found, wave.speeds)}")
+        told.append(
+            f"{wave.name} (stiffness {stiffness}): {decay}; "
+            f"{_grows(found, wave.speeds)}"
+        )
     if found.critical is not None:
         stiffness = quantity(rig, found.critical.stiffness, "stiffness")
         told.append(f"critical stiffness {stiffness} at this speed: {found.critical}")
     if (distance := distance_to_the_first_break(rig)) is not None:
         what = "slip precursors start" if rig.slider.side > 0 else "blocks break loose"
-        told.append(f"from rest, {what} when the drive has gone about {rig.in_units(distance, 'length', 3)}")
+        told.append(
+            f"from rest, {what} when the drive has gone about "
+            f"{rig.in_units(distance, 'length', 3)}"
+        )
     yield "waves", "By wavelength", ", the softest first (linear stability)", told

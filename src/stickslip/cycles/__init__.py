@@ -1,19 +1,24 @@
-"""Sustained stick-slip: does it persist, from where, and how far it can be followed. The nonlinear side of stability.
+"""Sustained stick-slip: does it persist, from where, and how far it can be followed.
 
-`stickslip.stability` says where smooth sliding is unstable to the smallest perturbation. Stick-slip that has started
-may persist where smooth sliding is stable. The names keep the two apart: what is *critical* is linear, what is
-*sustained* is nonlinear and belongs to a start, and the branch of a cycle that is followed ends at its *fold*.
+The nonlinear side of stability.
+
+`stickslip.stability` says where smooth sliding is unstable to the smallest
+perturbation. Stick-slip that has started may persist where smooth sliding is stable.
+The names keep the two apart: what is *critical* is linear, what is *sustained* is
+nonlinear and belongs to a start, and the branch of a cycle that is followed ends at its
+*fold*.
 
 - `is_sustained`: does an oscillation persist from a start? With the evidence.
-- `sustained`: where it does, along a parameter, afresh from the same start at each value. The lower edge along the
-  delay is the paper's ``tau*``.
-- `cycle_branch`: the cycle itself, carried from value to value of a parameter up to where it decays (``v1'`` on the way
-  down, ``v2`` on the way up).
-- `bistable_range`: between the fold and the linear boundary smooth sliding and stick-slip both persist;
-  `bistable_region` over two parameters.
+- `sustained`: where it does, along a parameter, afresh from the same start at each
+  value. The lower edge along the delay is the paper's ``tau*``.
+- `cycle_branch`: the cycle itself, carried from value to value of a parameter up to
+  where it decays (``v1'`` on the way down, ``v2`` on the way up).
+- `bistable_range`: between the fold and the linear boundary smooth sliding and
+  stick-slip both persist; `bistable_region` over two parameters.
 
 All of it rests on forward runs of the master equation, Eqs. (1)-(4) and (11). With the
-error of `METHOD`, 1e-4, ``tau*`` of Fig. 6 is .07574, as with 1e-5; 1e-3 moves it by .4 %.
+error of `METHOD`, 1e-4, ``tau*`` of Fig. 6 is .07574, as with 1e-5; 1e-3 moves it by
+.4 %.
 """
 
 from stickslip.cycles.bistable import BistableRange, bistable_range, bistable_region
@@ -23,5 +28,14 @@ from stickslip.cycles.persistence import Sustained, sustained
 from stickslip.cycles.ride import METHOD
 from stickslip.cycles.verdict import Verdict, is_sustained
 
-__all__ = ["METHOD", "BistableRange", "Edge", "Interval", "Sustained", "Verdict", "bistable_range", "bistable_region"]
+__all__ = [
+    "METHOD",
+    "BistableRange",
+    "Edge",
+    "Interval",
+    "Sustained",
+    "Verdict",
+    "bistable_range",
+    "bistable_region",
+]
 __all__ += ["cycle_branch", "is_sustained", "sustained"]

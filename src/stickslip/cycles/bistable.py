@@ -1,4 +1,6 @@
-"""Where both smooth sliding and stick-slip persist, each by itself: between a fold and a linear boundary."""
+"""Where both smooth sliding and stick-slip persist, each by itself: between a fold
+and a linear boundary.
+"""
 
 import math
 from collections.abc import Callable
@@ -19,7 +21,9 @@ from stickslip.stability import Crossing, Crossings, critical
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class BistableRange(Intervals):
-    """Where along a parameter both smooth sliding and stick-slip persist; nowhere is an answer too."""
+    """Where along a parameter both smooth sliding and stick-slip persist; nowhere is
+    an answer too.
+    """
 
     _items = "bands"
 
@@ -30,7 +34,10 @@ class BistableRange(Intervals):
     def __str__(self) -> str:
         found = f"no bistable band found {self.where}"
         if self.bands:
-            found = f"{self.where}, both smooth sliding and stick-slip persist {' and '.join(map(str, self))}"
+            found = (
+                f"{self.where}, both smooth sliding and stick-slip persist "
+                f"{' and '.join(map(str, self))}"
+            )
         return "\n".join([found, *self.notes])
 
 
@@ -42,11 +49,12 @@ def bistable_range(
     step: float = 0.15,
     tolerance: float = TOLERANCE,
 ) -> BistableRange:
-    """Find where both smooth sliding and stick-slip persist: between the cycle's fold and the linear boundary.
+    """Find where both smooth sliding and stick-slip persist: between the cycle's fold
+    and the linear boundary.
 
-    At each value where smooth sliding loses stability (linear) the cycle is taken up on the unstable side and
-    followed to the stable side until it decays. If there is no such value, the cycle is looked for from rest on a
-    grid of 17 values.
+    At each value where smooth sliding loses stability (linear) the cycle is taken up on
+    the unstable side and followed to the stable side until it decays. If there is no
+    such value, the cycle is looked for from rest on a grid of 17 values.
 
     Parameters
     ----------
@@ -61,19 +69,28 @@ def bistable_range(
     Returns
     -------
     BistableRange
-        With the range searched. A cycle that lives apart from every linear boundary, beside one that has a boundary,
-        is not looked for.
+        With the range searched. A cycle that lives apart from every linear boundary,
+        beside one that has a boundary, is not looked for.
 
     Raises
     ------
     InputError
-        If no cycle can be followed on the rig, or the parameter or the range is invalid.
+        If no cycle can be followed on the rig, or the parameter or the range is
+        invalid.
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
-    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
-    >>> found = ss.bistable_range(rig, "velocity", between=(0.6, 1.5), step=0.2, tolerance=0.01)
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> rig = ss.Rig(
+    ...     interface,
+    ...     ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+    ...     ss.constant(velocity=1.0),
+    ... )
+    >>> found = ss.bistable_range(
+    ...     rig, "velocity", between=(0.6, 1.5), step=0.2, tolerance=0.01
+    ... )
     >>> [(band.low.kind, band.high.kind) for band in found], 1.0 in found
     ([('fold', 'linear')], True)
     """
@@ -83,13 +100,18 @@ def bistable_range(
     ends = [span.low, *(edge.value for edge in crossings.edges), span.high]
     for i, edge in enumerate(crossings.edges):
         each = _beside(span, edge, ends[i] if edge.loses_stability else ends[i + 2])
-        found += [each] if each not in found else []  # a band between two boundaries is seen from both
+        # a band between two boundaries is seen from both
+        found += [each] if each not in found else []
     if crossings.unstable_at_ends[0] and not found:
-        found = ["smooth sliding is unstable in all of the range: only stick-slip persists"]
+        found = [
+            "smooth sliding is unstable in all of the range: only stick-slip persists"
+        ]
     elif not found:  # a cycle apart from any boundary
         try:
             first = first_point(span)
-            low, high = (carried(span, first, until)[1] for until in (span.low, span.high))
+            low, high = (
+                carried(span, first, until)[1] for until in (span.low, span.high)
+            )
             found = [Interval(low=low, high=high)]
         except UndecidedError as reason:
             found = [str(reason)]
@@ -105,17 +127,27 @@ def _beside(span: Span, edge: Crossing, furthest: float) -> Interval | str:
     """The band from a linear boundary on towards a value, or why there is none."""
     downwards = edge.loses_stability  # smooth sliding is stable below
     boundary = f"the linear boundary {span.parameter.name} = {span.said(edge.value)}"
-    first = span.settled(min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high))
+    first = span.settled(
+        min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high)
+    )
     if not first.verdict.has_cycle:
         return f"next to {boundary}: {first.verdict}"
     _, end = carried(span, first, furthest)
     width = math.log(edge.value / end.value) * (1 if downwards else -1)
-    if end.kind == "shrinks to nothing" or width <= (4 if end.kind == "undecided" else 1) * span.tolerance:
-        return f"beyond {boundary} the cycle persists to {span.said(end.persists_at)} at most: no band"
+    if (
+        end.kind == "shrinks to nothing"
+        or width <= (4 if end.kind == "undecided" else 1) * span.tolerance
+    ):
+        return (
+            f"beyond {boundary} the cycle persists to {span.said(end.persists_at)} "
+            "at most: no band"
+        )
     linear = Edge.of("linear", edge.value)
     if end.kind == "end of range" and furthest not in (span.low, span.high):
         end = Edge.of("linear", furthest)
-    return Interval(low=end, high=linear) if downwards else Interval(low=linear, high=end)
+    return (
+        Interval(low=end, high=linear) if downwards else Interval(low=linear, high=end)
+    )
 
 
 def bistable_region(
@@ -127,7 +159,8 @@ def bistable_region(
     places: int = 7,
     progress: Callable[[float], None] | None = None,
 ) -> xr.Dataset:
-    """Find the ends of the bistable band along one parameter at some values of another; takes seconds for each.
+    """Find the ends of the bistable band along one parameter at some values of another;
+    takes seconds for each.
 
     Parameters
     ----------
@@ -136,7 +169,8 @@ def bistable_region(
     over : (str, str)
         Names of two parameters: bands lie along the second.
     edge : xarray.Dataset
-        The linear boundary over the two parameters, from `stickslip.stability.boundary`: the places are spread over it.
+        The linear boundary over the two parameters, from
+        `stickslip.stability.boundary`: the places are spread over it.
     between : (float, float)
         Range of the second parameter.
     places : int
@@ -147,26 +181,49 @@ def bistable_region(
     Returns
     -------
     xarray.Dataset
-        Along ``band``: ``band_<first>``, ``band_<second>_low`` and ``band_<second>_high``, and ``band_<second>_fold``,
-        whichever of the two is where stick-slip decays (NaN if that lies beyond the range). Places at which no band was
-        found, or where a run could not tell, are left out.
+        Along ``band``: ``band_<first>``, ``band_<second>_low`` and
+        ``band_<second>_high``, and ``band_<second>_fold``, whichever of the two is
+        where stick-slip decays (NaN if that lies beyond the range). Places at which no
+        band was found, or where a run could not tell, are left out.
 
     Examples
     --------
     >>> from stickslip.cycles import bistable_region
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
-    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> rig = ss.Rig(
+    ...     interface,
+    ...     ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+    ...     ss.constant(velocity=1.0),
+    ... )
     >>> ranges = (1.6, 2.4), (0.5, 2.0)
-    >>> edge = ss.stability.boundary(rig, over=("stiffness", "velocity"), between=ranges)
-    >>> region = bistable_region(rig, over=("stiffness", "velocity"), edge=edge, between=ranges[1], places=1)
-    >>> bool((region.band_velocity_low < region.band_velocity_high).all()), region.sizes["band"]
+    >>> edge = ss.stability.boundary(
+    ...     rig, over=("stiffness", "velocity"), between=ranges
+    ... )
+    >>> region = bistable_region(
+    ...     rig, over=("stiffness", "velocity"), edge=edge, between=ranges[1], places=1
+    ... )
+    >>> (
+    ...     bool((region.band_velocity_low < region.band_velocity_high).all()),
+    ...     region.sizes["band"],
+    ... )
     (True, 1)
     """
     instance("bistable_region: rig", rig, Rig, "a Rig(interface, slider, drive)")
-    instance("bistable_region: edge", edge, xr.Dataset, "the Dataset that stability.boundary() returns")
+    instance(
+        "bistable_region: edge",
+        edge,
+        xr.Dataset,
+        "the Dataset that stability.boundary() returns",
+    )
     across, up = (parameter_named(name) for name in over)
     reached = edge[across.name].to_numpy()
-    values = np.geomspace(reached.min(), reached.max(), places + 2)[1:-1] if reached.size else np.empty(0)
+    values = (
+        np.geomspace(reached.min(), reached.max(), places + 2)[1:-1]
+        if reached.size
+        else np.empty(0)
+    )
     rows = []
     for i, value in enumerate(values.tolist()):
         if progress is not None:
@@ -177,11 +234,22 @@ def bistable_region(
         except (InputError, UndecidedError):
             continue
         for band in bands:
-            fold = next((end.value for end in (band.low, band.high) if end.kind == "fold"), math.nan)
+            fold = next(
+                (end.value for end in (band.low, band.high) if end.kind == "fold"),
+                math.nan,
+            )
             rows.append((value, band.low.value, band.high.value, fold))
     table = np.array(rows).reshape(-1, 4)
-    found = {f"band_{across.name}": labelled(across.name, "band", table[:, 0], rig.unit_name(across.unit))}
-    for i, (end, what) in enumerate((("low", "lower end"), ("high", "upper end"), ("fold", "fold")), start=1):
+    found = {
+        f"band_{across.name}": labelled(
+            across.name, "band", table[:, 0], rig.unit_name(across.unit)
+        )
+    }
+    for i, (end, what) in enumerate(
+        (("low", "lower end"), ("high", "upper end"), ("fold", "fold")), start=1
+    ):
         title = f"{up.name}, {what}"
-        found[f"band_{up.name}_{end}"] = labelled(title, "band", table[:, i], rig.unit_name(up.unit))
+        found[f"band_{up.name}_{end}"] = labelled(
+            title, "band", table[:, i], rig.unit_name(up.unit)
+        )
     return xr.Dataset(found)

@@ -23,12 +23,14 @@ def cycle_branch(
     step: float = 0.05,
     tolerance: float = 2e-3,
 ) -> xr.Dataset:
-    """Follow the cycle of stick-slip in a parameter, both ways, up to where it decays (nonlinear).
+    """Follow the cycle of stick-slip in a parameter, both ways, up to where it decays
+    (nonlinear).
 
-    The motion is carried on from value to value: the parameter is varied by a step, the motion settles again. Where it
-    decays the step is halved and taken back, until the end of the branch is known to the tolerance. A cycle of finite
-    amplitude ends at a fold, where it meets an unstable cycle; forward runs do not go round it. Lowered slowly, the
-    velocity ends at ``v1'``, and raised at ``v2`` if there is one.
+    The motion is carried on from value to value: the parameter is varied by a step, the
+    motion settles again. Where it decays the step is halved and taken back, until the
+    end of the branch is known to the tolerance. A cycle of finite amplitude ends at a
+    fold, where it meets an unstable cycle; forward runs do not go round it. Lowered
+    slowly, the velocity ends at ``v1'``, and raised at ``v2`` if there is one.
 
     Parameters
     ----------
@@ -37,8 +39,9 @@ def cycle_branch(
     between : (float, float)
         Range of the parameter, in the rig's own units, both ends above 0.
     begin : float, optional
-        Value at which to look for the cycle first, from rest; by default that of the rig, or, if no
-        oscillation persists there, the first at which one does of 17 over the range.
+        Value at which to look for the cycle first, from rest; by default that of the
+        rig, or, if no oscillation persists there, the first at which one does of 17
+        over the range.
     step : float
         Largest change of the parameter at once, as a fraction of it.
     tolerance : float
@@ -47,10 +50,12 @@ def cycle_branch(
     Returns
     -------
     xarray.Dataset
-        Along the parameter, rising: ``amplitude`` (peak to peak of the spring force), ``period``, ``largest_velocity``
-        of the slider, ``mean_force``, and ``linearly_unstable`` (whether smooth sliding is, there). Attributes:
-        ``low_end`` and ``high_end`` ("fold", "end of range", "shrinks to nothing" or "undecided"), and the brackets
-        ``low_decays_at``, ``low_persists_at``, ``high_decays_at``, ``high_persists_at``.
+        Along the parameter, rising: ``amplitude`` (peak to peak of the spring force),
+        ``period``, ``largest_velocity`` of the slider, ``mean_force``, and
+        ``linearly_unstable`` (whether smooth sliding is, there). Attributes:
+        ``low_end`` and ``high_end`` ("fold", "end of range", "shrinks to nothing" or
+        "undecided"), and the brackets ``low_decays_at``, ``low_persists_at``,
+        ``high_decays_at``, ``high_persists_at``.
 
     Raises
     ------
@@ -59,50 +64,94 @@ def cycle_branch(
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
-    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> rig = ss.Rig(
+    ...     interface,
+    ...     ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+    ...     ss.constant(velocity=1.0),
+    ... )
     >>> from stickslip.cycles import cycle_branch
-    >>> branch = cycle_branch(rig, "velocity", between=(0.6, 1.0), step=0.2, tolerance=0.01)
+    >>> branch = cycle_branch(
+    ...     rig, "velocity", between=(0.6, 1.0), step=0.2, tolerance=0.01
+    ... )
     >>> branch.low_end, branch.high_end
     ('fold', 'end of range')
     """
     span = Span(rig, parameter, between, FromRest(), tolerance=tolerance, step=step)
     along = span.parameter.name
     if begin is not None:
-        begin = number("begin", begin, at_least=span.low, at_most=span.high, hint=span.unit)
+        begin = number(
+            "begin", begin, at_least=span.low, at_most=span.high, hint=span.unit
+        )
     first = first_point(span, begin)
-    (down, low_end), (up, high_end) = (carried(span, first, until) for until in (span.low, span.high))
+    (down, low_end), (up, high_end) = (
+        carried(span, first, until) for until in (span.low, span.high)
+    )
     points = [*reversed(down), *up[1:]]
-    arguments = {"rig": rig.natural, "parameter": along, "between": [span.low / span.size, span.high / span.size]}
-    attributes: dict[str, float | str] = {"provenance": store.provenance("cycle_branch", arguments)}
+    arguments = {
+        "rig": rig.natural,
+        "parameter": along,
+        "between": [span.low / span.size, span.high / span.size],
+    }
+    attributes: dict[str, float | str] = {
+        "provenance": store.provenance("cycle_branch", arguments)
+    }
     for name, edge in (("low", low_end), ("high", high_end)):
         attributes |= {f"{name}_end": edge.kind}
-        attributes |= {f"{name}_decays_at": edge.decays_at, f"{name}_persists_at": edge.persists_at}
+        attributes |= {
+            f"{name}_decays_at": edge.decays_at,
+            f"{name}_persists_at": edge.persists_at,
+        }
     speeds = [p.ride.drive.velocity * rig.unit("velocity") for p in points]
-    fastest = [p.verdict.largest_velocity * speed for p, speed in zip(points, speeds, strict=True)]
-    unstable = np.array([p.verdict.linearly_unstable for p in points], float).tolist()  # NaN: unknown
+    fastest = [
+        p.verdict.largest_velocity * speed
+        for p, speed in zip(points, speeds, strict=True)
+    ]
+    # NaN: unknown
+    unstable = np.array([p.verdict.linearly_unstable for p in points], float).tolist()
     columns = {
-        "amplitude": ("peak to peak of the spring force", "f_s", [p.verdict.peak_to_peak for p in points]),
+        "amplitude": (
+            "peak to peak of the spring force",
+            "f_s",
+            [p.verdict.peak_to_peak for p in points],
+        ),
         "period": ("period of the cycle", "time", [p.verdict.period for p in points]),
         "largest_velocity": ("largest velocity of the slider", "velocity", fastest),
-        "mean_force": ("mean spring force", "f_s", [p.verdict.mean_force for p in points]),
-        "linearly_unstable": ("whether smooth sliding is unstable by linear theory", "1", unstable),
+        "mean_force": (
+            "mean spring force",
+            "f_s",
+            [p.verdict.mean_force for p in points],
+        ),
+        "linearly_unstable": (
+            "whether smooth sliding is unstable by linear theory",
+            "1",
+            unstable,
+        ),
         along: (along, span.parameter.unit, [p.value for p in points]),
     }
     named = {
-        name: labelled(title, along, values, rig.unit_name(unit)) for name, (title, unit, values) in columns.items()
+        name: labelled(title, along, values, rig.unit_name(unit))
+        for name, (title, unit, values) in columns.items()
     }
     return xr.Dataset(named, attrs=attributes)
 
 
 def first_point(span: Span, begin: float | None = None) -> Point:
-    """Look for a cycle from the start: at a value, or at the rig's own and then over the range from its middle on.
+    """Look for a cycle from the start: at a value, or at the rig's own and then over
+    the range from its middle on.
 
     Raises `UndecidedError` if there is none.
     """
-    own, middle = span.rig.value(span.parameter), math.sqrt(span.low * span.high)
+    own = span.rig.value(span.parameter)
+    middle = math.sqrt(span.low * span.high)
     grid = sorted(span.grid(17), key=lambda value: abs(math.log(value / middle)))
-    values = [*([own] if span.low <= own <= span.high else []), *grid] if begin is None else [begin]
+    values = (
+        [*([own] if span.low <= own <= span.high else []), *grid]
+        if begin is None
+        else [begin]
+    )
     for value in values:
         point = span.settled(value)
         if point.verdict.has_cycle:
@@ -114,8 +163,11 @@ def first_point(span: Span, begin: float | None = None) -> Point:
 
 
 def carried(span: Span, first: Point, until: float) -> tuple[list[Point], Edge]:
-    """Carry the cycle on towards a value; the points, from the first on, and the end of the branch."""
-    points, failed = [first], first
+    """Carry the cycle on towards a value; the points, from the first on, and the end
+    of the branch.
+    """
+    points = [first]
+    failed = first
 
     def persists(value: float) -> bool | None:
         nonlocal failed
@@ -130,7 +182,10 @@ def carried(span: Span, first: Point, until: float) -> tuple[list[Point], Edge]:
 
     away = math.log(until / first.value)
     strides = math.ceil(abs(away) / math.log1p(span.step) - 1e-12)
-    ahead = [first.value * math.exp(math.copysign(k * math.log1p(span.step), away)) for k in range(1, strides)]
+    ahead = [
+        first.value * math.exp(math.copysign(k * math.log1p(span.step), away))
+        for k in range(1, strides)
+    ]
     for value in [*ahead, until] if strides else []:
         if (persistent := persists(value)) is not True:
             break
@@ -139,7 +194,10 @@ def carried(span: Span, first: Point, until: float) -> tuple[list[Point], Edge]:
     if persistent is None:
         return points, Edge.of("undecided", value, points[-1].value)
     edge = halved(persists, value, points[-1].value, span.tolerance)
-    # Where smooth sliding turns stable just as the cycle decays, the one has become the other.
+    # Where smooth sliding turns stable just as the cycle decays, the one has become the
+    # other.
     gone = points[-1].verdict.linearly_unstable and not failed.verdict.linearly_unstable
     bracketed = abs(math.log(edge[0] / edge[1])) <= span.tolerance
-    return points, Edge.of(("shrinks to nothing" if gone else "fold") if bracketed else "undecided", *edge)
+    return points, Edge.of(
+        ("shrinks to nothing" if gone else "fold") if bracketed else "undecided", *edge
+    )

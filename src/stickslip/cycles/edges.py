@@ -16,32 +16,48 @@ from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.stability.critical import Along
 
-EdgeKind = Literal["decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"]
+EdgeKind = Literal[
+    "decay", "fold", "linear", "shrinks to nothing", "end of range", "undecided"
+]
 
-TOLERANCE = 3e-3  # relative width of a bracket: runs nearer to a fold linger where the cycle has just ceased to exist
+# relative width of a bracket: runs nearer to a fold linger where the cycle has just
+# ceased to exist
+TOLERANCE = 3e-3
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Edge(Answer):
     """An end of an interval of a parameter."""
 
-    value: float  #: for an edge that runs have bracketed, the (geometric) middle of the bracket
+    #: for an edge that runs have bracketed, the (geometric) middle of the bracket
+    value: float
 
-    #: *Decay*: beyond it an oscillation from the start decays (nonlinear). *Fold*: the branch of the cycle ends there
-    #: at a finite amplitude (nonlinear). *Linear*: smooth sliding loses stability there. *Shrinks to nothing*: the
-    #: cycle does, where smooth sliding regains stability. *End of range*: the edge lies outside the range searched.
-    #: *Undecided*: runs beyond it cannot tell.
+    #: *Decay*: beyond it an oscillation from the start decays (nonlinear). *Fold*: the
+    #: branch of the cycle ends there at a finite amplitude (nonlinear). *Linear*:
+    #: smooth sliding loses stability there. *Shrinks to nothing*: the cycle does, where
+    #: smooth sliding regains stability. *End of range*: the edge lies outside the range
+    #: searched. *Undecided*: runs beyond it cannot tell.
     kind: EdgeKind
 
-    decays_at: float  #: a run on the far side of the edge; `value` if it is not runs that tell
+    #: a run on the far side of the edge; `value` if it is not runs that tell
+    decays_at: float
     persists_at: float  #: and one on the near side
 
     @classmethod
-    def of(cls, kind: EdgeKind, decays_at: float, persists_at: float | None = None) -> Self:
+    def of(
+        cls, kind: EdgeKind, decays_at: float, persists_at: float | None = None
+    ) -> Self:
         """Return an edge at a value, or bracketed by runs at two."""
         if persists_at is None:
-            return cls(value=decays_at, kind=kind, decays_at=decays_at, persists_at=decays_at)
-        return cls(value=math.sqrt(decays_at * persists_at), kind=kind, decays_at=decays_at, persists_at=persists_at)
+            return cls(
+                value=decays_at, kind=kind, decays_at=decays_at, persists_at=decays_at
+            )
+        return cls(
+            value=math.sqrt(decays_at * persists_at),
+            kind=kind,
+            decays_at=decays_at,
+            persists_at=persists_at,
+        )
 
     @property
     def error(self) -> float:
@@ -77,7 +93,9 @@ class Interval(Answer):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Intervals(Along[Interval]):
-    """Intervals that were found along a parameter, in the rig's own units: it iterates over them."""
+    """Intervals that were found along a parameter, in the rig's own units: it
+    iterates over them.
+    """
 
     def __contains__(self, value: float) -> bool:
         return any(value in interval for interval in self)
@@ -92,25 +110,45 @@ class Point(NamedTuple):
 
 
 class Span:
-    """Where to look along a parameter, in the rig's own units, how runs begin there, and how closely to look.
+    """Where to look along a parameter, in the rig's own units, how runs begin there,
+    and how closely to look.
 
-    Raises `InputError` if no cycle can be followed on the rig, or the parameter or the range is invalid.
+    Raises `InputError` if no cycle can be followed on the rig, or the parameter or the
+    range is invalid.
     """
 
     def __init__(
-        self, rig: Rig, parameter: Parameter | str, between: Ends, start: Start, *, tolerance: float, step: float = 0.5
+        self,
+        rig: Rig,
+        parameter: Parameter | str,
+        between: Ends,
+        start: Start,
+        *,
+        tolerance: float,
+        step: float = 0.5,
     ) -> None:
         check_rig(rig, start, METHOD)
-        self.rig, self.parameter, self.start = rig, parameter_named(parameter), start
-        self.size, self.unit = rig.unit(self.parameter.unit), rig.unit_name(self.parameter.unit)
-        self.low, self.high = (end * self.size for end in rig.span(self.parameter, between))
+        self.rig = rig
+        self.parameter = parameter_named(parameter)
+        self.start = start
+        self.size, self.unit = (
+            rig.unit(self.parameter.unit),
+            rig.unit_name(self.parameter.unit),
+        )
+        self.low, self.high = (
+            end * self.size for end in rig.span(self.parameter, between)
+        )
         self.tolerance = number("tolerance", tolerance, above=0, below=1)
         self.step = number("step", step, above=0, below=1)
 
     @property
     def about(self) -> dict[str, Any]:
         """The parameter, its unit and the range, as answers have them."""
-        return {"parameter": self.parameter.name, "unit": self.unit, "searched": (self.low, self.high)}
+        return {
+            "parameter": self.parameter.name,
+            "unit": self.unit,
+            "searched": (self.low, self.high),
+        }
 
     def grid(self, count: int) -> list[float]:
         """So many values over the range."""
@@ -120,18 +158,27 @@ class Span:
     def settled(self, value: float, after: Ride | None = None) -> Point:
         """What a run settles at: from the start, or carried on from another value."""
         rig = self.parameter.set(self.rig, value / self.size)
-        ride = Ride.begin(rig, self.start, METHOD) if after is None else after.turned(rig)
+        ride = (
+            Ride.begin(rig, self.start, METHOD) if after is None else after.turned(rig)
+        )
         return Point(value, *settle(ride))
 
     def said(self, *values: float) -> str:
         """Say values of the parameter in words."""
-        return ", ".join(self.rig.in_units(value / self.size, self.parameter.unit) for value in values)
+        return ", ".join(
+            self.rig.in_units(value / self.size, self.parameter.unit)
+            for value in values
+        )
 
 
 def halved(
-    probe: Callable[[float], bool | None], fails_at: float, holds_at: float, tolerance: float
+    probe: Callable[[float], bool | None],
+    fails_at: float,
+    holds_at: float,
+    tolerance: float,
 ) -> tuple[float, float]:
-    """Halve between a value at which a test fails and one at which it holds, to a width of the logarithm.
+    """Halve between a value at which a test fails and one at which it holds, to a width
+    of the logarithm.
 
     It ends where `probe` cannot tell, and returns None.
     """

@@ -1,4 +1,6 @@
-"""Where an oscillation persists along a parameter, afresh from the same start at each value."""
+"""Where an oscillation persists along a parameter, afresh from the same start at
+each value.
+"""
 
 import itertools
 import math
@@ -13,20 +15,33 @@ from stickslip.model.rig import Rig
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Sustained(Intervals):
-    """Where an oscillation persists along a parameter, afresh from the same start; nowhere is an answer too."""
+    """Where an oscillation persists along a parameter, afresh from the same start;
+    nowhere is an answer too.
+    """
 
     _items = "windows"
 
     start: Start  #: of every run
-    windows: tuple[Interval, ...]  #: rising; windows narrower than the grid of the search may be missed
+    #: rising; windows narrower than the grid of the search may be missed
+    windows: tuple[Interval, ...]
     grid: tuple[tuple[float, Verdict], ...]  #: the runs of the grid
     undecided: tuple[float, ...] = ()  #: values at which a run could not tell
 
     def __str__(self) -> str:
-        doubt = f"; undecided at {', '.join(f'{value:.4g}' for value in self.undecided)}" if self.undecided else ""
+        doubt = (
+            f"; undecided at {', '.join(f'{value:.4g}' for value in self.undecided)}"
+            if self.undecided
+            else ""
+        )
         if not self.windows:
-            return f"no oscillation persists {self.where}, from {self.start} ({len(self.grid)} runs){doubt}"
-        return f"{self.where}, from {self.start}, an oscillation persists {' and '.join(map(str, self))}{doubt}"
+            return (
+                f"no oscillation persists {self.where}, from {self.start} "
+                f"({len(self.grid)} runs){doubt}"
+            )
+        return (
+            f"{self.where}, from {self.start}, an oscillation persists "
+            f"{' and '.join(map(str, self))}{doubt}"
+        )
 
 
 def sustained(
@@ -38,11 +53,13 @@ def sustained(
     points: int = 8,
     tolerance: float = TOLERANCE,
 ) -> Sustained:
-    """Find where an oscillation persists along a parameter, afresh from the same start at each value (nonlinear).
+    """Find where an oscillation persists along a parameter, afresh from the same start
+    at each value (nonlinear).
 
-    From a narrow start the lower edge along the velocity is where stick-slip decays on the way down, the paper's
-    ``v1'``, and the upper edge where it decays on the way up, ``v2``; the velocities at which smooth sliding loses
-    stability (``v1``, and ``v2'`` on the way down) are linear: `stickslip.stability.critical`.
+    From a narrow start the lower edge along the velocity is where stick-slip decays on
+    the way down, the paper's ``v1'``, and the upper edge where it decays on the way up,
+    ``v2``; the velocities at which smooth sliding loses stability (``v1``, and ``v2'``
+    on the way down) are linear: `stickslip.stability.critical`.
 
     Parameters
     ----------
@@ -54,7 +71,8 @@ def sustained(
         Range searched, in the rig's own units, both above 0.
     start : FromRest or FromSliding
     points : int
-        Runs per factor of 10, on a logarithmic grid; edges between two of them are found by halving.
+        Runs per factor of 10, on a logarithmic grid; edges between two of them are
+        found by halving.
     tolerance : float
         Relative width of the bracket about an edge.
 
@@ -66,13 +84,22 @@ def sustained(
     Raises
     ------
     InputError
-        If no cycle can be followed on the rig, or the parameter or the range is invalid.
+        If no cycle can be followed on the rig, or the parameter or the range is
+        invalid.
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
-    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
-    >>> (window,) = ss.sustained(rig, "velocity", between=(0.6, 0.9), points=6, tolerance=0.01)
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> rig = ss.Rig(
+    ...     interface,
+    ...     ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+    ...     ss.constant(velocity=1.0),
+    ... )
+    >>> (window,) = ss.sustained(
+    ...     rig, "velocity", between=(0.6, 0.9), points=6, tolerance=0.01
+    ... )
     >>> window.low.kind, round(window.low.value, 1)
     ('decay', 0.7)
     """
@@ -86,17 +113,28 @@ def sustained(
 
     values = span.grid(max(2, math.ceil(points * math.log10(span.high / span.low)) + 1))
     decided = [value for value in values if persists(value) is not None]
-    ends = [Edge.of("end of range", value) if persists(value) else None for value in decided]
+    ends = [
+        Edge.of("end of range", value) if persists(value) else None for value in decided
+    ]
     edges = [edge for edge in ends[:1] if edge]
     for one, two in itertools.pairwise(decided):
         if persists(one) != persists(two):
             fails_at, holds_at = (two, one) if persists(one) else (one, two)
-            edges.append(Edge.of("decay", *halved(persists, fails_at, holds_at, span.tolerance)))
+            edges.append(
+                Edge.of("decay", *halved(persists, fails_at, holds_at, span.tolerance))
+            )
     edges += [edge for edge in ends[-1:] if edge]
     return Sustained(
         **span.about,
         start=start,
-        windows=tuple(Interval(low=low, high=high) for low, high in zip(edges[::2], edges[1::2], strict=True)),
+        windows=tuple(
+            Interval(low=low, high=high)
+            for low, high in zip(edges[::2], edges[1::2], strict=True)
+        ),
         grid=tuple((value, known[value]) for value in values),
-        undecided=tuple(sorted(value for value, verdict in known.items() if verdict.sustained is None)),
+        undecided=tuple(
+            sorted(
+                value for value, verdict in known.items() if verdict.sustained is None
+            )
+        ),
     )

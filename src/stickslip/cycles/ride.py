@@ -1,4 +1,6 @@
-"""A run under a constant drive that can be continued, measured, and switched to other parameters."""
+"""A run under a constant drive that can be continued, measured, and switched to
+other parameters.
+"""
 
 import itertools
 import math
@@ -16,33 +18,51 @@ from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
 from stickslip.model.rig import Rig
 from stickslip.simulation import Beginning, Leg, Panels, check_method, follow_leg
 
-METHOD = MasterEquation(rtol=1e-4)  # the largest error that keeps the settled numbers; see `stickslip.cycles`
-MOST_TURNS = 1e11  # of a free oscillation in one cycle, in radian, above which times are not known to a part of one
-MOST_SAMPLES = 100_000  # in a cycle: beside the steps of a slider that rings they cost little
+# the largest error that keeps the settled numbers; see `stickslip.cycles`
+METHOD = MasterEquation(rtol=1e-4)
+# of a free oscillation in one cycle, in radian, above which times are not known to a
+# part of one
+MOST_TURNS = 1e11
+# in a cycle: beside the steps of a slider that rings they cost little
+MOST_SAMPLES = 100_000
 LOOK = 3.0  # cycles, by their expected length, between two looks at the amplitude
 
 
 def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
-    """Raise `InputError`, with what would be right, if no cycle can be followed on a rig."""
+    """Raise `InputError`, with what would be right, if no cycle can be followed on a
+    rig.
+    """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
-    instance("cycles: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)")
+    instance(
+        "cycles: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)"
+    )
     instance("cycles: method", method, MasterEquation, "MasterEquation(...)")
     instance("Rig.slider", rig.slider, Slider, "a Slider")
     if method.memoryless:
-        raise InputError("MasterEquation.memoryless: without memory the oscillation is spurious; leave it False here")
+        raise InputError(
+            "MasterEquation.memoryless: without memory the oscillation is spurious; "
+            "leave it False here"
+        )
     if check_method(rig.interface, method) is not Panels:
         raise InputError(
-            f"Interface.ageing = {rig.interface.ageing}, temperature = {rig.interface.temperature}: cycles are "
-            "followed for Bell, also with LogarithmicGrowth, for Parabolic, and for growth by a rule alone; leave one "
+            f"Interface.ageing = {rig.interface.ageing}, temperature = "
+            f"{rig.interface.temperature}: cycles are "
+            "followed for Bell, also with LogarithmicGrowth, for Parabolic, and for "
+            "growth by a rule alone; leave one "
             "out, or simulate"
         )
     if rig.slider.mass == 0:
-        raise InputError("Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for `stability` only")
+        raise InputError(
+            "Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for "
+            "`stability` only"
+        )
     number("velocity", rig.velocity, above=0, hint=rig.unit_name("velocity"))
 
 
 class Look(NamedTuple):
-    """What a stretch of a few cycles shows; `cycles` are the amplitudes of those that it completes, one by one."""
+    """What a stretch of a few cycles shows; `cycles` are the amplitudes of those
+    that it completes, one by one.
+    """
 
     amplitude: float
     period: float
@@ -53,66 +73,113 @@ class Look(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ride:
-    """A run under way, in natural units. Immutable, so that one can go back and try again."""
+    """A run under way, in natural units.
+
+    Immutable, so that one can go back and try again.
+    """
 
     rig: Rig  # with the scales that reasons are given in
     engine: Panels
     drive: Quadratic
     cycle: float  # expected travel of the drive in one
-    begun: Array | None = None  # rows of the cycle that the last look has left unfinished
+    # rows of the cycle that the last look has left unfinished
+    begun: Array | None = None
 
     @classmethod
     def begin(cls, rig: Rig, start: Start, method: MasterEquation) -> Self:
         """Return a rig at its start.
 
-        Raises `InputError` if a cycle lasts so long against the slider's own oscillation that no run could follow it.
+        Raises `InputError` if a cycle lasts so long against the slider's own
+        oscillation that no run could follow it.
         """
-        velocity, cycle = rig.natural.velocity, _expected_cycle(rig)
+        velocity = rig.natural.velocity
+        cycle = _expected_cycle(rig)
         turns = rig.slider.frequency * cycle / velocity
         if turns > MOST_TURNS:
             raise InputError(
-                f"velocity = {rig.in_units(velocity, 'velocity')}: the slider could oscillate {turns:.2g} rad "
+                f"velocity = {rig.in_units(velocity, 'velocity')}: the slider could "
+                f"oscillate {turns:.2g} rad "
                 "on its spring in one cycle, more than a run resolves; give at least "
                 f"{rig.in_units(velocity * turns / MOST_TURNS, 'velocity', 2)}"
             )
         beginning = Beginning(rig.interface, rig.slider, velocity, start)
         engine = Panels(beginning, method)
-        return cls(rig, engine, Quadratic(0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0), cycle)
+        return cls(
+            rig,
+            engine,
+            Quadratic(
+                0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0
+            ),
+            cycle,
+        )
 
     def look(self) -> tuple[Self, Look]:
-        """Go on for a few cycles and say what they show; stretches of the drive too short for that are doubled."""
-        stiffness, velocity, engine = self.rig.slider.stiffness, self.drive.velocity, self.engine.copy()
+        """Go on for a few cycles and say what they show; stretches of the drive too
+        short for that are doubled.
+        """
+        stiffness = self.rig.slider.stiffness
+        velocity = self.drive.velocity
+        engine = self.engine.copy()
         rows = self._samples(engine, LOOK * self.cycle / velocity)
         # One by one cycles go on from look to look; what the look shows is its own.
-        joined = rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
+        joined = (
+            rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
+        )
         completed, rest = _cycles(joined, stiffness, velocity)
-        ride = replace(self, engine=engine, begun=joined[:, rest:] if completed.size else None)
-        cycles = completed if self.begun is None else _cycles(rows, stiffness, velocity)[0]
+        ride = replace(
+            self, engine=engine, begun=joined[:, rest:] if completed.size else None
+        )
+        cycles = (
+            completed if self.begun is None else _cycles(rows, stiffness, velocity)[0]
+        )
         _, force, speed = rows
         fastest = float(speed.max()) / velocity
         if cycles.shape[1] == 0:
             oscillation = float(np.ptp(force))
             if oscillation > TINY:  # cycles longer than expected
                 ride = replace(ride, cycle=2.0 * ride.cycle)
-            return ride, Look(oscillation, math.nan, fastest, float(force.mean()), completed[0])
-        oscillation, period, mean = np.median(cycles[0]), np.mean(cycles[1]), np.average(cycles[2], weights=cycles[1])
-        return ride, Look(float(oscillation), float(period), fastest, float(mean), completed[0])
+            return ride, Look(
+                oscillation, math.nan, fastest, float(force.mean()), completed[0]
+            )
+        oscillation = np.median(cycles[0])
+        period = np.mean(cycles[1])
+        mean = np.average(cycles[2], weights=cycles[1])
+        return ride, Look(
+            float(oscillation), float(period), fastest, float(mean), completed[0]
+        )
 
     def _samples(self, engine: Panels, duration: float) -> Array:
-        """Follow the drive; times, spring force and slider velocity of fine samples, as rows."""
-        slider, begin, each = self.rig.slider, engine.here()[0], self.cycle / self.drive.velocity
-        # A slip takes about half a period of the slider on its spring; a cap keeps very quick slips affordable.
-        count = math.ceil(duration / max(min(each / 200, 0.3 / slider.frequency), each / MOST_SAMPLES))
+        """Follow the drive; times, spring force and slider velocity of fine samples,
+        as rows.
+        """
+        slider = self.rig.slider
+        begin = engine.here()[0]
+        each = self.cycle / self.drive.velocity
+        # A slip takes about half a period of the slider on its spring; a cap keeps very
+        # quick slips affordable.
+        count = math.ceil(
+            duration / max(min(each / 200, 0.3 / slider.frequency), each / MOST_SAMPLES)
+        )
         times = begin + duration * np.arange(1, count + 1) / count
         leg = Leg(self.drive, begin + duration, times, Stop())
         samples, _ = follow_leg(engine, leg)
-        return np.stack([times, slider.stiffness * (leg.drive_position(times) - samples[:, 0]), samples[:, 1]])
+        return np.stack(
+            [
+                times,
+                slider.stiffness * (leg.drive_position(times) - samples[:, 0]),
+                samples[:, 1],
+            ]
+        )
 
     def turned(self, rig: Rig) -> "Ride":
-        """Return what goes on as another rig; forces and positions stay, and the drive goes on from where it is."""
+        """Return what goes on as another rig; forces and positions stay, and the
+        drive goes on from where it is.
+        """
         engine = self.engine.turned(rig.interface, rig.slider)
         time, X = engine.here()
-        stretched = self.drive.position + self.drive.velocity * (time - self.drive.start) - X
+        stretched = (
+            self.drive.position + self.drive.velocity * (time - self.drive.start) - X
+        )
         stretched *= self.rig.slider.stiffness / rig.slider.stiffness
         drive = Quadratic(time, X + stretched, rig.natural.velocity, 0.0)
         cycle = self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig)
@@ -120,29 +187,41 @@ class Ride:
 
 
 def _expected_cycle(rig: Rig) -> float:
-    """Expected travel of the drive in a cycle: a contact loaded to its threshold, or an oscillation of the slider."""
+    """Expected travel of the drive in a cycle: a contact loaded to its threshold, or
+    an oscillation of the slider.
+    """
     slider: Slider = rig.slider
     stretch = rig.interface.threshold_distribution.moment(1)
-    return max(stretch * (1.0 + 1.0 / slider.stiffness), rig.natural.velocity * 2.0 * math.pi / slider.frequency)
+    return max(
+        stretch * (1.0 + 1.0 / slider.stiffness),
+        rig.natural.velocity * 2.0 * math.pi / slider.frequency,
+    )
 
 
 def _cycles(rows: Array, stiffness: float, velocity: float) -> tuple[Array, int]:
-    """Peak-to-peak of the spring force, period and mean force of each complete cycle, shape (3, n); where the next is.
+    """Peak-to-peak of the spring force, period and mean force of each complete cycle,
+    shape (3, n); where the next is.
 
-    A cycle goes from one rise through three quarters of the range to the next, with a drop below one quarter in
-    between. The extremes lie where the slider is as fast as the drive, between the samples.
+    A cycle goes from one rise through three quarters of the range to the next, with a
+    drop below one quarter in between. The extremes lie where the slider is as fast as
+    the drive, between the samples.
     """
     t, force, speed = rows
-    low, high = float(force.min()), float(force.max())
+    low = float(force.min())
+    high = float(force.max())
     quarter = 0.75 * low + 0.25 * high
     risen, times = rises(t, force, quarter, 0.25 * low + 0.75 * high)
     if risen.size < 2:
         return np.empty((3, 0)), 0
     slope = stiffness * (velocity - speed)
-    oscillations, means = [], []
+    oscillations = []
+    means = []
     for a, b in itertools.pairwise(risen.tolist()):
         part = force[a : b + 1]
-        top, bottom = (extreme(t, force, slope, a + int(i)) for i in (np.argmax(part), np.argmin(part)))
+        top, bottom = (
+            extreme(t, force, slope, a + int(i))
+            for i in (np.argmax(part), np.argmin(part))
+        )
         oscillations.append(top - bottom)
         means.append(float(part[1:].mean()))
     below = np.flatnonzero(force[: risen[-1]] < quarter)
@@ -150,10 +229,13 @@ def _cycles(rows: Array, stiffness: float, velocity: float) -> tuple[Array, int]
 
 
 def extreme(t: Array, force: Array, slope: Array, i: int) -> float:
-    """Value where the slope changes sign next to a sample, by a parabola, unless that does not fit."""
+    """Value where the slope changes sign next to a sample, by a parabola, unless
+    that does not fit.
+    """
     for j in (i, i - 1):
         if 0 <= j < t.size - 1 and slope[j] * slope[j + 1] < 0:
-            apart, turn = t[j + 1] - t[j], slope[j] - slope[j + 1]
+            apart = t[j + 1] - t[j]
+            turn = slope[j] - slope[j + 1]
             rise = 0.5 * (slope[j] + slope[j + 1]) * apart
             if abs(force[j + 1] - force[j] - rise) < 0.2 * abs(turn) * apart:
                 return float(force[j] + 0.5 * slope[j] ** 2 / turn * apart)

@@ -17,11 +17,14 @@ from stickslip.model.rig import Rig
 from stickslip.sliding import kinetic_friction
 from stickslip.stability import count_unstable
 
-PATIENCE = 60  # looks after which what has not settled is undecided, unless its trend tells
+# looks after which what has not settled is undecided, unless its trend tells
+PATIENCE = 60
 
 
 class Settles(NamedTuple):
-    """When amplitudes have settled: their last steps in the logarithm are none, or shrink, with little left to go."""
+    """When amplitudes have settled: their last steps in the logarithm are none, or
+    shrink, with little left to go.
+    """
 
     steps: int
     none: float  # a change by less is none, the error of the runs
@@ -29,7 +32,9 @@ class Settles(NamedTuple):
     ahead: float  # less of a change may still lie ahead of them
 
     def at(self, amplitudes: Array) -> float | None:
-        """The amplitude that the last of these lead to; None if they have not settled."""
+        """The amplitude that the last of these lead to; None if they have not
+        settled.
+        """
         last = amplitudes[-self.steps - 1 :]
         if last.size <= self.steps or last.min() <= 0:
             return None
@@ -41,30 +46,42 @@ class Settles(NamedTuple):
         if ratio > self.ratio or np.any(sign != sign[-1]):
             return None
         left = float(step[-1]) * ratio / (1.0 - ratio)
-        return float(last[-1] * math.exp(sign[-1] * left)) if left < self.ahead else None
+        return (
+            float(last[-1] * math.exp(sign[-1] * left)) if left < self.ahead else None
+        )
 
 
 CYCLES, LOOKS = Settles(6, 2e-5, 0.9, 1e-3), Settles(4, 1e-3, 0.7, 1e-2)
-"""One by one cycles are known to the error of the run; their median in a look also where they differ in turn."""
+"""One by one cycles are known to the error of the run; their median in a look also
+where they differ in turn.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Verdict(Answer):
-    """Whether an oscillation persists from a start, with the evidence. Nonlinear: it belongs to the start."""
+    """Whether an oscillation persists from a start, with the evidence.
 
-    sustained: bool | None  #: None if the evidence does not suffice, for the reason given
+    Nonlinear: it belongs to the start.
+    """
 
-    #: Of the motion at the end. Stick-slip: the slider reaches at least 3.5 times the velocity of the drive, as in
-    #: `stickslip.measure.regime`.
+    #: None if the evidence does not suffice, for the reason given
+    sustained: bool | None
+
+    #: Of the motion at the end. Stick-slip: the slider reaches at least 3.5 times the
+    #: velocity of the drive, as in `stickslip.measure.regime`.
     kind: Kind
 
     reason: str  #: why, in plain words
-    peak_to_peak: float  #: of the spring force: where it settles; if it scatters, the median of the last looks
+    #: of the spring force: where it settles; if it scatters, the median of the last
+    #: looks
+    peak_to_peak: float
     period: float  #: NaN without complete cycles
     mean_force: float  #: of the spring, at the last look
-    largest_velocity: float  #: of the slider, in velocities of the drive, at the last look
+    #: of the slider, in velocities of the drive, at the last look
+    largest_velocity: float
 
-    #: Whether smooth sliding is unstable by itself there; None on its very boundary, and if there is no steady sliding.
+    #: Whether smooth sliding is unstable by itself there; None on its very boundary,
+    #: and if there is no steady sliding.
     linearly_unstable: bool | None
 
     @property
@@ -76,43 +93,58 @@ class Verdict(Answer):
         return f"{self.kind}: {self.reason}"
 
 
-def is_sustained(rig: Rig, *, start: Start = FromRest(), method: MasterEquation = METHOD) -> Verdict:
-    """Tell whether an oscillation persists from a start, at a constant velocity of the drive.
+def is_sustained(
+    rig: Rig, *, start: Start = FromRest(), method: MasterEquation = METHOD
+) -> Verdict:
+    """Tell whether an oscillation persists from a start, at a constant velocity of the
+    drive.
 
-    The run is looked at every three cycles, by their expected length: the drive travels ``<x_s> (1 + k/K)`` in one,
-    or for one period of the slider on its spring, whichever is longer. It ends as soon as the outcome is clear. The
-    oscillation *persists* if its amplitude no longer changes (by less than 1e-3 three times running or by less than
-    2e-5 in six cycles, or with changes that shrink geometrically and have less than 1 % left to go), or scatters about
-    a constant without a trend. It
-    *decays* if it is below 2 % of the kinetic friction and shrinks while smooth sliding is stable by linear theory.
-    Where smooth sliding is unstable some oscillation always persists; the run then tells which.
+    The run is looked at every three cycles, by their expected length: the drive travels
+    ``<x_s> (1 + k/K)`` in one, or for one period of the slider on its spring, whichever
+    is longer. It ends as soon as the outcome is clear. The oscillation *persists* if
+    its amplitude no longer changes (by less than 1e-3 three times running or by less
+    than 2e-5 in six cycles, or with changes that shrink geometrically and have less
+    than 1 % left to go), or scatters about a constant without a trend. It *decays* if
+    it is below 2 % of the kinetic friction and shrinks while smooth sliding is stable
+    by linear theory. Where smooth sliding is unstable some oscillation always persists;
+    the run then tells which.
 
     Parameters
     ----------
     rig : Rig
         Its drive moves at its first velocity all the time.
     start : FromRest or FromSliding
-        `FromRest` contacts with a narrow distribution are the paper's start; ``FromSliding(perturbation=...)`` asks for
-        small perturbations.
+        `FromRest` contacts with a narrow distribution are the paper's start;
+        ``FromSliding(perturbation=...)`` asks for small perturbations.
     method : MasterEquation
 
     Returns
     -------
     Verdict
-        Undecided where the amplitude still drifts after 60 looks, three times as many where it drifts one way, and its
-        trend does not tell where to.
+        Undecided where the amplitude still drifts after 60 looks, three times as many
+        where it drifts one way, and its trend does not tell where to.
 
     Raises
     ------
     InputError
-        If no cycle can be followed on the rig: thresholds that age by `Langevin`, no mass, a velocity not above 0.
+        If no cycle can be followed on the rig: thresholds that age by `Langevin`, no
+        mass, a velocity not above 0.
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
-    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> rig = ss.Rig(
+    ...     interface,
+    ...     ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+    ...     ss.constant(velocity=1.0),
+    ... )
     >>> from stickslip.cycles import is_sustained
-    >>> is_sustained(rig).kind, is_sustained(rig, start=ss.FromSliding(perturbation=0.05)).kind
+    >>> (
+    ...     is_sustained(rig).kind,
+    ...     is_sustained(rig, start=ss.FromSliding(perturbation=0.05)).kind,
+    ... )
     ('stick-slip', 'smooth sliding')
     """
     check_rig(rig, start, method)
@@ -121,7 +153,9 @@ def is_sustained(rig: Rig, *, start: Start = FromRest(), method: MasterEquation 
 
 def settle(ride: Ride) -> tuple[Verdict, Ride]:
     """Go on until it is clear whether the oscillation persists."""
-    rig, looks, growing = ride.rig, list[Look](), linearly_unstable(ride.rig)
+    rig = ride.rig
+    looks = list[Look]()
+    growing = linearly_unstable(ride.rig)
     floor = TINY * _friction(rig)
     fate: tuple[bool | None, float, str] | None = None
     while fate is None:
@@ -129,7 +163,8 @@ def settle(ride: Ride) -> tuple[Verdict, Ride]:
         looks.append(look)
         fate = _fate(looks, floor, growing)
     answer, amplitude, what = fate
-    last, fastest = looks[-1], max(look.fastest for look in looks[-2:])
+    last = looks[-1]
+    fastest = max(look.fastest for look in looks[-2:])
     kind: Kind = "undecided"
     if answer is False:
         kind = "smooth sliding"
@@ -138,7 +173,10 @@ def settle(ride: Ride) -> tuple[Verdict, Ride]:
     verdict = Verdict(
         sustained=answer,
         kind=kind,
-        reason=f"the oscillation of the force {what.format(rig.in_units(amplitude, 'force', 3 if answer else 4))}",
+        reason=(
+            "the oscillation of the force "
+            f"{what.format(rig.in_units(amplitude, 'force', 3 if answer else 4))}"
+        ),
         peak_to_peak=amplitude * rig.unit("f_s"),
         period=last.period * rig.unit("time"),
         mean_force=last.mean_force * rig.unit("f_s"),
@@ -164,29 +202,58 @@ def _friction(rig: Rig) -> float:
     return kinetic_friction(interface, rig.natural.velocity)
 
 
-def _fate(looks: list[Look], floor: float, growing: bool | None) -> tuple[bool | None, float, str] | None:
+def _fate(
+    looks: list[Look], floor: float, growing: bool | None
+) -> tuple[bool | None, float, str] | None:
     """Whether it persists, its amplitude, and why, as soon as the looks tell."""
     size = np.array([look.amplitude for look in looks])
-    now, step = float(size[-1]), np.diff(np.log(np.maximum(size, 1e-300)))
+    now = float(size[-1])
+    step = np.diff(np.log(np.maximum(size, 1e-300)))
     if now < 1e-9 * floor and growing is not True:
         return False, now, "has decayed; none is left"
     limit = CYCLES.at(np.concatenate([look.cycles for look in looks])) or LOOKS.at(size)
     if limit is not None and now > floor:
         return True, limit, "settles at {}"
-    if now < floor and growing is not True and len(looks) >= 3 and np.all(step[-2:] < 0):
+    if (
+        now < floor
+        and growing is not True
+        and len(looks) >= 3
+        and np.all(step[-2:] < 0)
+    ):
         return False, now, "decays; it is down to {}"
     if now > floor and len(looks) >= 10 and _has_no_trend(size[-8:]):
         return True, float(np.median(size[-8:])), "scatters about {} without a trend"
-    # What grows slowly from little will arrive; what drifts all one way, through a narrow place, will leave it.
+    # What grows slowly from little will arrive; what drifts all one way, through a
+    # narrow place, will leave it.
     drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
     if len(looks) < max(PATIENCE * (5 if growing else 3 if drifts else 1), 3):
         return None
     if growing:
-        return True, now, "has not settled, {} so far, but smooth sliding is unstable by linear theory"
-    return None, now, f"{{}}; after {3 * len(looks)} cycles still changes by {100.0 * abs(step[-1]):.2g} % every three"
+        return (
+            True,
+            now,
+            (
+                "has not settled, {} so far, but smooth sliding is unstable by linear "
+                "theory"
+            ),
+        )
+    return (
+        None,
+        now,
+        (
+            f"{{}}; after {3 * len(looks)} cycles still changes by "
+            f"{100.0 * abs(step[-1]):.2g} % every three"
+        ),
+    )
 
 
 def _has_no_trend(size: Array) -> bool:
-    """Whether amplitudes scatter about a constant: no trend beyond twice its error, and no deep drop."""
-    (slope, _), covariance = np.polyfit(np.arange(size.size), np.log(np.maximum(size, 1e-300)), 1, cov=True)
-    return bool(size.min() > 0.5 * size.max() and abs(slope) < 2.0 * math.sqrt(covariance[0, 0]))
+    """Whether amplitudes scatter about a constant: no trend beyond twice its error,
+    and no deep drop.
+    """
+    (slope, _), covariance = np.polyfit(
+        np.arange(size.size), np.log(np.maximum(size, 1e-300)), 1, cov=True
+    )
+    return bool(
+        size.min() > 0.5 * size.max() and abs(slope) < 2.0 * math.sqrt(covariance[0, 0])
+    )

@@ -1,4 +1,6 @@
-"""How fast a slip front runs along an elastic slider, and the prestress below which there is none."""
+"""How fast a slip front runs along an elastic slider, and the prestress below which
+there is none.
+"""
 
 import math
 from dataclasses import dataclass
@@ -14,24 +16,28 @@ from stickslip.errors import InputError, number
 from stickslip.model import ElasticBody, Interface, Rig
 from stickslip.model.records import Number, converted
 
-SLOWEST = 0.01  # speed, in units of that of sound, below which no front in a lattice is looked for
+# speed, in units of that of sound, below which no front in a lattice is looked for
+SLOWEST = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Front(Answer):
     """A steady slip front, as theory has it; ``float(front)`` is its speed."""
 
-    speed: Annotated[float, Number("1/time")]  #: in blocks per time of the rig's own units; 0 if there is no front
+    #: in blocks per time of the rig's own units; 0 if there is no front
+    speed: Annotated[float, Number("1/time")]
     sound_speed: Annotated[float, Number("1/time")]  #: in the same unit
-    prestress: float  #: what was asked for: from 0, the sliding force, to 1, the mean threshold
+    #: what was asked for: from 0, the sliding force, to 1, the mean threshold
+    prestress: float
     threshold: float  #: prestress below which there is no front in a bar of fine blocks
     screening_length: float  #: in blocks
 
-    #: What the theory takes the blocks for: "continuum", small compared with the screening length, if thresholds have a
-    #: standard deviation.
+    #: What the theory takes the blocks for: "continuum", small compared with the
+    #: screening length, if thresholds have a standard deviation.
     blocks: Literal["lattice", "continuum"]
 
-    caveats: tuple[str, ...] = ()  #: what of the rig lies outside the range of the theory
+    #: what of the rig lies outside the range of the theory
+    caveats: tuple[str, ...] = ()
 
     @property
     def exists(self) -> bool:
@@ -46,49 +52,60 @@ class Front(Answer):
         if self.exists:
             kind = "faster than" if self.speed > self.sound_speed else "slower than"
             said = (
-                f"front at {self.speed:.6g} blocks per time, {self.speed / self.sound_speed:.4g} times the speed of "
-                f"sound ({kind} sound), at a prestress of {self.prestress:.4g} ({self.blocks})"
+                f"front at {self.speed:.6g} blocks per time, "
+                f"{self.speed / self.sound_speed:.4g} times the speed of "
+                f"sound ({kind} sound), at a prestress of {self.prestress:.4g} "
+                f"({self.blocks})"
             )
         elif self.prestress <= self.threshold:
             said += f"fronts need more than {self.threshold:.4g}"
         else:
-            said += f"above the threshold of fine blocks, {self.threshold:.4g}, but these blocks pin it"
+            said += (
+                f"above the threshold of fine blocks, {self.threshold:.4g}, but "
+                "these blocks pin it"
+            )
         return "; ".join([said, *self.caveats])
 
 
 def front_speed(rig: Rig, *, prestress: float) -> Front:
-    """Return the speed of a steady slip front along an elastic slider whose contacts are stretched alike.
+    """Return the speed of a steady slip front along an elastic slider whose contacts
+    are stretched alike.
 
-    Behind the front contacts are detached and slide under `Interface.sliding_force`; none re-attaches as it passes.
+    Behind the front contacts are detached and slide under `Interface.sliding_force`;
+    none re-attaches as it passes.
 
-    Where all thresholds are alike the front in a chain of blocks is known exactly (Wiener-Hopf), with leaf springs,
-    damping, bulk viscosity and contacts of any stiffness; with a distribution of thresholds, in the continuum only.
+    Where all thresholds are alike the front in a chain of blocks is known exactly
+    (Wiener-Hopf), with leaf springs, damping, bulk viscosity and contacts of any
+    stiffness; with a distribution of thresholds, in the continuum only.
 
     Parameters
     ----------
     rig : Rig
-        With a `Chain`, or a `Sheet`, along which a straight front runs. Its number of blocks, its ends, its side spring
-        and the drive do not matter.
+        With a `Chain`, or a `Sheet`, along which a straight front runs. Its number of
+        blocks, its ends, its side spring and the drive do not matter.
     prestress : float
-        Force of the contacts ahead of the front, above the sliding force ``f_d`` and in units of its difference from
-        the mean threshold: ``(tau_0 - f_d)/(f_s - f_d)``, between 0 and 1.
+        Force of the contacts ahead of the front, above the sliding force ``f_d`` and in
+        units of its difference from the mean threshold: ``(tau_0 - f_d)/(f_s - f_d)``,
+        between 0 and 1.
 
     Returns
     -------
     Front
-        With a speed of 0 if there is no front: below `front_threshold`, or where blocks pin it.
+        With a speed of 0 if there is no front: below `front_threshold`, or where blocks
+        pin it.
 
     Raises
     ------
     InputError
-        If the interface has a mechanism that the theory leaves out, or the thresholds have a standard deviation and
-        the bulk is viscous.
+        If the interface has a mechanism that the theory leaves out, or the thresholds
+        have a standard deviation and the bulk is viscous.
 
     Notes
     -----
-    On a lattice to 1e-6, down to a hundredth of the speed of sound; with a distribution of thresholds to 1e-6, in
-    the limit of a long screening length and many contacts per block. At the same prestress there may be slower steady
-    fronts on a lattice; it is the fastest that is returned.
+    On a lattice to 1e-6, down to a hundredth of the speed of sound; with a distribution
+    of thresholds to 1e-6, in the limit of a long screening length and many contacts per
+    block. At the same prestress there may be slower steady fronts on a lattice; it is
+    the fastest that is returned.
 
     Examples
     --------
@@ -96,11 +113,14 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
     >>> bar = ss.Chain(blocks=400, coupling=4.0, mass=4.0, damping=0.3, leaf=0.2)
     >>> rig = ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))
     >>> print(ss.elastic.front_speed(rig, prestress=0.6))
-    front at 0.686408 blocks per time, 0.6864 times the speed of sound (slower than sound), at a prestress of 0.6 \
+    front at 0.686408 blocks per time, 0.6864 times the speed of sound (slower than
+    sound), at a prestress of 0.6 \
 (lattice); slow fronts feel the blocks: the screening length is 1.848 of them
-    """
+    """  # noqa: E501
     body, interface = elastic_parts(rig, "front_speed")
-    tau = number("prestress", prestress, above=0, below=1, hint="(tau_0 - f_d)/(f_s - f_d)")
+    tau = number(
+        "prestress", prestress, above=0, below=1, hint="(tau_0 - f_d)/(f_s - f_d)"
+    )
     alike = interface.threshold_distribution.single
     speed = _on_lattice(tau, body) if alike else _of_distribution(body, interface, tau)
     length = screening_length(rig)
@@ -117,11 +137,13 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
 
 
 def front_threshold(rig: Rig) -> float:
-    """Return the smallest prestress at which a slip front advances: where the work to spare is none.
+    """Return the smallest prestress at which a slip front advances: where the work to
+    spare is none.
 
-    Where all thresholds are alike, Griffith's ``sqrt(K/(K + k))`` with leaf springs `K`; else from equal areas above
-    and below the force of the contacts as they break. In the continuum; blocks of more than half a screening length
-    pin fronts somewhat above.
+    Where all thresholds are alike, Griffith's ``sqrt(K/(K + k))`` with leaf springs
+    `K`; else from equal areas above and below the force of the contacts as they break.
+    In the continuum; blocks of more than half a screening length pin fronts somewhat
+    above.
 
     Parameters
     ----------
@@ -131,8 +153,9 @@ def front_threshold(rig: Rig) -> float:
     Returns
     -------
     float
-        As `prestress` of `front_speed`: above the sliding force, in units of its difference from the mean threshold.
-        Infinite if the thresholds are so scattered that there are no fronts.
+        As `prestress` of `front_speed`: above the sliding force, in units of its
+        difference from the mean threshold. Infinite if the thresholds are so scattered
+        that there are no fronts.
 
     Raises
     ------
@@ -141,13 +164,21 @@ def front_threshold(rig: Rig) -> float:
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(float("inf")))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(float("inf"))
+    ... )
     >>> bar = ss.Chain(blocks=400, coupling=25.0, mass=25.0, damping=0.2, leaf=0.25)
-    >>> round(ss.elastic.front_threshold(ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))), 6)
+    >>> round(
+    ...     ss.elastic.front_threshold(
+    ...         ss.Rig(interface, bar, ss.constant(velocity=0.0, duration=1.0))
+    ...     ),
+    ...     6,
+    ... )
     0.449444
     """
     body, interface = elastic_parts(rig, "front_threshold")
-    thresholds, sliding = interface.threshold_distribution, interface.sliding_force
+    thresholds = interface.threshold_distribution
+    sliding = interface.sliding_force
     if thresholds.single:
         return math.sqrt(body.leaf / (1.0 + body.leaf))
     found = threshold(Medium(thresholds, sliding, body.leaf, sliding))
@@ -162,32 +193,43 @@ def _on_lattice(tau: float, body: ElasticBody) -> float:
 
     if lack(1.0) < 0:
         return rising(lack, 1.0, 1.0, 1.25)
-    low, before = 1.0, math.inf
+    low = 1.0
+    before = math.inf
     while (here := lack(low)) > 0:
         if here > before:  # slower fronts need more: the lattice holds them
-            lowest = minimize_scalar(lack, bounds=(low, low / 0.94**2), method="bounded", options={"xatol": 1e-9})
+            lowest = minimize_scalar(
+                lack,
+                bounds=(low, low / 0.94**2),
+                method="bounded",
+                options={"xatol": 1e-9},
+            )
             if lowest.fun > 0:
                 return 0.0
             low = float(lowest.x)
             break
         if low < SLOWEST:
             return 0.0
-        low, before = 0.94 * low, here
+        low = 0.94 * low
+        before = here
     return rising(lack, low, low / 0.94, 1.0 / 0.94)
 
 
 def _of_distribution(body: ElasticBody, interface: Interface, tau: float) -> float:
     if body.viscosity > 0:
         raise InputError(
-            f"{type(body).__name__}.viscosity = {body.viscosity:g}: fronts in a viscous bar are known only where all "
-            "thresholds are alike; give thresholds without standard deviation, or no viscosity"
+            f"{type(body).__name__}.viscosity = {body.viscosity:g}: fronts in a "
+            "viscous bar are known only where all "
+            "thresholds are alike; give thresholds without standard deviation, or no "
+            "viscosity"
         )
-    thresholds, sliding = interface.threshold_distribution, interface.sliding_force
+    thresholds = interface.threshold_distribution
+    sliding = interface.sliding_force
     force = sliding + tau * (thresholds.moment(1) - sliding)
     eigenvalue = shoot(Medium(thresholds, sliding, body.leaf, force))
     if math.isinf(eigenvalue):
         raise InputError(
-            f"prestress = {tau:g}: the contacts are past their largest force there and give way by themselves; lower it"
+            f"prestress = {tau:g}: the contacts are past their largest force there and "
+            "give way by themselves; lower it"
         )
     if eigenvalue == 0:
         return 0.0
@@ -197,10 +239,13 @@ def _of_distribution(body: ElasticBody, interface: Interface, tau: float) -> flo
 def _caveats(speed: float, length: float, delay: float) -> tuple[str, ...]:
     found = []
     if length < 2:
-        found.append(f"slow fronts feel the blocks: the screening length is {length:.4g} of them")
+        found.append(
+            f"slow fronts feel the blocks: the screening length is {length:.4g} of them"
+        )
     if speed > 0 and delay * speed < 10 * length:
         found.append(
-            f"contacts re-attach within the front, after {delay:g} on average: the theory leaves that out; it needs a "
+            f"contacts re-attach within the front, after {delay:g} on average: the "
+            "theory leaves that out; it needs a "
             f"delay of more than {10 * length / speed:.3g}"
         )
     return tuple(found)

@@ -1,12 +1,16 @@
-"""Steady fronts in a chain whose contacts all break at one threshold and stay detached, by the Wiener-Hopf method.
+"""Steady fronts in a chain whose contacts all break at one threshold and stay detached,
+by the Wiener-Hopf method.
 
-In units of the block spacing and of the time that sound takes from block to block, with ``kappa = 1/k_b``,
-``Kh = K/k_b``, ``alpha = eta sqrt(M/k_b)``, ``zeta = c_b/sqrt(M k_b)`` and ``T = 1/v``,
+In units of the block spacing and of the time that sound takes from block to block, with
+``kappa = 1/k_b``, ``Kh = K/k_b``, ``alpha = eta sqrt(M/k_b)``,
+``zeta = c_b/sqrt(M k_b)`` and ``T = 1/v``,
 
-    L0(s) = s^2 + alpha s + Kh + (1 + zeta s)(2 - 2 cosh sT),    L1 = L0 + kappa,    G = L0/L1 = G+ G-
+    L0(s) = s^2 + alpha s + Kh + (1 + zeta s)(2 - 2 cosh sT), L1 = L0 + kappa, G =
+    L0/L1 = G+ G-
 
-are the stiffnesses that a wave of the front's speed meets behind and ahead of it. A front of speed `v` needs the
-prestress ``G-(0) = sqrt(G(0)) exp((1/pi) Int_0^inf arg G(i w) dw/w)``, of the kind ``(tau_0 - f_d)/(f_s - f_d)``.
+are the stiffnesses that a wave of the front's speed meets behind and ahead of it. A
+front of speed `v` needs the prestress ``G-(0) = sqrt(G(0)) exp((1/pi) Int_0^inf arg G(i
+w) dw/w)``, of the kind ``(tau_0 - f_d)/(f_s - f_d)``.
 """
 
 import math
@@ -19,46 +23,63 @@ from scipy.optimize import elementwise
 from stickslip.arrays import Array
 from stickslip.model import ElasticBody
 
-# Tanh-sinh nodes and weights on (0, 1): they crowd at the ends, where the phase of a chain without damping jumps.
+# Tanh-sinh nodes and weights on (0, 1): they crowd at the ends, where the phase of a
+# chain without damping jumps.
 _T = np.linspace(-4.6, 4.6, 401)
 _NODES = 1.0 / (1.0 + np.exp(-np.pi * np.sinh(_T)))
 _WEIGHTS = (_T[1] - _T[0]) * np.pi * np.cosh(_T) * _NODES * _NODES[::-1]
 
-SMOOTH = 2000.0  # frequency beyond which the phase is averaged over the waves of the lattice; its error is 1/SMOOTH^2
+# frequency beyond which the phase is averaged over the waves of the lattice; its error
+# is 1/SMOOTH^2
+SMOOTH = 2000.0
 
 
 @lru_cache(maxsize=4096)
 def lattice_prestress(speed: float, body: ElasticBody) -> float:
-    """Return the prestress of a front of a given speed in a chain; both in units of the front's own.
+    """Return the prestress of a front of a given speed in a chain; both in units of the
+    front's own.
 
     The speed is in units of that of sound; to 1e-7 down to a hundredth of it.
     """
     # Contacts, leaf springs, damping and viscosity against the bulk.
-    impedance, period = math.sqrt(body.mass * body.coupling), 1.0 / speed
-    kappa, leaf = 1.0 / body.coupling, body.leaf / body.coupling
-    alpha, zeta = body.damping * body.mass / impedance, body.viscosity / impedance
-    # G has a zero of this order at s = 0, which belongs to G+; it is divided out as s/(s + 1).
+    impedance = math.sqrt(body.mass * body.coupling)
+    period = 1.0 / speed
+    kappa = 1.0 / body.coupling
+    leaf = body.leaf / body.coupling
+    alpha = body.damping * body.mass / impedance
+    zeta = body.viscosity / impedance
+    # G has a zero of this order at s = 0, which belongs to G+; it is divided out as
+    # s/(s + 1).
     order = 0 if leaf > 0 else 1 if alpha > 0 else 2
     slope = (leaf, alpha, 1.0 - period * period)[order]
-    if slope <= 0:  # nothing resists behind the front, and nothing drains what it radiates ahead
+    # nothing resists behind the front, and nothing drains what it radiates ahead
+    if slope <= 0:
         return 0.0
     edges, rough = _panels(kappa, leaf, alpha, zeta, period)
 
     def phase(w: Array) -> Array:
         wave = np.where(w > rough, 2.0, 4.0 * np.sin(0.5 * w * period) ** 2)
-        loss, held = w * (alpha + zeta * wave), wave - w * w + leaf
+        loss = w * (alpha + zeta * wave)
+        held = wave - w * w + leaf
         divided = order * np.arctan2(1.0, w)
-        return np.asarray(np.arctan2(loss, held) - np.arctan2(loss, held + kappa) - divided)
+        return np.asarray(
+            np.arctan2(loss, held) - np.arctan2(loss, held + kappa) - divided
+        )
 
-    low, width = edges[:-1, None], np.diff(edges)[:, None]
+    low = edges[:-1, None]
+    width = np.diff(edges)[:, None]
     w = low + width * _NODES
     inside = float(np.sum(phase(w) / w * width * _WEIGHTS))
     beyond = float(np.sum(phase(edges[-1] / _NODES) / _NODES * _WEIGHTS))
     return math.sqrt(slope / (leaf + kappa)) * math.exp((inside + beyond) / math.pi)
 
 
-def _panels(kappa: float, leaf: float, alpha: float, zeta: float, period: float) -> tuple[Array, float]:
-    """Frequencies between which the phase is smooth, from 0 on, and the one beyond which it is averaged."""
+def _panels(
+    kappa: float, leaf: float, alpha: float, zeta: float, period: float
+) -> tuple[Array, float]:
+    """Frequencies between which the phase is smooth, from 0 on, and the one beyond
+    which it is averaged.
+    """
     turns = np.empty(0)
     if period > 1.0:  # where the real part of L0 turns back: w = T sin(wT)
         grid = np.linspace(0.0, period, int(8 * period * period) + 200)[1:]
@@ -66,7 +87,12 @@ def _panels(kappa: float, leaf: float, alpha: float, zeta: float, period: float)
     marks = [turns]
     for held in (leaf, leaf + kappa):
         ends = np.concatenate([[1e-12], turns, [1.001 * math.sqrt(held + 4.0)]])
-        marks.append(_zeros(lambda w, held=held: held - w * w + 4.0 * np.sin(0.5 * w * period) ** 2, ends))  # type: ignore[misc]
+        marks.append(
+            _zeros(
+                lambda w, held=held: held - w * w + 4.0 * np.sin(0.5 * w * period) ** 2,  # type: ignore[misc]
+                ends,
+            )
+        )
     steps = np.unique(np.concatenate(marks))
     if alpha == zeta == 0:  # the phase is constant between its steps
         return np.concatenate([[0.0], steps]), math.inf

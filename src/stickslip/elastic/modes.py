@@ -1,12 +1,14 @@
-"""Linear stability of an elastic slider in smooth sliding: a mode for each wavelength, and which of them grow.
+"""Linear stability of an elastic slider in smooth sliding: a mode for each wavelength,
+and which of them grow.
 
-All blocks slide alike, so the contacts of each answer with the same dynamic stiffness ``kappa(s)``, and every
-eigenvector of the springs is a mode of its own:
+All blocks slide alike, so the contacts of each answer with the same dynamic stiffness
+``kappa(s)``, and every eigenvector of the springs is a mode of its own:
 
     M s^2 + M eta s + Lambda_m + (c_b/k_b) lambda_m s + kappa(s) = 0
 
-with ``Lambda_m`` its stiffness, ``lambda_m`` the part of it that is the bulk's. Each mode is thus a rigid slider on a
-spring ``Lambda_m``, with the viscosity of the bulk added to its damping.
+with ``Lambda_m`` its stiffness, ``lambda_m`` the part of it that is the bulk's. Each
+mode is thus a rigid slider on a spring ``Lambda_m``, with the viscosity of the bulk
+added to its damping.
 """
 
 import math
@@ -30,17 +32,22 @@ from stickslip.stability.modes import growth_rate
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CriticalLength(Answer):
-    """How long an elastic slider, and how long a wave on it, has to be to lose stability; lengths in blocks."""
+    """How long an elastic slider, and how long a wave on it, has to be to lose
+    stability; lengths in blocks.
+    """
 
-    stiffness: float  #: ``K_c(v)``, below which a mode grows, in the rig's own units; 0 if none does
+    #: ``K_c(v)``, below which a mode grows, in the rig's own units; 0 if none does
+    stiffness: float
     wavelength: float  #: shortest wavelength that grows; infinite if none does
 
-    #: Length beyond which a slider that is pulled at one end is unstable, in the continuum with that end held: a
-    #: quarter of `wavelength` if it is long, ``(pi/2) sqrt(k_b/K_c)``.
+    #: Length beyond which a slider that is pulled at one end is unstable, in the
+    #: continuum with that end held: a quarter of `wavelength` if it is long,
+    #: ``(pi/2) sqrt(k_b/K_c)``.
     length: float
 
-    #: The same for the rig's own chain with its side spring: smallest number of blocks that is unstable, viscosity of
-    #: the bulk to first order; 0 if there is none, or the chain is not pulled at one end only.
+    #: The same for the rig's own chain with its side spring: smallest number of blocks
+    #: that is unstable, viscosity of the bulk to first order; 0 if there is none, or
+    #: the chain is not pulled at one end only.
     blocks: int
     said: str  #: these in a sentence, in the rig's units where its blocks have a length
 
@@ -49,7 +56,9 @@ class CriticalLength(Answer):
 
 
 def length_in_words(rig: Rig, blocks: float, digits: int = 4) -> str:
-    """A length along an elastic slider: in the rig's units where its blocks have one, else in blocks."""
+    """A length along an elastic slider: in the rig's units where its blocks have
+    one, else in blocks.
+    """
     spacing = rig.natural.slider.spacing
     if spacing is None:
         return f"{blocks:.{digits}g} block{'s' if blocks != 1 else ''}"
@@ -57,7 +66,8 @@ def length_in_words(rig: Rig, blocks: float, digits: int = 4) -> str:
 
 
 def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
-    """Return the modes of an elastic slider in smooth sliding, softest first, and how each grows or decays.
+    """Return the modes of an elastic slider in smooth sliding, softest first, and how
+    each grows or decays.
 
     Parameters
     ----------
@@ -69,9 +79,10 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     Returns
     -------
     Dataset
-        Along `mode`: `stiffness` ``Lambda_m`` and `coupling`, the bulk's part of it; `wavelength` in blocks (infinite
-        if all blocks move alike, NaN if the mode does not reach into the bulk; of a sheet, along the drive); `growth`
-        and `frequency`, real part and angular frequency of the rightmost root. In the rig's own units.
+        Along `mode`: `stiffness` ``Lambda_m`` and `coupling`, the bulk's part of it;
+        `wavelength` in blocks (infinite if all blocks move alike, NaN if the mode does
+        not reach into the bulk; of a sheet, along the drive); `growth` and `frequency`,
+        real part and angular frequency of the rightmost root. In the rig's own units.
 
     Raises
     ------
@@ -80,21 +91,29 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 
     Notes
     -----
-    Exact, but with a side spring and bulk viscosity together: they do not share their eigenvectors, and the viscosity
-    of a mode is taken to first order.
+    Exact, but with a side spring and bulk viscosity together: they do not share their
+    eigenvectors, and the viscosity of a mode is taken to first order.
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
-    >>> ring = ss.Chain(blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=3.0, ends="periodic")
-    >>> found = ss.elastic.modes(ss.Rig(interface, ring, ss.constant(velocity=1.5)), count=2)
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> ring = ss.Chain(
+    ...     blocks=8, coupling=2.0, mass=1e-4, damping=42.426, leaf=3.0, ends="periodic"
+    ... )
+    >>> found = ss.elastic.modes(
+    ...     ss.Rig(interface, ring, ss.constant(velocity=1.5)), count=2
+    ... )
     >>> found.stiffness.values.round(4).tolist(), found.growth.values.round(4).tolist()
     ([3.0, 4.1716], [-0.0538, -0.0957])
     """
     body = elastic_body(rig, "modes")
-    count, natural = whole("count", count, at_least=1, hint="number of modes"), rig.natural
+    count = whole("count", count, at_least=1, hint="number of modes")
+    natural = rig.natural
     stiffness, coupling, wavelength, each = sliders_of(body, count)
-    of = cache(lambda slider: growth_rate(replace(natural, slider=slider)))  # modes come in pairs of one stiffness
+    # modes come in pairs of one stiffness
+    of = cache(lambda slider: growth_rate(replace(natural, slider=slider)))
     root = np.array([of(slider) for slider in each])
     columns = {
         "stiffness": (stiffness, "k", "stiffness of the mode"),
@@ -104,51 +123,72 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
         "frequency": (root.imag, "1/time", "angular frequency"),
     }
     found = {
-        name: ("mode", values, {"long_name": title, "units": unit}) for name, (values, unit, title) in columns.items()
+        name: ("mode", values, {"long_name": title, "units": unit})
+        for name, (values, unit, title) in columns.items()
     }
     return rig.in_its_units(xr.Dataset(found, {"mode": np.arange(len(each))}))
 
 
-def sliders_of(body: ElasticBody, count: int) -> tuple[Array, Array, Array, list[Slider]]:
-    """Stiffness, the bulk's part of it, wavelength and the equivalent rigid slider of modes, softest first."""
+def sliders_of(
+    body: ElasticBody, count: int
+) -> tuple[Array, Array, Array, list[Slider]]:
+    """Stiffness, the bulk's part of it, wavelength and the equivalent rigid slider
+    of modes, softest first.
+    """
     ring = body.ends == "periodic"
     if isinstance(body, Chain | Sheet) and not (ring and body.side > 0):
         row, bulk = _row(body.size // body.rows, body.coupling, body.side, ring, count)
-        beside, _ = _row(body.rows, body.shear if isinstance(body, Sheet) else 0.0, 0.0, ring, count)
+        beside, _ = _row(
+            body.rows, body.shear if isinstance(body, Sheet) else 0.0, 0.0, ring, count
+        )
         total = (row[:, None] + beside).ravel()
         chosen = np.argsort(total, kind="stable")[:count]
-        stiffness, coupling = total[chosen], (bulk[:, None] + beside).ravel()[chosen]
+        stiffness = total[chosen]
+        coupling = (bulk[:, None] + beside).ravel()[chosen]
         along = np.repeat(row, beside.size)[chosen]
     elif body.size > 4096:
-        raise InputError(f"Rig.slider: {body.size} blocks in a network: more than 4096 are not computed; give fewer")
+        raise InputError(
+            f"Rig.slider: {body.size} blocks in a network: more than 4096 are not "
+            "computed; give fewer"
+        )
     else:
         links = coupling_matrix(body).toarray()
         stiffness, shape = np.linalg.eigh(links + np.diag(body.pulled - body.leaf))
         coupling = np.einsum("ij,ik,kj->j", shape, links, shape)[:count]
         along = stiffness = stiffness[:count]
-    # sin(q/2) in the bulk; a mode stiffer than any wave is held to the end with the spring.
+    # sin(q/2) in the bulk; a mode stiffer than any wave is held to the end with the
+    # spring.
     sine = np.sqrt(along / (4.0 * body.coupling))
     with np.errstate(divide="ignore"):
-        wavelength = np.where(sine > 1, np.nan, np.pi / np.arcsin(np.minimum(sine, 1.0)))
+        wavelength = np.where(
+            sine > 1, np.nan, np.pi / np.arcsin(np.minimum(sine, 1.0))
+        )
     stiffness = stiffness + body.leaf
     if not stiffness[0] > 0:
         raise InputError(
-            f"Rig.slider = {body!r}: nothing holds the slider, a mode has no stiffness; give leaf or side springs"
+            f"Rig.slider = {body!r}: nothing holds the slider, a mode has no "
+            "stiffness; give leaf or side springs"
         )
-    each = [_mode(body, s, c) for s, c in zip(stiffness.tolist(), coupling.tolist(), strict=True)]
+    each = [
+        _mode(body, s, c)
+        for s, c in zip(stiffness.tolist(), coupling.tolist(), strict=True)
+    ]
     return stiffness, coupling, wavelength, each
 
 
 def critical_length(rig: Rig) -> CriticalLength:
-    """Return the shortest wavelength that grows in smooth sliding, and from which length on a slider is unstable.
+    """Return the shortest wavelength that grows in smooth sliding, and from which
+    length on a slider is unstable.
 
-    The modes that grow are those softer than ``K_c(v)``, the critical spring of the rigid slider. Waves of wavenumber
-    `q` have the stiffness ``K + 4 k_b sin^2(q/2)``: long waves go first.
+    The modes that grow are those softer than ``K_c(v)``, the critical spring of the
+    rigid slider. Waves of wavenumber `q` have the stiffness ``K + 4 k_b sin^2(q/2)``:
+    long waves go first.
 
     Parameters
     ----------
     rig : Rig
-        With a `Chain`; it slides at the first velocity of the drive. Its number of blocks does not matter.
+        With a `Chain`; it slides at the first velocity of the drive. Its number of
+        blocks does not matter.
 
     Returns
     -------
@@ -163,49 +203,83 @@ def critical_length(rig: Rig) -> CriticalLength:
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
     >>> bar = ss.Chain(blocks=8, coupling=80.0, mass=1e-4, damping=42.426, side=40.0)
-    >>> print(ss.elastic.critical_length(ss.Rig(interface, bar, ss.constant(velocity=1.5))))
+    >>> print(
+    ...     ss.elastic.critical_length(
+    ...         ss.Rig(interface, bar, ss.constant(velocity=1.5))
+    ...     )
+    ... )
     waves longer than 37.62 blocks grow; pulled at one end, unstable from 8 blocks on
     """
     body = elastic_body(rig, "critical_length")
     if not isinstance(body, Chain):
-        raise InputError(f"Rig.slider = {body!r}: critical_length needs a Chain; the modes of a Sheet are in modes()")
+        raise InputError(
+            f"Rig.slider = {body!r}: critical_length needs a Chain; the modes of a "
+            "Sheet are in modes()"
+        )
     natural = rig.natural
 
     def spare(coupling: float) -> float:
-        """How far a wave of this stiffness of the bulk is from being stable, with the viscosity that it meets."""
+        """How far a wave of this stiffness of the bulk is from being stable, with
+        the viscosity that it meets.
+        """
         held = critical_spring(replace(natural, slider=_mode(body, 1.0, coupling)))
         return held - body.leaf - coupling
 
     reach = spare(0.0)
-    if body.viscosity > 0 and reach > 0:  # it adds damping, which may lower K_c and cannot raise what the bulk needs
+    # it adds damping, which may lower K_c and cannot raise what the bulk needs
+    if body.viscosity > 0 and reach > 0:
         reach = rising(lambda coupling: -spare(coupling), reach, reach, 2.0)
     stiffness = (body.leaf + reach) * rig.unit("k")
     if reach <= 0:
         said = "smooth sliding is stable at every wavelength"
-        return CriticalLength(stiffness=stiffness, wavelength=math.inf, length=math.inf, blocks=0, said=said)
+        return CriticalLength(
+            stiffness=stiffness,
+            wavelength=math.inf,
+            length=math.inf,
+            blocks=0,
+            said=said,
+        )
     sine = math.sqrt(reach / (4.0 * body.coupling))
     wavelength = math.pi / math.asin(sine) if sine < 1 else 2.0
-    said, blocks = f"waves longer than {length_in_words(rig, wavelength)} grow", 0
+    said = f"waves longer than {length_in_words(rig, wavelength)} grow"
+    blocks = 0
     if body.side > 0 and body.leaf == 0 and body.ends == "free":
-        # Blocks beyond cot(q n) = (2 k_b/k_side - 1) tan(q/2), at the critical wavenumber.
+        # Blocks beyond cot(q n) = (2 k_b/k_side - 1) tan(q/2), at the critical
+        # wavenumber.
         half = math.asin(min(sine, 1.0 - 1e-9))
-        beyond = math.atan2(1.0, (2.0 * body.coupling / body.side - 1.0) * math.tan(half))
+        beyond = math.atan2(
+            1.0, (2.0 * body.coupling / body.side - 1.0) * math.tan(half)
+        )
         blocks = 1 + math.floor(beyond / (2.0 * half))
         said += f"; pulled at one end, unstable from {length_in_words(rig, blocks)} on"
     length = 0.5 * math.pi * math.sqrt(body.coupling / reach)
-    return CriticalLength(stiffness=stiffness, wavelength=wavelength, length=length, blocks=blocks, said=said)
+    return CriticalLength(
+        stiffness=stiffness,
+        wavelength=wavelength,
+        length=length,
+        blocks=blocks,
+        said=said,
+    )
 
 
 def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:
     """Return the rigid slider that a mode amounts to."""
     viscous = body.viscosity / body.coupling * coupling
-    return Slider(stiffness=stiffness, mass=body.mass, damping=body.damping + viscous / body.mass)
+    return Slider(
+        stiffness=stiffness, mass=body.mass, damping=body.damping + viscous / body.mass
+    )
 
 
-def _row(blocks: int, coupling: float, side: float, ring: bool, count: int) -> tuple[Array, Array]:
-    """Stiffness of the softest modes of a row of blocks without leaf springs, and the bulk's part of it."""
+def _row(
+    blocks: int, coupling: float, side: float, ring: bool, count: int
+) -> tuple[Array, Array]:
+    """Stiffness of the softest modes of a row of blocks without leaf springs, and
+    the bulk's part of it.
+    """
     count = min(count, blocks)
     if side == 0:
         number = np.arange(count)
@@ -216,5 +290,7 @@ def _row(blocks: int, coupling: float, side: float, ring: bool, count: int) -> t
     diagonal[[0, -1]] = coupling if blocks > 1 else 0.0
     diagonal[0] += side
     beside = np.full(blocks - 1, -coupling)
-    stiffness, shape = eigh_tridiagonal(diagonal, beside, select="i", select_range=(0, count - 1))
+    stiffness, shape = eigh_tridiagonal(
+        diagonal, beside, select="i", select_range=(0, count - 1)
+    )
     return np.asarray(stiffness), np.asarray(stiffness - side * shape[0] ** 2)

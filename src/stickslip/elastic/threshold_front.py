@@ -1,11 +1,13 @@
 """Steady fronts in a bar on contacts with any distribution of thresholds, by shooting.
 
-Behind ``U`` ahead of the front all contacts are stretched to ``tau_0``; as the bar moves on they break, and carry
-``F(U) = f_d + (U - f_d) J_c(U)/J_c(tau_0)``. In units of ``sqrt(k_b/k)`` blocks the front is that of a bistable medium,
+Behind ``U`` ahead of the front all contacts are stretched to ``tau_0``; as the bar
+moves on they break, and carry ``F(U) = f_d + (U - f_d) J_c(U)/J_c(tau_0)``. In units of
+``sqrt(k_b/k)`` blocks the front is that of a bistable medium,
 
     U'' + C U' + K (D - U) - F(U) = 0,
 
-with one eigenvalue `C`, positive if the front advances. Inertia enters by ``v = c/sqrt(1 + M eta^2/C^2)`` alone.
+with one eigenvalue `C`, positive if the front advances. Inertia enters by
+``v = c/sqrt(1 + M eta^2/C^2)`` alone.
 """
 
 import math
@@ -29,59 +31,90 @@ class Medium(NamedTuple):
     prestress: float
 
     def excess(self, x: Array | float) -> Array:
-        """``K (D - U) - F(U)``: what drives the bar forward where it has moved to ``U = x``."""
-        attached = self.thresholds.survival(np.asarray(x)) / float(self.thresholds.survival(self.prestress))
+        """``K (D - U) - F(U)``: what drives the bar forward where it has moved to
+        ``U = x``.
+        """
+        attached = self.thresholds.survival(np.asarray(x)) / float(
+            self.thresholds.survival(self.prestress)
+        )
         held = self.leaf * (x - self.prestress) + (x - self.sliding_force) * attached
         return np.asarray(self.prestress - self.sliding_force - held)
 
     @property
     def rest(self) -> float:
-        """Displacement at which the bar comes to rest behind a front; infinite without leaf springs."""
+        """Displacement at which the bar comes to rest behind a front; infinite
+        without leaf springs.
+        """
         if self.leaf == 0:
             return math.inf
         far = self.prestress + (self.prestress - self.sliding_force) / self.leaf
-        if float(self.thresholds.survival(far)) <= 1e-14 * float(self.thresholds.survival(self.prestress)):
+        if float(self.thresholds.survival(far)) <= 1e-14 * float(
+            self.thresholds.survival(self.prestress)
+        ):
             return far
-        # Some contacts are still attached there; the bar rests earlier. Without a place to rest there is no front.
+        # Some contacts are still attached there; the bar rests earlier. Without a place
+        # to rest there is no front.
         x = np.linspace(self.prestress, far, 4001)[1:]
         driven = np.flatnonzero(self.excess(x) > 0)
         if driven.size == 0:
             return self.prestress
         last = x[driven[-1]]
-        return float(brentq(lambda u: float(self.excess(u)), last, min(far, last + x[1] - x[0])))
+        return float(
+            brentq(lambda u: float(self.excess(u)), last, min(far, last + x[1] - x[0]))
+        )
 
     @property
     def gain(self) -> float:
-        """The work that a front has to spare per contact, the area under `excess`: none at the threshold."""
-        sliding, end = self.sliding_force, self.rest
+        """The work that a front has to spare per contact, the area under `excess`:
+        none at the threshold.
+        """
+        sliding = self.sliding_force
+        end = self.rest
         if self.prestress <= sliding or end == self.prestress:
             return -math.inf
         if math.isinf(end):
             return math.inf
 
         def spent(x: float) -> float:
-            """Minus the integral of ``(u - f_d) J_c(u)`` over ``u > x``: by parts, moments of the thresholds beyond."""
-            none, one, two = (float(self.thresholds.partial_moment(x, n)) for n in (0, 1, 2))
-            return 0.5 * (none * (x - sliding) ** 2 - two + 2 * sliding * one - sliding**2 * none)
+            """Minus the integral of ``(u - f_d) J_c(u)`` over ``u > x``: by parts,
+            moments of the thresholds beyond.
+            """
+            none, one, two = (
+                float(self.thresholds.partial_moment(x, n)) for n in (0, 1, 2)
+            )
+            return 0.5 * (
+                none * (x - sliding) ** 2 - two + 2 * sliding * one - sliding**2 * none
+            )
 
         moved = end - self.prestress
-        contacts = (spent(end) - spent(self.prestress)) / float(self.thresholds.survival(self.prestress))
-        return (self.prestress - sliding) * moved - 0.5 * self.leaf * moved**2 - contacts
+        contacts = (spent(end) - spent(self.prestress)) / float(
+            self.thresholds.survival(self.prestress)
+        )
+        return (
+            (self.prestress - sliding) * moved - 0.5 * self.leaf * moved**2 - contacts
+        )
 
 
-def rising(lack: Callable[[float], float], low: float, high: float, step: float) -> float:
-    """Where a function rises through 0, or 0 if it does not; the bracket is widened by a factor until it holds that."""
+def rising(
+    lack: Callable[[float], float], low: float, high: float, step: float
+) -> float:
+    """Where a function rises through 0, or 0 if it does not; the bracket is widened
+    by a factor until it holds that.
+    """
     while lack(low) > 0:
         low, high = low / step, low
         if low < 1e-9:
             return 0.0
     while lack(high) < 0:
-        low, high = high, high * step
+        low = high
+        high = high * step
     return float(brentq(lack, low, high, xtol=1e-14, rtol=1e-12))
 
 
 def threshold(medium: Medium) -> float:
-    """Return the smallest prestress with a front: equal areas above and below 0 of `excess` (Maxwell's rule)."""
+    """Return the smallest prestress with a front: equal areas above and below 0 of
+    `excess` (Maxwell's rule).
+    """
     sliding = medium.sliding_force
     if medium.leaf == 0:
         return sliding
@@ -98,15 +131,18 @@ def threshold(medium: Medium) -> float:
 
 
 def shoot(medium: Medium) -> float:
-    """Return the eigenvalue `C` of the front; 0 if there is none that advances, infinity if all contacts give way.
+    """Return the eigenvalue `C` of the front; 0 if there is none that advances,
+    infinity if all contacts give way.
 
-    With ``p = -U'`` the energy ``p^2/2`` grows along `U` by ``C p - excess``; it is carried from either end.
+    With ``p = -U'`` the energy ``p^2/2`` grows along `U` by ``C p - excess``; it is
+    carried from either end.
     """
     if medium.gain <= 0:
         return 0.0
     tiny = 1e-6 * (1.0 + medium.prestress)
     low, high = medium.thresholds.support
-    start, stop = max(medium.prestress + tiny, low), min(high, medium.rest - tiny)
+    start = max(medium.prestress + tiny, low)
+    stop = min(high, medium.rest - tiny)
     x = np.linspace(start, stop, 8001)
     force = medium.excess(x)
     held = np.flatnonzero(force < 0)
@@ -114,14 +150,26 @@ def shoot(medium: Medium) -> float:
         return math.inf
     middle = x[held[-1] + 1]
     # Up to there from the places of rest the force is linear.
-    ahead, behind = -force[0] / (start - medium.prestress), force[-1] / (medium.rest - stop)
+    ahead = -force[0] / (start - medium.prestress)
+    behind = force[-1] / (medium.rest - stop)
 
     def mismatch(c: float) -> float:
         def carried(p: float, begin: float) -> float:
             def growth(energy: Array, u: float) -> float:
-                return c * math.sqrt(2.0 * max(energy[0], 0.0)) - float(np.interp(u, x, force))
+                return c * math.sqrt(2.0 * max(energy[0], 0.0)) - float(
+                    np.interp(u, x, force)
+                )
 
-            return float(odeint(growth, 0.5 * p * p, [begin, middle], rtol=1e-8, atol=1e-12, mxstep=20_000)[-1, 0])
+            return float(
+                odeint(
+                    growth,
+                    0.5 * p * p,
+                    [begin, middle],
+                    rtol=1e-8,
+                    atol=1e-12,
+                    mxstep=20_000,
+                )[-1, 0]
+            )
 
         first = 0.5 * (c + math.sqrt(c * c + 4.0 * ahead)) * (start - medium.prestress)
         last = 2.0 * force[-1] / (c + math.sqrt(c * c + 4.0 * behind))

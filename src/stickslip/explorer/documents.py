@@ -1,6 +1,7 @@
 """Rigs as the page holds them: the content of a rig file, as a plain mapping.
 
-What the page shows in a field is what stands in the document; every check is made here, by `stickslip.io.rig_files`.
+What the page shows in a field is what stands in the document; every check is made here,
+by `stickslip.io.rig_files`.
 """
 
 import json
@@ -30,28 +31,48 @@ from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
 
-LONGEST = 4.0  # seconds of a run, as estimated before it starts; it is cut short to that
-SHORTEST = 0.02  # of a drive, that a run shows at least; one that would have to be shorter is refused
-MOST = {"contacts": 1_000_000, "samples": 200_000, "pieces": 1_000, "bins": 1_000, "blocks": 400}
-"""What a run, its drive, a distribution of thresholds and a bar may have, so that the page stays live."""
+# seconds of a run, as estimated before it starts; it is cut short to that
+LONGEST = 4.0
+# of a drive, that a run shows at least; one that would have to be shorter is refused
+SHORTEST = 0.02
+MOST = {
+    "contacts": 1_000_000,
+    "samples": 200_000,
+    "pieces": 1_000,
+    "bins": 1_000,
+    "blocks": 400,
+}
+"""What a run, its drive, a distribution of thresholds and a bar may have, so that
+the page stays live.
+"""
 DIGITS = 5  # significant digits of the numbers that the page shows
 DECADES = 15  # powers of ten of a number of the model, in natural units
 NARROWEST, WIDEST = 2e-3, 5.0
-"""Bounds on the standard deviation of the thresholds over their mean, and on both in ``x_s``: theory takes its steps by
-the narrowest distribution and goes as far as the widest."""
+"""Bounds on the standard deviation of the thresholds over their mean, and on both in
+``x_s``: theory takes its steps by the narrowest distribution and goes as far as the
+widest.
+"""
 
 LARGEST_REQUEST = 1_000_000  # bytes of a message from the page, and of a document
 
-NAMES = tuple(parameter.name for parameter in PARAMETERS)  # parameters of the theory of stability: the axes of the map
+# parameters of the theory of stability: the axes of the map
+NAMES = tuple(parameter.name for parameter in PARAMETERS)
 
 _BENCH = Scales(force=768.0, stretching=2e-6, time=5e-3)
-"""Scales for a rig in natural units that is to be shown in SI: those of the example pmma_slider."""
+"""Scales for a rig in natural units that is to be shown in SI: those of the example
+pmma_slider.
+"""
 
 
 def from_json(content: str | bytes) -> object:
-    """Read what a page sends: JSON of bounded size with finite numbers and texts that can be written."""
+    """Read what a page sends: JSON of bounded size with finite numbers and texts
+    that can be written.
+    """
     if len(content) > LARGEST_REQUEST:
-        raise InputError(f"this message has {len(content) / 1e6:.1f} MB, more than {LARGEST_REQUEST / 1e6:g}")
+        raise InputError(
+            f"this message has {len(content) / 1e6:.1f} MB, more than "
+            f"{LARGEST_REQUEST / 1e6:g}"
+        )
     try:
         found = json.loads(content)
         json.dumps(found, ensure_ascii=False, allow_nan=False).encode()
@@ -61,10 +82,14 @@ def from_json(content: str | bytes) -> object:
 
 
 def rig_of(document: object) -> Rig:
-    """Make the rig that a document describes, with one slider; an elastic one is refused."""
+    """Make the rig that a document describes, with one slider; an elastic one is
+    refused.
+    """
     rig = any_rig_of(document)
     if isinstance(rig.slider, ElasticBody):
-        raise InputError("rig: an elastic slider is shown on the page Fronts; here, give [slider]")
+        raise InputError(
+            "rig: an elastic slider is shown on the page Fronts; here, give [slider]"
+        )
     return rig
 
 
@@ -81,7 +106,9 @@ def seconds_of(request: Mapping[str, Any]) -> float:
 
 
 def values_of(rig: Rig) -> dict[str, float]:
-    """Where each parameter of the map stands, in the unit of its axis: the rig's own."""
+    """Where each parameter of the map stands, in the unit of its axis: the rig's
+    own.
+    """
     found = {}
     for name in NAMES if rig.natural.velocity > 0 else ():
         with suppress(InputError):  # the rig has no such parameter
@@ -95,19 +122,26 @@ def of(rig: Rig) -> Document:
 
 
 def shortened(rig: Rig, seconds: float) -> Rig:
-    """Return the rig with its drive cut short, so that a run takes no longer than this by estimate, if that will do."""
+    """Return the rig with its drive cut short, so that a run takes no longer than
+    this by estimate, if that will do.
+    """
     short = rig
     for _ in range(6):
         if (excess := estimate(short).seconds / seconds) <= 1.0:
             return short
-        if not math.isfinite(excess) or short.drive.duration < SHORTEST * excess * rig.drive.duration:
+        if (
+            not math.isfinite(excess)
+            or short.drive.duration < SHORTEST * excess * rig.drive.duration
+        ):
             break
         short = lasting(short, 0.95 / excess * short.drive.duration)
     return rig
 
 
 def extended(rig: Rig, seconds: float) -> Rig | None:
-    """Return the rig with a drive twice as long; None if that would take too long, or the drive is not constant."""
+    """Return the rig with a drive twice as long; None if that would take too long,
+    or the drive is not constant.
+    """
     try:
         longer = lasting(rig, 2.0 * rig.drive.duration)
     except InputError:
@@ -116,8 +150,14 @@ def extended(rig: Rig, seconds: float) -> Rig | None:
 
 
 def of_duration(rig: Rig, duration: object) -> Rig:
-    """Return the rig with the duration, in its own units, that its run on the page had; without one, as it is."""
-    return rig if duration is None else lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
+    """Return the rig with the duration, in its own units, that its run on the page
+    had; without one, as it is.
+    """
+    return (
+        rig
+        if duration is None
+        else lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
+    )
 
 
 def check_size(rig: Rig, seconds: float = LONGEST) -> None:
@@ -127,11 +167,24 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
         if isinstance(distribution := getattr(rig.interface, name), Empirical):
             check_count(f"interface.{name}", "bins", len(distribution.weights))
     check_count("drive.pieces", "pieces", len(rig.drive.pieces))
-    check_count("simulation.contacts", "contacts", rig.method.count if isinstance(rig.method, Contacts) else 0)
-    check_count("simulation.interval", "samples", rig.drive.duration / (rig.output.interval or math.inf))
+    check_count(
+        "simulation.contacts",
+        "contacts",
+        rig.method.count if isinstance(rig.method, Contacts) else 0,
+    )
+    check_count(
+        "simulation.interval",
+        "samples",
+        rig.drive.duration / (rig.output.interval or math.inf),
+    )
     if rig.slider.mass == 0:
         raise InputError(
-            "slider.mass = 0: must be above 0 for a run; theory of stability takes a slider without", "slider.mass"
+            (
+                "slider.mass = 0: must be above 0 for a run; theory of stability takes "
+                "a "
+                "slider without"
+            ),
+            "slider.mass",
         )
     estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
 
@@ -139,51 +192,81 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
 def check_count(key: str, what: str, count: float) -> None:
     """Raise `InputError` if there is more of something than a page can wait for."""
     if count > MOST[what]:
-        more = f"at most {MOST[what]} {what}, here {count:.6g}, to stay live; for more use `stickslip simulate`"
+        more = (
+            f"at most {MOST[what]} {what}, here {count:.6g}, to stay live; for more "
+            "use `stickslip simulate`"
+        )
         raise InputError(f"{key}: must make {more}", key)
 
 
 def check_decades(rig: Rig) -> None:
-    """Raise `InputError` if a number is so far from the scales of the interface that arithmetic fails."""
+    """Raise `InputError` if a number is so far from the scales of the interface that
+    arithmetic fails.
+    """
     for key, value in json_normalize(rigs.to_document(rig.natural)).iloc[0].items():
-        if isinstance(value, float) and value and math.isfinite(value) and abs(math.log10(abs(value))) > DECADES:
+        if (
+            isinstance(value, float)
+            and value
+            and math.isfinite(value)
+            and abs(math.log10(abs(value))) > DECADES
+        ):
             raise InputError(
-                f"{key}: is {value:.3g} in natural units; within {DECADES} decades of 1 it can be computed with",
+                (
+                    f"{key}: is {value:.3g} in natural units; within {DECADES} decades "
+                    "of "
+                    "1 it can be computed with"
+                ),
                 str(key),
             )
 
 
 def check_thresholds(rig: Rig) -> None:
-    """Raise `InputError` if theory would keep the page waiting: it resolves the distribution of thresholds."""
+    """Raise `InputError` if theory would keep the page waiting: it resolves the
+    distribution of thresholds.
+    """
     thresholds = rig.interface.thresholds
-    mean, std = thresholds.moment(1), thresholds.standard_deviation()
-    if not (std >= NARROWEST * mean and mean + std <= WIDEST):  # written so that NaN is refused
+    mean = thresholds.moment(1)
+    std = thresholds.standard_deviation()
+    # written so that NaN is refused
+    if not (std >= NARROWEST * mean and mean + std <= WIDEST):
         raise InputError(
-            f"interface.thresholds.std = {std:.4g}: must be at least {NARROWEST:g} of the mean "
-            f"({mean:.4g}), and both together at most {WIDEST:g}, for what theory says of them, to stay live",
+            f"interface.thresholds.std = {std:.4g}: must be at least {NARROWEST:g} of "
+            "the mean "
+            f"({mean:.4g}), and both together at most {WIDEST:g}, for what theory says "
+            "of them, to stay live",
             "interface.thresholds.std",
         )
 
 
 def complaints(error: Exception) -> list[dict[str, str]]:
-    """Return what is wrong, each with the key of the document that it is about (empty if there is none).
+    """Return what is wrong, each with the key of the document that it is about (empty
+    if there is none).
 
-    More mistakes than a rig has keys stand beside no field: they are reported in one line, which counts the rest.
+    More mistakes than a rig has keys stand beside no field: they are reported in one
+    line, which counts the rest.
     """
     mistakes = error.mistakes if isinstance(error, InputError) else (error,)
     if len(mistakes) > sum(map(len, TABLES.values())):
         mistakes = (error,)
     return [
-        {"key": getattr(mistake, "place", ""), "message": str(mistake).removeprefix("rig: ")} for mistake in mistakes
+        {
+            "key": getattr(mistake, "place", ""),
+            "message": str(mistake).removeprefix("rig: "),
+        }
+        for mistake in mistakes
     ]
 
 
 def turned(document: Document, values: Mapping[str, Any]) -> Document:
-    """Return a document with some parameters varied, in the basic units of its own system (N/m, m/s, kg; natural)."""
+    """Return a document with some parameters varied, in the basic units of its own
+    system (N/m, m/s, kg; natural).
+    """
     rig = rig_of(document)
     for name, value in values.items():
         if name not in NAMES:
-            raise InputError(f"{shown(name)}: is no parameter; there are {', '.join(NAMES)}")
+            raise InputError(
+                f"{shown(name)}: is no parameter; there are {', '.join(NAMES)}"
+            )
         rig = rig.replace(**{name: number(name, value, above=0)})
     # A parameter is turned at constant eta, as on the map.
     ratio = _by_ratio(document) and not values.keys() & {"stiffness", "mass", "damping"}
@@ -196,7 +279,8 @@ def with_damping(document: Document, ratio: bool) -> Document:
 
 
 def in_units(document: Document, units: str, scales: Any = None) -> Document:
-    """Return a document in the other system of units, and the scales of the one in SI, for the way back.
+    """Return a document in the other system of units, and the scales of the one in SI,
+    for the way back.
 
     Without scales, those of the PMMA bench among the examples are taken.
     """
@@ -208,7 +292,9 @@ def in_units(document: Document, units: str, scales: Any = None) -> Document:
     try:
         back = Scales(**scales) if scales else _BENCH
     except TypeError:
-        raise InputError(f"scales = {shown(scales)}: must be a table of force, stretching and time") from None
+        raise InputError(
+            f"scales = {shown(scales)}: must be a table of force, stretching and time"
+        ) from None
     # What was assumed is said of the numbers of the file.
     turned = replace(rig, scales=None if rig.scales else back, assumed={})
     found = {"document": _like(document, turned, damping_ratio=_by_ratio(document))}
@@ -222,7 +308,9 @@ def _by_ratio(document: Document) -> bool:
 def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
     """The document of a rig, its heat as it was given."""
     made = rigs.to_document(rig, digits=DIGITS, damping_ratio=damping_ratio)
-    if (heat := document["interface"].get("temperature")) and document.get("units") == made.get("units"):
+    if (heat := document["interface"].get("temperature")) and document.get(
+        "units"
+    ) == made.get("units"):
         made["interface"]["temperature"] = heat  # a rig keeps no kelvins
     return made
 
@@ -230,7 +318,8 @@ def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
 @lru_cache(maxsize=1)
 def presets() -> tuple[dict[str, Any], ...]:
     """Return every preset: a group, a title and a document."""
-    bench, shipped = first(), _table("presets")
+    bench = first()
+    shipped = _table("presets")
     short = paper(cases.FIG4, "Sliding or stick-slip")
     short["simulation"]["contacts"] = 3_000
     short["drive"]["distance"] = 40.0
@@ -241,24 +330,45 @@ def presets() -> tuple[dict[str, Any], ...]:
         "Sliding or stick-slip? (natural units)": short,
         "Teaching bench, contacts broken by heat": warm,
     }
-    found = [{"group": "Begin", "title": title, "document": document} for title, document in titles.items()]
+    found = [
+        {"group": "Begin", "title": title, "document": document}
+        for title, document in titles.items()
+    ]
     found += [
         {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
         for rig in map(rigs.example, rigs.example_names())
-        # A slow fault whose contacts heat breaks slips twice in what a page waits for: too few for a verdict.
-        if rig.name != bench["name"] and rig.interface.temperature is None and isinstance(rig.slider, Slider)
+        # A slow fault whose contacts heat breaks slips twice in what a page waits for:
+        # too few for a verdict.
+        if rig.name != bench["name"]
+        and rig.interface.temperature is None
+        and isinstance(rig.slider, Slider)
     ]
     for figure, words in shipped["figures"].items():
-        title, document = f"Fig. {figure}: {words}", paper(getattr(cases, f"FIG{figure}"), f"Fig. {figure}")
-        found.append({"group": "The paper, in natural units", "title": title, "document": document})
+        title = f"Fig. {figure}: {words}"
+        document = paper(getattr(cases, f"FIG{figure}"), f"Fig. {figure}")
+        found.append(
+            {
+                "group": "The paper, in natural units",
+                "title": title,
+                "document": document,
+            }
+        )
     return tuple(found)
 
 
 def begun() -> dict[str, Any]:
-    """Return what a page begins with: presets, bars, the questions of the tour, and what each quantity and field is."""
-    shipped, bar = _table("presets"), rigs.example("pmma_bar")
+    """Return what a page begins with: presets, bars, the questions of the tour, and
+    what each quantity and field is.
+    """
+    shipped = _table("presets")
+    bar = rigs.example("pmma_bar")
     bars = [*shipped["bars"], {"title": bar.name, "document": of(bar)}]
-    return {"presets": presets(), "bars": bars, "tour": shipped["tour"], **_table("glossary")}
+    return {
+        "presets": presets(),
+        "bars": bars,
+        "tour": shipped["tour"],
+        **_table("glossary"),
+    }
 
 
 def _table(name: str) -> dict[str, Any]:
@@ -266,7 +376,9 @@ def _table(name: str) -> dict[str, Any]:
 
 
 def first() -> Document:
-    """Return the rig that the app begins with: a bench for teaching, in a shorter run so that it answers at once."""
+    """Return the rig that the app begins with: a bench for teaching, in a shorter
+    run so that it answers at once.
+    """
     document = of(rigs.example("teaching_bench"))
     document["drive"]["distance"] = "60 mm"
     return document
@@ -275,5 +387,8 @@ def first() -> Document:
 def paper(case: PaperCase, name: str) -> Document:
     """Return a case of the paper as a document in natural units."""
     distance = 60.0 if case.interface.ageing is None else 30.0
-    drive, method = constant(case.velocity, distance / case.velocity), Contacts(case.contacts, seed=1)
-    return rigs.to_document(replace(case.rig, drive=drive, method=method, name=name), digits=12)
+    drive = constant(case.velocity, distance / case.velocity)
+    method = Contacts(case.contacts, seed=1)
+    return rigs.to_document(
+        replace(case.rig, drive=drive, method=method, name=name), digits=12
+    )

@@ -1,4 +1,6 @@
-"""Runs of an elastic slider for the page Fronts: its force, what happens along the bar, and each event closer."""
+"""Runs of an elastic slider for the page Fronts: its force, what happens along the
+bar, and each event closer.
+"""
 
 import math
 from collections.abc import Iterator
@@ -21,45 +23,73 @@ from stickslip.simulation import estimate, simulate
 _PATIENCE = 4.0  # times as long as a run of the page Simulate
 _MOST_VALUES = 4_000_000  # of each block at each time
 _PER_BLOCK = 3.0  # samples while sound passes one
-_ROWS, _CLOSE = 600, 240  # pixels in time, of the whole run and of an event
+# pixels in time, of the whole run and of an event
+_ROWS = 600
+_CLOSE = 240
 _EVENTS = 12  # that can be looked at closer
 _FEWEST = 3  # blocks of an event that is told
 _DECADES = 3.0  # of velocity below the largest
 
 
 def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Run a bar; return its force, its pictures in space and time, and its events with extent and speed."""
+    """Run a bar; return its force, its pictures in space and time, and its events
+    with extent and speed.
+    """
     rig = documents.any_rig_of(request.get("chain"))
     body = rig.slider
     if not isinstance(body, Chain):
-        raise InputError("chain: this rig has no bar of blocks; give [chain] in place of [slider]", "chain")
+        raise InputError(
+            "chain: this rig has no bar of blocks; give [chain] in place of [slider]",
+            "chain",
+        )
     documents.check_count("chain.blocks", "blocks", body.blocks)
     if body.blocks < _FEWEST:
-        raise InputError(f"chain.blocks = {body.blocks}: must be at least {_FEWEST} for a front to run")
+        raise InputError(
+            f"chain.blocks = {body.blocks}: must be at least {_FEWEST} for a front to "
+            "run"
+        )
     if isinstance(rig.method, Contacts):
-        documents.check_count("simulation.contacts", "contacts", rig.method.count * body.blocks)
+        documents.check_count(
+            "simulation.contacts", "contacts", rig.method.count * body.blocks
+        )
     documents.check_decades(rig)
-    estimate(rig).check(_PATIENCE * documents.seconds_of(request), otherwise="use `stickslip simulate`")
+    estimate(rig).check(
+        _PATIENCE * documents.seconds_of(request), otherwise="use `stickslip simulate`"
+    )
     duration = rig.drive.duration
     samples = min(_PER_BLOCK * body.sound_speed * duration, _MOST_VALUES / body.blocks)
-    run = simulate(replace(rig, output=Output(interval=duration / max(samples, 100.0))), progress=watch)
+    run = simulate(
+        replace(rig, output=Output(interval=duration / max(samples, 100.0))),
+        progress=watch,
+    )
     watch(1.0)
     fewest = max(_FEWEST, body.blocks / 10)
     events, along = (
         [row for row in rows(table, name, most=_ROWS) if row["blocks"] >= fewest]
-        for table, name in ((measure.events(run), "event"), (measure.fronts(run), "front"))
+        for table, name in (
+            (measure.events(run), "event"),
+            (measure.fronts(run), "front"),
+        )
     )
     # A bar that does not come to rest again has a front, and no event.
     events = events or [{**front, "drop": 0.0} for front in along]
-    longest = sorted(sorted(events, key=lambda event: -event["blocks"])[:_EVENTS], key=lambda event: event["start"])
+    longest = sorted(
+        sorted(events, key=lambda event: -event["blocks"])[:_EVENTS],
+        key=lambda event: event["start"],
+    )
     sound = rig.natural.slider.sound_speed * rig.unit("1/time")
     fastest = float(np.abs(run["velocity"].to_numpy()).max()) or 1.0
-    times, force = axis(run["time"]), axis(run["spring_force"])
+    times = axis(run["time"])
+    force = axis(run["spring_force"])
     yield {
         "name": rig.name,
         "time": times,
         "force": force,
-        "speed": {"fastest": fastest, "decades": _DECADES, "unit": run["velocity"].attrs["units"]},
+        "speed": {
+            "fastest": fastest,
+            "decades": _DECADES,
+            "unit": run["velocity"].attrs["units"],
+        },
         "blocks": body.blocks,
         "whole": _view(run, fastest, times, force, _ROWS),
         "events": [
@@ -69,8 +99,12 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
                 "drop": event["drop"] / force["factor"],
                 "blocks": event["blocks"],
                 "from": event["first_block"] + 1,
-                "speed": event["front_speed"] / sound if math.isfinite(event["front_speed"]) else None,
-                "view": _view(_closer(run, event, sound), fastest, times, force, _CLOSE),
+                "speed": event["front_speed"] / sound
+                if math.isfinite(event["front_speed"])
+                else None,
+                "view": _view(
+                    _closer(run, event, sound), fastest, times, force, _CLOSE
+                ),
             }
             for event in longest
         ],
@@ -80,15 +114,25 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def _closer(run: xr.Dataset, event: dict[str, Any], sound: float) -> xr.Dataset:
-    """The run in an event, from a little before it to a little after, in four samples at least."""
+    """The run in an event, from a little before it to a little after, in four
+    samples at least.
+    """
     lasts = max(event["end"] - event["start"], event["blocks"] / sound)
-    first, last = np.searchsorted(run["time"], event["start"] + lasts * np.array([-0.3, 1.6])).tolist()
+    first, last = np.searchsorted(
+        run["time"], event["start"] + lasts * np.array([-0.3, 1.6])
+    ).tolist()
     return run.isel(time=slice(first, max(last, first + 4)))
 
 
-def _view(part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: int) -> Plain:
-    """Force, velocity of the blocks and attached contacts in a part of a run, by the axes of time and force."""
-    t, F = envelope(in_unit(part["time"], times), in_unit(part["spring_force"], force), 2 * most)
+def _view(
+    part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: int
+) -> Plain:
+    """Force, velocity of the blocks and attached contacts in a part of a run, by the
+    axes of time and force.
+    """
+    t, F = envelope(
+        in_unit(part["time"], times), in_unit(part["spring_force"], force), 2 * most
+    )
     velocity, attached = (
         pixels(on_blocks(part, name, "fronts"), (most, documents.MOST["blocks"]))[0]
         for name in ("velocity", "attached")
@@ -106,6 +150,8 @@ def _view(part: xr.Dataset, fastest: float, times: Plain, force: Plain, most: in
 
 
 def _bytes(part: Array) -> Plain:
-    """Parts from 0 to 1 at each time in each block, a byte each, a line for each block."""
+    """Parts from 0 to 1 at each time in each block, a byte each, a line for each
+    block.
+    """
     bytes_ = np.rint(255.0 * np.clip(np.nan_to_num(part.T, neginf=0.0), 0.0, 1.0))
     return {**packed(bytes_, "u1"), "shape": "{}, {}".format(*bytes_.shape)}

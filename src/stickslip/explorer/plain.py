@@ -1,4 +1,6 @@
-"""Runs and traces as plain data for a screen: arrays, axes with units, the force with its slips and regime."""
+"""Runs and traces as plain data for a screen: arrays, axes with units, the force
+with its slips and regime.
+"""
 
 import base64
 import math
@@ -17,19 +19,29 @@ from stickslip.words import prefixed
 
 Plain = dict[str, Any]
 Watch = Callable[[float], None]
-"""Called with the fraction of the work that is done; it raises where nobody waits for the rest."""
+"""Called with the fraction of the work that is done; it raises where nobody waits
+for the rest.
+"""
 
 _MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
 
 
 def force_trace(data: xr.Dataset, width: int) -> Plain:
-    """Force against time, thinned to the width of the screen, with regime in words, drops, and slips if it has any."""
-    (seen, drops), words = measure.regime_and_drops(data), ramps.in_words(data)
+    """Force against time, thinned to the width of the screen, with regime in words,
+    drops, and slips if it has any.
+    """
+    seen, drops = measure.regime_and_drops(data)
+    words = ramps.in_words(data)
     slips = drops if seen.kind == "stick-slip" or words else drops.isel(event=slice(0))
-    times, force = axis(data["time"]), axis(data["spring_force"])
-    t, f = in_unit(data["time"], times), in_unit(data["spring_force"], force)
+    times = axis(data["time"])
+    force = axis(data["spring_force"])
+    t = in_unit(data["time"], times)
+    f = in_unit(data["spring_force"], force)
     t, f = envelope(t, f, 2 * width)
-    start, end, before = (slips[name].to_numpy()[:_MOST_MARKED] for name in ("start", "end", "force_before"))
+    start, end, before = (
+        slips[name].to_numpy()[:_MOST_MARKED]
+        for name in ("start", "end", "force_before")
+    )
     return {
         "time": {**times, "values": packed(t)},
         "force": {**force, "values": packed(f)},
@@ -54,7 +66,11 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
 def within(request: Plain, key: str, low: float, high: float, usual: float) -> float:
     """A number of a request, within bounds."""
     value = request.get(key)
-    number = float(value) if isinstance(value, (int, float)) and math.isfinite(value) else usual
+    number = (
+        float(value)
+        if isinstance(value, (int, float)) and math.isfinite(value)
+        else usual
+    )
     return min(max(number, low), high)
 
 
@@ -64,7 +80,9 @@ def width_of(request: Plain) -> int:
 
 
 def axis(variable: xr.DataArray) -> Plain:
-    """Name and unit of an axis; SI units get the prefix that suits the values, which `factor` divides out."""
+    """Name and unit of an axis; SI units get the prefix that suits the values, which
+    `factor` divides out.
+    """
     name = name_of(variable)
     values = variable.to_numpy()
     largest = float(np.nanmax(np.abs(values), initial=0.0))
@@ -86,7 +104,10 @@ def span(data: xr.Dataset, times: Plain) -> list[float]:
 
 def name_of(variable: xr.DataArray) -> Plain:
     """Name and unit of a variable."""
-    return {"title": str(variable.attrs.get("long_name", variable.name)), "unit": str(variable.attrs.get("units", ""))}
+    return {
+        "title": str(variable.attrs.get("long_name", variable.name)),
+        "unit": str(variable.attrs.get("units", "")),
+    }
 
 
 def floats(values: Array) -> list[float | None]:
@@ -96,14 +117,23 @@ def floats(values: Array) -> list[float | None]:
 
 def packed(values: NDArray[Any], kind: str = "f4") -> Plain:
     """An array as plotly.js takes it without parsing numbers."""
-    return {"dtype": kind, "bdata": base64.b64encode(values.astype(f"<{kind}").tobytes()).decode()}
+    return {
+        "dtype": kind,
+        "bdata": base64.b64encode(values.astype(f"<{kind}").tobytes()).decode(),
+    }
 
 
 def along_path(x: Array, y: Array, count: int = 1_200) -> tuple[Array, Array]:
-    """Thin out a curve in the plane: about as many points, evenly along its path, so that fast parts keep theirs."""
+    """Thin out a curve in the plane: about as many points, evenly along its path, so
+    that fast parts keep theirs.
+    """
     if x.size <= count:
         return x, y
     scales = [float(np.ptp(values)) or 1.0 for values in (x, y)]
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1]))])
-    kept = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, x.size - 1))
+    way = np.concatenate(
+        [[0.0], np.cumsum(np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1]))]
+    )
+    kept = np.unique(
+        np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, x.size - 1)
+    )
     return x[kept], y[kept]

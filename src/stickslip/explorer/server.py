@@ -1,8 +1,10 @@
-"""The server: the pages, and one websocket for each window, on which it asks everything.
+"""The server: the pages, and one websocket for each window, on which it asks
+everything.
 
-It computes nothing itself: questions go to `workers`. Nothing is kept between questions: the page sends the whole rig,
-or the whole trace, each time, so windows cannot disturb or see each other. On each websocket there is a lane for each
-kind of question; in a lane the newest question wins, and older ones are dropped.
+It computes nothing itself: questions go to `workers`. Nothing is kept between
+questions: the page sends the whole rig, or the whole trace, each time, so windows
+cannot disturb or see each other. On each websocket there is a lane for each kind of
+question; in a lane the newest question wins, and older ones are dropped.
 """
 
 import asyncio
@@ -39,7 +41,8 @@ HOST = "127.0.0.1"
 
 _HEADERS = {
     # plotly.js writes styles into the elements that it makes
-    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; "
     "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
@@ -53,19 +56,32 @@ class Limits(NamedTuple):
 
     run: float  # seconds of a run, by estimate; longer ones are cut short
     quick: float  # seconds after which a question is given up
-    slow: float  # as much of a map, mitigations, a fit with intervals; its table is kept
+    # as much of a map, mitigations, a fit with intervals; its table is kept
+    slow: float
     trace: int  # bytes of a measured trace
     table: bool  # whether a fit may make the table of simulations that it needs
     together: int  # slow questions of one window
     windows: int  # from one address
 
 
-ALONE = Limits(run=documents.LONGEST, quick=60, slow=3600, trace=50_000_000, table=True, together=3, windows=100)
-SHARED = Limits(run=1.0, quick=20, slow=60, trace=5_000_000, table=False, together=1, windows=60)
+ALONE = Limits(
+    run=documents.LONGEST,
+    quick=60,
+    slow=3600,
+    trace=50_000_000,
+    table=True,
+    together=3,
+    windows=100,
+)
+SHARED = Limits(
+    run=1.0, quick=20, slow=60, trace=5_000_000, table=False, together=1, windows=60
+)
 _MOST_WINDOWS = 120
 
 
-def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None, share: bool) -> None:
+def run(
+    rig: Path | None, port: int | None, ready: Callable[[str], None] | None, share: bool
+) -> None:
     """Serve until interrupted; see `stickslip.explorer.serve`."""
     begin = documents.first() if rig is None else documents.of(rigs.read_rig(rig))
     host = _own_address() if share else HOST
@@ -75,7 +91,9 @@ def run(rig: Path | None, port: int | None, ready: Callable[[str], None] | None,
         config = uvicorn.Config(
             application(begin, number, host=host, token=token),
             ws="websockets-sansio",
-            ws_max_size=(SHARED if share else ALONE).trace + 2 * documents.LARGEST_REQUEST,  # less is refused in words
+            # less is refused in words
+            ws_max_size=(SHARED if share else ALONE).trace
+            + 2 * documents.LARGEST_REQUEST,
             ws_ping_timeout=120.0,  # on its way a large trace may hold up the answer
             log_level="warning",
             access_log=False,
@@ -98,18 +116,26 @@ def _own_address() -> str:
         except OSError:
             address = HOST
     if address.startswith("127."):
-        raise InputError("--share: this machine is on no network; without --share the app is served to itself alone")
+        raise InputError(
+            "--share: this machine is on no network; without --share the app is served "
+            "to itself alone"
+        )
     return address
 
 
 def _listen(host: str, port: int | None) -> socket.socket:
-    """Bind to one address only: the loopback interface, or that on the local network."""
+    """Bind to one address only: the loopback interface, or that on the local
+    network.
+    """
     for candidate in (PORT, 0) if port is None else (port,):
         try:
             return socket.create_server((host, candidate))
         except OSError as error:
             reason = os.strerror(error.errno or 0).lower()
-    raise InputError(f"--port {port}: cannot be used ({reason}); choose another, or 0 for any free one")
+    raise InputError(
+        f"--port {port}: cannot be used ({reason}); choose another, or 0 for any free "
+        "one"
+    )
 
 
 class _House:
@@ -119,16 +145,27 @@ class _House:
         self.limits = limits
         cores = os.cpu_count() or 1
         self.quick = Crew("quick", max(2, cores))
-        # More than there are cores: the system shares them out, so that a long search holds up nobody's map.
+        # More than there are cores: the system shares them out, so that a long search
+        # holds up nobody's map.
         self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
         # A bar is shown on the page Fronts; the other pages have a rig with one slider.
-        mine = {"document": documents.first(), "chain": begin} if "chain" in begin else {"document": begin}
-        self.hello = json.dumps({"kind": "hello", **mine, "largest": limits.trace, **documents.begun()})
+        mine = (
+            {"document": documents.first(), "chain": begin}
+            if "chain" in begin
+            else {"document": begin}
+        )
+        self.hello = json.dumps(
+            {"kind": "hello", **mine, "largest": limits.trace, **documents.begun()}
+        )
         self.windows: Counter[str] = Counter()  # by address
 
 
-def application(begin: documents.Document, port: int, *, host: str = HOST, token: str = "") -> ASGIApp:
-    """Return the app that begins with a document, and is reached at an address, behind a token if there is one."""
+def application(
+    begin: documents.Document, port: int, *, host: str = HOST, token: str = ""
+) -> ASGIApp:
+    """Return the app that begins with a document, and is reached at an address,
+    behind a token if there is one.
+    """
     house = _House(begin, SHARED if token else ALONE)
 
     @asynccontextmanager
@@ -144,29 +181,48 @@ def application(begin: documents.Document, port: int, *, host: str = HOST, token
         Mount("/", StaticFiles(directory=Path(__file__).parent / "static", html=True)),
     ]
     root = f"/{token}/" if token else "/"
-    return _Guard(Starlette(routes=[Mount(root, routes=routes)], lifespan=lifespan), host, port, root)
+    return _Guard(
+        Starlette(routes=[Mount(root, routes=routes)], lifespan=lifespan),
+        host,
+        port,
+        root,
+    )
 
 
 class _Guard:
-    """Refuses requests without the token, under a foreign name (DNS rebinding) or from a page of another site."""
+    """Refuses requests without the token, under a foreign name (DNS rebinding) or
+    from a page of another site.
+    """
 
     def __init__(self, app: ASGIApp, host: str, port: int, root: str) -> None:
-        self._app, self._root = app, root.encode()
+        self._app = app
+        self._root = root.encode()
         names = (HOST, "localhost", "[::1]") if host == HOST else (host,)
-        self._hosts = {f"{name}:{port}" for name in names} | (set(names) if port == 80 else set())
+        self._hosts = {f"{name}:{port}" for name in names} | (
+            set(names) if port == 80 else set()
+        )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on what comes from our own pages."""
-        refusal: ASGIApp = PlainTextResponse("This server answers its own pages only.\n", 403)
+        refusal: ASGIApp = PlainTextResponse(
+            "This server answers its own pages only.\n", 403
+        )
         if scope["type"] == "websocket":
             refusal = WebSocketClose(1008)  # before the handshake: status 403
-        await (self._app if scope["type"] == "lifespan" or self._is_ours(scope) else refusal)(scope, receive, send)
+        await (
+            self._app
+            if scope["type"] == "lifespan" or self._is_ours(scope)
+            else refusal
+        )(scope, receive, send)
 
     def _is_ours(self, scope: Scope) -> bool:
         headers = Headers(scope=scope)
-        hosts, origins = headers.getlist("host"), headers.getlist("origin")
+        hosts = headers.getlist("host")
+        origins = headers.getlist("origin")
         # A browser names the origin of every websocket.
-        ours = [origin.removeprefix("http://") for origin in origins] or hosts * (scope["type"] == "http")
+        ours = [origin.removeprefix("http://") for origin in origins] or hosts * (
+            scope["type"] == "http"
+        )
         root = scope["path"].encode()[: len(self._root)]
         named = len(hosts) == len(ours) == 1 and {*hosts, *ours} <= self._hosts
         return named and hmac.compare_digest(root, self._root)
@@ -175,8 +231,17 @@ class _Guard:
 class _Lane:
     """Questions of one kind from one window: the newest wins."""
 
-    def __init__(self, kind: str, house: _House, turns: asyncio.Semaphore, send: Callable[[str], None]) -> None:
-        self._kind, self._limits, self._turns, self._send = kind, house.limits, turns, send
+    def __init__(
+        self,
+        kind: str,
+        house: _House,
+        turns: asyncio.Semaphore,
+        send: Callable[[str], None],
+    ) -> None:
+        self._kind = kind
+        self._limits = house.limits
+        self._turns = turns
+        self._send = send
         self._slow = kind in SLOW
         self._crew = house.slow if self._slow else house.quick
         self._newest = threading.Event()  # set: dropped
@@ -190,19 +255,25 @@ class _Lane:
         """Answer a question unless a newer one comes in."""
         self.drop()
         self._newest = dropped = threading.Event()
-        limits, mine = self._limits, {"kind": self._kind, "id": request.get("id")}
+        limits = self._limits
+        mine = {"kind": self._kind, "id": request.get("id")}
 
         def reply(content: Plain) -> None:
             self._send(json.dumps(mine | content, allow_nan=False))
 
         async with self._free, self._turns:
             asked = {**request, "seconds": limits.run, "table": limits.table}
-            await self._crew.work(Job(self._kind, asked, limits.slow if self._slow else limits.quick), reply, dropped)
+            await self._crew.work(
+                Job(self._kind, asked, limits.slow if self._slow else limits.quick),
+                reply,
+                dropped,
+            )
 
 
 async def _session(house: _House, websocket: WebSocket) -> None:
     """Serve one window from its first to its last question, if there is room for it."""
-    who, windows = websocket.client.host if websocket.client else "", house.windows
+    who = websocket.client.host if websocket.client else ""
+    windows = house.windows
     if windows[who] >= house.limits.windows or windows.total() >= _MOST_WINDOWS:
         await websocket.close(1013)  # try again later
         return
@@ -227,7 +298,10 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
             while True:
                 await websocket.send_text(await outgoing.get())
 
-    turns = {True: asyncio.Semaphore(house.limits.together), False: asyncio.Semaphore(len(ANSWERS))}
+    turns = {
+        True: asyncio.Semaphore(house.limits.together),
+        False: asyncio.Semaphore(len(ANSWERS)),
+    }
     lanes = {kind: _Lane(kind, house, turns[kind in SLOW], send) for kind in ANSWERS}
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
     send(house.hello)
@@ -236,7 +310,11 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
             try:
                 request = _question(message, lanes, house.limits.trace)
             except InputError as error:
-                send(json.dumps({"kind": "error", "id": None, **workers.errors(str(error))}))
+                send(
+                    json.dumps(
+                        {"kind": "error", "id": None, **workers.errors(str(error))}
+                    )
+                )
                 continue
             lane = lanes[request["kind"]]
             if request.get("drop"):
@@ -244,7 +322,8 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
                 continue
             task = asyncio.create_task(lane.ask(request))
             tasks.add(task)
-            task.add_done_callback(tasks.discard)  # asyncio says on the terminal in what error it ended
+            # asyncio says on the terminal in what error it ended
+            task.add_done_callback(tasks.discard)
     finally:
         for lane in lanes.values():
             lane.drop()
@@ -253,16 +332,28 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
 
 
 def _question(message: Message, kinds: Collection[str], largest: int) -> Plain:
-    """Read a question: a table with its kind and its number; where a file comes with it, the first line of it."""
-    text, content = message.get("text"), b""
+    """Read a question: a table with its kind and its number; where a file comes with
+    it, the first line of it.
+    """
+    text = message.get("text")
+    content = b""
     if text is None:
         text, _, content = message["bytes"].partition(b"\n")
     if len(content) > largest:
-        raise InputError(f"this file has {len(content) / 1e6:.3g} MB, more than {largest / 1e6:g}")
+        raise InputError(
+            f"this file has {len(content) / 1e6:.3g} MB, more than {largest / 1e6:g}"
+        )
     request = documents.from_json(text)
-    kind, number = (request.get("kind"), request.get("id")) if isinstance(request, dict) else (None, None)
+    kind, number = (
+        (request.get("kind"), request.get("id"))
+        if isinstance(request, dict)
+        else (None, None)
+    )
     if not isinstance(request, dict) or not isinstance(kind, str) or kind not in kinds:
-        raise InputError(f"kind = {shown(kind)}: this question is not known; there are {', '.join(kinds)}")
+        raise InputError(
+            f"kind = {shown(kind)}: this question is not known; there are "
+            f"{', '.join(kinds)}"
+        )
     if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
         raise InputError(f"id = {shown(number)}: must be a whole number")
     return {**request, "content": content}

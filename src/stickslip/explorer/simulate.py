@@ -1,4 +1,6 @@
-"""The page Simulate: a run with its force, phase portrait and stretchings, its contacts, and the rig changed."""
+"""The page Simulate: a run with its force, phase portrait and stretchings, its
+contacts, and the rig changed.
+"""
 
 import math
 import tempfile
@@ -15,7 +17,17 @@ import xarray as xr
 from stickslip import advise, plot, rigid, sliding
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.explorer import documents
-from stickslip.explorer.plain import Plain, Watch, along_path, axis, force_trace, in_unit, packed, width_of, within
+from stickslip.explorer.plain import (
+    Plain,
+    Watch,
+    along_path,
+    axis,
+    force_trace,
+    in_unit,
+    packed,
+    width_of,
+    within,
+)
 from stickslip.io import datasets as store
 from stickslip.io import rig_files as rigs
 from stickslip.model import Delay
@@ -26,26 +38,42 @@ from stickslip.simulation import simulate
 FRAMES = 1_200  # 40 s, at 30 a second
 STEP = 1e-3  # of the stretchings as they are sent
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
-_LAW, _LAW_POINTS = 300.0, 61  # of the friction law: speeds about that of the drive
+# of the friction law: speeds about that of the drive
+_LAW = 300.0
+_LAW_POINTS = 61
 
 
 def run(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Force trace, phase portrait, stretchings at the cursor's time and regime; then the friction forces.
+    """Force trace, phase portrait, stretchings at the cursor's time and regime; then
+    the friction forces.
 
-    A drive that would take too long is cut short. A run whose regime is undecided goes on, if twice the time can tell.
+    A drive that would take too long is cut short. A run whose regime is undecided goes
+    on, if twice the time can tell.
     """
     asked = documents.rig_of(request.get("document"))
     seconds = documents.seconds_of(request)
     rig = documents.shortened(asked, seconds)
-    lasts, part = rig.in_units(rig.drive.duration, "time"), rig.drive.duration / asked.drive.duration
-    whole = f"the whole of it would take more than about {seconds:g} s to simulate. For that use stickslip simulate."
-    notes = [] if rig is asked else [f"The run shows the first {100 * part:.2g} % of the drive, {lasts}: {whole}"]
+    lasts = rig.in_units(rig.drive.duration, "time")
+    part = rig.drive.duration / asked.drive.duration
+    whole = (
+        f"the whole of it would take more than about {seconds:g} s to simulate. "
+        "For that use stickslip simulate."
+    )
+    notes = (
+        []
+        if rig is asked
+        else [
+            f"The run shows the first {100 * part:.2g} % of the drive, {lasts}: {whole}"
+        ]
+    )
     for step in range(_EXTENSIONS + 1):
         made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
         answer = force_trace(made, width_of(request))
         undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
         longer = documents.extended(rig, seconds) if undecided else None
-        period = answer["regime"]["kind"] != "smooth sliding" and answer["regime"]["period"]
+        period = (
+            answer["regime"]["kind"] != "smooth sliding" and answer["regime"]["period"]
+        )
         yield {
             **answer,
             "phase": _phase(made),
@@ -54,33 +82,53 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
             "notes": notes,
             "going_on": longer is not None,
             "parameters": documents.values_of(rig),
-            "period": f"{1.0 / period:.3g} {advise.say.frequency_unit(rig)}" if period else "",
+            "period": f"{1.0 / period:.3g} {advise.say.frequency_unit(rig)}"
+            if period
+            else "",
         }
         if longer is None:
             break
         rig = longer
         times = f"{rig.drive.duration / asked.drive.duration:.3g} times"
-        notes = [f"The run was undecided at its end and went on by itself, {times} as long as asked for."]
+        notes = [
+            (
+                f"The run was undecided at its end and went on by itself, {times} as "
+                "long "
+                "as asked for."
+            )
+        ]
     yield {"friction": _friction(rig)}
 
 
 def law(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Kinetic friction against speed about that of the drive, and the speeds at which it turns."""
+    """Kinetic friction against speed about that of the drive, and the speeds at
+    which it turns.
+    """
     rig = documents.rig_of(request.get("document"))
     documents.check_decades(rig)
     documents.check_thresholds(rig)
     velocity = rig.natural.velocity
     if velocity <= 0:
         raise InputError("drive.velocity = 0: kinetic friction is that of sliding")
-    (low, high), count = (velocity / _LAW, velocity * _LAW), _LAW_POINTS
+    low = velocity / _LAW
+    high = velocity * _LAW
+    count = _LAW_POINTS
     if rig.interface.ageing is not None:  # each speed takes a hundred times as long
-        (low, high), count = (velocity / 30.0, velocity * 30.0), 13
-    speeds, forces = np.geomspace(low, high, count), []
+        low = velocity / 30.0
+        high = velocity * 30.0
+        count = 13
+    speeds = np.geomspace(low, high, count)
+    forces = []
     for i, speed in enumerate(speeds):
         watch(i / count)
         forces.append(float(sliding.kinetic_friction(rig.interface, float(speed))))
-    turning = () if rig.interface.ageing is not None else sliding.turning_velocities(rig.interface, between=(low, high))
-    v, F = rig.unit("x_s/time"), rig.unit("f_s")
+    turning = (
+        ()
+        if rig.interface.ageing is not None
+        else sliding.turning_velocities(rig.interface, between=(low, high))
+    )
+    v = rig.unit("x_s/time")
+    F = rig.unit("f_s")
     yield {
         "speed": {
             "title": "speed",
@@ -90,7 +138,10 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
         },
         "force": {"title": "kinetic friction", "unit": rig.unit_name("f_s")},
         "values": packed(np.array(forces) * F),
-        "here": [velocity * v, float(sliding.kinetic_friction(rig.interface, velocity)) * F],
+        "here": [
+            velocity * v,
+            float(sliding.kinetic_friction(rig.interface, velocity)) * F,
+        ],
         "turning": [
             {
                 "at": [one.velocity * v, one.force * F],
@@ -103,28 +154,49 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The distribution of stretchings at another time of the same run."""
-    rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
-    made = _run(rig, watch, documents.seconds_of(request), snapshots=(_look(request, rig),))
+    rig = documents.of_duration(
+        documents.rig_of(request.get("document")), request.get("duration")
+    )
+    made = _run(
+        rig, watch, documents.seconds_of(request), snapshots=(_look(request, rig),)
+    )
     yield {"stretchings": _stretchings(made)}
 
 
 def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Frames of the contacts one by one, from the cursor on; see `plot.replay`."""
-    rig = documents.of_duration(documents.rig_of(request.get("document")), request.get("duration"))
+    rig = documents.of_duration(
+        documents.rig_of(request.get("document")), request.get("duration")
+    )
     documents.check_size(rig, documents.seconds_of(request))
     seen = replay.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), FRAMES, watch)
-    frames = {name: packed(getattr(seen, name)) for name in ("times", "force", "slider", "drive")}
-    frames["stretching"] = packed(np.clip(np.rint(seen.stretching / STEP), -32_767, 32_767), "i2")
-    about = {"step": STEP, "shown": seen.flags.shape[1], "of": seen.contacts, "exact": seen.exact, "own": seen.own}
+    frames = {
+        name: packed(getattr(seen, name))
+        for name in ("times", "force", "slider", "drive")
+    }
+    frames["stretching"] = packed(
+        np.clip(np.rint(seen.stretching / STEP), -32_767, 32_767), "i2"
+    )
+    about = {
+        "step": STEP,
+        "shown": seen.flags.shape[1],
+        "of": seen.contacts,
+        "exact": seen.exact,
+        "own": seen.own,
+    }
     yield {"frames": {**frames, "flags": packed(seen.flags, "u1"), **about}}
 
 
 def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """A document with parameters varied, in other units, or with the damping given in the other way."""
+    """A document with parameters varied, in other units, or with the damping given
+    in the other way.
+    """
     del watch
     document: Any = request.get("document")
     if "turn" in request:
-        instance("turn", values := request["turn"], dict, "a table of parameters and values")
+        instance(
+            "turn", values := request["turn"], dict, "a table of parameters and values"
+        )
         yield {"document": documents.turned(document, values)}
     elif "units" in request:
         yield documents.in_units(document, request["units"], request.get("scales"))
@@ -134,21 +206,38 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
         yield {"document": documents.with_damping(document, ratio is True)}
 
 
-def _run(rig: Rig, watch: Watch, seconds: float, snapshots: tuple[float, ...] = ()) -> xr.Dataset:
+def _run(
+    rig: Rig, watch: Watch, seconds: float, snapshots: tuple[float, ...] = ()
+) -> xr.Dataset:
     documents.check_size(rig, seconds)
-    return simulate(replace(rig, output=replace(rig.output, snapshots=snapshots)), progress=watch)
+    return simulate(
+        replace(rig, output=replace(rig.output, snapshots=snapshots)), progress=watch
+    )
 
 
 def _phase(data: xr.Dataset) -> Plain:
-    """Force against velocity in the last two fifths of the run, and the range that shows noise as small as it is."""
+    """Force against velocity in the last two fifths of the run, and the range that
+    shows noise as small as it is.
+    """
     late = data.isel(time=slice(int(0.6 * data.sizes["time"]), None))
-    velocity, force = axis(late["velocity"]), axis(data["spring_force"])
-    v, f = along_path(in_unit(late["velocity"], velocity), in_unit(late["spring_force"], force))
+    velocity = axis(late["velocity"])
+    force = axis(data["spring_force"])
+    v, f = along_path(
+        in_unit(late["velocity"], velocity), in_unit(late["spring_force"], force)
+    )
     drive = float(late["drive_velocity"][-1]) / velocity["factor"]
     largest = float(data["spring_force"].max()) / force["factor"]
     return {
-        "velocity": {**velocity, "values": packed(v), "range": _room(min(v.min(), 0.0), max(v.max(), 2 * drive))},
-        "force": {**force, "values": packed(f), "range": _room(min(f.min(), 0.0), max(f.max(), largest))},
+        "velocity": {
+            **velocity,
+            "values": packed(v),
+            "range": _room(min(v.min(), 0.0), max(v.max(), 2 * drive)),
+        },
+        "force": {
+            **force,
+            "values": packed(f),
+            "range": _room(min(f.min(), 0.0), max(f.max(), largest)),
+        },
         "drive": drive,
     }
 
@@ -159,7 +248,8 @@ def _room(low: float, high: float) -> list[float]:
 
 
 def _stretchings(data: xr.Dataset) -> Plain:
-    x, density = axis(data["x"]), axis(data["stretching_density"])
+    x = axis(data["x"])
+    density = axis(data["stretching_density"])
     values = packed(in_unit(data["stretching_density"][0], density))
     return {
         "x": {**x, "values": packed(in_unit(data["x"], x))},
@@ -169,7 +259,9 @@ def _stretchings(data: xr.Dataset) -> Plain:
 
 
 def _friction(rig: Rig) -> Plain:
-    """F_k at the drive's speed and F_s of slow rigid motion, in the unit of the force; and K*, in words."""
+    """F_k at the drive's speed and F_s of slow rigid motion, in the unit of the
+    force; and K*, in words.
+    """
     aged = replace(rig.interface, ageing=None)
     when = " (thresholds fully aged)" if rig.interface.ageing is not None else ""
     found: Plain = {"kinetic": None, "static": None, "words": []}
@@ -183,7 +275,9 @@ def _friction(rig: Rig) -> Plain:
         found["words"].append(f"F_s = {rig.in_units(static, 'force')}{when}")
     if rig.natural.velocity > 0:
         with suppress(InputError):
-            kinetic = float(sliding.kinetic_friction(rig.interface, rig.natural.velocity))
+            kinetic = float(
+                sliding.kinetic_friction(rig.interface, rig.natural.velocity)
+            )
             if math.isfinite(kinetic):
                 found["kinetic"] = kinetic * rig.unit("f_s")
                 found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
@@ -191,7 +285,10 @@ def _friction(rig: Rig) -> Plain:
         critical = _critical_stiffness(aged)
         ratio = rig.slider.stiffness / critical if critical > 0 else math.inf
         softer = "softer" if ratio < 1 else "stiffer"
-        found["words"].append(f"K* = {rig.in_units(critical, 'stiffness')}{when}, and the spring is {softer}")
+        found["words"].append(
+            f"K* = {rig.in_units(critical, 'stiffness')}{when}, and the spring is "
+            f"{softer}"
+        )
     return found
 
 
@@ -200,7 +297,9 @@ _critical_stiffness = lru_cache(maxsize=64)(rigid.critical_stiffness)
 
 
 def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The rig as TOML; or the run on the page, of that duration, as NetCDF or as a picture."""
+    """The rig as TOML; or the run on the page, of that duration, as NetCDF or as a
+    picture.
+    """
     rig = documents.rig_of(request.get("document"))
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"run.{form}"
@@ -214,9 +313,14 @@ def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
                 store.save(made, file)
             else:
                 plot.save(plot.overview(made), file)
-        yield {"name": rig.name, "file": packed(np.frombuffer(file.read_bytes(), "u1"), "u1")}
+        yield {
+            "name": rig.name,
+            "file": packed(np.frombuffer(file.read_bytes(), "u1"), "u1"),
+        }
 
 
 def _look(request: Plain, rig: Rig) -> float:
-    """Time of the cursor; just before the end at the latest, where rounding could take it beyond."""
+    """Time of the cursor; just before the end at the latest, where rounding could
+    take it beyond.
+    """
     return within(request, "cursor", 0.0, 0.9999, 1.0) * rig.drive.duration

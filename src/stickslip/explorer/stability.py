@@ -1,4 +1,6 @@
-"""The pages Map and Stop: linear stability over two parameters, and what would stop stick-slip."""
+"""The pages Map and Stop: linear stability over two parameters, and what would stop
+stick-slip.
+"""
 
 import math
 from collections.abc import Iterator
@@ -12,18 +14,35 @@ from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
 
 _POINTS = 72  # of the map along each parameter, twice over
-_AROUND_AGED, _POINTS_AGED = 5.0, 24  # each point takes a hundred times as long, and theory ends at some speeds
+# each point takes a hundred times as long, and theory ends at some speeds
+_AROUND_AGED = 5.0
+_POINTS_AGED = 24
 
 
 def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The stability map over two parameters, in the rig's units."""
     rig = documents.rig_of(request.get("document"))
     documents.check_thresholds(rig)
-    over, known = request.get("over"), documents.NAMES
-    if not isinstance(over, list) or len(over) != 2 or over[0] == over[1] or any(name not in known for name in over):
-        raise InputError(f"map: over = {shown(over)}: must be two different parameters of {', '.join(known)}")
-    around, points = (20.0, _POINTS) if rig.interface.ageing is None else (_AROUND_AGED, _POINTS_AGED)
-    found = advise.chart(rig, (over[0], over[1]), request.get("around", around), points, watch)
+    over = request.get("over")
+    known = documents.NAMES
+    if (
+        not isinstance(over, list)
+        or len(over) != 2
+        or over[0] == over[1]
+        or any(name not in known for name in over)
+    ):
+        raise InputError(
+            f"map: over = {shown(over)}: must be two different parameters of "
+            f"{', '.join(known)}"
+        )
+    around, points = (
+        (20.0, _POINTS)
+        if rig.interface.ageing is None
+        else (_AROUND_AGED, _POINTS_AGED)
+    )
+    found = advise.chart(
+        rig, (over[0], over[1]), request.get("around", around), points, watch
+    )
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.to_numpy()
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
@@ -36,15 +55,23 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "shade": [floats(row) for row in shade],
         "rate": [[f"{value:.3g}" for value in row] for row in values],
         "rate_unit": str(rate.attrs.get("units", "")),
-        "levels": {"at": floats(_shade(levels)), "text": [f"{level * largest:.2g}" for level in levels]},
+        "levels": {
+            "at": floats(_shade(levels)),
+            "text": [f"{level * largest:.2g}" for level in levels],
+        },
         "frequency_unit": advise.say.frequency_unit(rig),
         "curves": [
             {
                 "x": floats(found[f"edge_{over[0]}"].to_numpy()[mine]),
                 "y": floats(found[f"edge_{over[1]}"].to_numpy()[mine]),
-                "frequency": floats(found["edge_frequency"].to_numpy()[mine] / (2 * math.pi)),
+                "frequency": floats(
+                    found["edge_frequency"].to_numpy()[mine] / (2 * math.pi)
+                ),
             }
-            for mine in (found["curve"].to_numpy() == curve for curve in np.unique(found["curve"].to_numpy()))
+            for mine in (
+                found["curve"].to_numpy() == curve
+                for curve in np.unique(found["curve"].to_numpy())
+            )
         ],
         "here": [float(found[f"here_{name}"]) for name in over],
         "summary": found.attrs["summary"],
@@ -53,7 +80,11 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def _map_axis(parameter: xr.DataArray) -> Plain:
     values = parameter.to_numpy()
-    return {**name_of(parameter), "values": packed(values), "ends": [float(values[0]), float(values[-1])]}
+    return {
+        **name_of(parameter),
+        "values": packed(values),
+        "ends": [float(values[0]), float(values[-1])],
+    }
 
 
 def _shade(fraction: Array) -> Array:
@@ -63,22 +94,32 @@ def _shade(fraction: Array) -> Array:
 
 def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Verdict, numbers, margins and mitigations."""
-    rig = documents.shortened(documents.rig_of(request.get("document")), documents.seconds_of(request))
+    rig = documents.shortened(
+        documents.rig_of(request.get("document")), documents.seconds_of(request)
+    )
     documents.check_size(rig, documents.seconds_of(request))
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
-    assert isinstance(found, advise.Prediction)  # elastic sliders have a page of their own
+    # elastic sliders have a page of their own
+    assert isinstance(found, advise.Prediction)
     told = {name: [*rows] for name, _, _, rows in found.sections}
     yield {
         "name": rig.name,
         "verdict": found.headline,
         "ill": found.ill,
-        "evidence": [*told["here"], *told["speeds"], *str(found.regime).splitlines(), *told["doubt"]],
+        "evidence": [
+            *told["here"],
+            *told["speeds"],
+            *str(found.regime).splitlines(),
+            *told["doubt"],
+        ],
         "numbers": [list(pair) for pair in told["numbers"]],
         "margins": [list(row) for row in advise.say.margins(found)],
         "mitigations": [
             {"title": sentence, "values": {each.parameter: each.stops}}
-            for each, sentence in zip(found.mitigations, advise.say.mitigations(found), strict=False)
+            for each, sentence in zip(
+                found.mitigations, advise.say.mitigations(found), strict=False
+            )
         ],
         "attempts": list(advise.say.attempts(found)),
         "not_searched": " ".join(told["not_searched"]),

@@ -1,4 +1,6 @@
-"""Measured traces: their slips and regime, and the rig behind them by `quick_fit` and by `fit`. No state."""
+"""Measured traces: their slips and regime, and the rig behind them by `quick_fit`
+and by `fit`. No state.
+"""
 
 import math
 import os
@@ -50,11 +52,24 @@ def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
     with suppress(InputError):  # it is said below what is wrong
         headings, numeric = read_table(request["content"])[:2]
         names = [simple(heading.name) for heading in headings]
-        # What asks for each: its name or, where others have it, its number from 1; and its heading.
-        asks = [one.name if names.count(name) == 1 and name else "" for one, name in zip(headings, names, strict=True)]
-        yield {"columns": [(asks[i] or str(i + 1), f"{i + 1}: {headings[i]}".strip(": ")) for i in numeric]}
+        # What asks for each: its name or, where others have it, its number from 1; and
+        # its heading.
+        asks = [
+            one.name if names.count(name) == 1 and name else ""
+            for one, name in zip(headings, names, strict=True)
+        ]
+        yield {
+            "columns": [
+                (asks[i] or str(i + 1), f"{i + 1}: {headings[i]}".strip(": "))
+                for i in numeric
+            ]
+        }
     data = _read(request)
-    about = {"name": _name(request), "rows": int(data.attrs["rows"]), "note": data.attrs["note"]}
+    about = {
+        "name": _name(request),
+        "rows": int(data.attrs["rows"]),
+        "note": data.attrs["note"],
+    }
     yield force_trace(data, width_of(request)) | about
 
 
@@ -63,7 +78,9 @@ def _name(request: Plain) -> str:
 
 
 def _options(request: Plain) -> dict[str, str]:
-    """What was filled in: the columns (force, time) or the time from row to row (step); what is known for a fit."""
+    """What was filled in: the columns (force, time) or the time from row to row
+    (step); what is known for a fit.
+    """
     instance("options", options := request.get("options", {}), dict, "a table of texts")
     return {key: text for key, value in options.items() if (text := str(value).strip())}
 
@@ -73,7 +90,9 @@ _FIELDS = {"force": "force column", "time": "time column", "step": "seconds per 
 
 def _read(request: Plain) -> xr.Dataset:
     """The trace of a request, from its content and the columns that were named."""
-    given: dict[str, Any] = {name: text for name, text in _options(request).items() if name in _FIELDS}
+    given: dict[str, Any] = {
+        name: text for name, text in _options(request).items() if name in _FIELDS
+    }
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "trace"
         file.write_bytes(request["content"])
@@ -81,49 +100,92 @@ def _read(request: Plain) -> xr.Dataset:
             return measure.read_trace(file, **given)
         except InputError as error:
             words = str(error).replace(str(file), _name(request))
-            fields = re.sub(r"\(--(\w+)[^)]*\)", lambda option: f"(in the field {_FIELDS[option[1]]})", words)
+            fields = re.sub(
+                r"\(--(\w+)[^)]*\)",
+                lambda option: f"(in the field {_FIELDS[option[1]]})",
+                words,
+            )
             raise InputError(fields) from None
 
 
 def sample(_request: Plain, _watch: Watch) -> Iterator[Plain]:
-    """A trace to try: slips of a rig whose truth is known, as a force sensor with noise would have recorded them."""
+    """A trace to try: slips of a rig whose truth is known, as a force sensor with
+    noise would have recorded them.
+    """
     run = fitting.synthetic_trace()
-    rows = [f"{t:.3f},{F:.4f}" for t, F in zip(run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True)]
+    rows = [
+        f"{t:.3f},{F:.4f}"
+        for t, F in zip(
+            run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True
+        )
+    ]
     yield {"text": "\n".join(["time [s],force [N]", *rows, ""])}
 
 
 def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The readings of a trace, the rig that they make by closed forms, and what intervals would take."""
+    """The readings of a trace, the rig that they make by closed forms, and what
+    intervals would take.
+    """
     watch(0.0)
-    events, given = fitting.pick_events(_read(request)), _options(request)
-    zeta = read_value("damping ratio", given.get("damping", _DAMPING), "1", "0.15", bare=True)
+    events = fitting.pick_events(_read(request))
+    given = _options(request)
+    zeta = read_value(
+        "damping ratio", given.get("damping", _DAMPING), "1", "0.15", bare=True
+    )
     number("damping ratio", zeta, at_most=0.95)
-    overshoot, force = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)), newtons(events, {})
-    # A slider on a spring oscillates about the friction in the slip, and falls as far below it as damping leaves.
-    in_slips = force * (float(events.troughs.mean()) + overshoot * events.mean_peak) / (1.0 + overshoot)
-    static, (least, most) = events.mean_peak * force, friction_ratios(INITIAL)
+    overshoot = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
+    force = newtons(events, {})
+    # A slider on a spring oscillates about the friction in the slip, and falls as far
+    # below it as damping leaves.
+    in_slips = (
+        force
+        * (float(events.troughs.mean()) + overshoot * events.mean_peak)
+        / (1.0 + overshoot)
+    )
+    static = events.mean_peak * force
+    least, most = friction_ratios(INITIAL)
     fast = in_slips < static / most
     readings = {
         "static": static,
         "kinetic": static / math.sqrt(least * most) if fast else in_slips,
         "rate": events.loading_rate * force / seconds_in(events),
     }
-    yield {"slips": str(events).splitlines(), "readings": {key: f"{value:.4g}" for key, value in readings.items()}}
+    yield {
+        "slips": str(events).splitlines(),
+        "readings": {key: f"{value:.4g}" for key, value in readings.items()},
+    }
     if missing := [title for key, title in _NEEDED.items() if key not in given]:
-        yield {"missing": f"For a rig, give {listed(missing)}: a force trace alone gives no length, time or mass."}
+        yield {
+            "missing": (
+                f"For a rig, give {listed(missing)}: a force trace alone gives "
+                "no length, time or mass."
+            )
+        }
     else:
-        known = readings | ({"in slips": in_slips} if fast else {}) | given | {"damping": zeta}
+        known = (
+            readings
+            | ({"in slips": in_slips} if fast else {})
+            | given
+            | {"damping": zeta}
+        )
         yield {"quick": _quick(events, known, documents.seconds_of(request), watch)}
     yield {"table": _plan(events)}
 
 
 _FAST = (
-    "slips are too fast to show kinetic friction; it is taken amid what contacts can make: slide slowly, and give it"
+    "slips are too fast to show kinetic friction; it is taken amid what contacts "
+    "can make: slide slowly, and give it"
 )
-_NEEDED = {"stiffness": "the stiffness of the driving spring", "speed": "its speed", "mass": "the mass of the slider"}
+_NEEDED = {
+    "stiffness": "the stiffness of the driving spring",
+    "speed": "its speed",
+    "mass": "the mass of the slider",
+}
 
 
-def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, watch: Watch) -> Plain:
+def _quick(
+    events: fitting.Events, given: Mapping[str, Any], seconds: float, watch: Watch
+) -> Plain:
     rig = fitting.quick_fit(
         static_friction=given["static"],
         kinetic_friction=given["kinetic"],
@@ -135,14 +197,25 @@ def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, wat
     assumed = dict(rig.assumed)
     if "in slips" in given and isinstance(given["kinetic"], float):
         assumed["interface.thresholds"] = Assumption("", _FAST)
-    if "half" not in given:  # as long as a slip: shorter, and contacts hold again within it; longer, and they are late
-        lasts, how = events.slip_samples * events.step * seconds_in(events), "as long as a slip was recorded to last"
-        if given.get("in slips", 0.0) > 0:  # detached for the delay, contacts carry less the faster they slide
-            slow = rig.unit("f_s") * float(sliding.kinetic_friction(rig.natural.interface, 1.0))
-            slip = float(events.drops.mean()) * newtons(events, {}) / rig.value("stiffness")
+    # as long as a slip: shorter, and contacts hold again within it; longer, and they
+    # are late
+    if "half" not in given:
+        lasts = events.slip_samples * events.step * seconds_in(events)
+        how = "as long as a slip was recorded to last"
+        # detached for the delay, contacts carry less the faster they slide
+        if given.get("in slips", 0.0) > 0:
+            slow = rig.unit("f_s") * float(
+                sliding.kinetic_friction(rig.natural.interface, 1.0)
+            )
+            slip = (
+                float(events.drops.mean())
+                * newtons(events, {})
+                / rig.value("stiffness")
+            )
             lasts *= (slow / given["in slips"] - 1.0) * rig.unit("x_s") / slip
             how = "by the friction in slips beside that of slow sliding"
-        delay, how = float(f"{lasts:.3g}"), f"{how}; the speed at which friction has halved gives it"
+        delay = float(f"{lasts:.3g}")
+        how = f"{how}; the speed at which friction has halved gives it"
         assumed["interface.delay"] = Assumption(engineering(delay, "s", 3), how)
         rig = rig.replace(delay=delay)
     rig = replace(rig, assumed=assumed)
@@ -155,8 +228,14 @@ def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, wat
         "numbers": [
             ["total contact strength, N f_s", rig.in_units(1.0, "force")],
             ["breaking displacement, x_s", rig.in_units(1.0, "length")],
-            ["standard deviation of the thresholds, over their mean", f"{standard_deviation:.2g}"],
-            ["delay of re-attachment", rig.in_units(rig.interface.delay.moment(1), "time")],
+            [
+                "standard deviation of the thresholds, over their mean",
+                f"{standard_deviation:.2g}",
+            ],
+            [
+                "delay of re-attachment",
+                rig.in_units(rig.interface.delay.moment(1), "time"),
+            ],
         ],
         "assumed": [f"{key}: {item}" for key, item in rig.assumed.items()],
         "overlay": overlay,
@@ -165,46 +244,78 @@ def _quick(events: fitting.Events, given: Mapping[str, Any], seconds: float, wat
 
 def _rig(rig: Rig) -> Plain:
     """A rig for the page Simulate, and as a file with the draws of what was fitted."""
-    return {"document": documents.of(replace(rig, fitted={})), "toml": rigs.to_toml(rig)}
+    return {
+        "document": documents.of(replace(rig, fitted={})),
+        "toml": rigs.to_toml(rig),
+    }
 
 
-def _overlay(rig: Rig, events: fitting.Events, seconds: float, watch: Watch) -> tuple[Plain, str, bool]:
-    """Some slips of the trace, and those that a rig makes at its steady pace, beside them; in words; if it fits."""
+def _overlay(
+    rig: Rig, events: fitting.Events, seconds: float, watch: Watch
+) -> tuple[Plain, str, bool]:
+    """Some slips of the trace, and those that a rig makes at its steady pace, beside
+    them; in words; if it fits.
+    """
     begin, end, first = _window(events)
-    unit, settle = seconds_in(events), 3.0 * events.recurrence
+    unit = seconds_in(events)
+    settle = 3.0 * events.recurrence
     lasts = (settle + 1.5 * (end - begin)) * unit
-    long = replace(rig, drive=constant(rig.natural.velocity, lasts / rig.unit("time")), method=Contacts(1_000, seed=1))
+    long = replace(
+        rig,
+        drive=constant(rig.natural.velocity, lasts / rig.unit("time")),
+        method=Contacts(1_000, seed=1),
+    )
     short = documents.shortened(long, seconds)
     documents.check_size(short, seconds)
     run = simulate(short, progress=watch)
-    t, F = run["time"].to_numpy() / unit, run["spring_force"].to_numpy() / newtons(events, {})
-    force, times = ("time", F, {"units": events.force_unit}), ("time", t, {"units": events.time_unit})
+    t = run["time"].to_numpy() / unit
+    F = run["spring_force"].to_numpy() / newtons(events, {})
+    force = ("time", F, {"units": events.force_unit})
+    times = ("time", t, {"units": events.time_unit})
     made = xr.Dataset({"spring_force": force}, {"time": times})
     try:
-        slips = fitting.pick_events(made, smallest=events.smallest, after=min(settle, 0.5 * float(t[-1])))
+        slips = fitting.pick_events(
+            made, smallest=events.smallest, after=min(settle, 0.5 * float(t[-1]))
+        )
         told, fits = compared(slips, events)
-        words = f"This rig {'fits' if fits else 'does not fit'}: {told} (mean drop and period, at 90 % confidence)."
+        words = (
+            f"This rig {'fits' if fits else 'does not fit'}: {told} (mean drop and "
+            "period, at 90 % confidence)."
+        )
         if not fits and slips.drops.mean() > events.drops.mean():
-            words += " These formulas assume that sliding contacts carry no force; the fit with intervals does not."
+            words += (
+                " These formulas assume that sliding contacts carry no force; the "
+                "fit with intervals does not."
+            )
         shift = first - float(slips.time[slips.peak_at[0]])
     except InputError:
         drop = f"{float(events.drops.mean()):.3g} {events.force_unit}".rstrip()
-        fits, words = False, f"This rig does not fit: its run hardly slips, the trace has drops of {drop}."
+        fits = False
+        words = (
+            "This rig does not fit: its run hardly slips, the trace has drops of "
+            f"{drop}."
+        )
         shift = begin - settle
     seen = (t + shift >= begin) & (t + shift <= end)
     return _beside(events, [line(t[seen] + shift, F[seen])], begin, end), words, fits
 
 
 def _window(events: fitting.Events) -> tuple[float, float, float]:
-    """From when to when the overlay goes, in the trace's unit of time, and when its first slip begins."""
+    """From when to when the overlay goes, in the trace's unit of time, and when its
+    first slip begins.
+    """
     at = max((len(events) - _SHOWN) // 2, 0)
     first = float(events.time[events.peak_at[at]])
     begin = first - 0.5 * events.recurrence
     return begin, begin + (_SHOWN + 0.2) * events.recurrence, first
 
 
-def _beside(events: fitting.Events, series: list[Plain], begin: float, end: float) -> Plain:
-    """A part of the trace, with what was simulated beside it, in the units of the trace."""
+def _beside(
+    events: fitting.Events, series: list[Plain], begin: float, end: float
+) -> Plain:
+    """A part of the trace, with what was simulated beside it, in the units of the
+    trace.
+    """
     seen = (events.time >= begin) & (events.time <= end)
     return {
         "time": {"title": "time", "unit": events.time_unit},
@@ -231,24 +342,37 @@ def _cost() -> float:
 
 
 def _plan(events: fitting.Events) -> Plain:
-    """What intervals would take: seconds for each size of the table that is offered; and why there can be none."""
+    """What intervals would take: seconds for each size of the table that is offered;
+    and why there can be none.
+    """
     try:
         fitting.check(events)
     except InputError as error:
         return {"refused": str(error)}
-    ready, each = draws_kept(fitting.Prior(), SLIPS), _cost() / (os.cpu_count() or 1)
-    return {"sizes": [{"draws": draws, "seconds": max(draws - ready, 0) * each} for draws in (_COARSE, DRAWS)]}
+    ready = draws_kept(fitting.Prior(), SLIPS)
+    each = _cost() / (os.cpu_count() or 1)
+    return {
+        "sizes": [
+            {"draws": draws, "seconds": max(draws - ready, 0) * each}
+            for draws in (_COARSE, DRAWS)
+        ]
+    }
 
 
 def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The fit with its intervals: what the trace says of each parameter, series of its draws, and the rig."""
+    """The fit with its intervals: what the trace says of each parameter, series of
+    its draws, and the rig.
+    """
     watch(0.0)
-    events, options = fitting.pick_events(_read(request)), _options(request)
+    events = fitting.pick_events(_read(request))
+    options = _options(request)
     draws = whole("draws", request.get("draws"), at_least=_COARSE, at_most=DRAWS)
     if not request.get("table") and draws_kept(fitting.Prior(), SLIPS) < draws:
         raise InputError(
-            "intervals need a table of simulations that takes minutes; a shared explorer does not make it: run "
-            "`stickslip fit` on this machine once, or a fit in an explorer that is not shared"
+            "intervals need a table of simulations that takes minutes; a shared "
+            "explorer does not make it: run "
+            "`stickslip fit` on this machine once, or a fit in an explorer that is not "
+            "shared"
         )
     known = {key: options[key] for key in _NEEDED if key in options}
     found = fitting.fit(events, known=known, draws=draws, progress=watch)
@@ -264,7 +388,8 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
                 "text": str(one),
                 "says": _SAYS[str(one.verdict)],
                 "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
-                "part": list(one.parts or ()),  # where its interval lies within what was held possible, 0 to 1
+                # where its interval lies within what was held possible, 0 to 1
+                "part": list(one.parts or ()),
             }
             for one in found.parameters
         ],
@@ -272,42 +397,63 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
         "notes": list(found.notes),
         "overlay": _predicted(found, events),
         "drops": _drops(found, events),
-        "test": found.test.assign(here=found.test["here"].clip(-4.0, 4.0)).reset_index().to_dict("records"),
+        "test": found.test.assign(here=found.test["here"].clip(-4.0, 4.0))
+        .reset_index()
+        .to_dict("records"),
     }
 
 
 _SAYS = {
     "identified": "identified: the trace determines it",
     "weak": "weak: the trace says little about it",
-    "not identified": "not identified: the interval is hardly narrower than what was held possible",
+    "not identified": (
+        "not identified: the interval is hardly narrower than what was held possible"
+    ),
     "at a bound": "at a bound of what was held possible",
 }
 
 
 def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
-    """Some slips of the trace, and as long parts of traces that some draws make, loaded as it was."""
+    """Some slips of the trace, and as long parts of traces that some draws make,
+    loaded as it was.
+    """
     begin, end, _ = _window(events)
     series = []
     for row in range(min(_OVERLAID, len(found))):
         rng = np.random.default_rng([0, row])
-        made = sampled(*found.series(row, 5 * _SHOWN, rng), events.loading_rate, events.step, 0.0, rng)
-        t, F = made["time"].to_numpy(), made["spring_force"].to_numpy()
+        made = sampled(
+            *found.series(row, 5 * _SHOWN, rng),
+            events.loading_rate,
+            events.step,
+            0.0,
+            rng,
+        )
+        t = made["time"].to_numpy()
+        F = made["spring_force"].to_numpy()
         late = t >= t[-1] - (end - begin)
         series.append(line(begin + t[late] - t[late][0], F[late]))
     return _beside(events, series, begin, end)
 
 
 def _drops(found: fitting.Fit, events: fitting.Events) -> Plain:
-    """Which fraction of the slips is up to which drop: of the trace, and of series of as many slips of the draws."""
+    """Which fraction of the slips is up to which drop: of the trace, and of series
+    of as many slips of the draws.
+    """
     at = np.linspace(0.0, 1.25 * float(events.drops.max()), 120)
     below = []
     for row in range(min(_SERIES, len(found))):
-        drops = np.subtract(*found.series(row, min(len(events), 400), np.random.default_rng([0, row])))
+        drops = np.subtract(
+            *found.series(row, min(len(events), 400), np.random.default_rng([0, row]))
+        )
         if (drops := drops[drops >= events.smallest]).size:
             below.append((drops[:, None] <= at).mean(axis=0))
     low, high = np.quantile(below, (0.05, 0.95), axis=0)
     return {
-        "drop": {"title": "force drop", "unit": events.force_unit, "values": packed(at)},
+        "drop": {
+            "title": "force drop",
+            "unit": events.force_unit,
+            "values": packed(at),
+        },
         "trace": packed((events.drops[:, None] <= at).mean(axis=0)),
         "low": packed(low),
         "high": packed(high),

@@ -1,10 +1,15 @@
-"""Loads the kernels when it is imported: by the process that workers are forked from, so that each is born warm."""
+"""Loads the kernels when it is imported: by the process that workers are forked
+from, so that each is born warm.
+"""
 
 from contextlib import suppress
 
 from stickslip.explorer import documents, simulate
 
-for simulation in ({"method": "contacts", "contacts": 100}, {"method": "master equation"}):
+for simulation in (
+    {"method": "contacts", "contacts": 100},
+    {"method": "master equation"},
+):
     document = documents.first() | {"simulation": simulation}
     document["drive"]["distance"] = "5 mm"
     with suppress(Exception):  # the first question will tell

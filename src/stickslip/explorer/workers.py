@@ -1,11 +1,14 @@
-"""Processes that compute: one question at a time each, bounded in time and memory, and killed if they do not stop.
+"""Processes that compute: one question at a time each, bounded in time and memory, and
+killed if they do not stop.
 
-The server itself never computes, so that no question of one window can hold up another window's. Workers are forked
-from a process that has loaded the kernels already, so that a new one is ready at once.
+The server itself never computes, so that no question of one window can hold up another
+window's. Workers are forked from a process that has loaded the kernels already, so that
+a new one is ready at once.
 
-An answer is a generator, from a document to plain data, without state: what it yields is sent at once, so that the
-force trace does not wait for what takes longer. It calls its `Watch` now and then with the fraction of the work done,
-which ends work that nobody waits for any more by raising.
+An answer is a generator, from a document to plain data, without state: what it yields
+is sent at once, so that the force trace does not wait for what takes longer. It calls
+its `Watch` now and then with the fraction of the work done, which ends work that nobody
+waits for any more by raising.
 """
 
 import asyncio
@@ -66,8 +69,8 @@ class Job(NamedTuple):
 class Crew:
     """Some workers, started when they are needed; `size` of them work at the same time.
 
-    The rest of the jobs wait in the order in which they came. A window waits with one question of a kind at most, so
-    that this is fair to all windows.
+    The rest of the jobs wait in the order in which they came. A window waits with one
+    question of a kind at most, so that this is fair to all windows.
     """
 
     def __init__(self, name: str, size: int, niceness: int = 0) -> None:
@@ -77,11 +80,15 @@ class Crew:
         self._closed = False
 
     async def work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
-        """Do a job; `reply` is called, in another thread, with each answer, at last with ``{"done": True}`` or errors.
+        """Do a job; `reply` is called, in another thread, with each answer, at last
+        with ``{"done": True}`` or errors.
 
-        After `dropped` is set there is no reply, and the worker is free again within `GRACE`.
+        After `dropped` is set there is no reply, and the worker is free again within
+        `GRACE`.
         """
-        await asyncio.get_running_loop().run_in_executor(self._threads, self._work, job, reply, dropped)
+        await asyncio.get_running_loop().run_in_executor(
+            self._threads, self._work, job, reply, dropped
+        )
 
     def _work(self, job: Job, reply: Reply, dropped: threading.Event) -> None:
         if dropped.is_set() or self._closed:
@@ -109,13 +116,17 @@ class _Worker:
 
     def __init__(self, niceness: int) -> None:
         self._line, theirs = _FORKS.Pipe()
-        self._process = _FORKS.Process(target=_serve, args=(theirs, niceness), daemon=True)
+        self._process = _FORKS.Process(
+            target=_serve, args=(theirs, niceness), daemon=True
+        )
         self._process.start()
         theirs.close()
 
     def work(self, job: Job, reply: Reply, dropped: threading.Event) -> bool:
         """Do a job; return whether the worker is fit for another."""
-        deadline, stopping, late = time.monotonic() + job.seconds, 0.0, False
+        deadline = time.monotonic() + job.seconds
+        stopping = 0.0
+        late = False
         try:
             self._line.send(job)
             while True:
@@ -131,12 +142,19 @@ class _Worker:
                 elif dropped.is_set() or now > deadline:
                     late = not dropped.is_set()
                     if late:
-                        reply(errors(f"given up after {job.seconds:g} s; take a shorter run, or fewer contacts"))
+                        reply(
+                            errors(
+                                f"given up after {job.seconds:g} s; take a shorter "
+                                "run, or fewer contacts"
+                            )
+                        )
                     self._line.send(_STOP)
                     stopping = now + GRACE
         except (EOFError, OSError):  # killed from outside, for its memory as a rule
             if not dropped.is_set():
-                reply(errors("the computation was killed, most likely for lack of memory"))
+                reply(
+                    errors("the computation was killed, most likely for lack of memory")
+                )
             return False
 
     def kill(self) -> None:
@@ -154,7 +172,8 @@ class _StoppedError(Exception):
 
 
 def _serve(line: Connection, niceness: int) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the server ends us
+    # Ctrl-C reaches all; the server ends us
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(niceness)
     with suppress(ValueError, OSError):  # less is allowed already
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
@@ -188,12 +207,14 @@ def _answer(line: Connection, job: Job) -> None:
         line.send({"errors": documents.complaints(error)})
     except MemoryError:
         line.send(errors("not enough memory for this case; take fewer contacts"))
-    except (ArithmeticError, np.linalg.LinAlgError) as error:  # no fault of ours: a document may hold any numbers
+    # no fault of ours: a document may hold any numbers
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
         what = "cannot be computed: its parameters span too many orders of magnitude"
         line.send(errors(f"{what} ({type(error).__name__})"))
     except (EOFError, OSError):
         raise
-    except Exception as error:  # the page is to stay alive whatever happens; the terminal is told, too
+    # the page is to stay alive whatever happens; the terminal is told, too
+    except Exception as error:
         traceback.print_exc()
         line.send(errors(f"this failed: {type(error).__name__}: {error}"))
 

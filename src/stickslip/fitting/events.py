@@ -1,4 +1,6 @@
-"""The slips of a measured trace as a fit needs them, and what is refused a fit, with the figure that decided."""
+"""The slips of a measured trace as a fit needs them, and what is refused a fit, with
+the figure that decided.
+"""
 
 from __future__ import annotations
 
@@ -23,17 +25,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _NOISES, _STEPS = 6.0, 3.0
-"""The smallest drop is so many standard deviations of the noise, and so many steps of the recording."""
+"""The smallest drop is so many standard deviations of the noise, and so many steps
+of the recording.
+"""
 FEWEST, LARGEST_DROP = 30, 0.10
-"""Slips that a fit needs, and the largest smallest drop, over the peak, that it takes."""
-MOST_SLIPS = int(SLIPS / 1.25)  # of a stretch: a fifth of those in a series may be too small to be seen
+"""Slips that a fit needs, and the largest smallest drop, over the peak, that it
+takes.
+"""
+# of a stretch: a fifth of those in a series may be too small to be seen
+MOST_SLIPS = int(SLIPS / 1.25)
 PLATEAU, LOST = 2.0, 0.1
 """The count of slips may change by a tenth while the smallest drop is doubled."""
 _FINER = 2.0**0.25
 RESOLVED = 5.0  # samples of a slip from which on it is resolved
-_FEWEST_SAMPLES, _LONGEST_GAP, _LARGEST_NOISE = 20.0, 4, 0.03
-_LEAST_SAWTOOTH, _CLEAR_SAWTOOTH = 1.5, 4.0
-_MOST_DRIFT, _STEP, _LOAD_CHANGE, _DIFFERENT = 0.2, 2.0, 0.05, 3.0
+_FEWEST_SAMPLES = 20.0
+_LONGEST_GAP = 4
+_LARGEST_NOISE = 0.03
+_LEAST_SAWTOOTH = 1.5
+_CLEAR_SAWTOOTH = 4.0
+_MOST_DRIFT = 0.2
+_STEP = 2.0
+_LOAD_CHANGE = 0.05
+_DIFFERENT = 3.0
 _LEAST_ERROR = 0.02
 
 
@@ -53,29 +66,43 @@ class Events(Answer):
     force_unit: str = ""  #: empty where the trace does not say
     time_unit: str = ""
     source: str = ""
-    load_change: float = 0.0  #: largest change of the normal load over its mean; 0 where it is not known
+    #: largest change of the normal load over its mean; 0 where it is not known
+    load_change: float = 0.0
 
     peaks: Array = field(init=False)  #: force before each slip
     troughs: Array = field(init=False)  #: force after each slip
     drops: Array = field(init=False)  #: drop of the force in each slip
-    slopes: Array = field(init=False)  #: rise of the force per time from each trough to the peak after it
-    mean_peak: float = field(init=False)  #: mean force before a slip: the scale of all others
+    #: rise of the force per time from each trough to the peak after it
+    slopes: Array = field(init=False)
+    #: mean force before a slip: the scale of all others
+    mean_peak: float = field(init=False)
     step: float = field(init=False)  #: median time from sample to sample
     recurrence: float = field(init=False)  #: mean time from slip to slip
     samples_per_period: float = field(init=False)  #: mean recurrence in samples
-    slip_samples: float = field(init=False)  #: median time of a drop in samples; below 5 it is not resolved
-    sawtooth: float = field(init=False)  #: mean time of a rise over that of a drop: 1 for a sine, 10 for stick-slip
-    loading_rate: float = field(init=False)  #: median rise of the force per time between slips
-    drift: float = field(init=False)  #: median loading rate in the last third of the slips over that in the first
-    rate_error: float = field(init=False)  #: relative, of the loading rate: half of what it drifts by
+    #: median time of a drop in samples; below 5 it is not resolved
+    slip_samples: float = field(init=False)
+    #: mean time of a rise over that of a drop: 1 for a sine, 10 for stick-slip
+    sawtooth: float = field(init=False)
+    #: median rise of the force per time between slips
+    loading_rate: float = field(init=False)
+    #: median loading rate in the last third of the slips over that in the first
+    drift: float = field(init=False)
+    #: relative, of the loading rate: half of what it drifts by
+    rate_error: float = field(init=False)
 
     def __post_init__(self) -> None:
-        t, begins, ends = self.time, self.peak_at, self.trough_at
+        t = self.time
+        begins = self.peak_at
+        ends = self.trough_at
         peaks, troughs = (np.asarray(self.force[at]) for at in (begins, ends))
-        rising, step, recurrence = t[begins[1:]] - t[ends[:-1]], np.median(np.diff(t)), np.diff(t[begins]).mean()
+        rising = t[begins[1:]] - t[ends[:-1]]
+        step = np.median(np.diff(t))
+        recurrence = np.diff(t[begins]).mean()
         slopes = (peaks[1:] - troughs[:-1]) / rising
-        third, rate = max(len(slopes) // 3, 1), float(np.median(slopes))
-        first, last = float(np.median(slopes[:third])), float(np.median(slopes[-third:]))
+        third = max(len(slopes) // 3, 1)
+        rate = float(np.median(slopes))
+        first = float(np.median(slopes[:third]))
+        last = float(np.median(slopes[-third:]))
         vars(self).update(
             peaks=peaks,
             troughs=troughs,
@@ -97,96 +124,148 @@ class Events(Answer):
 
     @property
     def stretches(self) -> int:
-        """How many stretches the slips make of which each has as many as a simulated series can show."""
+        """How many stretches the slips make of which each has as many as a simulated
+        series can show.
+        """
         return -(-len(self) // MOST_SLIPS)
 
     @property
     def statistics(self) -> Array:
-        """The numbers that summarise the slips, on average over their stretches, as in `fitting.summary.NAMES`."""
+        """The numbers that summarise the slips, on average over their stretches, as
+        in `fitting.summary.NAMES`.
+        """
         each = len(self) // self.stretches
-        series = (x[: each * self.stretches].reshape(-1, each) for x in (self.peaks, self.troughs))
+        series = (
+            x[: each * self.stretches].reshape(-1, each)
+            for x in (self.peaks, self.troughs)
+        )
         return np.asarray(statistics(*series).mean(axis=0))
 
     def part(self, begin: int, end: int) -> Events:
         """Some of the slips, by number."""
-        return replace(self, peak_at=self.peak_at[begin:end], trough_at=self.trough_at[begin:end])
+        return replace(
+            self, peak_at=self.peak_at[begin:end], trough_at=self.trough_at[begin:end]
+        )
 
     def __str__(self) -> str:
-        f, t = self.force_unit, self.time_unit
-        low, high = (with_unit(value, f) for value in (self.smallest, PLATEAU * self.smallest))
-        noise, step = (with_unit(value, f, 2) for value in (self.noise, self.resolution))
-        peak, trough = (f"{x.mean():.4g} ± {with_unit(x.std(), f)}" for x in (self.peaks, self.troughs))
-        scatter, rate = self.drops.std() / self.drops.mean(), with_unit(self.loading_rate, f)
+        f = self.force_unit
+        t = self.time_unit
+        low, high = (
+            with_unit(value, f) for value in (self.smallest, PLATEAU * self.smallest)
+        )
+        noise, step = (
+            with_unit(value, f, 2) for value in (self.noise, self.resolution)
+        )
+        peak, trough = (
+            f"{x.mean():.4g} ± {with_unit(x.std(), f)}"
+            for x in (self.peaks, self.troughs)
+        )
+        scatter = self.drops.std() / self.drops.mean()
+        rate = with_unit(self.loading_rate, f)
         return (
             f"{len(self)} slips of at least {low} ({self.doubled} of at least {high})\n"
-            f"peak {peak}, trough {trough}, drop {with_unit(self.drops.mean(), f)} (CV {scatter:.2f}), "
+            f"peak {peak}, trough {trough}, drop {with_unit(self.drops.mean(), f)} (CV "
+            f"{scatter:.2f}), "
             f"every {with_unit(self.recurrence, t)}\n"
-            f"loading rate {rate}{f'/{t}' if t else ' per time unit'}, last third over first {self.drift:.2f}; "
+            f"loading rate {rate}{f'/{t}' if t else ' per time unit'}, last third over "
+            f"first {self.drift:.2f}; "
             f"noise {noise}, resolution {step}\n"
-            f"{self.samples_per_period:.3g} samples from slip to slip, {self.slip_samples:.2g} in a slip; "
+            f"{self.samples_per_period:.3g} samples from slip to slip, "
+            f"{self.slip_samples:.2g} in a slip; "
             f"rises last {self.sawtooth:.3g} times as long as drops"
         )
 
     def to_dataset(self) -> xr.Dataset:
         """The slips as a Dataset along ``slip``, and the trace along ``time``."""
-        f, t = self.force_unit, self.time_unit
+        f = self.force_unit
+        t = self.time_unit
         of_slips = {
             "peak": (self.peaks, f, "force before the slip"),
             "trough": (self.troughs, f, "force after the slip"),
             "drop": (self.drops, f, "force drop"),
             "peak_time": (self.time[self.peak_at], t, "time of the slip"),
             "trough_time": (self.time[self.trough_at], t, "end of the slip"),
-            "loading_rate": (np.append(np.nan, self.slopes), f"{f}/{t}" if t else f, "loading rate before the slip"),
+            "loading_rate": (
+                np.append(np.nan, self.slopes),
+                f"{f}/{t}" if t else f,
+                "loading rate before the slip",
+            ),
         }
         return xr.Dataset(
-            {name: ("slip", x, {"units": unit, "long_name": title}) for name, (x, unit, title) in of_slips.items()}
-            | {"spring_force": ("time", self.force, {"units": f, "long_name": "force"})},
+            {
+                name: ("slip", x, {"units": unit, "long_name": title})
+                for name, (x, unit, title) in of_slips.items()
+            }
+            | {
+                "spring_force": ("time", self.force, {"units": f, "long_name": "force"})
+            },
             coords={"time": ("time", self.time, {"units": t, "long_name": "time"})},
-            attrs={"source": self.source, "smallest": self.smallest, "noise": self.noise},
+            attrs={
+                "source": self.source,
+                "smallest": self.smallest,
+                "noise": self.noise,
+            },
         )
 
     def plot(self) -> Figure:
-        """Draw the trace, the distribution of drops, peaks against troughs, and the loading rate along the run."""
+        """Draw the trace, the distribution of drops, peaks against troughs, and the
+        loading rate along the run.
+        """
         from stickslip import plot
 
         return plot.slips(self.to_dataset())
 
 
-def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: float | None = None) -> Events:
-    """Pick the slips of a trace: peaks and troughs by hysteresis, above noise and the steps of the recording.
+def pick_events(
+    trace: xr.Dataset, *, smallest: float | None = None, after: float | None = None
+) -> Events:
+    """Pick the slips of a trace: peaks and troughs by hysteresis, above noise and the
+    steps of the recording.
 
-    The trace holds `spring_force` along `time`, as `stickslip.read_trace` and `stickslip.simulate` return; `smallest`
-    is the smallest drop that counts, `after` a time before which slips are left out.
+    The trace holds `spring_force` along `time`, as `stickslip.read_trace` and
+    `stickslip.simulate` return; `smallest` is the smallest drop that counts, `after` a
+    time before which slips are left out.
 
-    By default a drop counts from six standard deviations of the noise, three steps of the recording, and a hundredth of
-    the peak on, or from where the widest range begins in which the count of slips hardly changes while that is doubled.
-    The first slip, before which the force rises from rest, is left out, and so is one that the end cuts off. A rise
-    much faster than the loading belongs to the slip before: the slider rings.
+    By default a drop counts from six standard deviations of the noise, three steps of
+    the recording, and a hundredth of the peak on, or from where the widest range begins
+    in which the count of slips hardly changes while that is doubled. The first slip,
+    before which the force rises from rest, is left out, and so is one that the end cuts
+    off. A rise much faster than the loading belongs to the slip before: the slider
+    rings.
 
     Examples
     --------
     >>> from stickslip.fitting import pick_events
     >>> saw = 10.0 + np.tile(np.linspace(-2.0, 2.0, 50), 40)
-    >>> trace = xr.Dataset({"spring_force": ("time", saw)}, coords={"time": 0.1 * np.arange(saw.size)})
+    >>> trace = xr.Dataset(
+    ...     {"spring_force": ("time", saw)}, coords={"time": 0.1 * np.arange(saw.size)}
+    ... )
     >>> found = pick_events(trace)
     >>> len(found), float(found.drops.mean()), round(found.recurrence, 3)
     (38, 4.0, 5.0)
     """
     instance("fit: trace", trace, xr.Dataset, "a Dataset, such as read_trace() returns")
-    kept = trace if after is None else trace.sel(time=slice(number("after", after), None))
+    kept = (
+        trace if after is None else trace.sel(time=slice(number("after", after), None))
+    )
     read = Trace.of(kept)
     force = np.ascontiguousarray(read.force)
-    noise, step = white_noise(force), resolution(force)
+    noise = white_noise(force)
+    step = resolution(force)
     height = float(np.quantile(force, 0.9))
     if not height > 0:
-        raise InputError(f"fit: nine tenths of the force lie below {height:.3g}: must pull one way, counted from 0")
+        raise InputError(
+            f"fit: nine tenths of the force lie below {height:.3g}: must pull one way, "
+            "counted from 0"
+        )
 
     def picked(drop: float) -> tuple[Any, Any]:
         rise = least_rise(drop, noise)
         peaks, troughs = pick(read.t, force, drop, rise)
         first = 0 if after is not None else 1  # its peak follows the loading from rest
         if len(troughs) and force[troughs[-1] :].max() - force[troughs[-1]] < rise:
-            peaks, troughs = peaks[:-1], troughs[:-1]
+            peaks = peaks[:-1]
+            troughs = troughs[:-1]
         return peaks[first:], troughs[first:]
 
     def on_a_plateau(drop: float) -> bool:
@@ -195,18 +274,28 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
     if smallest is None:
         least = max(_NOISES * noise, _STEPS * step, FLOOR * height)
         finer = range(1 + math.floor(math.log(LARGEST_DROP * height / least, _FINER)))
-        plateaus = [list(drops) for flat, drops in groupby((least * _FINER**k for k in finer), on_a_plateau) if flat]
+        plateaus = [
+            list(drops)
+            for flat, drops in groupby((least * _FINER**k for k in finer), on_a_plateau)
+            if flat
+        ]
         smallest = max(plateaus, key=len, default=[least])[0]
     else:
-        smallest = number("smallest", smallest, above=0, hint="drop that counts as a slip")
+        smallest = number(
+            "smallest", smallest, above=0, hint="drop that counts as a slip"
+        )
     peaks, troughs = picked(smallest)
     if len(peaks) < 2:
         raise InputError(
-            f"fit: {len(peaks)} drops of at least {smallest:.3g} (noise {noise:.2g}, resolution {step:.2g}): "
-            f"at least {FEWEST} slips are needed; stick-slip shows more, or --smallest is too large"
+            f"fit: {len(peaks)} drops of at least {smallest:.3g} (noise {noise:.2g}, "
+            f"resolution {step:.2g}): "
+            f"at least {FEWEST} slips are needed; stick-slip shows more, or --smallest "
+            "is too large"
         )
     steps = np.diff(read.t[~kept["filled"].values] if "filled" in kept else read.t)
-    load = np.asarray(kept["load"].values, dtype=float) if "load" in kept else np.ones(1)
+    load = (
+        np.asarray(kept["load"].values, dtype=float) if "load" in kept else np.ones(1)
+    )
     return Events(
         time=read.t,
         force=force,
@@ -220,12 +309,16 @@ def pick_events(trace: xr.Dataset, *, smallest: float | None = None, after: floa
         force_unit=read.force_unit,
         time_unit=read.time_unit,
         source=str(trace.attrs.get("source", "")),
-        load_change=float(np.ptp(np.quantile(load, (0.05, 0.95))) / abs(load.mean())) if load.mean() else 0.0,
+        load_change=float(np.ptp(np.quantile(load, (0.05, 0.95))) / abs(load.mean()))
+        if load.mean()
+        else 0.0,
     )
 
 
 def least_rise(drop: float, noise: float) -> float:
-    """The smallest rise that parts two slips, where a drop of at least `drop` is one."""
+    """The smallest rise that parts two slips, where a drop of at least `drop` is
+    one.
+    """
     return min(drop, max(_NOISES * noise, 0.5 * drop))
 
 
@@ -235,17 +328,24 @@ def with_unit(value: float, unit: str, digits: int = 3) -> str:
 
 
 def check(events: Events) -> tuple[str, ...]:
-    """Raise `InputError` where a fit would mislead, with the figure that decided; return what a reader should know."""
+    """Raise `InputError` where a fit would mislead, with the figure that decided;
+    return what a reader should know.
+    """
     for fault in _faults(events):
         raise InputError(f"fit: {fault}")
     notes = []
     if abs(math.log(events.drift)) > math.log1p(_MOST_DRIFT):
         notes.append(
-            f"the loading rate in the last third is {events.drift:.2f} times that in the first: the drive or the rig "
-            "is not steady; what is fitted depends on the order of the slips, not on time"
+            f"the loading rate in the last third is {events.drift:.2f} times that in "
+            "the first: the drive or the rig "
+            "is not steady; what is fitted depends on the order of the slips, not on "
+            "time"
         )
     if events.sawtooth < _CLEAR_SAWTOOTH:
-        notes.append(f"rises last only {events.sawtooth:.2g} times as long as drops: hardly stick-slip")
+        notes.append(
+            f"rises last only {events.sawtooth:.2g} times as long as drops: hardly "
+            "stick-slip"
+        )
     if events.slip_samples < RESOLVED:
         seen = f"samples in each: {events.slip_samples:.2g}"
         notes.append(f"slips are not resolved ({seen}): only bounds on mass and delay")
@@ -254,52 +354,100 @@ def check(events: Events) -> tuple[str, ...]:
 
 def _beside(value: float, limit: float, digits: int = 3) -> str:
     """A value in as many digits as show on which side of a limit it is."""
-    return next(text for more in range(digits, 18) if float(text := f"{value:.{more}g}") != limit)
+    return next(
+        text
+        for more in range(digits, 18)
+        if float(text := f"{value:.{more}g}") != limit
+    )
 
 
 def _faults(events: Events) -> Iterator[str]:
     """What makes a fit mislead, the plainest first."""
-    least, count = with_unit(events.smallest, events.force_unit), len(events)
-    noise, smallest = events.noise / events.mean_peak, events.smallest / events.mean_peak
-    yield from (f"{fault}; reduce its gain, and record again" for fault in about_the_sensor(events.force))
+    least = with_unit(events.smallest, events.force_unit)
+    count = len(events)
+    noise = events.noise / events.mean_peak
+    smallest = events.smallest / events.mean_peak
+    yield from (
+        f"{fault}; reduce its gain, and record again"
+        for fault in about_the_sensor(events.force)
+    )
     if events.gap > _LONGEST_GAP:
-        yield f"{events.gap} samples in a row are missing: at most {_LONGEST_GAP} are filled in; cut the trace there"
+        yield (
+            f"{events.gap} samples in a row are missing: at most {_LONGEST_GAP} are "
+            "filled in; cut the trace there"
+        )
     if events.load_change > _LOAD_CHANGE:
-        yield f"the normal load changes by {100 * events.load_change:.0f} %: must be constant; cut the trace"
+        yield (
+            f"the normal load changes by {100 * events.load_change:.0f} %: must be "
+            "constant; cut the trace"
+        )
     if noise > _LARGEST_NOISE:
-        found, most = _beside(100 * noise, 100 * _LARGEST_NOISE, 2), f"at most {100 * _LARGEST_NOISE:g} %"
+        found = _beside(100 * noise, 100 * _LARGEST_NOISE, 2)
+        most = f"at most {100 * _LARGEST_NOISE:g} %"
         yield f"the noise is {found} % of the peak force: {most}; smooth it"
     if smallest > LARGEST_DROP:
         most = f"at most {100 * LARGEST_DROP:g} %; record with less noise"
         found = _beside(100 * smallest, 100 * LARGEST_DROP, 2)
-        yield f"drops below {least}, {found} % of the peak force, cannot be told from noise: {most}"
+        yield (
+            f"drops below {least}, {found} % of the peak force, cannot be told from "
+            f"noise: {most}"
+        )
     if events.sawtooth < _LEAST_SAWTOOTH:
-        seen = f"the force rises for {_beside(events.sawtooth, _LEAST_SAWTOOTH, 2)} times as long as it drops"
-        yield f"{seen}: an oscillation or noise, not stick-slip, where it is at least {_LEAST_SAWTOOTH:g}"
+        seen = (
+            f"the force rises for {_beside(events.sawtooth, _LEAST_SAWTOOTH, 2)} "
+            "times as long as it drops"
+        )
+        yield (
+            f"{seen}: an oscillation or noise, not stick-slip, where it is at least "
+            f"{_LEAST_SAWTOOTH:g}"
+        )
     if events.samples_per_period < _FEWEST_SAMPLES:
-        seen = f"{_beside(events.samples_per_period, _FEWEST_SAMPLES)} samples from slip to slip"
-        yield f"{seen}: at least {_FEWEST_SAMPLES:g} are needed; record faster, or pull slower"
+        seen = (
+            f"{_beside(events.samples_per_period, _FEWEST_SAMPLES)} samples from "
+            "slip to slip"
+        )
+        yield (
+            f"{seen}: at least {_FEWEST_SAMPLES:g} are needed; record faster, or "
+            "pull slower"
+        )
     if count < FEWEST:
         yield f"{count} slips: at least {FEWEST} are needed; record for longer"
     if events.doubled < (1.0 - LOST) * count:
         yield (
-            f"{count} drops of at least {least}, but {events.doubled} of at least twice that: the slip count depends "
-            "on the detection threshold; give the smallest drop (--smallest), on a plateau of n(h)"
+            f"{count} drops of at least {least}, but {events.doubled} of at least "
+            "twice that: the slip count depends "
+            "on the detection threshold; give the smallest drop (--smallest), on a "
+            "plateau of n(h)"
         )
     change, when = _largest_step(events)
     if change > _STEP:
         at = with_unit(when, events.time_unit, 4)
-        yield f"the loading rate changes {change:.2g} times at t = {at}, with the speed or the load; fit one part"
+        yield (
+            f"the loading rate changes {change:.2g} times at t = {at}, with the "
+            "speed or the load; fit one part"
+        )
     name, z = _halves(events)
     if z > _DIFFERENT:
-        apart = f"{name} by {_beside(z, _DIFFERENT, 2)} standard errors, at most {_DIFFERENT:g}"
+        apart = (
+            f"{name} by {_beside(z, _DIFFERENT, 2)} standard errors, at most "
+            f"{_DIFFERENT:g}"
+        )
         yield f"the halves of the trace differ: {apart}; fit one part"
 
 
 def _halves(events: Events) -> tuple[str, float]:
-    """The statistic by which the halves of a trace differ most, and by how many standard errors."""
+    """The statistic by which the halves of a trace differ most, and by how many
+    standard errors.
+    """
     middle = len(events) // 2
-    one, other = comparable(statistics(*(x[: 2 * middle].reshape(2, middle) for x in (events.peaks, events.troughs))))
+    one, other = comparable(
+        statistics(
+            *(
+                x[: 2 * middle].reshape(2, middle)
+                for x in (events.peaks, events.troughs)
+            )
+        )
+    )
     # Errors of the whole trace, doubled: of half as many slips, and of a difference.
     error = 2.0 * comparable(resampled(events.peaks, events.troughs)).std(axis=0)
     z = np.abs(one - other) / np.maximum(error, _LEAST_ERROR)
@@ -312,12 +460,15 @@ def _largest_step(events: Events) -> tuple[float, float]:
 
     Each rise counts by the time that it takes.
     """
-    took, slopes = events.time[events.peak_at[1:]] - events.time[events.trough_at[:-1]], events.slopes
+    took = events.time[events.peak_at[1:]] - events.time[events.trough_at[:-1]]
+    slopes = events.slopes
     many = max(8, slopes.size // 8)
-    best, when = 1.0, 0.0
+    best = 1.0
+    when = 0.0
     for i in range(many, slopes.size - many + 1):
         sides = slice(i - many, i), slice(i, i + many)
         before, behind = (weighted_median(slopes[side], took[side]) for side in sides)
         if (ratio := max(before / behind, behind / before)) > best:
-            best, when = ratio, float(events.time[events.peak_at[i]])
+            best = ratio
+            when = float(events.time[events.peak_at[i]])
     return best, when

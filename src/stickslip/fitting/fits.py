@@ -28,10 +28,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POSTERIOR = 300
-_TITLES = {one.key: (one.title, "1") for one in UNKNOWNS} | {key: row[:2] for key, row in bench.QUANTITIES.items()}
-_IDENTIFIED, _WEAK = 0.5, 0.7
-_WIDE = 10.0  # an interval whose ends differ by more than this, a factor of three either way, identifies no size
-_AT_BOUND, _NEAR = 0.1, 0.02
+_TITLES = {one.key: (one.title, "1") for one in UNKNOWNS} | {
+    key: row[:2] for key, row in bench.QUANTITIES.items()
+}
+_IDENTIFIED = 0.5
+_WEAK = 0.7
+# an interval whose ends differ by more than this, a factor of three either way,
+# identifies no size
+_WIDE = 10.0
+_AT_BOUND = 0.1
+_NEAR = 0.02
 LOW = 0.02  # p-values below this are listed
 
 
@@ -46,27 +52,38 @@ class Interval:
     median: float  #: quantile of 50 %
     high: float  #: quantile of 95 %
 
-    #: By the width: below .5 identified, below .7 weak; weak at best where it is of decades and its ends differ by more
-    #: than a factor of ten. At a bound: a tenth of the draws lie within 2 % of an end of the prior. None for what is no
-    #: parameter of the model.
+    #: By the width: below .5 identified, below .7 weak; weak at best where it is of
+    #: decades and its ends differ by more than a factor of ten. At a bound: a tenth of
+    #: the draws lie within 2 % of an end of the prior. None for what is no parameter of
+    #: the model.
     verdict: str | None = None
 
-    parts: tuple[float, ...] | None = None  #: where the three quantiles lie in the range of the prior, 0 to 1
-    width: float | None = None  #: of the interval over that of the prior, in decades where the prior is
+    #: where the three quantiles lie in the range of the prior, 0 to 1
+    parts: tuple[float, ...] | None = None
+    #: of the interval over that of the prior, in decades where the prior is
+    width: float | None = None
 
     @classmethod
     def of(cls, key: str, draws: Array, parts: Array | None = None) -> Interval:
-        """Take it from draws of a quantity; of a parameter, with where these lie in the range of the prior."""
+        """Take it from draws of a quantity; of a parameter, with where these lie in
+        the range of the prior.
+        """
         title, unit = _TITLES[key]
         low, median, high = np.quantile(draws, (0.05, 0.5, 0.95)).tolist()
         found = cls(key=key, title=title, unit=unit, low=low, median=median, high=high)
         if parts is None:
             return found
         within = tuple(np.quantile(parts, (0.05, 0.5, 0.95)).tolist())
-        width, verdict = (within[2] - within[0]) / 0.9, "not identified"
-        if max(float((parts < _NEAR).mean()), float((parts > 1 - _NEAR).mean())) > _AT_BOUND:
+        width = (within[2] - within[0]) / 0.9
+        verdict = "not identified"
+        if (
+            max(float((parts < _NEAR).mean()), float((parts > 1 - _NEAR).mean()))
+            > _AT_BOUND
+        ):
             verdict = "at a bound"
-        elif width < _IDENTIFIED and not (UNKNOWNS[KEYS.index(key)].decades and high > _WIDE * low):
+        elif width < _IDENTIFIED and not (
+            UNKNOWNS[KEYS.index(key)].decades and high > _WIDE * low
+        ):
             verdict = "identified"
         elif width < _WEAK:
             verdict = "weak"
@@ -74,25 +91,38 @@ class Interval:
 
     def __str__(self) -> str:
         for digits in (2, 3, 4):  # as many as show that the ends differ
-            low, median, high = (engineering(value, self.unit, digits) for value in (self.low, self.median, self.high))
+            low, median, high = (
+                engineering(value, self.unit, digits)
+                for value in (self.low, self.median, self.high)
+            )
             if low != high:
                 break
         wide = 0.0 < self.low * _WIDE < self.high
-        factor = f", to a factor {math.sqrt(self.high / self.low):.2g} either way" if wide else ""
+        factor = (
+            f", to a factor {math.sqrt(self.high / self.low):.2g} either way"
+            if wide
+            else ""
+        )
         return f"{median} ({low} to {high}){factor}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Fit(Answer):
-    """The interface behind a trace: draws of its parameters. It prints as its short text."""
+    """The interface behind a trace: draws of its parameters.
+
+    It prints as its short text.
+    """
 
     events: Events  #: the slips that were fitted
     prior: Prior  #: what was held possible
-    values: Array  #: (draws, 6): equally likely, in the order of `stickslip.fitting.UNKNOWNS`, each simulated again
+    #: (draws, 6): equally likely, in the order of `stickslip.fitting.UNKNOWNS`, each
+    #: simulated again
+    values: Array
     strength: Array  #: total contact strength of each draw, in the unit of the force
     predicted: Array  #: (draws, 20): statistics of one series of slips of each draw
     known: bench.Known  #: what was known besides
-    sample: Sample  #: the draws before they were made equally likely, and how they were found
+    #: the draws before they were made equally likely, and how they were found
+    sample: Sample
     notes: tuple[str, ...]  #: what a reader should know
     delays: bench.Told | None = None  #: what other speeds say of the delay
     strengthening: bench.Told | None = None  #: what holds say of ageing
@@ -114,13 +144,16 @@ class Fit(Answer):
 
     def __getitem__(self, key: str) -> Interval:
         """A parameter of the model, or a quantity in SI units."""
-        parts = self.prior.parts(self.values)[:, KEYS.index(key)] if key in KEYS else None
+        parts = (
+            self.prior.parts(self.values)[:, KEYS.index(key)] if key in KEYS else None
+        )
         return Interval.of(key, self.draws(key), parts)
 
     def draws(self, key: str) -> Array:
         """Equally likely values of a parameter, or of a quantity in SI units.
 
-        Raises `InputError` if there is none of that name, or if what is known does not allow to tell it.
+        Raises `InputError` if there is none of that name, or if what is known does not
+        allow to tell it.
         """
         if key in KEYS:
             return np.asarray(self.values[:, KEYS.index(key)])
@@ -133,8 +166,12 @@ class Fit(Answer):
         found = bench.in_si(self.values, self.strength, self.events, self.known)
         return found | ({"delay": self.delays.draws} if self.delays else {})
 
-    def series(self, row: int, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Peaks and troughs of a series of slips that one draw makes, in the unit of the force."""
+    def series(
+        self, row: int, count: int, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Peaks and troughs of a series of slips that one draw makes, in the unit of
+        the force.
+        """
         peaks, troughs = simulate(self.values[row], count, rng)
         return self.strength[row] * peaks, self.strength[row] * troughs
 
@@ -142,59 +179,91 @@ class Fit(Answer):
     def from_the_centre(self) -> list[int]:
         """Numbers of the draws, those nearest to the medians first."""
         parts = self.prior.parts(self.values)
-        found: list[int] = np.argsort(((parts - np.median(parts, axis=0)) ** 2).sum(axis=1)).tolist()
+        found: list[int] = np.argsort(
+            ((parts - np.median(parts, axis=0)) ** 2).sum(axis=1)
+        ).tolist()
         return found
 
     def simulated(self, slips: int = 40) -> xr.Dataset:
-        """A trace that the draw nearest to the medians makes, loaded and sampled as the measured one was."""
-        nearest, events = self.from_the_centre[0], self.events
+        """A trace that the draw nearest to the medians makes, loaded and sampled as
+        the measured one was.
+        """
+        nearest = self.from_the_centre[0]
+        events = self.events
         rng = np.random.default_rng(nearest)
-        return sampled(*self.series(nearest, slips, rng), events.loading_rate, events.step, events.noise, rng)
+        return sampled(
+            *self.series(nearest, slips, rng),
+            events.loading_rate,
+            events.step,
+            events.noise,
+            rng,
+        )
 
     @property
     def test(self) -> pd.DataFrame:
-        """Each statistic of the trace among those of series of the draws, from their median in quarters of their range.
+        """Each statistic of the trace among those of series of the draws, from their
+        median in quarters of their range.
 
-        ``p`` is two-sided; ``low`` and ``high`` are the ends of the range of 95 %, ``here`` is the trace.
+        ``p`` is two-sided; ``low`` and ``high`` are the ends of the range of 95 %,
+        ``here`` is the trace.
         """
-        made, here = self.predicted, self.events.statistics
+        made = self.predicted
+        here = self.events.statistics
         least = np.minimum((made >= here).mean(axis=0), (made <= here).mean(axis=0))
         low, middle, high = np.quantile(made, (0.025, 0.5, 0.975), axis=0)
-        ends = (np.array([low, high, here]) - middle) / (np.maximum(high - low, 1e-12) / 4.0)
-        p, fitted = np.clip(2.0 * least, 1.0 / len(made), 1.0), [name in FITTED for name in NAMES]
+        ends = (np.array([low, high, here]) - middle) / (
+            np.maximum(high - low, 1e-12) / 4.0
+        )
+        p = np.clip(2.0 * least, 1.0 / len(made), 1.0)
+        fitted = [name in FITTED for name in NAMES]
         columns = dict(zip(("low", "high", "here"), ends, strict=True))
-        return pd.DataFrame({"p": p, "fitted": fitted, **columns}, index=pd.Index(NAMES, name="name"))
+        return pd.DataFrame(
+            {"p": p, "fitted": fitted, **columns}, index=pd.Index(NAMES, name="name")
+        )
 
     @property
     def p_values(self) -> dict[str, float]:
-        """How likely each statistic is to lie further out than that of the trace, by series of the draws; two-sided."""
+        """How likely each statistic is to lie further out than that of the trace, by
+        series of the draws; two-sided.
+        """
         return dict(self.test["p"])
 
     @property
     def next_experiments(self) -> tuple[str, ...]:
-        """Measurements of what this trace does not determine, and which intervals they would narrow."""
+        """Measurements of what this trace does not determine, and which intervals
+        they would narrow.
+        """
         done = {one.key for one in self.parameters if one.verdict == "identified"}
         wanted = {
-            "mean friction at four speeds or more (--speeds): the delay, of which nothing is known": not self.delays,
-            "static friction after three holds or more (--holds): ageing": not self.strengthening,
-            "a slow push too small for a slip: the stiffness of the interface, and with it the stiffness ratio and the "
+            (
+                "mean friction at four speeds or more (--speeds): the delay, of which "
+                "nothing is known"
+            ): not self.delays,
+            (
+                "static friction after three holds or more (--holds): ageing"
+            ): not self.strengthening,
+            "a slow push too small for a slip: the stiffness of the interface, and "
+            "with it the stiffness ratio and the "
             "breaking displacement": "stiffness_ratio" not in done,
             "a tap on the free slider: the damping ratio": "damping_ratio" not in done,
         }
         return tuple(what for what, missing in wanted.items() if missing)
 
     def rig(self, *, name: str = "fitted rig") -> Rig:
-        """The rig: the most central draw whose own run makes the trace; what was fitted has its interval and draws.
+        """The rig: the most central draw whose own run makes the trace; what was fitted
+        has its interval and draws.
 
-        Raises `InputError` if the stiffness is not known, without which no length is, or if no draw makes the drops and
-        the period of the trace.
+        Raises `InputError` if the stiffness is not known, without which no length is,
+        or if no draw makes the drops and the period of the trace.
         """
         from stickslip.fitting.rigs import rig_of
 
         return rig_of(self, name)
 
     def plot(self) -> Figure:
-        """Draw the trace above a simulated one, the test, and the parameters within their prior."""
+        """Draw the trace above a simulated one, the test, and the parameters within
+        their prior.
+        """
         from stickslip import plot
 
         return plot.fitted(self)
@@ -209,10 +278,15 @@ class Fit(Answer):
                 "quantities": {one.key: one for one in self.quantities},
                 "known": self.known,
                 "statistics": dict(zip(NAMES, self.events.statistics, strict=True)),
-                "half_speed": self.delays and (self.delays.value, self.delays.value.error),
-                "ageing": self.strengthening and (self.strengthening.value, self.strengthening.value.error),
+                "half_speed": self.delays
+                and (self.delays.value, self.delays.value.error),
+                "ageing": self.strengthening
+                and (self.strengthening.value, self.strengthening.value.error),
                 "effective_draws": self.sample.effective,
-                **{name: getattr(self.sample, name) for name in ("edge", "adjusted", "invalid", "simulations")},
+                **{
+                    name: getattr(self.sample, name)
+                    for name in ("edge", "adjusted", "invalid", "simulations")
+                },
                 "p_values": self.p_values,
                 "notes": self.notes,
             }
@@ -220,16 +294,28 @@ class Fit(Answer):
         return found
 
     def __str__(self) -> str:
-        parameters, quantities, p = self.parameters, self.quantities, self.p_values
+        parameters = self.parameters
+        quantities = self.quantities
+        p = self.p_values
         width = max(len(one.title) for one in (*parameters, *quantities))
         wide = max(len(str(one)) for one in parameters)
-        in_si = ["In SI units:", *(f"  {one.title:{width}}  {one!s}" for one in quantities)]
+        in_si = [
+            "In SI units:",
+            *(f"  {one.title:{width}}  {one!s}" for one in quantities),
+        ]
         return "\n".join(
             [
-                f"{self.events}\n\nParameters of the model, medians and 90 % intervals:",
-                *(f"  {one.title:{width}}  {one!s:{wide}}  {one.verdict}" for one in parameters),
+                (
+                    f"{self.events}\n\nParameters of the model, medians and 90 % "
+                    "intervals:"
+                ),
+                *(
+                    f"  {one.title:{width}}  {one!s:{wide}}  {one.verdict}"
+                    for one in parameters
+                ),
                 *(in_si if quantities else ()),
-                f"Series of these draws against the trace: smallest p of {len(FITTED)} fitted statistics "
+                f"Series of these draws against the trace: smallest p of {len(FITTED)} "
+                "fitted statistics "
                 f"{min(p[name] for name in FITTED):.2g}, of {len(HELD_OUT)} others "
                 f"{min(p[name] for name in HELD_OUT):.2g}",
                 *(more.words for more in (self.delays, self.strengthening) if more),
@@ -254,19 +340,22 @@ def fit(
 ) -> Fit:
     """Fit the interface behind a measured stick-slip trace.
 
-    The model is the limit of slow driving with re-attachment on arrest: six numbers without a unit. Series of slips are
-    simulated over the whole prior, sampled and picked as the trace was, and those like the trace are kept. The
-    simulations are made once and kept in the user's cache; that takes a minute, a fit then some seconds.
+    The model is the limit of slow driving with re-attachment on arrest: six numbers
+    without a unit. Series of slips are simulated over the whole prior, sampled and
+    picked as the trace was, and those like the trace are kept. The simulations are made
+    once and kept in the user's cache; that takes a minute, a fit then some seconds.
 
-    A trace alone constrains some parameters weakly and others not at all; the fit says which, and guesses nothing.
+    A trace alone constrains some parameters weakly and others not at all; the fit says
+    which, and guesses nothing.
 
     Parameters
     ----------
     trace : Dataset or Events
         A measured force, as `stickslip.read_trace` returns, or its slips.
     known : mapping, optional
-        Of ``stiffness``, ``speed``, ``mass``, ``load``, what is known: a number in SI units, a text such as
-        ``"350 N/m"``, or either with its standard error, ``("350 N/m", "10 N/m")``; 2 % where none is given.
+        Of ``stiffness``, ``speed``, ``mass``, ``load``, what is known: a number in SI
+        units, a text such as ``"350 N/m"``, or either with its standard error,
+        ``("350 N/m", "10 N/m")``; 2 % where none is given.
     prior : Prior
         What is held possible.
     smallest, after : float, optional
@@ -276,7 +365,8 @@ def fit(
     holds : sequence of pairs, optional
         Holds with the static friction after them: they tell ageing.
     draws : int
-        Size of the table; `stickslip.fitting.table` makes one elsewhere, such as on a cluster, for fits to find.
+        Size of the table; `stickslip.fitting.table` makes one elsewhere, such as on a
+        cluster, for fits to find.
     seed : int
     progress : callable or bool, optional
         Is told what part of the table is there; a bar for True.
@@ -284,7 +374,8 @@ def fit(
     Raises
     ------
     InputError
-        If the trace is none of stick-slip, or says too little: the message has the figure that decided.
+        If the trace is none of stick-slip, or says too little: the message has the
+        figure that decided.
 
     Examples
     --------
@@ -292,27 +383,46 @@ def fit(
     >>> found = ss.fit(trace, known={"stiffness": "100 N/m"})  # doctest: +SKIP
     >>> found["contact_strength"]  # doctest: +SKIP
     """
-    instance("fit: trace", trace, (xr.Dataset, Events), "a Dataset, such as read_trace() returns, or its Events")
+    instance(
+        "fit: trace",
+        trace,
+        (xr.Dataset, Events),
+        "a Dataset, such as read_trace() returns, or its Events",
+    )
     seed = whole("seed", seed, at_least=0)
-    events = trace if isinstance(trace, Events) else pick_events(trace, smallest=smallest, after=after)
+    events = (
+        trace
+        if isinstance(trace, Events)
+        else pick_events(trace, smallest=smallest, after=after)
+    )
     given = bench.read_known(known)
     notes = list(check(events))
     if (stretches := events.stretches) > 1:
         notes.append(
-            f"{len(events)} slips are fitted in {stretches} stretches; intervals are as wide as of one of them"
+            f"{len(events)} slips are fitted in {stretches} stretches; intervals are "
+            "as wide as of one of them"
         )
-    likelihood, observation = bench.likelihood_of(events, given), Observation.of(events)
+    likelihood = bench.likelihood_of(events, given)
+    observation = Observation.of(events)
     with reporting(progress, "simulating") as report:
         made = table(prior=prior, draws=draws, progress=report)
-    sample = infer(made, observation, events.statistics, likelihood=likelihood, seed=seed)
-    even = np.random.default_rng([seed, 4]).choice(len(sample.parts), size=POSTERIOR, p=sample.weights)
+    sample = infer(
+        made, observation, events.statistics, likelihood=likelihood, seed=seed
+    )
+    even = np.random.default_rng([seed, 4]).choice(
+        len(sample.parts), size=POSTERIOR, p=sample.weights
+    )
     parts = sample.parts[even]
-    seen = [observation.see_at(prior, parts, seed=seed + 1000 + stretch) for stretch in range(stretches)]
+    seen = [
+        observation.see_at(prior, parts, seed=seed + 1000 + stretch)
+        for stretch in range(stretches)
+    ]
     predicted, mean_peak = (np.mean(each, axis=0) for each in zip(*seen, strict=True))
     valid = np.isfinite(mean_peak)
     if valid.sum() < POSTERIOR // 10:
         raise InputError(
-            f"fit: only {valid.sum()} of {POSTERIOR} posterior draws reproduce this kind of trace: the model does not "
+            f"fit: only {valid.sum()} of {POSTERIOR} posterior draws reproduce this "
+            "kind of trace: the model does not "
             "describe it"
         )
     found = Fit(
@@ -328,14 +438,25 @@ def fit(
     )
     surprises = [name for name, p in found.p_values.items() if p < LOW]
     worth_saying = {
-        f"the trace lies at the edge of what the model makes ({sample.edge:.3g} percentile, above {EDGE:g}): the draws "
-        "were not moved by a regression, and the intervals are wider than need be": not sample.adjusted,
-        **{f"{one.title}: at a bound of its prior": one.verdict == "at a bound" for one in found.parameters},
-        f"the model does not make these of the trace's {len(NAMES)} statistics (p < {LOW:g}; by chance "
+        f"the trace lies at the edge of what the model makes ({sample.edge:.3g} "
+        f"percentile, above {EDGE:g}): the draws "
+        "were not moved by a regression, and the intervals are wider than need "
+        "be": not sample.adjusted,
+        **{
+            f"{one.title}: at a bound of its prior": one.verdict == "at a bound"
+            for one in found.parameters
+        },
+        f"the model does not make these of the trace's {len(NAMES)} statistics (p < "
+        f"{LOW:g}; by chance "
         f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}": bool(surprises),
-        "N is an effective number of independent strength units, inferred from the scatter; not a count of "
+        "N is an effective number of independent strength units, inferred from the "
+        "scatter; not a count of "
         "asperities": found["contacts"].high < 100,
     }
     notes += [words for words, worth in worth_saying.items() if worth]
-    delays = bench.delays_of(found.values, found.draws("breaking_displacement"), speeds) if speeds else None
+    delays = (
+        bench.delays_of(found.values, found.draws("breaking_displacement"), speeds)
+        if speeds
+        else None
+    )
     return replace(found, notes=tuple(notes), delays=delays)

@@ -1,9 +1,11 @@
-"""From statistics of a trace to draws of the parameters, by comparison with simulations.
+"""From statistics of a trace to draws of the parameters, by comparison with
+simulations.
 
-Approximate Bayesian computation: of all simulated series those nearest to the trace are kept, and their parameters are
-moved by a local linear regression on what still parts their statistics from those of the trace. Of the ways that were
-tried, this one had intervals that hold the truth as often as they say. Where the trace lies at the edge of what the
-model makes, a regression would extrapolate, and nothing is moved.
+Approximate Bayesian computation: of all simulated series those nearest to the trace are
+kept, and their parameters are moved by a local linear regression on what still parts
+their statistics from those of the trace. Of the ways that were tried, this one had
+intervals that hold the truth as often as they say. Where the trace lies at the edge of
+what the model makes, a regression would extrapolate, and nothing is moved.
 """
 
 from collections.abc import Callable
@@ -19,20 +21,30 @@ from stickslip.fitting.tables import Observation, Table
 from stickslip.measure.arrays import Array
 
 NEAREST = 300
-_AGREE = 100  # draws that agree with what is known, at least: ten for each coefficient of the regression
+# draws that agree with what is known, at least: ten for each coefficient of the
+# regression
+_AGREE = 100
 EDGE, BEYOND = 95.0, 99.9
-"""Percentiles of the distance: above the first nothing is moved and a warning given, above the second none fitted."""
-_NEIGHBOUR, _COMPARED = 10, 1000
+"""Percentiles of the distance: above the first nothing is moved and a warning given,
+above the second none fitted.
+"""
+_NEIGHBOUR = 10
+_COMPARED = 1000
 _SMALL = 1e-4
-_LITTLE = 1e-3  # of the largest weight, which is 1 of a likelihood: draws with less do not count
+# of the largest weight, which is 1 of a likelihood: draws with less do not count
+_LITTLE = 1e-3
 
 
 class Sample(NamedTuple):
-    """Weighted draws of the parameters, as parts of the ranges of the prior, and how they were found."""
+    """Weighted draws of the parameters, as parts of the ranges of the prior, and how
+    they were found.
+    """
 
     parts: Array
     weights: Array
-    edge: float  #: percentile of the trace's distance from the simulations among those of series drawn from the prior
+    #: percentile of the trace's distance from the simulations among those of series
+    #: drawn from the prior
+    edge: float
     adjusted: bool  #: whether the draws were moved by a regression; not at the edge
     invalid: float  #: fraction of the prior that does not stick-slip as the trace does
     simulations: int
@@ -53,49 +65,65 @@ def infer(
     seen: Array | None = None,
     seed: int = 0,
 ) -> Sample:
-    """Draw parameters that make the statistics that were observed; `InputError` if no draw is anywhere near.
+    """Draw parameters that make the statistics that were observed; `InputError` if no
+    draw is anywhere near.
 
-    A likelihood of parameters, along the last axis, is at most 1. `seen` are the statistics of the table by this
-    observation.
+    A likelihood of parameters, along the last axis, is at most 1. `seen` are the
+    statistics of the table by this observation.
     """
     if seen is None:
         seen = observation.see(table, seed=seed)[0]
     valid = np.isfinite(seen[:, 0])
     if valid.sum() < nearest:
         raise InputError(
-            f"fit: {valid.sum()} of {len(table)} draws from the prior stick-slip as the trace does, with "
-            f"{observation.slips} slips above the smallest drop: at least {nearest} are needed; take more draws"
+            f"fit: {valid.sum()} of {len(table)} draws from the prior stick-slip as "
+            "the trace does, with "
+            f"{observation.slips} slips above the smallest drop: at least {nearest} "
+            "are needed; take more draws"
         )
-    parts, found, target = table.parts[valid], comparable(seen[valid]), comparable(observed)
+    parts = table.parts[valid]
+    found = comparable(seen[valid])
+    target = comparable(observed)
     # The scatter of most draws; of all, where most are alike (correlations near 1).
     scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
     scale = np.maximum(np.maximum(scale, 0.1 * found.std(axis=0)), 1e-9)
-    # Percentile of the distance to the tenth neighbour among the same of draws from the prior.
-    tree, rng = cKDTree(found / scale), np.random.default_rng([seed, 1])
+    # Percentile of the distance to the tenth neighbour among the same of draws from the
+    # prior.
+    tree = cKDTree(found / scale)
+    rng = np.random.default_rng([seed, 1])
     some = rng.choice(len(found), size=min(_COMPARED, len(found)), replace=False)
     usual = np.asarray(tree.query(found[some] / scale, k=_NEIGHBOUR + 1)[0])[:, -1]
     here = float(np.asarray(tree.query(target / scale, k=_NEIGHBOUR)[0])[-1])
     edge = float(100.0 * (usual < here).mean())
     if edge > BEYOND:
         raise InputError(
-            f"fit: no simulation comes near this trace: it lies farther from its nearest simulations than {edge:.4g} "
-            "percent of the draws from the prior. The model knows slow stick-slip, in which contacts re-attach where "
-            "the slider stops: drive slower if the force falls between its slips or their size varies widely; else "
+            "fit: no simulation comes near this trace: it lies farther from its "
+            f"nearest simulations than {edge:.4g} "
+            "percent of the draws from the prior. The model knows slow stick-slip, in "
+            "which contacts re-attach where "
+            "the slider stops: drive slower if the force falls between its slips or "
+            "their size varies widely; else "
             "something else made the trace"
         )
     weights = likelihood(table.prior.values(parts))
     if (agree := int((weights > _LITTLE).sum())) < min(nearest, _AGREE):
         raise InputError(
-            f"fit: {agree} of {len(parts)} draws agree with what is known, at least {min(nearest, _AGREE)} are needed; "
-            "check the known values, give their errors as (value, error), or take more draws"
+            f"fit: {agree} of {len(parts)} draws agree with what is known, at least "
+            f"{min(nearest, _AGREE)} are needed; "
+            "check the known values, give their errors as (value, error), or take more "
+            "draws"
         )
     away = found - target
     distance = np.sqrt(((away / scale) ** 2).sum(axis=1))
     distance[weights <= _LITTLE] = np.inf
     kept = np.argsort(distance)[: min(nearest, agree)]
-    weights = weights[kept] * (1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2)
+    weights = weights[kept] * (
+        1.0 - (distance[kept] / (distance[kept[-1]] * (1 + 1e-9))) ** 2
+    )
     return Sample(
-        parts=parts[kept] if edge > EDGE else _adjusted(parts[kept], weights, away[kept]),
+        parts=parts[kept]
+        if edge > EDGE
+        else _adjusted(parts[kept], weights, away[kept]),
         weights=weights / weights.sum(),
         edge=edge,
         adjusted=edge <= EDGE,
@@ -105,9 +133,12 @@ def infer(
 
 
 def _adjusted(parts: Array, weights: Array, away: Array) -> Array:
-    """Parameters moved by a weighted linear regression, in logits, so that they stay within their ranges."""
+    """Parameters moved by a weighted linear regression, in logits, so that they stay
+    within their ranges.
+    """
     away = away / np.maximum(away.std(axis=0), 1e-9)
-    design, at = np.column_stack([np.ones(len(away)), away]), logit(np.clip(parts, _SMALL, 1.0 - _SMALL))
+    design = np.column_stack([np.ones(len(away)), away])
+    at = logit(np.clip(parts, _SMALL, 1.0 - _SMALL))
     ridge = np.diag([0.0, *[1e-3 * float(weights.sum())] * away.shape[1]])
     weighted = design.T * weights
     slope = np.linalg.solve(weighted @ design + ridge, weighted @ at)

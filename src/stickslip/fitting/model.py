@@ -1,7 +1,8 @@
 """The model that is fitted, its prior, and traces of it whose truth is known.
 
-The limit of slow driving of a slider whose broken contacts slide with a residual force and re-attach when it stops. Six
-numbers without a unit describe its slips; forces are in units of the total contact strength ``N f_s``.
+The limit of slow driving of a slider whose broken contacts slide with a residual force
+and re-attach when it stops. Six numbers without a unit describe its slips; forces are
+in units of the total contact strength ``N f_s``.
 """
 
 import math
@@ -15,19 +16,27 @@ from stickslip.errors import InputError, number, sequence, whole
 from stickslip.measure.arrays import Array
 from stickslip.model.records import Number, Record
 
-VERSION = 2  # of what `simulate` makes of parameters and a seed: a table made by another version is not used
+# of what `simulate` makes of parameters and a seed: a table made by another version is
+# not used
+VERSION = 2
 
-FLOOR = 0.01  # drops below this part of the peak are no slips of their own, in traces and in simulations
+# drops below this part of the peak are no slips of their own, in traces and in
+# simulations
+FLOOR = 0.01
 
 SLIPS = 384  # of each simulated series in the table
 
-_PER_SLIP = 3  # contacts broken per slip wanted, over the number of contacts, after which a simulation is given up
+# contacts broken per slip wanted, over the number of contacts, after which a simulation
+# is given up
+_PER_SLIP = 3
 
 _SAMPLES_OF_A_SLIP = 0.4  # that a made-up slip takes
 
 
 class Unknown(NamedTuple):
-    """A parameter of the model, the bounds of any prior, and whether it is varied in decades."""
+    """A parameter of the model, the bounds of any prior, and whether it is varied in
+    decades.
+    """
 
     key: str
     title: str
@@ -38,10 +47,28 @@ class Unknown(NamedTuple):
 
 UNKNOWNS = (
     Unknown("contacts", "effective number of contacts N", 2.0, 5000.0, decades=True),
-    Unknown("threshold_std", "standard deviation of the thresholds, over their mean", 0.0, 2.0),
-    Unknown("sliding_force", "force of a sliding contact, over its mean threshold", 0.0, 0.99),
-    Unknown("stiffness_ratio", "stiffness of the driving spring over that of the interface", 1e-4, 1e3, decades=True),
-    Unknown("damping_ratio", "damping ratio of the slider on the driving spring", 0.0, 0.99),
+    Unknown(
+        "threshold_std",
+        "standard deviation of the thresholds, over their mean",
+        0.0,
+        2.0,
+    ),
+    Unknown(
+        "sliding_force",
+        "force of a sliding contact, over its mean threshold",
+        0.0,
+        0.99,
+    ),
+    Unknown(
+        "stiffness_ratio",
+        "stiffness of the driving spring over that of the interface",
+        1e-4,
+        1e3,
+        decades=True,
+    ),
+    Unknown(
+        "damping_ratio", "damping ratio of the slider on the driving spring", 0.0, 0.99
+    ),
     Unknown("track_scatter", "scatter of the thresholds from slip to slip", 0.0, 1.0),
 )
 KEYS = tuple(unknown.key for unknown in UNKNOWNS)
@@ -51,11 +78,13 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """What is held possible before a trace is seen: each parameter evenly spread over its range, two in decades.
+    """What is held possible before a trace is seen: each parameter evenly spread over
+    its range, two in decades.
 
-    They are those of `stickslip.fitting.UNKNOWNS`: effective number of contacts and ``K/(N k)``, evenly spread in their
-    logarithms; standard deviation of the thresholds and force of a sliding contact, over the mean threshold; damping
-    ratio on the driving spring; scatter of the thresholds from slip to slip.
+    They are those of `stickslip.fitting.UNKNOWNS`: effective number of contacts and
+    ``K/(N k)``, evenly spread in their logarithms; standard deviation of the thresholds
+    and force of a sliding contact, over the mean threshold; damping ratio on the
+    driving spring; scatter of the thresholds from slip to slip.
     """
 
     contacts: Range = (5.0, 500.0)
@@ -67,8 +96,13 @@ class Prior:
 
     def __post_init__(self) -> None:
         for one in UNKNOWNS:
-            place, given, hint = f"Prior.{one.key}", getattr(self, one.key), "two numbers, the first below the second"
-            ends = [number(place, end, at_least=one.least, at_most=one.most) for end in sequence(place, given, hint)]
+            place = f"Prior.{one.key}"
+            given = getattr(self, one.key)
+            hint = "two numbers, the first below the second"
+            ends = [
+                number(place, end, at_least=one.least, at_most=one.most)
+                for end in sequence(place, given, hint)
+            ]
             if len(ends) != 2 or ends[0] >= ends[1]:
                 raise InputError(f"{place} = {given!r}: must be {hint}", place)
 
@@ -95,15 +129,21 @@ def _in_decades(values: Array) -> Array:
     return found
 
 
-def simulate(values: Array, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Peaks and troughs of up to so many slips, in units of the total contact strength; fewer if it hardly slips."""
+def simulate(
+    values: Array, count: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Peaks and troughs of up to so many slips, in units of the total contact
+    strength; fewer if it hardly slips.
+    """
     from stickslip.kernels.arrest import Arrest, slips
     from stickslip.kernels.tournament import tournaments
 
     contacts = max(round(float(values[0])), 1)
     model = Arrest(contacts, *(float(value) for value in values[1:]))
-    peaks, troughs = np.empty(count), np.empty(count)
-    most, queue = math.ceil(_PER_SLIP * contacts * count), tournaments(np.full((1, contacts), np.inf))[0]
+    peaks = np.empty(count)
+    troughs = np.empty(count)
+    most = math.ceil(_PER_SLIP * contacts * count)
+    queue = tournaments(np.full((1, contacts), np.inf))[0]
     found = slips(model, FLOOR, most, rng, peaks, troughs, queue)
     return peaks[:found], troughs[:found]
 
@@ -112,10 +152,13 @@ def simulate(values: Array, count: int, rng: np.random.Generator) -> tuple[Array
 class Bench(Record):
     """How a made-up trace is loaded and recorded."""
 
-    strength: Annotated[float, Number(above=0, hint="in N")] = 15.0  #: total contact strength
-    loading_rate: Annotated[float, Number(above=0, hint="in N/s")] = 0.5  #: rise of the force between slips
+    #: total contact strength
+    strength: Annotated[float, Number(above=0, hint="in N")] = 15.0
+    #: rise of the force between slips
+    loading_rate: Annotated[float, Number(above=0, hint="in N/s")] = 0.5
     samples: Annotated[float, Number(above=2)] = 50.0  #: from slip to slip, on average
-    noise: Annotated[float, Number(at_least=0)] = 0.002  #: standard deviation of white noise, over the mean peak
+    #: standard deviation of white noise, over the mean peak
+    noise: Annotated[float, Number(at_least=0)] = 0.002
 
 
 def synthetic_trace(
@@ -130,10 +173,12 @@ def synthetic_trace(
     bench: Bench = Bench(),
     seed: int = 0,
 ) -> xr.Dataset:
-    """Return a trace of known parameters, as a bench would record it: from rest, sampled, with noise.
+    """Return a trace of known parameters, as a bench would record it: from rest,
+    sampled, with noise.
 
-    The parameters are the truth, as in `Prior`; so many `slips` are there. The Dataset holds `spring_force` in N along
-    `time` in s. Parameters with which there are hardly any slips are refused.
+    The parameters are the truth, as in `Prior`; so many `slips` are there. The Dataset
+    holds `spring_force` in N along `time` in s. Parameters with which there are hardly
+    any slips are refused.
 
     Examples
     --------
@@ -142,26 +187,50 @@ def synthetic_trace(
     >>> len(pick_events(trace)) > 80
     True
     """
-    truth = (contacts, threshold_std, sliding_force, stiffness_ratio, damping_ratio, track_scatter)
-    values = np.array([number(key, value, at_least=0) for key, value in zip(KEYS, truth, strict=True)])
+    truth = (
+        contacts,
+        threshold_std,
+        sliding_force,
+        stiffness_ratio,
+        damping_ratio,
+        track_scatter,
+    )
+    values = np.array(
+        [number(key, value, at_least=0) for key, value in zip(KEYS, truth, strict=True)]
+    )
     slips = whole("slips", slips, at_least=2, at_most=100_000)
     rng = np.random.default_rng(seed)
     peaks, troughs = simulate(values, slips, rng)
     if peaks.size < slips:
         raise InputError(
-            f"only {peaks.size} of {slips} slips: these parameters hardly stick-slip; take a softer spring"
+            f"only {peaks.size} of {slips} slips: these parameters hardly stick-slip; "
+            "take a softer spring"
         )
-    strength, rate = bench.strength, bench.loading_rate
+    strength = bench.strength
+    rate = bench.loading_rate
     step = strength * float((peaks[1:] - troughs[:-1]).mean()) / rate / bench.samples
-    return sampled(strength * peaks, strength * troughs, rate, step, bench.noise * strength * float(peaks.mean()), rng)
+    return sampled(
+        strength * peaks,
+        strength * troughs,
+        rate,
+        step,
+        bench.noise * strength * float(peaks.mean()),
+        rng,
+    )
 
 
 def sampled(
-    peaks: Array, troughs: Array, rate: float, step: float, noise: float, rng: np.random.Generator
+    peaks: Array,
+    troughs: Array,
+    rate: float,
+    step: float,
+    noise: float,
+    rng: np.random.Generator,
 ) -> xr.Dataset:
     """Sample a saw of these peaks and troughs, from rest on, in N and s."""
     ends = np.concatenate([[0.0], troughs[:-1]])
-    rises, falls = (peaks - ends) / rate, np.full(peaks.size, _SAMPLES_OF_A_SLIP * step)
+    rises = (peaks - ends) / rate
+    falls = np.full(peaks.size, _SAMPLES_OF_A_SLIP * step)
     knots = np.concatenate([[0.0], np.cumsum(np.column_stack([rises, falls]).ravel())])
     force = np.concatenate([[0.0], np.column_stack([peaks, troughs]).ravel()])
     time = np.arange(0.0, knots[-1], step)

@@ -1,7 +1,8 @@
 """Rigs of a fit, and of a few readings.
 
-A fitted rig holds what was fitted: contacts that slide with a force and re-attach with it on arrest, on a track that
-scatters. It is run before it is written, and read as the trace was: its drops and its period are those of the trace.
+A fitted rig holds what was fitted: contacts that slide with a force and re-attach with
+it on arrest, on a track that scatters. It is run before it is written, and read as the
+trace was: its drops and its period are those of the trace.
 """
 
 from __future__ import annotations
@@ -32,25 +33,45 @@ if TYPE_CHECKING:
     from stickslip.fitting.fits import Fit
 
 DRAWS_KEPT = 100
-_LIGHTEST = 0.01  # where slips are not resolved, the mass lies anywhere between this part of its bound and the bound
+# where slips are not resolved, the mass lies anywhere between this part of its bound
+# and the bound
+_LIGHTEST = 0.01
 _TRIED, _SLIPS, _SETTLED, _NINETY = 60, 60, 5, 1.645
-"""Draws run, at most; slips of a run, after those in which it settles; standard errors in half a 90 % interval."""
+"""Draws run, at most; slips of a run, after those in which it settles; standard
+errors in half a 90 % interval.
+"""
 _NO_DELAY = (
-    "stands for any delay longer than a slip and shorter than the time between slips; friction at several speeds "
+    "stands for any delay longer than a slip and shorter than the time between slips; "
+    "friction at several speeds "
     "(--speeds) gives it"
 )
-_HALVED = "slide it at several speeds: the speed at which kinetic friction has halved gives the delay"
+_HALVED = (
+    "slide it at several speeds: the speed at which kinetic friction has halved "
+    "gives the delay"
+)
 INITIAL = Gaussian(mean=0.0, std=0.01)
 _LEAST_RATIO = 0.01
-"""How much faster the spring is wound up than the force rises, at least, for the difference to say anything."""
+"""How much faster the spring is wound up than the force rises, at least, for the
+difference to say anything.
+"""
 
-_ASSUMED = "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
+_ASSUMED = (
+    "assumed: at most what lets a slip be as short as it was recorded; weigh the slider"
+)
 KEYS: Mapping[str, tuple[str, str, str]] = {
     "slider.mass": ("mass", "kg", _ASSUMED),
     "slider.stiffness": ("stiffness", "N/m", ""),
     "slider.damping_ratio": ("damping_ratio", "", "damping_ratio"),
-    "interface.contact_strength": ("contact_strength", "N", "from the mean force before a slip"),
-    "interface.breaking_displacement": ("breaking_displacement", "m", "stiffness_ratio"),
+    "interface.contact_strength": (
+        "contact_strength",
+        "N",
+        "from the mean force before a slip",
+    ),
+    "interface.breaking_displacement": (
+        "breaking_displacement",
+        "m",
+        "stiffness_ratio",
+    ),
     "interface.thresholds.std": ("threshold_std", "", "threshold_std"),
     "interface.sliding_force": ("sliding_friction", "N", "sliding_force"),
     "interface.newborn.mean": ("sliding_force", "", "sliding_force"),
@@ -58,36 +79,62 @@ KEYS: Mapping[str, tuple[str, str, str]] = {
     "drive.velocity": ("speed", "m/s", "stiffness_ratio"),
     "interface.delay": ("delay", "s", "identified by the force at several speeds"),
 }
-"""Keys of a rig file that a fit fills in: what of it, the unit, and how it was found or which parameter tells."""
+"""Keys of a rig file that a fit fills in: what of it, the unit, and how it was found
+or which parameter tells.
+"""
 
 
 def rig_of(found: Fit, name: str) -> Rig:
-    """The rig behind a trace, at the draw nearest to the medians whose own run makes its drops and period."""
-    known, nearest = found.known, ""
-    found.draws("breaking_displacement")  # refused without the stiffness of the spring: no length is known
-    exact, draws = (_draws(found, one) for one in ({name: (it, 0.0) for name, (it, _) in known.items()}, known))
-    delays = [{"interface.delay": _rounded(found.draws("delay"))}] if found.delays else []
-    for delay, i in itertools.product((*delays, {}), order := found.from_the_centre[:_TRIED]):
-        fitted = {path: values for path, values in (draws | delay).items() if KEYS[path][0] not in known}
+    """The rig behind a trace, at the draw nearest to the medians whose own run makes
+    its drops and period.
+    """
+    known = found.known
+    nearest = ""
+    # refused without the stiffness of the spring: no length is known
+    found.draws("breaking_displacement")
+    exact, draws = (
+        _draws(found, one)
+        for one in ({name: (it, 0.0) for name, (it, _) in known.items()}, known)
+    )
+    delays = (
+        [{"interface.delay": _rounded(found.draws("delay"))}] if found.delays else []
+    )
+    for delay, i in itertools.product(
+        (*delays, {}), order := found.from_the_centre[:_TRIED]
+    ):
+        fitted = {
+            path: values
+            for path, values in (draws | delay).items()
+            if KEYS[path][0] not in known
+        }
         document = _document(found, name, fitted) | {
             "simulation": {"contacts": max(round(float(found.values[i, 0])), 1)}
         }
-        rig = _at(document, {path: float(values[i]) for path, values in (exact | delay).items()}, "fitted rig")
+        rig = _at(
+            document,
+            {path: float(values[i]) for path, values in (exact | delay).items()},
+            "fitted rig",
+        )
         try:
             words, agrees = compared(remade(rig, found.events, known), found.events)
         except InputError:
-            words, agrees = f"its own run hardly slips, the trace {_said(found.events)}", False
+            words = f"its own run hardly slips, the trace {_said(found.events)}"
+            agrees = False
         if agrees:
             return replace(rig, source=f"{rig.source}; {words}")
         nearest = nearest or words
     raise InputError(
-        f"fit: no rig is written: runs of {len(order)} draws all miss the drops or the period of the trace by more "
-        f"than their errors; of the most central one, {nearest}. Check the mass, stiffness and speed, or drive slower"
+        f"fit: no rig is written: runs of {len(order)} draws all miss the drops or the "
+        "period of the trace by more "
+        f"than their errors; of the most central one, {nearest}. Check the mass, "
+        "stiffness and speed, or drive slower"
     )
 
 
 def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, Any]:
-    """The file of a fitted rig, but for the values of one draw: what was fitted, with its interval and draws."""
+    """The file of a fitted rig, but for the values of one draw: what was fitted,
+    with its interval and draws.
+    """
     says = {one.key: str(one.verdict) for one in found.parameters}
     if found.events.slip_samples >= RESOLVED:
         says[_ASSUMED] = "identified by the time of a slip"
@@ -97,14 +144,23 @@ def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, A
         how = says.get(KEYS[path][2], KEYS[path][2])
         if how.startswith("assumed"):
             assumed[path] = how.removeprefix("assumed: ")
-        low, high = (_written(path, value, 3) for value in np.quantile(draws, (0.05, 0.95)).tolist())
+        low, high = (
+            _written(path, value, 3)
+            for value in np.quantile(draws, (0.05, 0.95)).tolist()
+        )
         kept = [float(f"{value:.8g}") for value in draws[:DRAWS_KEPT]]
         entries[path] = {"interval": f"{low} to {high}", "how": how, "draws": kept}
     newborn = {"distribution": "gaussian", "std": 0.0}
     return {
         "name": name,
-        "source": f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips",
-        "interface": {"thresholds": {"distribution": "gaussian"}, "newborn": newborn, "delay": "on arrest"},
+        "source": (
+            f"fitted to {found.events.source or 'a trace'}, {len(found.events)} slips"
+        ),
+        "interface": {
+            "thresholds": {"distribution": "gaussian"},
+            "newborn": newborn,
+            "delay": "on arrest",
+        },
         "fitted": entries,
         "assumed": assumed,
     }
@@ -124,28 +180,46 @@ def _at(document: Mapping[str, Any], values: Mapping[str, float], place: str) ->
 
 def remade(rig: Rig, events: Events, known: Known) -> Events:
     """The slips of a rig's own run, recorded and picked as those of a trace were."""
-    lasts, second = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence, seconds(events)
+    lasts = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence
+    second = seconds(events)
     unit = rig.unit("time") / second
-    drive, output = constant(rig.natural.velocity, lasts / unit), Output(interval=events.step / unit)
+    drive = constant(rig.natural.velocity, lasts / unit)
+    output = Output(interval=events.step / unit)
     run = simulate(replace(rig, drive=drive, output=output))
     values = np.asarray(run["spring_force"].values) / newtons(events, known)
-    values = values + events.noise * np.random.default_rng(1).standard_normal(values.size)
+    values = values + events.noise * np.random.default_rng(1).standard_normal(
+        values.size
+    )
     if events.resolution > 0:
         values = events.resolution * np.round(values / events.resolution)
     data = xr.Dataset(
         {"spring_force": ("time", values, {"units": events.force_unit})},
-        coords={"time": ("time", run["time"].values / second, {"units": events.time_unit})},
+        coords={
+            "time": ("time", run["time"].values / second, {"units": events.time_unit})
+        },
     )
-    return pick_events(data, smallest=events.smallest, after=_SETTLED * events.recurrence)
+    return pick_events(
+        data, smallest=events.smallest, after=_SETTLED * events.recurrence
+    )
 
 
 def compared(made: Events, events: Events) -> tuple[str, bool]:
-    """Slips that a rig makes beside those of a trace, in words; and whether mean drop and period agree within 90 %."""
+    """Slips that a rig makes beside those of a trace, in words; and whether mean
+    drop and period agree within 90 %.
+    """
     series = [(each.drops, np.diff(each.time[each.peak_at])) for each in (made, events)]
     agrees = True
     for one, other, more in zip(*series, (0.0, events.rate_error), strict=True):
-        error = math.hypot(more, *(float(x.std()) / (float(x.mean()) * math.sqrt(x.size)) for x in (one, other)))
-        agrees &= abs(math.log(float(one.mean() / other.mean()))) <= _NINETY * max(error, 1e-9)
+        error = math.hypot(
+            more,
+            *(
+                float(x.std()) / (float(x.mean()) * math.sqrt(x.size))
+                for x in (one, other)
+            ),
+        )
+        agrees &= abs(math.log(float(one.mean() / other.mean()))) <= _NINETY * max(
+            error, 1e-9
+        )
     return f"its own run drops {_said(made)}, the trace {_said(events)}", agrees
 
 
@@ -156,17 +230,41 @@ def _said(events: Events) -> str:
 
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
     """Draws of every key but the delay, in SI units."""
-    values, events, count = found.values, found.events, len(found)
-    quantities = {**dict(zip(PARAMETERS, values.T, strict=True)), **in_si(values, found.strength, events, known)}
-    quantities |= {name: drawn(known, name, count) for name in ("stiffness", "mass", "speed") if name in known}
-    if "mass" not in known:  # what lets a slip be as short as it was recorded, or anything lighter where none is seen
+    values = found.values
+    events = found.events
+    count = len(found)
+    quantities = {
+        **dict(zip(PARAMETERS, values.T, strict=True)),
+        **in_si(values, found.strength, events, known),
+    }
+    quantities |= {
+        name: drawn(known, name, count)
+        for name in ("stiffness", "mass", "speed")
+        if name in known
+    }
+    # what lets a slip be as short as it was recorded, or anything lighter where none is
+    # seen
+    if "mass" not in known:
         lasts = events.slip_samples * events.step * seconds(events)
-        quantities["mass"] = quantities["stiffness"] * (lasts / math.pi) ** 2 * (1.0 - quantities["damping_ratio"] ** 2)
+        quantities["mass"] = (
+            quantities["stiffness"]
+            * (lasts / math.pi) ** 2
+            * (1.0 - quantities["damping_ratio"] ** 2)
+        )
         if events.slip_samples < RESOLVED:
-            quantities["mass"] = quantities["mass"] * _LIGHTEST ** np.random.default_rng(len(events)).random(count)
-    draws = {path: _rounded(quantities[name]) for path, (name, *_) in KEYS.items() if name in quantities}
+            quantities["mass"] = quantities[
+                "mass"
+            ] * _LIGHTEST ** np.random.default_rng(len(events)).random(count)
+    draws = {
+        path: _rounded(quantities[name])
+        for path, (name, *_) in KEYS.items()
+        if name in quantities
+    }
     of_all = draws["interface.contact_strength"] * draws["interface.newborn.mean"]
-    return draws | {"slider.stiffness": quantities["stiffness"], "interface.sliding_force": of_all}
+    return draws | {
+        "slider.stiffness": quantities["stiffness"],
+        "interface.sliding_force": of_all,
+    }
 
 
 def _rounded(values: Array) -> Array:
@@ -194,17 +292,20 @@ def quick_fit(
 ) -> Rig:
     """Make a rig, in SI units, of readings of a bench, by closed forms.
 
-    Static over kinetic friction gives the standard deviation of the thresholds, and their size the total contact
-    strength (slow rigid motion, Eqs. (1)-(4)). The loading rate ``R`` between slips gives the stiffness of the
-    interface, ``K v = R (1 + K/(N k))``, and so the breaking displacement; it is useful only where the driving spring
-    is stiff, else give the breaking displacement itself. The speed at which kinetic friction has halved gives the
-    delay. Sliding contacts are taken to carry no force: where slips are smaller than those of the rig, they do, and it
-    does not fit the bench; `fit` tells that force.
+    Static over kinetic friction gives the standard deviation of the thresholds, and
+    their size the total contact strength (slow rigid motion, Eqs. (1)-(4)). The loading
+    rate ``R`` between slips gives the stiffness of the interface,
+    ``K v = R (1 + K/(N k))``, and so the breaking displacement; it is useful only where
+    the driving spring is stiff, else give the breaking displacement itself. The speed
+    at which kinetic friction has halved gives the delay. Sliding contacts are taken to
+    carry no force: where slips are smaller than those of the rig, they do, and it does
+    not fit the bench; `fit` tells that force.
 
     Parameters
     ----------
     static_friction, kinetic_friction : float or str
-        Largest force of a slow pull, and mean force of slow sliding: in N, or texts with a unit, as all that follow.
+        Largest force of a slow pull, and mean force of slow sliding: in N, or texts
+        with a unit, as all that follow.
     stiffness, speed, mass : float or str
         Of the driving spring, of the drive, and of the slider.
     loading_rate : float or str, optional
@@ -212,7 +313,8 @@ def quick_fit(
     breaking_displacement : float or str, optional
         In place of the loading rate.
     half_speed : float or str, optional
-        Speed at which kinetic friction has fallen to half; without it there is no delay, and the rig says so.
+        Speed at which kinetic friction has fallen to half; without it there is no
+        delay, and the rig says so.
 
     Raises
     ------
@@ -221,9 +323,20 @@ def quick_fit(
 
     Examples
     --------
-    >>> rig = ss.quick_fit(static_friction="14 N", kinetic_friction="9 N", stiffness="8 kN/m", speed="1 mm/s",
-    ...                    mass="0.4 kg", loading_rate="7 N/s", half_speed="20 mm/s")
-    >>> rig.in_units(1.0, "force"), rig.in_units(1.0, "length"), round(rig.interface.thresholds.std, 2)
+    >>> rig = ss.quick_fit(
+    ...     static_friction="14 N",
+    ...     kinetic_friction="9 N",
+    ...     stiffness="8 kN/m",
+    ...     speed="1 mm/s",
+    ...     mass="0.4 kg",
+    ...     loading_rate="7 N/s",
+    ...     half_speed="20 mm/s",
+    ... )
+    >>> (
+    ...     rig.in_units(1.0, "force"),
+    ...     rig.in_units(1.0, "length"),
+    ...     round(rig.interface.thresholds.std, 2),
+    ... )
     ('17.8 N', '317.8 um', 0.11)
     """
     static = read_value("static_friction", static_friction, "N", "14 N")
@@ -237,7 +350,10 @@ def quick_fit(
         words = str(error).replace("mu_s/mu_k", "static_friction/kinetic_friction")
         raise InputError(words, "static_friction") from None
     if (loading_rate is None) == (breaking_displacement is None):
-        raise InputError("quick_fit: give either loading_rate or breaking_displacement", "loading_rate")
+        raise InputError(
+            "quick_fit: give either loading_rate or breaking_displacement",
+            "loading_rate",
+        )
     if breaking_displacement is not None:
         x_s = read_value("breaking_displacement", breaking_displacement, "m", "0.2 mm")
     else:
@@ -245,21 +361,38 @@ def quick_fit(
         ratio = K * v / rate - 1.0
         if ratio < _LEAST_RATIO:
             raise InputError(
-                f"loading_rate = {rate:.4g} N/s: stiffness times speed, {K * v:.4g} N/s, must be at least "
-                f"{100 * _LEAST_RATIO:g} % more to tell how stiff the interface is; give breaking_displacement",
+                f"loading_rate = {rate:.4g} N/s: stiffness times speed, {K * v:.4g} "
+                "N/s, must be at least "
+                f"{100 * _LEAST_RATIO:g} % more to tell how stiff the interface is; "
+                "give breaking_displacement",
                 "loading_rate",
             )
         x_s = strength * ratio / K
-    delay, assumed = 0.0, {"slider.damping_ratio": "let the slider ring on its spring", "interface.delay": _HALVED}
+    delay = 0.0
+    assumed = {
+        "slider.damping_ratio": "let the slider ring on its spring",
+        "interface.delay": _HALVED,
+    }
     if half_speed is not None:
-        delay = thresholds.positive().moment(1) * x_s / read_value("half_speed", half_speed, "m/s", "20 mm/s")
+        delay = (
+            thresholds.positive().moment(1)
+            * x_s
+            / read_value("half_speed", half_speed, "m/s", "20 mm/s")
+        )
         del assumed["interface.delay"]
     document = {
         "name": name,
-        "source": f"readings: static friction {engineering(static, 'N')}, kinetic friction {engineering(kinetic, 'N')}",
+        "source": (
+            f"readings: static friction {engineering(static, 'N')}, kinetic "
+            f"friction {engineering(kinetic, 'N')}"
+        ),
         "interface": {
             "thresholds": {"distribution": "gaussian"},
-            "initial": {"distribution": "gaussian", "mean": INITIAL.mean, "std": INITIAL.std},
+            "initial": {
+                "distribution": "gaussian",
+                "mean": INITIAL.mean,
+                "std": INITIAL.std,
+            },
         },
         "simulation": {"method": "master equation"},
         "assumed": assumed,
@@ -267,7 +400,12 @@ def quick_fit(
     values = {
         "slider.mass": m,
         "slider.stiffness": K,
-        "slider.damping_ratio": number("damping_ratio", damping_ratio, at_least=0, hint="of the slider on its spring"),
+        "slider.damping_ratio": number(
+            "damping_ratio",
+            damping_ratio,
+            at_least=0,
+            hint="of the slider on its spring",
+        ),
         "interface.contact_strength": strength,
         "interface.breaking_displacement": x_s,
         "interface.thresholds.std": thresholds.std,
@@ -278,7 +416,10 @@ def quick_fit(
 
 
 def rigs_drawn(rig: Rig) -> Iterator[Rig]:
-    """The rigs that a fit holds equally likely: a fitted one at each draw of its file."""
-    columns, document = {path: one.draws for path, one in rig.fitted.items() if one.draws}, to_document(rig)
+    """The rigs that a fit holds equally likely: a fitted one at each draw of its
+    file.
+    """
+    columns = {path: one.draws for path, one in rig.fitted.items() if one.draws}
+    document = to_document(rig)
     for values in zip(*columns.values(), strict=False):
         yield _at(document, dict(zip(columns, values, strict=True)), "a draw")

@@ -1,7 +1,9 @@
-"""The table of simulated series of slips that every fit starts from, and how a bench would have seen them.
+"""The table of simulated series of slips that every fit starts from, and how a bench
+would have seen them.
 
-Made once, cached, and resumed if interrupted. It holds the force before and after each slip: how a trace was sampled
-and picked comes in when it is fitted, so that one table serves traces of every bench, each biased as its trace is.
+Made once, cached, and resumed if interrupted. It holds the force before and after each
+slip: how a trace was sampled and picked comes in when it is fitted, so that one table
+serves traces of every bench, each biased as its trace is.
 """
 
 import hashlib
@@ -30,7 +32,9 @@ from stickslip.measure.arrays import Array
 
 DRAWS = 6_000  # from the prior, in a table of usual size
 _BLOCK, _SHARES, _AT_A_TIME = 250, 8, 500
-"""Draws of a block of the table; parts in which others are drawn, each by its own numbers; series seen at a time."""
+"""Draws of a block of the table; parts in which others are drawn, each by its own
+numbers; series seen at a time.
+"""
 _LARGEST = 1 << 30
 _FIELDS = ("parts", "count", "peaks", "troughs")
 """Of a table, but for its prior: what is kept of each block."""
@@ -42,9 +46,13 @@ class Table:
     """Simulated series of slips, drawn from a prior."""
 
     prior: Prior
-    parts: Array  #: (draws, 6): where the parameters of each draw lie in their ranges, 0 to 1
-    count: NDArray[np.int64]  #: how many slips there are of each; few where the model hardly stick-slips
-    peaks: Series  #: (draws, slips): force before each slip, in units of the total contact strength; 0 beyond `count`
+    #: (draws, 6): where the parameters of each draw lie in their ranges, 0 to 1
+    parts: Array
+    #: how many slips there are of each; few where the model hardly stick-slips
+    count: NDArray[np.int64]
+    #: (draws, slips): force before each slip, in units of the total contact strength; 0
+    #: beyond `count`
+    peaks: Series
     troughs: Series  #: and after it
 
     def __len__(self) -> int:
@@ -52,10 +60,19 @@ class Table:
 
 
 def folder_of(prior: Prior, slips: int, seed: int) -> Path:
-    """Where the table of a prior is kept; its name is a key of all that decides what it holds, but for its length."""
+    """Where the table of a prior is kept; its name is a key of all that decides what
+    it holds, but for its length.
+    """
     cache = os.environ.get("STICKSLIP_CACHE")
-    place = Path(cache) if cache else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stickslip"
-    key = json.dumps([VERSION, FLOOR, KEYS, asdict(prior), slips, seed, _BLOCK], sort_keys=True)
+    place = (
+        Path(cache)
+        if cache
+        else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        / "stickslip"
+    )
+    key = json.dumps(
+        [VERSION, FLOOR, KEYS, asdict(prior), slips, seed, _BLOCK], sort_keys=True
+    )
     return place / f"fit-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
 
 
@@ -73,11 +90,13 @@ def table(
     executor: Executor | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Table:
-    """Return the table of a prior: from the cache as far as it is there, the rest simulated and kept.
+    """Return the table of a prior: from the cache as far as it is there, the rest
+    simulated and kept.
 
-    Cut short, it goes on from where it was. The same prior, seed and size give the same table, on any number of cores.
-    Blocks are simulated by an `executor`, such as ``Client.get_executor()`` of Dask; by default by threads, one per
-    core. `progress` is told what part is there.
+    Cut short, it goes on from where it was. The same prior, seed and size give the same
+    table, on any number of cores. Blocks are simulated by an `executor`, such as
+    ``Client.get_executor()`` of Dask; by default by threads, one per core. `progress`
+    is told what part is there.
 
     Examples
     --------
@@ -93,14 +112,26 @@ def table(
     with suppress(OSError):  # what is written there is refused
         place.mkdir(parents=True, exist_ok=True)
     paths = [place / f"{block}.npz" for block in range(-(-draws // _BLOCK))]
-    blocks = {i: found for i, path in enumerate(paths) if (found := _read(path, prior, slips))}
+    blocks = {
+        i: found for i, path in enumerate(paths) if (found := _read(path, prior, slips))
+    }
     if missing := [i for i in range(len(paths)) if i not in blocks]:
-        simulate_block(0, prior, 0, 30, seed)  # compiles, before threads ask for it all at once
+        # compiles, before threads ask for it all at once
+        simulate_block(0, prior, 0, 30, seed)
         one = partial(simulate_block, prior=prior, draws=_BLOCK, slips=slips, seed=seed)
-        with nullcontext(executor) if executor is not None else ThreadPoolExecutor(os.cpu_count()) as pool:
+        with (
+            nullcontext(executor)
+            if executor is not None
+            else ThreadPoolExecutor(os.cpu_count()) as pool
+        ):
             for i, block in zip(missing, pool.map(one, missing), strict=True):
-                blocks[i], content = block, BytesIO()
-                np.savez(content, allow_pickle=False, **{name: getattr(block, name) for name in _FIELDS})
+                blocks[i] = block
+                content = BytesIO()
+                np.savez(
+                    content,
+                    allow_pickle=False,
+                    **{name: getattr(block, name) for name in _FIELDS},
+                )
                 files.write(paths[i], content.getvalue())
                 if progress is not None:
                     progress(len(blocks) / len(paths))
@@ -109,39 +140,63 @@ def table(
 
 def joined(tables: Sequence[Table], draws: int | None = None) -> Table:
     """Tables of one prior one after another, and of them so many draws."""
-    made = {name: np.concatenate([getattr(one, name) for one in tables])[:draws] for name in _FIELDS}
+    made = {
+        name: np.concatenate([getattr(one, name) for one in tables])[:draws]
+        for name in _FIELDS
+    }
     return Table(prior=tables[0].prior, **made)
 
 
-def simulate_block(block: int, prior: Prior, draws: int, slips: int, seed: int) -> Table:
-    """Simulate one block of the table; what it holds depends on its number and on the seed alone."""
+def simulate_block(
+    block: int, prior: Prior, draws: int, slips: int, seed: int
+) -> Table:
+    """Simulate one block of the table; what it holds depends on its number and on
+    the seed alone.
+    """
     rng = np.random.default_rng([seed, block])
     return _simulated(prior, rng.random((draws, len(KEYS))), slips, rng)
 
 
-def _simulated(prior: Prior, parts: Array, slips: int, rng: np.random.Generator) -> Table:
+def _simulated(
+    prior: Prior, parts: Array, slips: int, rng: np.random.Generator
+) -> Table:
     """Series of slips at given parts of the ranges of a prior."""
     count = np.zeros(len(parts), dtype=np.int64)
     peaks, troughs = np.zeros((2, len(parts), slips), np.float32)
     for i, values in enumerate(prior.values(parts)):
         P, T = simulate(values, slips, rng)
         count[i] = P.size
-        peaks[i, : P.size], troughs[i, : P.size] = P, T
+        peaks[i, : P.size] = P
+        troughs[i, : P.size] = T
     return Table(prior=prior, parts=parts, count=count, peaks=peaks, troughs=troughs)
 
 
 def _read(path: Path, prior: Prior, slips: int) -> Table | None:
-    """A block as it was kept; nothing if it is not there, or damaged, so that it is made again."""
+    """A block as it was kept; nothing if it is not there, or damaged, so that it is
+    made again.
+    """
     try:
-        with np.load(BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False) as found:
+        with np.load(
+            BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False
+        ) as found:
             block = Table(prior=prior, **{name: found[name] for name in _FIELDS})
-    except (InputError, OSError, ValueError, KeyError, EOFError, NotImplementedError, BadZipFile):
+    except (
+        InputError,
+        OSError,
+        ValueError,
+        KeyError,
+        EOFError,
+        NotImplementedError,
+        BadZipFile,
+    ):
         return None
     return block if block.peaks.shape == (_BLOCK, slips) else None
 
 
 class Observation(NamedTuple):
-    """How many slips a stretch of a trace has, and how it was sampled and picked, in units of its mean peak."""
+    """How many slips a stretch of a trace has, and how it was sampled and picked, in
+    units of its mean peak.
+    """
 
     slips: int
     sampling: Sampling
@@ -150,43 +205,69 @@ class Observation(NamedTuple):
     def of(cls, events: Events) -> Self:
         """Take it from a trace."""
         rise = least_rise(events.smallest, events.noise)
-        forces = (events.loading_rate * events.step, events.noise, events.resolution, events.smallest, rise)
-        return cls(len(events) // events.stretches, Sampling(*(force / events.mean_peak for force in forces)))
+        forces = (
+            events.loading_rate * events.step,
+            events.noise,
+            events.resolution,
+            events.smallest,
+            rise,
+        )
+        return cls(
+            len(events) // events.stretches,
+            Sampling(*(force / events.mean_peak for force in forces)),
+        )
 
     def see(self, table: Table, *, seed: int = 0) -> tuple[Array, Array]:
-        """Sample and pick many series, on all cores: statistics (draws, 20) and mean peaks of what is seen.
+        """Sample and pick many series, on all cores: statistics (draws, 20) and mean
+        peaks of what is seen.
 
-        They are NaN where a trace of the series would be refused, of too few slips or on no plateau of n(h).
+        They are NaN where a trace of the series would be refused, of too few slips or
+        on no plateau of n(h).
         """
 
         def look(begin: int) -> tuple[Array, Array]:
-            rng, some = np.random.default_rng([seed, begin]), range(begin, min(begin + _AT_A_TIME, len(table)))
-            series = ((table.peaks[i, : table.count[i]], table.troughs[i, : table.count[i]]) for i in some)
+            rng = np.random.default_rng([seed, begin])
+            some = range(begin, min(begin + _AT_A_TIME, len(table)))
+            series = (
+                (table.peaks[i, : table.count[i]], table.troughs[i, : table.count[i]])
+                for i in some
+            )
             P, T = np.stack([self._seen(*each, rng) for each in series], axis=1)
             return statistics(P, T), P.mean(axis=-1)
 
-        statistics_of, sizes = zip(*_on_all_cores(look, range(0, len(table), _AT_A_TIME)), strict=True)
+        statistics_of, sizes = zip(
+            *_on_all_cores(look, range(0, len(table), _AT_A_TIME)), strict=True
+        )
         return np.concatenate(statistics_of), np.concatenate(sizes)
 
-    def see_at(self, prior: Prior, parts: Array, *, seed: int = 0) -> tuple[Array, Array]:
+    def see_at(
+        self, prior: Prior, parts: Array, *, seed: int = 0
+    ) -> tuple[Array, Array]:
         """Simulate at given parts of the ranges of a prior, on all cores, and see."""
         blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
         slips = 2 * self.slips + 10  # some are too small to be seen
 
         def one(block: int) -> Table:
-            return _simulated(prior, blocks[block], slips, np.random.default_rng([seed, 3, block]))
+            return _simulated(
+                prior, blocks[block], slips, np.random.default_rng([seed, 3, block])
+            )
 
         return self.see(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
 
     def _seen(self, peaks: Series, troughs: Series, rng: np.random.Generator) -> Array:
-        """One series, sampled and picked: as many slips as in the trace, on a plateau of n(h), or NaN."""
+        """One series, sampled and picked: as many slips as in the trace, on a
+        plateau of n(h), or NaN.
+        """
         seen = np.empty((2, self.slips))
         if peaks.size > self.slips:  # the first begins the trace
-            P, T = peaks.astype(float), troughs.astype(float)
+            P = peaks.astype(float)
+            T = troughs.astype(float)
             sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
-            found, doubled = observe(P, T, sampling, rng, seen), PLATEAU * sampling.drop
+            found = observe(P, T, sampling, rng, seen)
+            doubled = PLATEAU * sampling.drop
             rise = least_rise(doubled, sampling.noise)
-            left = pick(np.append(seen.T, np.inf), doubled, rise)[0].size  # the force rises after the last, too
+            # the force rises after the last, too
+            left = pick(np.append(seen.T, np.inf), doubled, rise)[0].size
             if found == self.slips and left >= (1.0 - LOST) * found:
                 return seen
         return np.full_like(seen, np.nan)

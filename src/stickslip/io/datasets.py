@@ -1,6 +1,7 @@
 """Datasets to files and back, records to plain data and back.
 
-A result carries, as one JSON string in its attribute ``provenance``, all that is needed to make it again.
+A result carries, as one JSON string in its attribute ``provenance``, all that is needed
+to make it again.
 """
 
 import json
@@ -33,28 +34,43 @@ Plain = Any
 
 
 def records() -> dict[str, type]:
-    """Return the records of `stickslip.model`, and those registered by a user, by name, for `decode`."""
-    ours = {name: kind for name, kind in vars(model).items() if isinstance(kind, type) and is_dataclass(kind)}
-    del ours["Parameter"], ours["ElasticBody"]  # the one holds functions, the other is what bodies have in common
-    ours[Positive.__name__] = Positive  # what a SteadyState of a guest's distribution may hold
+    """Return the records of `stickslip.model`, and those registered by a user, by
+    name, for `decode`.
+    """
+    ours = {
+        name: kind
+        for name, kind in vars(model).items()
+        if isinstance(kind, type) and is_dataclass(kind)
+    }
+    # the one holds functions, the other is what bodies have in common
+    del ours["Parameter"], ours["ElasticBody"]
+    # what a SteadyState of a guest's distribution may hold
+    ours[Positive.__name__] = Positive
     tables = (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS, BODIES)
     return {_name_of(kind): kind for table in tables for kind in table.values()} | ours
 
 
 def _name_of(kind: type) -> str:
-    """Name of a record in a file: that of its class, with its module where it is not ours."""
+    """Name of a record in a file: that of its class, with its module where it is not
+    ours.
+    """
     is_ours = kind.__module__.partition(".")[0] == __name__.partition(".")[0]
     return kind.__name__ if is_ours else f"{kind.__module__}.{kind.__qualname__}"
 
 
 def encode(value: object) -> Plain:
-    """Turn a record, or a tuple, mapping or plain value of records, into what JSON can hold.
+    """Turn a record, or a tuple, mapping or plain value of records, into what JSON can
+    hold.
 
-    A record becomes a mapping with its class name under ``"class"``; infinities become strings.
+    A record becomes a mapping with its class name under ``"class"``; infinities become
+    strings.
     """
     if is_dataclass(value) and not isinstance(value, type):
         names = [field.name for field in fields(value) if field.init and field.compare]
-        return {"class": _name_of(type(value)), **{name: encode(getattr(value, name)) for name in names}}
+        return {
+            "class": _name_of(type(value)),
+            **{name: encode(getattr(value, name)) for name in names},
+        }
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, (tuple, list)):
@@ -63,23 +79,35 @@ def encode(value: object) -> Plain:
         return "inf" if value > 0 else "-inf"
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
-    raise InputError(f"{value!r} cannot be written to a file; use a record, a number, a string or a tuple of these")
+    raise InputError(
+        f"{value!r} cannot be written to a file; use a record, a number, a string or a "
+        "tuple of these"
+    )
 
 
 def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
     """Turn what `encode` gave back into records of the kinds listed."""
     if isinstance(plain, dict):
-        content = {key: decode(item, kinds) for key, item in plain.items() if key != "class"}
+        content = {
+            key: decode(item, kinds) for key, item in plain.items() if key != "class"
+        }
         if "class" not in plain:
             return content
         name = plain["class"]
         kind = kinds.get(name) if isinstance(name, str) else None
         if kind is None:
-            raise InputError(f"provenance names the record {name!r}, which this version does not have")
+            raise InputError(
+                f"provenance names the record {name!r}, which this version does not "
+                "have"
+            )
         try:
             return kind(**content)
-        except TypeError as error:  # a field that is missing, or unknown to this version
-            raise InputError(f"provenance of {name} is of another version ({error}); make the run again") from None
+        # a field that is missing, or unknown to this version
+        except TypeError as error:
+            raise InputError(
+                f"provenance of {name} is of another version ({error}); make the run "
+                "again"
+            ) from None
     if isinstance(plain, list):
         return tuple(decode(item, kinds) for item in plain)
     if plain in ("inf", "-inf"):
@@ -88,15 +116,23 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
 
 
 def provenance(call: str, arguments: Mapping[str, object]) -> str:
-    """Return the JSON string that says which call made a result, with what, by which version."""
-    return json.dumps({"stickslip": __version__, "call": call, "arguments": encode(arguments)}, sort_keys=True)
+    """Return the JSON string that says which call made a result, with what, by which
+    version.
+    """
+    return json.dumps(
+        {"stickslip": __version__, "call": call, "arguments": encode(arguments)},
+        sort_keys=True,
+    )
 
 
 def read_provenance(data: xr.Dataset) -> dict[str, Any]:
     """Return the provenance of a result as plain data."""
     text = getattr(data, "attrs", {}).get("provenance")
     if not isinstance(text, str):
-        raise InputError("this file has no provenance: it is not a run made by stickslip; analyse it with `measure`")
+        raise InputError(
+            "this file has no provenance: it is not a run made by stickslip; analyse "
+            "it with `measure`"
+        )
     try:
         content = json.loads(text)
         if isinstance(content["call"], str) and isinstance(content["arguments"], dict):
@@ -116,19 +152,30 @@ def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     """
     instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
     # Only numbers with a dimension can be compressed.
-    numbers = [name for name, values in data.variables.items() if values.ndim > 0 and values.dtype.kind in "fiub"]
-    # In memory first: where a disk is full, HDF5 spills its own messages and then crashes.
+    numbers = [
+        name
+        for name, values in data.variables.items()
+        if values.ndim > 0 and values.dtype.kind in "fiub"
+    ]
+    # In memory first: where a disk is full, HDF5 spills its own messages and then
+    # crashes.
     encoding = {name: {"zlib": True, "complevel": 1} for name in numbers}
     return files.write(path, data.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
 def as_csv(catalogue: xr.Dataset) -> str:
     """Return a Dataset of one dimension as a table of text, names with units first."""
-    names = {name: f"{name} [{catalogue[name].attrs.get('units', '')}]" for name in catalogue.data_vars}
+    names = {
+        name: f"{name} [{catalogue[name].attrs.get('units', '')}]"
+        for name in catalogue.data_vars
+    }
     table = catalogue.to_dataframe()[list(names)].rename(columns=names)
     # Ten digits: what a difference of times has beyond them is rounding.
     text: str = table.to_csv(
-        index=False, lineterminator="\r\n", na_rep="nan", float_format=lambda v: str(float(f"{v:.10g}"))
+        index=False,
+        lineterminator="\r\n",
+        na_rep="nan",
+        float_format=lambda v: str(float(f"{v:.10g}")),
     )
     return text
 
@@ -144,25 +191,39 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     import h5py
 
     files.size(path, "run", largest=LARGEST_RUN)
-    source, before = Path(path), sys.unraisablehook
+    source = Path(path)
+    before = sys.unraisablehook
     if not is_netcdf(source):
-        raise InputError(f"{source}: is not a NetCDF file; a run is made with `stickslip simulate RIG -o run.nc`")
+        raise InputError(
+            f"{source}: is not a NetCDF file; a run is made with `stickslip simulate "
+            "RIG -o run.nc`"
+        )
     sys.unraisablehook = lambda _: None
     try:
         with warnings.catch_warnings(action="ignore"):
-            h5py.File(source, mode="r").close()  # h5netcdf prints a traceback of its own over a file that is cut short
+            # h5netcdf prints a traceback of its own over a file that is cut short
+            h5py.File(source, mode="r").close()
             # A time is a number here; its unit may be anything in a damaged file.
             with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as data:
                 if data.nbytes > LARGEST_RUN:
-                    raise ValueError(f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than {LARGEST_RUN / 1e9:g}")
-                for attrs in (data.attrs, *(data[name].attrs for name in data.variables)):
-                    "".join(map(str, [*attrs, *attrs.values()])).encode()  # may stand for no letter
+                    raise ValueError(
+                        f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than "
+                        f"{LARGEST_RUN / 1e9:g}"
+                    )
+                for attrs in (
+                    data.attrs,
+                    *(data[name].attrs for name in data.variables),
+                ):
+                    # may stand for no letter
+                    "".join(map(str, [*attrs, *attrs.values()])).encode()
                 return data.load()
     except Exception as error:  # a damaged file fails in many ways
         why = str(error).splitlines()[0] if str(error) else type(error).__name__
     finally:
         sys.unraisablehook = before
-    raise InputError(f"{source}: cannot be read as NetCDF ({why}); the file may be damaged")
+    raise InputError(
+        f"{source}: cannot be read as NetCDF ({why}); the file may be damaged"
+    )
 
 
 def is_netcdf(path: str | os.PathLike[str]) -> bool:

@@ -1,6 +1,7 @@
 """Safe reading of files, and atomic writing.
 
-A symbolic link is followed, for reading and for writing: the link stays, and the file that it leads to is replaced.
+A symbolic link is followed, for reading and for writing: the link stays, and the file
+that it leads to is replaced.
 """
 
 import gzip
@@ -12,25 +13,39 @@ from pathlib import Path
 
 from stickslip.errors import InputError, instance
 
-_KINDS = {"d": "a directory", "c": "a device", "b": "a device", "p": "a named pipe", "s": "a socket"}
+_KINDS = {
+    "d": "a directory",
+    "c": "a device",
+    "b": "a device",
+    "p": "a named pipe",
+    "s": "a socket",
+}
 """Files that are not regular, by the first letter of `stat.filemode`."""
 _GZIP = b"\x1f\x8b"
 
 
 def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
-    """Return how many bytes a regular file has, at most `largest`; `kind` names it in errors: ``"rig file"``."""
+    """Return how many bytes a regular file has, at most `largest`; `kind` names it
+    in errors: ``"rig file"``.
+    """
     found = _regular(path, "read", kind)
     if found is None:
         raise InputError(f"{path}: no such file")
     if found.st_size > largest:
         most = f"{largest / 1e6:g} MB"
-        raise InputError(f"{path}: has {found.st_size / 1e6:.3g} MB, more than a {kind} may have ({most})")
+        raise InputError(
+            f"{path}: has {found.st_size / 1e6:.3g} MB, more than a {kind} may have "
+            f"({most})"
+        )
     return found.st_size
 
 
 def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
-    """Return the content of a file, unpacked if gzip packed it; arguments and errors are those of `size`."""
-    if size(path, kind, largest=largest) == 0:  # the kernel's own files have no size, and some have no end
+    """Return the content of a file, unpacked if gzip packed it; arguments and errors
+    are those of `size`.
+    """
+    # the kernel's own files have no size, and some have no end
+    if size(path, kind, largest=largest) == 0:
         return b""
     try:
         content = Path(path).read_bytes()
@@ -40,11 +55,15 @@ def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
     except (OSError, EOFError, zlib.error) as error:
         raise _failed(path, "read", error) from None
     if len(content) > largest:
-        raise InputError(f"{path}: unpacks to more than a {kind} may have ({largest / 1e6:g} MB)")
+        raise InputError(
+            f"{path}: unpacks to more than a {kind} may have ({largest / 1e6:g} MB)"
+        )
     return content
 
 
-def _regular(path: str | os.PathLike[str], done: str, kind: str) -> os.stat_result | None:
+def _regular(
+    path: str | os.PathLike[str], done: str, kind: str
+) -> os.stat_result | None:
     """Status of a regular file, links followed; None if there is no such file."""
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
@@ -54,30 +73,44 @@ def _regular(path: str | os.PathLike[str], done: str, kind: str) -> os.stat_resu
     except (OSError, ValueError) as error:
         raise _failed(path, done, error) from None
     if not stat.S_ISREG(found.st_mode):
-        raise InputError(f"{path}: is {_KINDS[stat.filemode(found.st_mode)[0]]}, not a {kind}")
+        raise InputError(
+            f"{path}: is {_KINDS[stat.filemode(found.st_mode)[0]]}, not a {kind}"
+        )
     return found
 
 
 def _failed(path: str | os.PathLike[str], done: str, error: Exception) -> InputError:
     why = getattr(error, "strerror", None) or error
-    return InputError(f"{path}: cannot be {done} ({why})" + ("; nothing was lost" if done == "written" else ""))
+    return InputError(
+        f"{path}: cannot be {done} ({why})"
+        + ("; nothing was lost" if done == "written" else "")
+    )
 
 
 def target(path: str | os.PathLike[str]) -> Path:
-    """Return where a file is to be written: a free name, or a regular file that may be replaced; links are followed."""
-    found, place = _regular(path, "written", "file"), Path(os.path.realpath(path))
+    """Return where a file is to be written: a free name, or a regular file that may
+    be replaced; links are followed.
+    """
+    found = _regular(path, "written", "file")
+    place = Path(os.path.realpath(path))
     if not place.parent.is_dir():
         raise InputError(f"{path}: there is no directory {place.parent}; make it first")
-    # The system lets root write anywhere: what its owner may not write is meant to stay.
+    # The system lets root write anywhere: what its owner may not write is meant to
+    # stay.
     own = found is None or (found.st_mode & stat.S_IWUSR and os.access(place, os.W_OK))
     if not (own and os.access(place.parent, os.W_OK | os.X_OK)):
         closed = place.parent if own else place
-        raise InputError(f"{path}: {closed} is read-only; choose another place, or make it writable first")
+        raise InputError(
+            f"{path}: {closed} is read-only; choose another place, or make it writable "
+            "first"
+        )
     return place
 
 
 def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
-    """Write a file whole or not at all: beside its place and moved there, with the permissions of the one before."""
+    """Write a file whole or not at all: beside its place and moved there, with the
+    permissions of the one before.
+    """
     place = target(path)
     try:
         part = place.parent / f".stickslip-{secrets.token_hex(8)}.part"

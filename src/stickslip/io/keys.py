@@ -1,4 +1,6 @@
-"""One key of a file: what may stand there, and how it is read; and rules on the keys of one table."""
+"""One key of a file: what may stand there, and how it is read; and rules on the keys
+of one table.
+"""
 
 import json
 import math
@@ -15,23 +17,30 @@ from stickslip.model.units import UNITS, si_unit
 Sign = Literal["above 0", "at least 0", ""]
 
 LONGEST_TEXT = 2_000  # characters of a text
-DECADES = 15  # powers of ten of a pure number: beyond, squares and quotients of doubles overflow in the distributions
+# powers of ten of a pure number: beyond, squares and quotients of doubles overflow in
+# the distributions
+DECADES = 15
 
 
 @dataclass(frozen=True)
 class Key:
     """One key of a file, by an example as it stands in an SI file.
 
-    The type of the example is the type of the key: a mapping stands for a table, a list for a list of its first item.
+    The type of the example is the type of the key: a mapping stands for a table, a list
+    for a list of its first item.
     """
 
     example: Any
     _: KW_ONLY
-    unit: str = ""  # natural unit of a quantity; without one the value is a pure number, a text, a list
-    si: str = ""  # SI unit of a quantity that no scale of the rig measures, in files of natural units, too
+    # natural unit of a quantity; without one the value is a pure number, a text, a list
+    unit: str = ""
+    # SI unit of a quantity that no scale of the rig measures, in files of natural
+    # units, too
+    si: str = ""
     sign: Sign = ""
     choices: Collection[str] = ()  # all that may be written, if that is known
-    also: Collection[str] = ()  # what else may stand there: "table", "list", a word in place of a number
+    # what else may stand there: "table", "list", a word in place of a number
+    also: Collection[str] = ()
     default: Any = None
     required: bool = False
     measure: str = ""  # how to measure a property of the bench that has a default
@@ -39,21 +48,35 @@ class Key:
     @property
     def is_table(self) -> bool:
         """Whether its value is a table, or a list of tables."""
-        return isinstance(self.example[0] if isinstance(self.example, list) else self.example, Mapping)
+        return isinstance(
+            self.example[0] if isinstance(self.example, list) else self.example, Mapping
+        )
 
     def is_left(self, value: object) -> bool:
-        """Whether a value is read elsewhere: a table, or a word in place of a number."""
-        kind = "table" if isinstance(value, Mapping) else "list" if isinstance(value, list) else ""
+        """Whether a value is read elsewhere: a table, or a word in place of a
+        number.
+        """
+        kind = (
+            "table"
+            if isinstance(value, Mapping)
+            else "list"
+            if isinstance(value, list)
+            else ""
+        )
         return self.is_table or kind in self.also or value in self.also
 
     def read(self, value: object, place: str, *, natural: bool) -> Any:
-        """Return the value: a quantity in SI units, or in natural ones if the file is in those.
+        """Return the value: a quantity in SI units, or in natural ones if the file is
+        in those.
 
         Raises `InputError` if it cannot be.
         """
         if isinstance(self.example, list) and isinstance(value, list):
             one = replace(self, example=self.example[0])
-            return tuple(one.read(item, f"{place}[{i}]", natural=natural) for i, item in enumerate(value))
+            return tuple(
+                one.read(item, f"{place}[{i}]", natural=natural)
+                for i, item in enumerate(value)
+            )
         try:
             return self._value(value, natural)
         except InputError as error:
@@ -61,11 +84,16 @@ class Key:
 
     def _value(self, value: Any, natural: bool) -> Any:
         """The value; errors do not name the place."""
-        kind, is_quantity = type(self.example), bool(self.unit or self.si)
+        kind = type(self.example)
+        is_quantity = bool(self.unit or self.si)
         if kind is float or (is_quantity and kind is not list):
             is_natural = not is_quantity or (natural and not self.si)
-            return self._number(value, "" if is_natural else self.si or si_unit(self.unit))
-        of_kind = type(value) is kind and not (kind is str and len(value) > LONGEST_TEXT)
+            return self._number(
+                value, "" if is_natural else self.si or si_unit(self.unit)
+            )
+        of_kind = type(value) is kind and not (
+            kind is str and len(value) > LONGEST_TEXT
+        )
         if value not in self.choices if self.choices else not of_kind:
             wanted = {
                 str: f"text in quotes, of at most {LONGEST_TEXT} characters",
@@ -74,7 +102,10 @@ class Key:
                 list: f"a list, such as {toml(self.example)}",
             }[kind]
             choices = [*map(repr, self.choices)] or [wanted]
-            raise InputError(f"must be {' or '.join([*choices, *(f'a {other}' for other in self.also)])}")
+            raise InputError(
+                "must be "
+                f"{' or '.join([*choices, *(f'a {other}' for other in self.also)])}"
+            )
         return value
 
     def _number(self, value: Any, unit: str) -> float:
@@ -82,10 +113,18 @@ class Key:
         if unit and isinstance(value, str):
             result = read_quantity(value, unit, self.example)
         elif isinstance(value, bool) or not isinstance(value, (int, float)):
-            wanted = f"quantity, such as {self.example!r}" if unit else "plain number" if self.unit else "number"
+            wanted = (
+                f"quantity, such as {self.example!r}"
+                if unit
+                else "plain number"
+                if self.unit
+                else "number"
+            )
             raise InputError(f"must be a {wanted}")
         elif unit:
-            raise InputError(f"has no unit; write it as a string, such as {self.example!r}")
+            raise InputError(
+                f"has no unit; write it as a string, such as {self.example!r}"
+            )
         else:
             result = float(value) if abs(value) <= sys.float_info.max else math.inf
         if not math.isfinite(result):
@@ -94,26 +133,35 @@ class Key:
             raise InputError(f"must be {self.sign}")
         if refusal := extreme(result):
             raise InputError(refusal + (f" (in {unit})" if unit else ""))
-        if result and not (self.unit or self.si or 10.0**-DECADES <= abs(result) <= 10.0**DECADES):
+        if result and not (
+            self.unit or self.si or 10.0**-DECADES <= abs(result) <= 10.0**DECADES
+        ):
             raise InputError(f"must be 0, or within {DECADES} decades of 1")
         return result
 
 
 def natural_unit_of(example: str) -> str:
-    """The natural unit of a quantity; empty if the text is no quantity, or no scale of a rig measures it."""
+    """The natural unit of a quantity; empty if the text is no quantity, or no scale
+    of a rig measures it.
+    """
     measured = unit_size(example.partition(" ")[2])
     sizes = ((unit, unit_size(si)) for unit, si in UNITS.items())
-    return next((unit for unit, size in sizes if size and measured and size[1] == measured[1]), "")
+    return next(
+        (unit for unit, size in sizes if size and measured and size[1] == measured[1]),
+        "",
+    )
 
 
 class Either:
-    """Keys of a table that exclude each other: all of one alternative, separated by blanks, and none of another.
+    """Keys of a table that exclude each other: all of one alternative, separated by
+    blanks, and none of another.
 
     Where none is given, and one is `needed`, the first is asked for.
     """
 
     def __init__(self, *alternatives: str, needed: bool = False) -> None:
-        self.alternatives, self.needed = [alternative.split() for alternative in alternatives], needed
+        self.alternatives = [alternative.split() for alternative in alternatives]
+        self.needed = needed
 
 
 def listed(names: Any) -> str:
@@ -126,7 +174,10 @@ def toml(value: Any) -> str:
     """A value as it stands in a file, in one line."""
     if isinstance(value, Mapping):
         bare = re.compile(r"[\w-]+").fullmatch
-        each = (f"{key if bare(key) else toml(key)} = {toml(item)}" for key, item in value.items())
+        each = (
+            f"{key if bare(key) else toml(key)} = {toml(item)}"
+            for key, item in value.items()
+        )
         return f"{{ {', '.join(each)} }}"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(toml, value))}]"

@@ -1,7 +1,8 @@
 """Rig files: TOML in SI units (or natural ones) in, records of the model out, and back.
 
-The records of the model are what a file is read into and checked by; what the keys of a file mean stands in
-`stickslip.io.rig_keys`. Stretchings of distributions are relative to ``interface.breaking_displacement``.
+The records of the model are what a file is read into and checked by; what the keys of a
+file mean stands in `stickslip.io.rig_keys`. Stretchings of distributions are relative
+to ``interface.breaking_displacement``.
 """
 
 import os
@@ -24,17 +25,31 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def example_names() -> tuple[str, ...]:
-    """Return the names of the rigs that come with the package, without sweeps, which name one."""
-    texts = {file.stem: file.read_text(encoding="utf-8") for file in sorted(EXAMPLES.glob("*.toml"))}
-    return tuple(name for name, text in texts.items() if any(f"[{body}]" in text for body in ("slider", *BODIES)))
+    """Return the names of the rigs that come with the package, without sweeps, which
+    name one.
+    """
+    texts = {
+        file.stem: file.read_text(encoding="utf-8")
+        for file in sorted(EXAMPLES.glob("*.toml"))
+    }
+    return tuple(
+        name
+        for name, text in texts.items()
+        if any(f"[{body}]" in text for body in ("slider", *BODIES))
+    )
 
 
 def example_file(name: str) -> Path:
-    """Return the file of a rig or sweep that comes with the package, such as ``"pmma_slider"``."""
+    """Return the file of a rig or sweep that comes with the package, such as
+    ``"pmma_slider"``.
+    """
     instance("example: name", name, str, "the name of an example")
     known = sorted(f.stem for f in EXAMPLES.glob("*.toml"))
     if name not in known:
-        raise InputError(f"{shortened(name)}: no such file or example; examples are {', '.join(known)}")
+        raise InputError(
+            f"{shortened(name)}: no such file or example; examples are "
+            f"{', '.join(known)}"
+        )
     return EXAMPLES / f"{name}.toml"
 
 
@@ -52,14 +67,14 @@ def example(name: str) -> Rig:
 def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
     """Read a rig from a TOML file, or from a mapping of what a file would hold.
 
-    The bare name of an example that comes with the package, such as ``"brake_pad"``, is read too where no file is
-    called so.
+    The bare name of an example that comes with the package, such as ``"brake_pad"``, is
+    read too where no file is called so.
 
     Raises
     ------
     InputError
-        If the file is missing, empty, binary or no TOML, has an unknown key, or a value that cannot be; the message
-        names file, key, value and remedy.
+        If the file is missing, empty, binary or no TOML, has an unknown key, or a value
+        that cannot be; the message names file, key, value and remedy.
 
     Examples
     --------
@@ -69,12 +84,21 @@ def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
     """
     if isinstance(path, Mapping):
         return from_document(path)
-    instance("read_rig: path", path, (str, os.PathLike), "a file, the name of an example, or a mapping")
+    instance(
+        "read_rig: path",
+        path,
+        (str, os.PathLike),
+        "a file, the name of an example, or a mapping",
+    )
     return from_document(content_of(Path(path)), Path(path).name)
 
 
-def content_of(path: Path, kind: str = "rig file", example: str = "`stickslip new pmma_slider`") -> Document:
-    """Read the content of a file, or of the example of that name where there is no such file."""
+def content_of(
+    path: Path, kind: str = "rig file", example: str = "`stickslip new pmma_slider`"
+) -> Document:
+    """Read the content of a file, or of the example of that name where there is no
+    such file.
+    """
     if not path.suffix and not path.exists():
         path = example_file(str(path))
     return read_toml(path, kind, example)
@@ -90,7 +114,14 @@ def to_toml(rig: Rig) -> str:
     """
     import tomli_w
 
-    def wrapped(numbers: re.Match[str]) -> str:  # which it writes each into a line of its own
-        return textwrap.fill(f"[{' '.join(numbers[1].split()).removesuffix(',')}]", 110, subsequent_indent="    ")
+    # which it writes each into a line of its own
+    def wrapped(numbers: re.Match[str]) -> str:
+        return textwrap.fill(
+            f"[{' '.join(numbers[1].split()).removesuffix(',')}]",
+            110,
+            subsequent_indent="    ",
+        )
 
-    return re.sub(r"\[\n((?: {4}[-+.\de]+,\n)+)\]", wrapped, tomli_w.dumps(to_document(rig)))
+    return re.sub(
+        r"\[\n((?: {4}[-+.\de]+,\n)+)\]", wrapped, tomli_w.dumps(to_document(rig))
+    )

@@ -1,8 +1,9 @@
 """The keys of a rig file: each once, with its unit, sign, choices and default.
 
-The examples stand in every_key.toml, as a rig file has them. A key that is a field of a record takes unit, bounds,
-choices and default from there; any other is measured in the unit of its example, and is above 0. The reader,
-the writer, the messages and the reference page (with the words of docs/reference/rig-keys.toml) are made from it.
+The examples stand in every_key.toml, as a rig file has them. A key that is a field of a
+record takes unit, bounds, choices and default from there; any other is measured in the
+unit of its example, and is above 0. The reader, the writer, the messages and the
+reference page (with the words of docs/reference/rig-keys.toml) are made from it.
 """
 
 import tomllib
@@ -27,9 +28,15 @@ from stickslip.model.units import si_unit
 
 MATERIAL: Mapping[str, Mapping[str, str]] = {
     "chain": {"coupling": "youngs_modulus", "leaf": "shear_modulus", "mass": "density"},
-    "sheet": {"coupling": "youngs_modulus", "shear": "shear_modulus", "mass": "density"},
+    "sheet": {
+        "coupling": "youngs_modulus",
+        "shear": "shear_modulus",
+        "mass": "density",
+    },
 }
-"""Fields of an elastic body that are given directly, or follow from its shape and a property of the material."""
+"""Fields of an elastic body that are given directly, or follow from its shape and a
+property of the material.
+"""
 SHAPE = ("spacing", "width", "height")
 SCALES = ("contact_strength", "normal_load", "mu_s", "mu_k", "breaking_displacement")
 """Keys that are 1 in natural units, or make up what is."""
@@ -37,18 +44,24 @@ SCALES = ("contact_strength", "normal_load", "mu_s", "mu_k", "breaking_displacem
 RULES: Mapping[str, tuple[Either, ...]] = {
     "slider": (Either("damping_ratio", "damping", needed=True),),
     **{
-        body: tuple(Either(m, direct, needed=direct != "leaf") for direct, m in material.items())
+        body: tuple(
+            Either(m, direct, needed=direct != "leaf") for direct, m in material.items()
+        )
         for body, material in MATERIAL.items()
     },
     "interface": (
         Either("contact_strength", "mu_s mu_k", needed=True),
         Either("thresholds", "mu_s mu_k", needed=True),
         Either("delay", "v_half"),
-        Either("newborn", "mu_s mu_k"),  # coefficients are read as of unstretched newborns, and of equal contacts
+        # coefficients are read as of unstretched newborns, and of equal contacts
+        Either("newborn", "mu_s mu_k"),
         Either("areas", "mu_s mu_k"),
         Either("areas", "v_half"),
     ),
-    "drive": (Either("velocity", "pieces", needed=True), Either("distance", "duration", "pieces")),
+    "drive": (
+        Either("velocity", "pieces", needed=True),
+        Either("distance", "duration", "pieces"),
+    ),
 }
 
 
@@ -60,12 +73,24 @@ _USUAL = {"mean": 1.0, "scale": 1.0}
 """Default scale of a distribution: that of `breaking_displacement`."""
 
 
-def _keys(table: str, examples: Mapping[str, Any], record: type | None = None) -> dict[str, Key]:
-    """The keys of a table, by their examples; some of them are fields of the record that it is made into."""
+def _keys(
+    table: str, examples: Mapping[str, Any], record: type | None = None
+) -> dict[str, Key]:
+    """The keys of a table, by their examples; some of them are fields of the record
+    that it is made into.
+    """
     found = {}
     for name, example in examples.items():
-        said = _of_field(record, name) if record is not None and name in declared(record) else {}
-        if isinstance(example, str) and not said.get("unit") and (unit := natural_unit_of(example)):
+        said = (
+            _of_field(record, name)
+            if record is not None and name in declared(record)
+            else {}
+        )
+        if (
+            isinstance(example, str)
+            and not said.get("unit")
+            and (unit := natural_unit_of(example))
+        ):
             said |= {"unit": unit, "sign": "above 0"}
         elif said.get("unit") and not isinstance(example, (str, list)):
             example = "2 ms" if said["unit"] == "time" else f"2 {si_unit(said['unit'])}"
@@ -80,24 +105,42 @@ def _of_field(record: type, name: str) -> dict[str, Any]:
     kind, mark = declared(record)[name]
     bounds = mark if isinstance(mark, Number) else Number()
     given = next(field.default for field in fields(record) if field.name == name)
-    default = _USUAL.get(name) if record in DISTRIBUTIONS.values() and given is MISSING else given
+    default = (
+        _USUAL.get(name)
+        if record in DISTRIBUTIONS.values() and given is MISSING
+        else given
+    )
     return {
         "unit": "" if bounds.unit == "1" else bounds.unit,
-        "sign": "above 0" if bounds.above == 0 else "at least 0" if bounds.at_least == 0 else "",
+        "sign": "above 0"
+        if bounds.above == 0
+        else "at least 0"
+        if bounds.at_least == 0
+        else "",
         "choices": choices_of(kind),
-        "default": None if default is MISSING or default in (float("inf"), float("-inf")) else default,
+        "default": None
+        if default is MISSING or default in (float("inf"), float("-inf"))
+        else default,
         "required": given is MISSING and default in (MISSING, None),
     }
 
 
 _RECORDS = {"slider": Slider, "chain": Chain, "sheet": Sheet, "interface": Interface}
-_BLOCKS = {name: example for name, example in _EXAMPLES["chain"].items() if name != "blocks"}
+_BLOCKS = {
+    name: example for name, example in _EXAMPLES["chain"].items() if name != "blocks"
+}
 TOP: Mapping[str, Key] = _keys(
-    "top", {name: dict([*each.items()][:1]) if isinstance(each, Mapping) else each for name, each in _EXAMPLES.items()}
+    "top",
+    {
+        name: dict([*each.items()][:1]) if isinstance(each, Mapping) else each
+        for name, each in _EXAMPLES.items()
+    },
 )
 """Keys at the top of the file; of a table its first key is the example."""
 TABLES: Mapping[str, Mapping[str, Key]] = {
-    name: _keys(name, _EXAMPLES[name] | (_BLOCKS if name == "sheet" else {}), _RECORDS.get(name))
+    name: _keys(
+        name, _EXAMPLES[name] | (_BLOCKS if name == "sheet" else {}), _RECORDS.get(name)
+    )
     for name in (*_RECORDS, "drive", "simulation")
 }
 """Keys of each table, by its name."""
@@ -117,12 +160,16 @@ def tables() -> dict[str, Mapping[str, Key]]:
 
 
 KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
-    **dict.fromkeys(("thresholds", "initial", "newborn"), ("distribution", DISTRIBUTIONS)),
+    **dict.fromkeys(
+        ("thresholds", "initial", "newborn"), ("distribution", DISTRIBUTIONS)
+    ),
     "delay": ("model", DELAYS),
     "ageing": ("model", AGEING_MODELS),
     "temperature": ("kind", ACTIVATIONS),
 }
-"""Of keys of `interface` whose value is a table: the word in it that names a record, and the records by name."""
+"""Of keys of `interface` whose value is a table: the word in it that names a record,
+and the records by name.
+"""
 _BOLTZMANN = 1.380649e-23  # in J/K
 
 
@@ -131,33 +178,54 @@ def _histogram(_length: float, samples: tuple[float, ...]) -> tuple[Any, ...]:
     return made.edges, made.weights
 
 
-def _width(length: float, temperature: float, volume: float, strength: float) -> tuple[float]:
+def _width(
+    length: float, temperature: float, volume: float, strength: float
+) -> tuple[float]:
     return (_BOLTZMANN * temperature / (strength * volume) * length,)
 
 
-INSTEAD: Mapping[type, tuple[Mapping[str, Key], tuple[str, ...], Callable[..., tuple[Any, ...]]]] = {
-    Empirical: (_keys("empirical", _WITHIN["empirical"]), ("edges", "weights"), _histogram),
+INSTEAD: Mapping[
+    type, tuple[Mapping[str, Key], tuple[str, ...], Callable[..., tuple[Any, ...]]]
+] = {
+    Empirical: (
+        _keys("empirical", _WITHIN["empirical"]),
+        ("edges", "weights"),
+        _histogram,
+    ),
     Bell: (_keys("bell", _WITHIN["bell"]), ("width",), _width),
 }
-"""Keys that a file may give in place of fields of a record, and how these follow from the breaking displacement and
-them."""
+"""Keys that a file may give in place of fields of a record, and how these follow from
+the breaking displacement and them.
+"""
 
 
 @cache
 def keys_of(record: type) -> Mapping[str, Key]:
     """Keys of the table that makes a record that a table names.
 
-    Raises `InputError` if a delay of the user's own has a number without a unit: a file could not say what it means.
+    Raises `InputError` if a delay of the user's own has a number without a unit: a file
+    could not say what it means.
     """
     found = dict(INSTEAD[record][0]) if record in INSTEAD else {}
     made = {field.name for field in fields(record) if field.init}
     for name, (kind, mark) in declared(record).items():
-        if record in DELAYS.values() and name in made and mark is None and kind is float:
-            raise InputError(f"{record.__name__}.{name}: has no unit; declare it as Annotated[float, Number('time')]")
+        if (
+            record in DELAYS.values()
+            and name in made
+            and mark is None
+            and kind is float
+        ):
+            raise InputError(
+                f"{record.__name__}.{name}: has no unit; declare it as "
+                "Annotated[float, Number('time')]"
+            )
         if name == "rate" and by_time(record):
             found["time"] = Key("1 s", unit="time", sign="above 0", required=True)
         elif name in made:
-            of_type = (*choices_of(kind), {bool: False, int: 1, str: "text"}.get(kind, 1.0))
+            of_type = (
+                *choices_of(kind),
+                {bool: False, int: 1, str: "text"}.get(kind, 1.0),
+            )
             found |= _keys("", {name: _WITHIN["fields"].get(name, of_type[0])}, record)
     return found
 
@@ -169,13 +237,16 @@ def by_time(record: type) -> bool:
 
 def fields_of_method(kind: type) -> dict[str, str]:
     """Fields of a method that a file gives, each with its key in `simulation`."""
-    names = [field.name for field in fields(kind) if field.name != "memoryless"]  # for comparison only
+    # for comparison only
+    names = [field.name for field in fields(kind) if field.name != "memoryless"]
     return {name: "contacts" if name == "count" else name for name in names}
 
 
 def methods_with(key: str) -> list[str]:
     """Names of the methods that have a key of `simulation`."""
-    return [name for name, kind in METHODS.items() if key in fields_of_method(kind).values()]
+    return [
+        name for name, kind in METHODS.items() if key in fields_of_method(kind).values()
+    ]
 
 
 def keys_of_simulation(method: object) -> dict[str, Key]:
@@ -185,11 +256,20 @@ def keys_of_simulation(method: object) -> dict[str, Key]:
     if not isinstance(method, str) or method not in METHODS:
         return usual
     kind = METHODS[method]
-    own = {key: usual.get(key) or keys_of(kind)[name] for name, key in fields_of_method(kind).items()}
+    own = {
+        key: usual.get(key) or keys_of(kind)[name]
+        for name, key in fields_of_method(kind).items()
+    }
     return {name: key for name, key in usual.items() if not methods_with(name)} | own
 
 
 def paths(given: Iterable[str]) -> list[str]:
-    """Paths of keys, such as ``"interface.delay"``: those given, or their parents, and all others."""
-    known = ["name", "units", *(f"{table}.{name}" for table, keys in tables().items() for name in keys)]
+    """Paths of keys, such as ``"interface.delay"``: those given, or their parents,
+    and all others.
+    """
+    known = [
+        "name",
+        "units",
+        *(f"{table}.{name}" for table, keys in tables().items() for name in keys),
+    ]
     return [*(path for path in given if ".".join(path.split(".")[:2]) in known), *known]

@@ -1,4 +1,5 @@
-"""The reader of rig files: each record in the units of the file, then the whole rig in natural ones.
+"""The reader of rig files: each record in the units of the file, then the whole rig in
+natural ones.
 
 Every mistake is noted, and all are reported in one line.
 """
@@ -15,7 +16,15 @@ from stickslip.io import rig_keys
 from stickslip.io.keys import Either, Key, natural_unit_of, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
 from stickslip.io.tables import NotedError, Tables, Values, at
-from stickslip.model import Delay, FromRest, FromSliding, Interface, Output, Prestressed, Slider
+from stickslip.model import (
+    Delay,
+    FromRest,
+    FromSliding,
+    Interface,
+    Output,
+    Prestressed,
+    Slider,
+)
 from stickslip.model.body import BODIES
 from stickslip.model.delays import DelayModel, OnArrest
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
@@ -28,16 +37,22 @@ from stickslip.model.units import Scales, si_unit
 
 _NUMBER = re.compile(r"\d*\.?\d+(?:e[-+]?\d+)?( \S+)?")  # with or without a unit
 _START = "simulation.start"
-_SPEEDS = toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
+_SPEEDS = (
+    toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
+)
 
 
 def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
     """Make a rig of the content of a file; `place` begins the message of an error.
 
-    The error names every mistake: key, value, remedy; its `mistakes` are single errors, each with its key as `place`.
+    The error names every mistake: key, value, remedy; its `mistakes` are single errors,
+    each with its key as `place`.
     """
     if "axes" in document:
-        raise InputError(f"{place}: a sweep, not a rig; `stickslip sweep {place} --store results.sqlite` runs it")
+        raise InputError(
+            f"{place}: a sweep, not a rig; `stickslip sweep {place} --store "
+            "results.sqlite` runs it"
+        )
     reader = _Reader(document)
     rig: Rig | None = reader.file.part(reader.rig)
     if rig is None:
@@ -49,7 +64,9 @@ def _refused(place: str, value: object, what: str) -> InputError:
     return InputError(f"{place} = {shown(value)}: {what}", place)
 
 
-def _made(kind: Any, values: Values, place: str, names: Mapping[str, str] | None = None) -> Any:
+def _made(
+    kind: Any, values: Values, place: str, names: Mapping[str, str] | None = None
+) -> Any:
     """A record of those values of a table that are fields of it."""
     with at(place, names):
         return kind(**{name: values[name] for name in declared(kind) if name in values})
@@ -59,39 +76,66 @@ class _Reader:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document = document
         self.file = Tables(natural=document.get("units") == "natural")
-        self.body = next((name for name in reversed(["slider", *BODIES]) if name in document), "slider")
+        self.body = next(
+            (name for name in reversed(["slider", *BODIES]) if name in document),
+            "slider",
+        )
         self.length = 1.0  # of the breaking displacement, in the units of the file
 
     def rig(self) -> Rig:
         """The rig that the file describes."""
         file = self.file
         one_body = Either("slider", *BODIES)
-        top = file.table(self.document, {**{name: Key({}) for name in BODIES}, **rig_keys.TOP}, rules=(one_body,))
+        top = file.table(
+            self.document,
+            {**{name: Key({}) for name in BODIES}, **rig_keys.TOP},
+            rules=(one_body,),
+        )
         names = (self.body, "interface", "drive", "simulation")
-        slider, interface, drive, simulation = (self._table(name, top.get(name, {})) for name in names)
+        slider, interface, drive, simulation = (
+            self._table(name, top.get(name, {})) for name in names
+        )
         self._check_body(slider)
         if "mu_s" in interface and "normal_load" not in interface:
             file.missing("interface.normal_load", TABLES["interface"]["normal_load"])
         # What cannot be read is noted, and the rest is looked through.
         self.length = interface.get("breaking_displacement", 1.0)
         for name in (name for name in rig_keys.KINDS if name in interface):
-            interface[name] = file.part(partial(self._record, interface[name], f"interface.{name}"))
+            interface[name] = file.part(
+                partial(self._record, interface[name], f"interface.{name}")
+            )
         driven = file.part(partial(self._drive, drive))
         feasible = self._feasible(top.get("feasible", {}))
-        assumed, fitted = self._assumed(top.get("assumed", {})), self._fitted(top.get("fitted", {}))
+        assumed = self._assumed(top.get("assumed", {}))
+        fitted = self._fitted(top.get("fitted", {}))
 
         pulled, speeds = driven
         body = self._body(slider)
         blocks = 1 if self.body == "slider" else body.size
         start = self._start(simulation["start"], blocks)
-        blocks = 1 if file.natural else blocks  # forces are those of all blocks in SI files only
+        # forces are those of all blocks in SI files only
+        blocks = 1 if file.natural else blocks
         scales = self._scales(interface, pulled, blocks)
         interface["sliding_force"] /= blocks
-        speeds |= {name: value / blocks for name, value in interface.items() if name == "normal_load"}
-        of_method = simulation | {"count": simulation.get("contacts", 10_000 if self.body == "slider" else 100)}
-        method = _made(METHODS[simulation["method"]], of_method, "simulation", {"count": "contacts"})
+        speeds |= {
+            name: value / blocks
+            for name, value in interface.items()
+            if name == "normal_load"
+        }
+        of_method = simulation | {
+            "count": simulation.get(
+                "contacts", 10_000 if self.body == "slider" else 100
+            )
+        }
+        method = _made(
+            METHODS[simulation["method"]],
+            of_method,
+            "simulation",
+            {"count": "contacts"},
+        )
         speeds["feasible"] = converted_ranges(feasible, scales.natural)
-        operation, output = _made(Operation, speeds, "drive"), _made(Output, simulation, "simulation")
+        operation = _made(Operation, speeds, "drive")
+        output = _made(Output, simulation, "simulation")
         contacts = _made(Interface, interface, "interface")
         with at("rig"):
             rig = Rig(
@@ -111,7 +155,9 @@ class _Reader:
         return self._with_what_follows(rig, scales, slider | interface | drive)
 
     def _with_what_follows(self, rig: Rig, scales: Scales, values: Values) -> Rig:
-        """The rig with what the file gives by numbers that belong together, found in natural units."""
+        """The rig with what the file gives by numbers that belong together, found in
+        natural units.
+        """
         if "damping_ratio" in values:
             with at("slider"):
                 damping = 2.0 * values["damping_ratio"] * rig.slider.frequency
@@ -121,18 +167,31 @@ class _Reader:
                 path = half_distance(rig.interface)
             # By way of seconds, so that a file in SI units can hold exactly this delay.
             seconds = path / values["v_half"] / scales.natural(1.0, "x_s")
-            rig = replace(rig, interface=replace(rig.interface, delay=Delay(scales.natural(seconds, "time"))))
+            rig = replace(
+                rig,
+                interface=replace(
+                    rig.interface, delay=Delay(scales.natural(seconds, "time"))
+                ),
+            )
         if "velocity" in values and "duration" not in values:
-            distance = scales.natural(values["distance"], "x_s") if "distance" in values else USUAL_DISTANCE
+            distance = (
+                scales.natural(values["distance"], "x_s")
+                if "distance" in values
+                else USUAL_DISTANCE
+            )
             velocity = rig.drive.pieces[0].start
             rig = replace(rig, drive=constant(velocity, distance / abs(velocity)))
         return rig
 
     def _table(self, name: str, content: object) -> Values:
-        """The values of a table of the file, looked through for keys that exclude each other."""
+        """The values of a table of the file, looked through for keys that exclude
+        each other.
+        """
         keys = rig_keys.tables()[name]
         if name == "simulation" and isinstance(content, Mapping):
-            keys = rig_keys.keys_of_simulation(content.get("method", keys["method"].default))
+            keys = rig_keys.keys_of_simulation(
+                content.get("method", keys["method"].default)
+            )
         if name == "interface" and self.file.natural:
             keys = {key: each for key, each in keys.items() if key not in SCALES}
         return self.file.table(content, keys, name, RULES.get(name, ()))
@@ -142,23 +201,39 @@ class _Reader:
         name = place.rpartition(".")[2]
         word, kinds = rig_keys.KINDS[name]
         if name == "delay" and not isinstance(content, Mapping):
-            of_word: dict[Any, DelayModel] = {"never": Delay(math.inf), "on arrest": OnArrest()}
+            of_word: dict[Any, DelayModel] = {
+                "never": Delay(math.inf),
+                "on arrest": OnArrest(),
+            }
             return of_word.get(content) or Delay(content)
         example = toml(TABLES["interface"][name].example)
         if not isinstance(content, Mapping):
             raise _refused(place, content, f"must be a table, such as {example}")
         named = content.get(word, "random" if name == "delay" else None)
         if not isinstance(named, str) or named not in kinds:
-            known = f"must be one of the known {word}s {', '.join(map(repr, kinds))}, as in {example}"
-            given = f"{place}.{word}" + (f" = {shown(named)}" if word in content else "")
+            known = (
+                f"must be one of the known {word}s {', '.join(map(repr, kinds))}, "
+                f"as in {example}"
+            )
+            given = f"{place}.{word}" + (
+                f" = {shown(named)}" if word in content else ""
+            )
             raise InputError(f"{given}: {known}", f"{place}.{word}")
         kind: Any = kinds[named]
         written = {name: value for name, value in content.items() if name != word}
         of_others, fields, made_of = rig_keys.INSTEAD.get(kind, ({}, (), lambda _: ()))
-        rules = (Either(" ".join(of_others), " ".join(fields), needed=True),) if fields else ()
+        rules = (
+            (Either(" ".join(of_others), " ".join(fields), needed=True),)
+            if fields
+            else ()
+        )
         values = self.file.whole(written, keys_of(kind), place, rules)
         for name, value in values.items():
-            values[name] = self._record(value, f"{place}.{name}") if isinstance(value, Mapping) else value
+            values[name] = (
+                self._record(value, f"{place}.{name}")
+                if isinstance(value, Mapping)
+                else value
+            )
         if rig_keys.by_time(kind):
             time = values.pop("time")
             with at(place, {"rate": "time"}):
@@ -172,54 +247,87 @@ class _Reader:
         return _made(kind, values, place, names)
 
     def _body(self, values: Values) -> Any:
-        """The body, its springs and masses of blocks made of the material; a damping ratio is left for later."""
+        """The body, its springs and masses of blocks made of the material; a damping
+        ratio is left for later.
+        """
         length, width, height = (values.get(key, math.nan) for key in SHAPE)
-        # A spring from a block to the top is as long as the bar is high, one from row to row as a row is wide.
+        # A spring from a block to the top is as long as the bar is high, one from row
+        # to row as a row is wide.
         shape = {
             "coupling": width * height / length,
             "leaf": width * length / height,
             "shear": height * length / width,
             "mass": width * height * length,
         }
-        # In the units of the file: what follows from the material can be written into it again, bit for bit.
-        material = {direct: name for direct, name in MATERIAL.get(self.body, {}).items() if name in values}
-        made = {"damping": 0.0} | values | {direct: values[name] * shape[direct] for direct, name in material.items()}
+        # In the units of the file: what follows from the material can be written into
+        # it again, bit for bit.
+        material = {
+            direct: name
+            for direct, name in MATERIAL.get(self.body, {}).items()
+            if name in values
+        }
+        made = (
+            {"damping": 0.0}
+            | values
+            | {
+                direct: values[name] * shape[direct]
+                for direct, name in material.items()
+            }
+        )
         return _made(BODIES.get(self.body, Slider), made, self.body)
 
     def _check_body(self, values: Values) -> None:
         """Note what a damping ratio and the material need beside them."""
         if "damping_ratio" in values and values.get("mass") == 0:
-            self.file.wrong("slider.mass", "is 0, and damping_ratio needs a mass above 0; give damping instead")
+            self.file.wrong(
+                "slider.mass",
+                "is 0, and damping_ratio needs a mass above 0; give damping instead",
+            )
         if not values.keys().isdisjoint(MATERIAL.get(self.body, {}).values()):
             for name in SHAPE:
                 if name not in values:
                     self.file.missing(f"{self.body}.{name}", TABLES[self.body][name])
 
     def _drive(self, values: Values) -> tuple[Drive, Values]:
-        """The drive, and the speeds at which the rig works; how long it goes follows where it is not given."""
-        place, content = "drive.pieces", values.get("pieces")
+        """The drive, and the speeds at which the rig works; how long it goes follows
+        where it is not given.
+        """
+        place = "drive.pieces"
+        content = values.get("pieces")
         if content is not None:
             if not isinstance(content, list) or not content:
                 raise _refused(place, content, "must be a list of at least one table")
-            read = [self.file.whole(piece, rig_keys.PIECE, f"{place}[{i}]") for i, piece in enumerate(content)]
+            read = [
+                self.file.whole(piece, rig_keys.PIECE, f"{place}[{i}]")
+                for i, piece in enumerate(content)
+            ]
             with at(place):
                 return reduce(Drive.then, [ramp(**piece) for piece in read]), {}
         if "velocity" not in values:
             raise NotedError("")
         velocity, speeds = self._speeds(values["velocity"], "drive.velocity")
         if velocity == 0 and "duration" not in values:
-            raise InputError("drive.velocity: is 0; give a velocity above 0, or a duration", "drive.velocity")
+            raise InputError(
+                "drive.velocity: is 0; give a velocity above 0, or a duration",
+                "drive.velocity",
+            )
         with at("drive"):
             return constant(velocity, values.get("duration", 1.0)), speeds
 
     def _speeds(self, content: Any, place: str) -> tuple[float, Values]:
         """The speed that is simulated, and all those of a list or a range."""
-        key = replace(TABLES["drive"]["velocity"], sign="above 0", also=(), required=True)
+        key = replace(
+            TABLES["drive"]["velocity"], sign="above 0", also=(), required=True
+        )
         if isinstance(content, list) and content:
-            speeds = replace(key, example=[key.example]).read(content, place, natural=self.file.natural)
+            speeds = replace(key, example=[key.example]).read(
+                content, place, natural=self.file.natural
+            )
             return speeds[0], {"speeds": speeds}
         if isinstance(content, Mapping):
-            low, high = self.file.whole(content, {"from": key, "to": key}, place).values()
+            low, high = self.file.whole(
+                content, {"from": key, "to": key}, place
+            ).values()
             if low < high:
                 return math.sqrt(low * high), {"between": (low, high)}
         if isinstance(content, (list, Mapping)):
@@ -230,18 +338,40 @@ class _Reader:
         if not isinstance(content, Mapping):
             return FromSliding() if content == "sliding" else FromRest()
         if self.body == "slider":
-            raise _refused(_START, content, f"must be 'from rest' or 'sliding'; a table is for {' or '.join(BODIES)}")
-        values, place = self.file.whole(content, rig_keys.START, _START), f"{_START}.stretching"
+            raise _refused(
+                _START,
+                content,
+                (
+                    "must be 'from rest' or 'sliding'; a table is for "
+                    f"{' or '.join(BODIES)}"
+                ),
+            )
+        values = self.file.whole(content, rig_keys.START, _START)
+        place = f"{_START}.stretching"
         if isinstance(profile := values["stretching"], list):
-            runs = [item if isinstance(item, Mapping) else {"blocks": 1, "stretching": item} for item in profile]
-            runs = [self.file.whole(run, rig_keys.RUN, f"{place}[{i}]") for i, run in enumerate(runs)]
+            runs = [
+                item if isinstance(item, Mapping) else {"blocks": 1, "stretching": item}
+                for item in profile
+            ]
+            runs = [
+                self.file.whole(run, rig_keys.RUN, f"{place}[{i}]")
+                for i, run in enumerate(runs)
+            ]
             if (total := sum(run["blocks"] for run in runs)) != blocks:
-                raise _refused(place, profile, f"is of {total} blocks, but there are {blocks}; give one for each")
-            values["stretching"] = tuple(run["stretching"] for run in runs for _ in range(run["blocks"]))
+                raise _refused(
+                    place,
+                    profile,
+                    f"is of {total} blocks, but there are {blocks}; give one for each",
+                )
+            values["stretching"] = tuple(
+                run["stretching"] for run in runs for _ in range(run["blocks"])
+            )
         return _made(Prestressed, values, _START)
 
     def _scales(self, interface: Values, drive: Drive, blocks: int) -> Scales:
-        """The scales of the rig, forces per contact of a block; of coefficients of friction the thresholds, too."""
+        """The scales of the rig, forces per contact of a block; of coefficients of
+        friction the thresholds, too.
+        """
         if self.file.natural:
             return Scales(force=1.0, stretching=1.0)
         strength = interface.get("contact_strength")
@@ -249,66 +379,123 @@ class _Reader:
             from stickslip.sliding.rigid_motion import thresholds_of
 
             with at("interface.mu_s"):
-                found = thresholds_of(interface["mu_s"], interface["mu_k"], interface["initial"])
-            interface["thresholds"], strength = found[0], found[1] * interface["normal_load"]
-        fastest, x_s = max(abs(end) for piece in drive.pieces for end in (piece.start, piece.end)), self.length
+                found = thresholds_of(
+                    interface["mu_s"], interface["mu_k"], interface["initial"]
+                )
+            interface["thresholds"], strength = (
+                found[0],
+                found[1] * interface["normal_load"],
+            )
+        fastest = max(
+            abs(end) for piece in drive.pieces for end in (piece.start, piece.end)
+        )
+        x_s = self.length
         # The unit of time drops out of every result; this one keeps the numbers near 1.
-        with at("interface", {"force": "contact_strength", "stretching": "breaking_displacement"}):
-            return Scales(force=strength / blocks, stretching=x_s, time=x_s / fastest if fastest else 1.0)
+        with at(
+            "interface",
+            {"force": "contact_strength", "stretching": "breaking_displacement"},
+        ):
+            return Scales(
+                force=strength / blocks,
+                stretching=x_s,
+                time=x_s / fastest if fastest else 1.0,
+            )
 
     def _feasible(self, content: object) -> list[tuple[str, float, float]]:
         """The ranges within which parameters could be set."""
         keys = {}
         for name, parameter in BY_NAME.items():
             unit = "" if parameter.unit == "1" else parameter.unit
-            keys[name] = Key([f"2 {si_unit(unit)}" if unit else 1.0] * 2, unit=unit, sign="above 0")
+            keys[name] = Key(
+                [f"2 {si_unit(unit)}" if unit else 1.0] * 2, unit=unit, sign="above 0"
+            )
         found = self.file.table(content, keys, "feasible")
         for name, ends in found.items():
             if len(ends) != 2 or ends[0] > ends[1]:
-                self.file.wrong(f"feasible.{name}", "must be two values, the lowest first")
+                self.file.wrong(
+                    f"feasible.{name}", "must be two values, the lowest first"
+                )
         return [(name, *ends) for name, ends in found.items()]
 
     def _of_paths(self, content: object, table: str, key: Key) -> Values:
         """The values of a table whose keys are paths of keys of the file."""
         given = [str(path) for path in content] if isinstance(content, Mapping) else []
-        return self.file.table(content, dict.fromkeys(rig_keys.paths(given), key), table)
+        return self.file.table(
+            content, dict.fromkeys(rig_keys.paths(given), key), table
+        )
 
     def _assumed(self, content: object) -> dict[str, Assumption]:
-        """The assumptions that the file marks, then the defaults that were taken; each with its value."""
+        """The assumptions that the file marks, then the defaults that were taken;
+        each with its value.
+        """
         marked = self._of_paths(content, "assumed", Key("text", also=("list",)))
-        found = {path: self.file.part(partial(self._marked, path, how)) for path, how in marked.items()}
+        found = {
+            path: self.file.part(partial(self._marked, path, how))
+            for path, how in marked.items()
+        }
         given = self.document.get("interface")
         for name, key in TABLES["interface"].items():
-            here = isinstance(given, Mapping) and (name in given or (name == "delay" and "v_half" in given))
+            here = isinstance(given, Mapping) and (
+                name in given or (name == "delay" and "v_half" in given)
+            )
             if key.measure and not here and f"interface.{name}" not in found:
-                value = "0 s" if key.unit and not self.file.natural else toml(key.default)
-                found[f"interface.{name}"] = Assumption(value, key.measure, default=True)
+                value = (
+                    "0 s" if key.unit and not self.file.natural else toml(key.default)
+                )
+                found[f"interface.{name}"] = Assumption(
+                    value, key.measure, default=True
+                )
         return found
 
     def _marked(self, path: str, between: str | list[Any]) -> Assumption:
-        """The assumption of a value that the file marks by how to measure it, or by the range in which it may lie."""
+        """The assumption of a value that the file marks by how to measure it, or by
+        the range in which it may lie.
+        """
         if isinstance(between, str):
             ends = [_NUMBER.fullmatch(end) for end in between.split(" to ")]
             if len(ends) != 2 or None in ends:
                 return Assumption(self._value_at(path), between)
             between = [end[0] if end[1] else float(end[0]) for end in ends if end]
-        value, place = self._at(path), f"assumed.{path}"
+        value = self._at(path)
+        place = f"assumed.{path}"
         unit = natural_unit_of(value) if isinstance(value, str) else ""
         if not unit and type(value) not in (int, float):
-            other = "is not in the file, so at its default; write it, too" if value == "" else "is no number"
-            raise _refused(place, between, f"{path} {other}, or say in words how to measure it")
+            other = (
+                "is not in the file, so at its default; write it, too"
+                if value == ""
+                else "is no number"
+            )
+            raise _refused(
+                place, between, f"{path} {other}, or say in words how to measure it"
+            )
         key = Key(value if unit else 1.0, unit=unit, sign="above 0")
-        own, *limits = (key.read(each, place, natural=self.file.natural) for each in (value, *between))
+        own, *limits = (
+            key.read(each, place, natural=self.file.natural)
+            for each in (value, *between)
+        )
         if len(limits) != 2 or limits[0] >= limits[1]:
             raise _refused(place, between, "must be two values, the lowest first")
-        return Assumption(self._value_at(path), "", between=tuple(between), factors=tuple(end / own for end in limits))
+        return Assumption(
+            self._value_at(path),
+            "",
+            between=tuple(between),
+            factors=tuple(end / own for end in limits),
+        )
 
     def _fitted(self, content: object) -> dict[str, Fitted]:
-        """The fitted values that the file marks, with intervals and draws; only of a file without mistakes."""
+        """The fitted values that the file marks, with intervals and draws; only of a
+        file without mistakes.
+        """
         entries = self._of_paths(content, "fitted", Key({})).items()
-        read = {path: self.file.table(entry, rig_keys.FITTED, f"fitted.{path}") for path, entry in entries}
+        read = {
+            path: self.file.table(entry, rig_keys.FITTED, f"fitted.{path}")
+            for path, entry in entries
+        }
         self.file.stop()
-        return {path: Fitted(self._value_at(path), **values) for path, values in read.items()}
+        return {
+            path: Fitted(self._value_at(path), **values)
+            for path, values in read.items()
+        }
 
     def _at(self, path: str) -> Any:
         """What stands at a path of the file; empty if nothing does."""

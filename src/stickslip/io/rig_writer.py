@@ -1,4 +1,6 @@
-"""Rigs written as the content of rig files: the shortest text that reads back the same."""
+"""Rigs written as the content of rig files: the shortest text that reads back the
+same.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -23,10 +25,14 @@ from stickslip.model.units import Scales, engineering, si_unit
 Document = dict[str, Any]
 
 
-def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None) -> Document:
-    """Return what a rig file holds, from the records, in so many digits, or in as few as read back the same.
+def to_document(
+    rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None
+) -> Document:
+    """Return what a rig file holds, from the records, in so many digits, or in as few
+    as read back the same.
 
-    The damping is given by its ratio if `damping_ratio` says so, by default if that is a number of few digits.
+    The damping is given by its ratio if `damping_ratio` says so, by default if that is
+    a number of few digits.
     """
     writer = _Writer(rig, digits)
     found = {
@@ -41,59 +47,92 @@ def to_document(rig: Rig, *, digits: int | None = None, damping_ratio: bool | No
             name: [writer.quantity(end, parameter_named(name).unit) for end in ends]
             for name, *ends in rig.operation.feasible
         },
-        "assumed": {key: [*item.between] or item.how for key, item in rig.assumed.items() if not item.default},
+        "assumed": {
+            key: [*item.between] or item.how
+            for key, item in rig.assumed.items()
+            if not item.default
+        },
         "fitted": {
-            key: {"interval": one.interval, "how": one.how, "draws": list(one.draws)} for key, one in rig.fitted.items()
+            key: {"interval": one.interval, "how": one.how, "draws": list(one.draws)}
+            for key, one in rig.fitted.items()
         },
     }
-    return {name: content for name, content in found.items() if content or name == "name"}
+    return {
+        name: content for name, content in found.items() if content or name == "name"
+    }
 
 
 class _Writer:
-    """Writes the records of a rig as the tables of a file; without scales every quantity is a plain number."""
+    """Writes the records of a rig as the tables of a file; without scales every
+    quantity is a plain number.
+    """
 
     def __init__(self, rig: Rig, digits: int | None) -> None:
-        self.rig, self.digits, self.natural = rig, digits, rig.scales is None
+        self.rig = rig
+        self.digits = digits
+        self.natural = rig.scales is None
         self.scales = rig.scales or Scales(force=1.0, stretching=1.0)
 
     def _refuse(self, what: str) -> InputError:
-        return InputError(f"rig {self.rig.name!r}: {what} cannot be written into a rig file")
+        return InputError(
+            f"rig {self.rig.name!r}: {what} cannot be written into a rig file"
+        )
 
     def _name_of(self, record: Any, kinds: Mapping[str, type]) -> str:
         """The name by which a file calls the kind of a record."""
         for name, kind in kinds.items():
             if type(record) is kind:
                 return name
-        raise self._refuse(f"{shown(record)}, which has no name among {', '.join(kinds)},")
+        raise self._refuse(
+            f"{shown(record)}, which has no name among {', '.join(kinds)},"
+        )
 
-    def _values(self, record: Any, keys: Mapping[str, Key], *, defaults: bool = True) -> Document:
-        """The fields of a record that its table has keys for; those that have their default may be left out."""
+    def _values(
+        self, record: Any, keys: Mapping[str, Key], *, defaults: bool = True
+    ) -> Document:
+        """The fields of a record that its table has keys for; those that have their
+        default may be left out.
+        """
         found: Document = {}
         usual = {field.name: field.default for field in fields(record)}
         for name, key in keys.items():
             value = getattr(record, name, None)
-            if value is None or value == -math.inf or (not defaults and value in (key.default, usual.get(name))):
+            if (
+                value is None
+                or value == -math.inf
+                or (not defaults and value in (key.default, usual.get(name)))
+            ):
                 continue
             if is_dataclass(value):
                 found[name] = self._named(name, value)
             elif isinstance(value, tuple):
                 found[name] = [self._number(item) for item in value]
             elif name == "time" and rig_keys.by_time(type(record)):
-                read_back = lambda si: converted(record.with_time(si), self.scales.natural) == record  # noqa: E731
+                read_back = lambda si: (  # noqa: E731
+                    converted(record.with_time(si), self.scales.natural) == record
+                )
                 found[name] = self.quantity(value, "time", read_back)
             else:
-                found[name] = self.quantity(value, key.unit) if key.unit else self._number(value)
+                found[name] = (
+                    self.quantity(value, key.unit) if key.unit else self._number(value)
+                )
         return found
 
     def _named(self, key: str, record: Any) -> Any:
         """A record that a table names, or the word or the time that says it."""
         if isinstance(record, Delay):
-            return "never" if math.isinf(record.time) else self.quantity(record.time, "time")
+            return (
+                "never"
+                if math.isinf(record.time)
+                else self.quantity(record.time, "time")
+            )
         if isinstance(record, OnArrest):
             return "on arrest"
         word, kinds = rig_keys.KINDS[key]
         kind: Any = type(record)
-        return {word: self._name_of(record, kinds)} | self._values(record, keys_of(kind))
+        return {word: self._name_of(record, kinds)} | self._values(
+            record, keys_of(kind)
+        )
 
     def body(self, damping_ratio: bool | None) -> Document:
         slider = self.rig.slider
@@ -106,45 +145,74 @@ class _Writer:
                 damping_ratio = 2.0 * short * slider.frequency == slider.damping
             if self.digits is None:
                 found["damping_ratio"] = short
-            del found["damping" if damping_ratio and slider.mass > 0 else "damping_ratio"]
+            del found[
+                "damping" if damping_ratio and slider.mass > 0 else "damping_ratio"
+            ]
         return {name: found}
 
     def interface(self) -> Document:
-        interface, scales = self.rig.interface, self.scales
-        blocks, found = 1 if self.natural else getattr(self.rig.slider, "size", 1), {}
+        interface = self.rig.interface
+        scales = self.scales
+        blocks = 1 if self.natural else getattr(self.rig.slider, "size", 1)
+        found = {}
         if not self.natural:
-            found["contact_strength"] = self.quantity(blocks, "f_s", lambda si: si / blocks == scales.force)
+            found["contact_strength"] = self.quantity(
+                blocks, "f_s", lambda si: si / blocks == scales.force
+            )
             if load := self.rig.operation.normal_load:
                 found["normal_load"] = self.quantity(blocks * load, "f_s")
-            found["breaking_displacement"] = self.quantity(1.0, "x_s", lambda si: si == scales.stretching)
-        # A default that was taken is left out, so that it is taken, and reported, again.
+            found["breaking_displacement"] = self.quantity(
+                1.0, "x_s", lambda si: si == scales.stretching
+            )
+        # A default that was taken is left out, so that it is taken, and reported,
+        # again.
         found |= self._values(interface, TABLES["interface"], defaults=False)
         if self.digits is not None:
-            found |= {name: self._named(name, getattr(interface, name)) for name in ("initial", "delay")}
+            found |= {
+                name: self._named(name, getattr(interface, name))
+                for name in ("initial", "delay")
+            }
         if force := interface.sliding_force:
             read_back = lambda si: si / blocks / scales.force == force  # noqa: E731
             found["sliding_force"] = self.quantity(blocks * force, "f_s", read_back)
         return found
 
     def drive(self) -> Document:
-        pieces, operation = self.rig.drive.pieces, self.rig.operation
+        pieces = self.rig.drive.pieces
+        operation = self.rig.operation
         if any(piece.until is not None for piece in pieces):
             raise self._refuse("a drive with conditions")
         if len(pieces) > 1 or pieces[0].start != pieces[0].end:
             return {"pieces": [self._values(piece, rig_keys.PIECE) for piece in pieces]}
-        velocity, duration = pieces[0].start, pieces[0].duration
-        speeds = [self.quantity(speed, "x_s/time") for speed in operation.between or operation.speeds or (velocity,)]
-        of_range = dict(zip(("from", "to"), speeds, strict=True)) if operation.between else None
-        found: Document = {"velocity": of_range or (speeds if operation.speeds else speeds[0])}
+        velocity = pieces[0].start
+        duration = pieces[0].duration
+        speeds = [
+            self.quantity(speed, "x_s/time")
+            for speed in operation.between or operation.speeds or (velocity,)
+        ]
+        of_range = (
+            dict(zip(("from", "to"), speeds, strict=True))
+            if operation.between
+            else None
+        )
+        found: Document = {
+            "velocity": of_range or (speeds if operation.speeds else speeds[0])
+        }
         if velocity == 0:
             return found | {"duration": self.quantity(duration, "time")}
         if self.digits is None and duration == USUAL_DISTANCE / abs(velocity):
             return found  # a default, too
-        read_back = lambda si: self.scales.natural(si, "x_s") / abs(velocity) == duration  # noqa: E731
-        return found | {"distance": self.quantity(abs(velocity) * duration, "x_s", read_back)}
+        read_back = lambda si: (  # noqa: E731
+            self.scales.natural(si, "x_s") / abs(velocity) == duration
+        )
+        return found | {
+            "distance": self.quantity(abs(velocity) * duration, "x_s", read_back)
+        }
 
     def simulation(self) -> Document:
-        method, start, output = self.rig.method, self.rig.start, self.rig.output
+        method = self.rig.method
+        start = self.rig.start
+        output = self.rig.output
         if isinstance(start, FromSliding) and start != FromSliding():
             raise self._refuse("a start with a perturbation, or with blocks at rest,")
         if getattr(method, "memoryless", False):
@@ -152,10 +220,17 @@ class _Writer:
         kind: Any = type(method)
         written = self._values(method, keys_of(kind))
         found: Document = {"method": self._name_of(method, METHODS)}
-        found |= {key: written[field] for field, key in rig_keys.fields_of_method(kind).items()}
+        found |= {
+            key: written[field]
+            for field, key in rig_keys.fields_of_method(kind).items()
+        }
         words = {FromRest: "from rest", FromSliding: "sliding"}
         is_table = isinstance(start, Prestressed)
-        found["start"] = self._values(start, rig_keys.START, defaults=False) if is_table else words[type(start)]
+        found["start"] = (
+            self._values(start, rig_keys.START, defaults=False)
+            if is_table
+            else words[type(start)]
+        )
         if output.interval is not None:
             found["interval"] = self.quantity(output.interval, "time")
         return found
@@ -165,21 +240,42 @@ class _Writer:
             return float(f"{value:.{self.digits}g}")
         return value
 
-    def quantity(self, value: float, unit: str, same: Callable[[float], bool] | None = None) -> Any:
-        """A natural value as it stands in a file: the shortest text that reads back as the same, or the nearest.
+    def quantity(
+        self, value: float, unit: str, same: Callable[[float], bool] | None = None
+    ) -> Any:
+        """A natural value as it stands in a file: the shortest text that reads back as
+        the same, or the nearest.
 
-        `same` tells whether a value in SI units is the one to be written, where it is not divided by the unit.
+        `same` tells whether a value in SI units is the one to be written, where it is
+        not divided by the unit.
         """
         if self.natural or unit == "1":
             return self._number(value)
-        scales, name = self.scales, si_unit(unit)
+        scales = self.scales
+        name = si_unit(unit)
         exact = scales.si(value, unit)
         if self.digits is not None:
             return engineering(exact, name, self.digits)
-        near = [exact + steps * math.ulp(exact) for steps in ((0, -1, 1, -2, 2) if exact else ())]
-        texts = [*(engineering(exact, name, digits) for digits in range(4, 17)), *(f"{si!r} {name}" for si in near)]
+        near = [
+            exact + steps * math.ulp(exact)
+            for steps in ((0, -1, 1, -2, 2) if exact else ())
+        ]
+        texts = [
+            *(engineering(exact, name, digits) for digits in range(4, 17)),
+            *(f"{si!r} {name}" for si in near),
+        ]
         fits = [same or (lambda si: scales.natural(si, unit) == value)]
-        if unit == "x_s/time":  # the fastest velocity of a drive is also what the unit of time comes from
-            fits.insert(0, lambda si: fits[-1](si) and (not si or scales.stretching / abs(si) == scales.time))
+        # the fastest velocity of a drive is also what the unit of time comes from
+        if unit == "x_s/time":
+            fits.insert(
+                0,
+                lambda si: (
+                    fits[-1](si)
+                    and (not si or scales.stretching / abs(si) == scales.time)
+                ),
+            )
         read = {text: read_quantity(text, name, text) for text in texts}
-        return next((text for fit in fits for text, si in read.items() if fit(si)), f"{exact!r} {name}")
+        return next(
+            (text for fit in fits for text, si in read.items() if fit(si)),
+            f"{exact!r} {name}",
+        )

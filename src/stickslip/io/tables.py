@@ -1,4 +1,6 @@
-"""TOML files read table by table: every mistake in one line that names place, value and remedy."""
+"""TOML files read table by table: every mistake in one line that names place, value
+and remedy.
+"""
 
 import difflib
 import tomllib
@@ -18,14 +20,19 @@ LARGEST_FILE = 1_000_000  # bytes; a larger file does not describe a rig or a sw
 
 
 def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
-    """Read the content of a TOML file; errors say what it should be, ``"rig file"``, and name an example."""
+    """Read the content of a TOML file; errors say what it should be, ``"rig file"``,
+    and name an example.
+    """
     content = files.read(path, kind, largest=LARGEST_FILE)
     if not content.strip():
         raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
     try:
         return tomllib.loads(content.decode())
-    except (ValueError, RecursionError) as error:  # it is binary, no TOML, nested too deep, or holds endless integers
-        raise InputError(f"{path}: is not valid TOML, as a {kind} is: {shortened(str(error))}") from None
+    # it is binary, no TOML, nested too deep, or holds endless integers
+    except (ValueError, RecursionError) as error:
+        raise InputError(
+            f"{path}: is not valid TOML, as a {kind} is: {shortened(str(error))}"
+        ) from None
 
 
 class NotedError(InputError):
@@ -36,13 +43,17 @@ class MissingError(InputError):
     """A key is missing; the example is a value that it could have."""
 
     def __init__(self, place: str, example: Any) -> None:
-        super().__init__(f"{place}: is missing; write, for example, {place} = {toml(example)}", place)
+        super().__init__(
+            f"{place}: is missing; write, for example, {place} = {toml(example)}", place
+        )
         self.example = toml(example)
 
 
 @contextmanager
 def at(place: str, names: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Turn the complaint of a record about a field into one about the key, which `names` may name."""
+    """Turn the complaint of a record about a field into one about the key, which
+    `names` may name.
+    """
     try:
         yield
     except InputError as error:
@@ -51,7 +62,8 @@ def at(place: str, names: Mapping[str, str] | None = None) -> Iterator[None]:
         raise error.at(f"{place}.{key}" if key else place) from None
 
 
-_MOST_WORDS = 40  # unknown keys for which the nearest known one is looked for, which takes its time
+# unknown keys for which the nearest known one is looked for, which takes its time
+_MOST_WORDS = 40
 
 
 class Tables:
@@ -76,31 +88,57 @@ class Tables:
     def missing(self, place: str, key: Key) -> None:
         """Note that a key is missing, once."""
         if all(mistake.place != place for mistake in self.mistakes):
-            self.note(MissingError(place, 1.0 if self.natural and key.unit else key.example))
+            self.note(
+                MissingError(place, 1.0 if self.natural and key.unit else key.example)
+            )
 
     def part(self, read: Callable[[], Any]) -> Any:
-        """A part of the file, or None where it cannot be read: the mistake is noted, and the others are looked for."""
+        """A part of the file, or None where it cannot be read: the mistake is noted,
+        and the others are looked for.
+        """
         try:
             return read()
         except InputError as error:
             self.note(error)
 
-    def table(self, content: object, keys: Mapping[str, Key], place: str = "", rules: Iterable[Either] = ()) -> Values:
-        """Values of a table, quantities in SI units or natural ones; tables in it as they stand."""
+    def table(
+        self,
+        content: object,
+        keys: Mapping[str, Key],
+        place: str = "",
+        rules: Iterable[Either] = (),
+    ) -> Values:
+        """Values of a table, quantities in SI units or natural ones; tables in it as
+        they stand.
+        """
         if not isinstance(content, Mapping):
-            self.note(InputError(f"{place} = {shown(content)}: must be a table, as in [{place}]", place))
+            self.note(
+                InputError(
+                    f"{place} = {shown(content)}: must be a table, as in [{place}]",
+                    place,
+                )
+            )
             return {}
         path = f"{place}." if place else ""
         for i, name in enumerate(str(name) for name in content if name not in keys):
             word = f"; {unknown(name, keys)}" if i < _MOST_WORDS else ""
             self.wrong(path + name[:60], f"unknown key{word}")
         found: Values = {}
-        of_rules = {name for rule in rules for alternative in rule.alternatives for name in alternative}
+        of_rules = {
+            name
+            for rule in rules
+            for alternative in rule.alternatives
+            for name in alternative
+        }
         for name, key in keys.items():
             if name in content:
                 try:
                     value = content[name]
-                    found[name] = value if key.is_left(value) else key.read(value, path + name, natural=self.natural)
+                    found[name] = (
+                        value
+                        if key.is_left(value)
+                        else key.read(value, path + name, natural=self.natural)
+                    )
                 except InputError as error:
                     self.note(error)
             elif key.required and name not in of_rules:
@@ -114,18 +152,34 @@ class Tables:
             self._choose(content, rule, keys, place)
         return found
 
-    def _choose(self, content: Mapping[str, Any], rule: Either, keys: Mapping[str, Key], place: str) -> None:
+    def _choose(
+        self,
+        content: Mapping[str, Any],
+        rule: Either,
+        keys: Mapping[str, Key],
+        place: str,
+    ) -> None:
         """Note what a rule has against a table."""
-        possible = [each for each in rule.alternatives if keys.keys() >= {*each}]  # some are none in natural units
+        # some are none in natural units
+        possible = [each for each in rule.alternatives if keys.keys() >= {*each}]
         given = [each for each in possible if not content.keys().isdisjoint(each)]
         if len(given) > 1:
-            self.wrong(place or given[1][0], f"give {' or '.join(map(listed, rule.alternatives))}, not both")
+            self.wrong(
+                place or given[1][0],
+                f"give {' or '.join(map(listed, rule.alternatives))}, not both",
+            )
         elif possible and (given or rule.needed):
             for name in (given or possible)[0]:
                 if name not in content:
                     self.missing(f"{place}.{name}", keys[name])
 
-    def whole(self, content: object, keys: Mapping[str, Key], place: str, rules: Iterable[Either] = ()) -> Values:
+    def whole(
+        self,
+        content: object,
+        keys: Mapping[str, Key],
+        place: str,
+        rules: Iterable[Either] = (),
+    ) -> Values:
         """Values of a table without mistakes."""
         before = len(self.mistakes)
         values = self.table(content, keys, place, rules)
@@ -138,11 +192,21 @@ class Tables:
             raise NotedError("")
 
     def in_one_line(self, place: str) -> InputError:
-        """One error for every mistake in a file, as far as a line reaches; what is missing comes last, together."""
-        missing = [mistake for mistake in self.mistakes if isinstance(mistake, MissingError)]
-        lines = [str(mistake) for mistake in self.mistakes if len(missing) == 1 or mistake not in missing]
+        """One error for every mistake in a file, as far as a line reaches; what is
+        missing comes last, together.
+        """
+        missing = [
+            mistake for mistake in self.mistakes if isinstance(mistake, MissingError)
+        ]
+        lines = [
+            str(mistake)
+            for mistake in self.mistakes
+            if len(missing) == 1 or mistake not in missing
+        ]
         if len(missing) > 1:
-            examples = ", ".join(f"{mistake.place} = {mistake.example}" for mistake in missing)
+            examples = ", ".join(
+                f"{mistake.place} = {mistake.example}" for mistake in missing
+            )
             lines.append(f"missing, here with example values: {examples}")
         key = self.mistakes[0].place if len(self.mistakes) == 1 else ""
         return InputError(f"{place}: {together(lines)}", key, tuple(self.mistakes))

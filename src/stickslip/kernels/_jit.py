@@ -1,4 +1,6 @@
-"""The one place that knows how our kernels are compiled, and where their machine code is kept."""
+"""The one place that knows how our kernels are compiled, and where their machine
+code is kept.
+"""
 
 import contextlib
 import hashlib
@@ -18,13 +20,17 @@ F = TypeVar("F", bound=Callable[..., object])
 _numba: Any = numba  # its stubs know neither all of its settings nor all options
 _folders: Any = AppDirs  # nor this
 
-_KEPT = 3  # folders of machine code that stay: a switch between two branches, and back, compiles nothing anew
+# folders of machine code that stay: a switch between two branches, and back, compiles
+# nothing anew
+_KEPT = 3
 
 
 def _place() -> Path | None:
-    """Return the folder of our machine code, which is named by a hash of all kernel files; none if none can be written.
+    """Return the folder of our machine code, which is named by a hash of all kernel
+    files; none if none can be written.
 
-    numba compares a function with its own file only: its code would outlive a change to what it calls in another file.
+    numba compares a function with its own file only: its code would outlive a change to
+    what it calls in another file.
     """
     here = Path(__file__).parent
     digest = hashlib.sha256()
@@ -33,7 +39,10 @@ def _place() -> Path | None:
     if given := _numba.config.CACHE_DIR:
         homes = [Path(given)]
     else:
-        homes = [here / "__pycache__", Path(_folders("numba", appauthor=False).user_cache_dir)]
+        homes = [
+            here / "__pycache__",
+            Path(_folders("numba", appauthor=False).user_cache_dir),
+        ]
     for home in homes:
         folder = home / f"kernels-{digest.hexdigest()[:16]}"
         try:
@@ -48,8 +57,14 @@ def _place() -> Path | None:
 
 
 def _sweep(home: Path) -> None:
-    """Remove the machine code of kernels as they once were, but for the folders used last."""
-    folders = [folder for folder in home.glob("kernels-*") if re.fullmatch("kernels-[0-9a-f]{16}", folder.name)]
+    """Remove the machine code of kernels as they once were, but for the folders used
+    last.
+    """
+    folders = [
+        folder
+        for folder in home.glob("kernels-*")
+        if re.fullmatch("kernels-[0-9a-f]{16}", folder.name)
+    ]
     with contextlib.suppress(FileNotFoundError):  # another process sweeps, too
         folders.sort(key=lambda folder: folder.stat().st_mtime)
         for old in folders[:-_KEPT]:
@@ -65,13 +80,20 @@ def compiled_before() -> bool:
 
 
 def _compiled(function: F, **options: bool) -> F:
-    """Compile a kernel: without the GIL, numpy's rules for division by zero, machine code in our own folder.
+    """Compile a kernel: without the GIL, numpy's rules for division by zero, machine
+    code in our own folder.
 
-    No kernel is handed to another as an argument: what numba would make for that is left out.
+    No kernel is handed to another as an argument: what numba would make for that is
+    left out.
     """
     given = _numba.config.CACHE_DIR
     _numba.config.CACHE_DIR = str(_PLACE or "")
-    options = {"nogil": True, "no_cfunc_wrapper": True, "cache": _PLACE is not None, **options}
+    options = {
+        "nogil": True,
+        "no_cfunc_wrapper": True,
+        "cache": _PLACE is not None,
+        **options,
+    }
     try:
         return cast(F, _numba.njit(error_model="numpy", **options)(function))
     finally:
@@ -81,8 +103,9 @@ def _compiled(function: F, **options: bool) -> F:
 def jit(function: F) -> F:
     """Compile a kernel.
 
-    ``parallel=True`` is never used: it aborts under threads and dies under fork; run cases in parallel instead.
-    With ``NUMBA_DISABLE_JIT=1`` the plain Python function runs: the readable reference.
+    ``parallel=True`` is never used: it aborts under threads and dies under fork; run
+    cases in parallel instead. With ``NUMBA_DISABLE_JIT=1`` the plain Python function
+    runs: the readable reference.
     """
     return _compiled(function)
 
@@ -90,8 +113,9 @@ def jit(function: F) -> F:
 def bare(function: F) -> F:
     """Compile a kernel that makes no array, without numba's reference counting.
 
-    The arrays belong to the caller, who outlives the call. Small functions that hand arrays to one another spend most
-    of their time on atomic counts otherwise: the event engine took 1,200 ns an event with them, 340 ns without.
+    The arrays belong to the caller, who outlives the call. Small functions that hand
+    arrays to one another spend most of their time on atomic counts otherwise: the event
+    engine took 1,200 ns an event with them, 340 ns without.
     """
     return _compiled(function, _nrt=False)
 
@@ -104,11 +128,15 @@ class _Inlined(CPUDispatcher):
 
 
 def inlined(function: F) -> F:
-    """Compile a small `bare` kernel into its callers: a call costs more than its work (340, then 120 ns an event).
+    """Compile a small `bare` kernel into its callers: a call costs more than its work
+    (340, then 120 ns an event).
 
-    It is not compiled for Python, too: to unpack a state of many arrays takes longer to compile than the kernel.
+    It is not compiled for Python, too: to unpack a state of many arrays takes longer to
+    compile than the kernel.
     """
-    kernel: Any = _compiled(function, _nrt=False, forceinline=True, no_cpython_wrapper=True)
+    kernel: Any = _compiled(
+        function, _nrt=False, forceinline=True, no_cpython_wrapper=True
+    )
     if not _numba.config.DISABLE_JIT:
         kernel.__class__ = _Inlined
     return cast(F, kernel)

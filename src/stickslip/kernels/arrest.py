@@ -1,12 +1,16 @@
-"""Slips of a slider that is driven infinitely slowly, one after the other, in closed form.
+"""Slips of a slider that is driven infinitely slowly, one after the other, in closed
+form.
 
-The slow-drive limit with re-attachment on arrest. Between slips all contacts are attached and the force rises until the
-first of them reaches its threshold. While the slider slips the drive stands still; each broken contact slides with a
-constant residual stretching, and re-attaches with it, and with a new threshold, when the slider first stops. Between
-two breaks the slider is a damped oscillator on the driving spring and the contacts still attached, so that a slip is a
-short sequence of exact arcs, and nothing is ever stepped.
+The slow-drive limit with re-attachment on arrest. Between slips all contacts are
+attached and the force rises until the first of them reaches its threshold. While the
+slider slips the drive stands still; each broken contact slides with a constant residual
+stretching, and re-attaches with it, and with a new threshold, when the slider first
+stops. Between two breaks the slider is a damped oscillator on the driving spring and
+the contacts still attached, so that a slip is a short sequence of exact arcs, and
+nothing is ever stepped.
 
-Natural units, everything per contact: contact stiffness 1, mean threshold 1. The mass drops out with the speed.
+Natural units, everything per contact: contact stiffness 1, mean threshold 1. The mass
+drops out with the speed.
 """
 
 import math
@@ -25,10 +29,12 @@ _TRIES = 100
 
 
 class Arrest(NamedTuple):
-    """Contacts, standard deviation of their thresholds, residual stretching, stiffness K/N of the driving spring.
+    """Contacts, standard deviation of their thresholds, residual stretching, stiffness
+    K/N of the driving spring.
 
-    `damping_ratio` is that of the free slider on the driving spring; `track_scatter` the standard deviation of the
-    factor that the thresholds drawn in one slip have in common.
+    `damping_ratio` is that of the free slider on the driving spring; `track_scatter`
+    the standard deviation of the factor that the thresholds drawn in one slip have in
+    common.
     """
 
     contacts: int
@@ -40,8 +46,12 @@ class Arrest(NamedTuple):
 
 
 @jit
-def _threshold(rng: np.random.Generator, std: float, factor: float, least: float) -> float:
-    """Draw a threshold beyond the stretching at birth; on a track so weak that none is, one that holds nothing."""
+def _threshold(
+    rng: np.random.Generator, std: float, factor: float, least: float
+) -> float:
+    """Draw a threshold beyond the stretching at birth; on a track so weak that none
+    is, one that holds nothing.
+    """
     for _ in range(_TRIES):
         value: float = factor * (1.0 + std * rng.normal())
         if value > least:
@@ -50,11 +60,14 @@ def _threshold(rng: np.random.Generator, std: float, factor: float, least: float
 
 
 @jit
-def _arc(velocity: float, force: float, stiffness: float, ratio: float, distance: float) -> tuple[float, float, bool]:
-    """Distance and velocity where the slider has gone a distance `gap`, or where it first stops, and whether it does.
+def _arc(
+    velocity: float, force: float, stiffness: float, ratio: float, distance: float
+) -> tuple[float, float, bool]:
+    """Distance and velocity where the slider has gone a distance `gap`, or where it
+    first stops, and whether it does.
 
-    Time in units of ``sqrt(M/K)``; unbalanced force and its loss per distance over the stiffness K of the driving
-    spring, of which `ratio` is the damping ratio.
+    Time in units of ``sqrt(M/K)``; unbalanced force and its loss per distance over the
+    stiffness K of the driving spring, of which `ratio` is the damping ratio.
     """
     rest = force / stiffness  # where the slider would settle
     omega = math.sqrt(stiffness - ratio * ratio)
@@ -67,11 +80,14 @@ def _arc(velocity: float, force: float, stiffness: float, ratio: float, distance
     furthest = rest + math.exp(-ratio * stop) * oscillation
     if furthest < distance:
         return max(furthest, 0.0), 0.0, True
-    low, high = 0.0, stop
+    low = 0.0
+    high = stop
     time = min(0.5 * stop, distance / velocity) if velocity > 0.0 else 0.5 * stop
     speed = 0.0
     for _ in range(_STEPS):
-        c, s, decay = math.cos(omega * time), math.sin(omega * time), math.exp(-ratio * time)
+        c = math.cos(omega * time)
+        s = math.sin(omega * time)
+        decay = math.exp(-ratio * time)
         beyond = rest + decay * (across * s - rest * c) - distance
         speed = decay * (velocity * c - bend * s)
         if abs(beyond) <= 1e-13 * distance:
@@ -91,14 +107,24 @@ def _arc(velocity: float, force: float, stiffness: float, ratio: float, distance
 
 @jit
 def slips(
-    model: Arrest, floor: float, most: int, rng: np.random.Generator, peaks: Floats, troughs: Floats, breaks_at: Floats
+    model: Arrest,
+    floor: float,
+    most: int,
+    rng: np.random.Generator,
+    peaks: Floats,
+    troughs: Floats,
+    breaks_at: Floats,
 ) -> int:
-    """Fill in the force, per contact, before and after each slip; return how many there were.
+    """Fill in the force, per contact, before and after each slip; return how many there
+    were.
 
-    Drops and rises below a part `floor` of the peak before are no slips of their own; `most` contacts may break.
-    `breaks_at` is room: a tournament of the positions of the slider at which the contacts break.
+    Drops and rises below a part `floor` of the peak before are no slips of their own;
+    `most` contacts may break. `breaks_at` is room: a tournament of the positions of the
+    slider at which the contacts break.
     """
-    count, kappa, residual = model.contacts, model.stiffness, model.residual
+    count = model.contacts
+    kappa = model.stiffness
+    residual = model.residual
     attached_at = np.empty(count)  # positions of the slider
     broken = np.empty(count, np.int64)
     for i in range(count):
@@ -106,7 +132,8 @@ def slips(
         attached_at[i] = -rng.random() * threshold
         enter(breaks_at, count, i, attached_at[i] + threshold)
     total = attached_at.sum()
-    track = math.sqrt(math.log1p(model.track_scatter**2))  # of the logarithm of the factor, whose mean is 1
+    # of the logarithm of the factor, whose mean is 1
+    track = math.sqrt(math.log1p(model.track_scatter**2))
     X = 0.0
     found = done = 0
     begun = False
@@ -123,7 +150,9 @@ def slips(
                 found += 1
             begun = False
 
-        left, loose, velocity = count, 0, 0.0
+        left = count
+        loose = 0
+        velocity = 0.0
         while True:
             contact = winner(breaks_at, count)
             enter(breaks_at, count, contact, np.inf)
@@ -134,9 +163,15 @@ def slips(
             distance = smallest(breaks_at) - X
             if distance <= 0.0:
                 continue
-            unbalanced = drive - X - (left * X - total + residual * loose) / (count * kappa)
+            unbalanced = (
+                drive - X - (left * X - total + residual * loose) / (count * kappa)
+            )
             travelled, velocity, stops = _arc(
-                velocity, unbalanced, 1.0 + left / (count * kappa), model.damping_ratio, distance
+                velocity,
+                unbalanced,
+                1.0 + left / (count * kappa),
+                model.damping_ratio,
+                distance,
             )
             if stops:
                 X += travelled
@@ -149,9 +184,14 @@ def slips(
             threshold = _threshold(rng, model.std, factor, residual)
             enter(breaks_at, count, contact, attached_at[contact] + threshold)
         # Summed anew now and then, so that no rounding adds up.
-        total = attached_at.sum() if done // count != (done + loose) // count else total + loose * (X - residual)
+        total = (
+            attached_at.sum()
+            if done // count != (done + loose) // count
+            else total + loose * (X - residual)
+        )
         done += loose
-        X = (kappa * drive + total / count) / (kappa + 1.0)  # the ring-down, contacts attached
+        # the ring-down, contacts attached
+        X = (kappa * drive + total / count) / (kappa + 1.0)
         force = kappa * (drive - X)
         low = floor * state.high
         state = turn(state, 0, force, low, low)

@@ -1,18 +1,22 @@
-"""Contacts on each block of an elastic slider, any number: cohorts, carried along by the steps of `leapfrog`.
+"""Contacts on each block of an elastic slider, any number: cohorts, carried along by
+the steps of `leapfrog`.
 
-A cohort is what attached to a block in about one place ``b``: contacts of which ``m J_c(e)`` survive when their largest
-stretching so far is ``e``. Only those stretched further than the weakest threshold are looked up. What breaks goes
-through the delay, a mean over given delay times, by a table of what each block has broken up to each stage; it
-re-attaches in the middle of a stage's way.
+A cohort is what attached to a block in about one place ``b``: contacts of which
+``m J_c(e)`` survive when their largest stretching so far is ``e``. Only those stretched
+further than the weakest threshold are looked up. What breaks goes through the delay, a
+mean over given delay times, by a table of what each block has broken up to each stage;
+it re-attaches in the middle of a stage's way.
 
-A stage is as many steps as take some block as far as cohorts are apart, or the longest time given: light blocks swing
-through many steps meanwhile. In a stage contacts break at the rate ``m J_c'(e)`` of its beginning for each length by
-which a block passes its front, the furthest that it has been, and re-attach at the rate of the stage before; at its end
-all cohorts are looked up, and what was wrong is made good. The error is of second order in the length of the stage, as
-that of a step is in its own.
+A stage is as many steps as take some block as far as cohorts are apart, or the longest
+time given: light blocks swing through many steps meanwhile. In a stage contacts break
+at the rate ``m J_c'(e)`` of its beginning for each length by which a block passes its
+front, the furthest that it has been, and re-attach at the rate of the stage before; at
+its end all cohorts are looked up, and what was wrong is made good. The error is of
+second order in the length of the stage, as that of a step is in its own.
 
-Of counted contacts what has broken in a stage is drawn at its end, and how long each waits: of ``n`` that have held up
-to a stretching ``e`` a binomial number breaks on the way to ``e'``, each with the probability ``1 - J_c(e')/J_c(e)``.
+Of counted contacts what has broken in a stage is drawn at its end, and how long each
+waits: of ``n`` that have held up to a stretching ``e`` a binomial number breaks on the
+way to ``e'``, each with the probability ``1 - J_c(e')/J_c(e)``.
 """
 
 import math
@@ -21,7 +25,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .cohort_store import ALIVE, MASS, PLACE, REACH, Delays, History, due, first_history, has_room, join
+from .cohort_store import (
+    ALIVE,
+    MASS,
+    PLACE,
+    REACH,
+    Delays,
+    History,
+    due,
+    first_history,
+    has_room,
+    join,
+)
 from .drive import NO_HISTORY, NO_ROOM, ON_THE_WAY, PAUSED, Piece, Sampling
 from .leapfrog import Motion, Network, begin_step, element, end_step, slide
 from .records import Counts, Floats, Records, blank, record
@@ -29,13 +44,16 @@ from .survival import Table, drawn, value_and_slope, value_at, values_at
 
 FIRST = 1e-3  # the first break of infinitely many contacts is that of this fraction
 
-EXTINCT = 1e-12  # a cohort of which a smaller fraction survives is dropped; its rest counts as broken
+# a cohort of which a smaller fraction survives is dropped; its rest counts as broken
+EXTINCT = 1e-12
 
 
 class Case(NamedTuple):
-    """Survival of the thresholds, delays, force of detached contacts that slide; limits of a stage; counted contacts.
+    """Survival of the thresholds, delays, force of detached contacts that slide; limits
+    of a stage; counted contacts.
 
-    Contacts that attach within `merge` are of one cohort. No stage is longer, nor lasts more than `longest`.
+    Contacts that attach within `merge` are of one cohort. No stage is longer, nor lasts
+    more than `longest`.
     """
 
     table: Table
@@ -48,8 +66,10 @@ class Case(NamedTuple):
 
 
 _STAGE = record("start held broken behind ahead attaching lost")
-"""Of each block: position, attached fraction and breaks at the beginning of a stage, the fronts, the rate at which
-contacts re-attach; and the energy lost in breaks in the stage so far."""
+"""Of each block: position, attached fraction and breaks at the beginning of a stage,
+the fronts, the rate at which contacts re-attach; and the energy lost in breaks in the
+stage so far.
+"""
 
 
 class Cohorts(NamedTuple):
@@ -61,7 +81,9 @@ class Cohorts(NamedTuple):
     due: Floats  # shape (n,): what re-attaches in the step
     attached: Floats  # shape (n,): all that has been due
     stage: Records  # shape (n,)
-    rate: Floats  # shape (n, 2, 3): breaks for each length beyond the fronts, of their origins, and of the squares
+    # shape (n, 2, 3): breaks for each length beyond the fronts, of their origins, and
+    # of the squares
+    rate: Floats
 
 
 class State(NamedTuple):
@@ -71,8 +93,12 @@ class State(NamedTuple):
     cohorts: Cohorts
 
 
-def smooth_sliding(table: Table, cells: float, attached: float) -> tuple[Floats, Floats]:
-    """Stretchings and weights of smooth sliding, ``Q_s(x) = J_c(x)/<x_s>``, at the cohorts' own resolution."""
+def smooth_sliding(
+    table: Table, cells: float, attached: float
+) -> tuple[Floats, Floats]:
+    """Stretchings and weights of smooth sliding, ``Q_s(x) = J_c(x)/<x_s>``, at the
+    cohorts' own resolution.
+    """
     x = np.arange(int(cells * table.top), -1, -1) / cells
     weight = values_at(table, x)
     weight[-1] *= 0.5
@@ -80,58 +106,99 @@ def smooth_sliding(table: Table, cells: float, attached: float) -> tuple[Floats,
     return x[kept], attached * weight[kept] / weight[kept].sum()
 
 
-def make_state(motion: Motion, place: Floats, alive: Floats, case: Case, rate: float, room: int) -> State:
-    """Return the state of n blocks with the same cohorts, `alive` on each of them at a `place` of shape (n, cohorts).
+def make_state(
+    motion: Motion, place: Floats, alive: Floats, case: Case, rate: float, room: int
+) -> State:
+    """Return the state of n blocks with the same cohorts, `alive` on each of them at a
+    `place` of shape (n, cohorts).
 
-    Contacts broke at a `rate` before time 0; at first there is `room` for so many cohorts.
+    Contacts broke at a `rate` before time 0; at first there is `room` for so many
+    cohorts.
     """
-    (n, count), delays = place.shape, case.delays
-    waiting, rates = np.tile(rate * delays.weight * delays.time, (n, 1)), np.full(n, rate)
+    n, count = place.shape
+    delays = case.delays
+    waiting = np.tile(rate * delays.weight * delays.time, (n, 1))
+    rates = np.full(n, rate)
     if case.contacts < math.inf:
         parts = np.append(alive, waiting[0])
-        held = case.rng.multinomial(int(case.contacts), parts / parts.sum(), n) / case.contacts
-        alive, waiting = held[:, :count], held[:, count:]
+        held = (
+            case.rng.multinomial(int(case.contacts), parts / parts.sum(), n)
+            / case.contacts
+        )
+        alive = held[:, :count]
+        waiting = held[:, count:]
         rates = (waiting / np.maximum(delays.time, 1e-300)).ravel()
     cohort = np.zeros((n, 4, max(room, count + 1)))
     reach = np.abs(motion.blocks.X[:, None] - place)
     held = values_at(case.table, reach.ravel()).reshape(reach.shape)
-    cohort[:, PLACE, :count], cohort[:, REACH, :count] = place, reach
-    cohort[:, ALIVE, :count], cohort[:, MASS, :count] = alive, alive / np.maximum(held, EXTINCT)
+    cohort[:, PLACE, :count] = place
+    cohort[:, REACH, :count] = reach
+    cohort[:, ALIVE, :count] = alive
+    cohort[:, MASS, :count] = alive / np.maximum(held, EXTINCT)
     motion.blocks.held[:] = alive.sum(axis=-1)
     motion.blocks.origins[:] = (alive * place).sum(axis=1)
     motion.blocks.squares[:] = (alive * place**2).sum(axis=1)
     stage = blank(_STAGE, n)
     stage.start = stage.behind = stage.ahead = motion.blocks.X
     stage.held = motion.blocks.held
-    pasts = np.full(n, count), first_history(delays, rates), np.zeros(n), -waiting.sum(axis=1)
+    pasts = (
+        np.full(n, count),
+        first_history(delays, rates),
+        np.zeros(n),
+        -waiting.sum(axis=1),
+    )
     return State(motion, Cohorts(cohort, *pasts, stage, np.zeros((n, 2, 3))))
 
 
 @inlined
-def _attach(cohorts: Cohorts, j: int, place: float, alive: float, reach: float, table: Table, merge: float) -> None:
-    """Add what attached at a place: to the youngest cohort if that did within `merge`, else as a new one."""
-    cohort, i = cohorts.cohort[j], cohorts.used[j] - 1
+def _attach(
+    cohorts: Cohorts,
+    j: int,
+    place: float,
+    alive: float,
+    reach: float,
+    table: Table,
+    merge: float,
+) -> None:
+    """Add what attached at a place: to the youngest cohort if that did within
+    `merge`, else as a new one.
+    """
+    cohort = cohorts.cohort[j]
+    i = cohorts.used[j] - 1
     if i >= 0 and abs(place - cohort[PLACE, i]) <= merge:
         join(cohort, i, place, alive, REACH, reach)
     else:
         i += 1
         cohorts.used[j] = i + 1
-        cohort[PLACE, i], cohort[REACH, i], cohort[ALIVE, i] = place, reach, alive
+        cohort[PLACE, i] = place
+        cohort[REACH, i] = reach
+        cohort[ALIVE, i] = alive
     cohort[MASS, i] = cohort[ALIVE, i] / value_at(table, cohort[REACH, i])
 
 
 @inlined
 def _drift(state: State, j: int, case: Case) -> bool:
-    """Take a block along, contacts breaking and re-attaching at the rates of the stage; whether it has come far."""
-    blocks, now, stage = state.motion.blocks, state.motion.now, state.cohorts.stage[j]
-    X, h, held = blocks.X[j], now.step, blocks.held[j]
-    then, middle = X + h * blocks.V[j], X + 0.5 * h * blocks.V[j]
+    """Take a block along, contacts breaking and re-attaching at the rates of the
+    stage; whether it has come far.
+    """
+    blocks = state.motion.blocks
+    now = state.motion.now
+    stage = state.cohorts.stage[j]
+    X = blocks.X[j]
+    h = now.step
+    held = blocks.held[j]
+    then = X + h * blocks.V[j]
+    middle = X + 0.5 * h * blocks.V[j]
     change = min(h * stage.attaching, max(1.0 - held, 0.0))  # no more than there are
-    places, squares, lost = change * middle, change * middle * middle, 0.0
+    places = change * middle
+    squares = change * middle * middle
+    lost = 0.0
     if then > stage.ahead or then < stage.behind:
         side = 1 if then > stage.ahead else 0
         front = stage.ahead if side == 1 else stage.behind
-        beyond, x, rate = abs(then - front), 0.5 * (then + front), state.cohorts.rate[j, side]
+        beyond = abs(then - front)
+        x = 0.5 * (then + front)
+        rate = state.cohorts.rate[j, side]
         gone = beyond * rate[0]
         change -= gone
         places -= beyond * rate[1]
@@ -159,14 +226,23 @@ def _held(case: Case, attached: float, held: float) -> float:
     """What stays attached of so much if each contact holds with a probability."""
     if case.contacts == math.inf:
         return attached * held
-    return attached - drawn(case.rng, np.rint(case.contacts * attached), held) / case.contacts
+    return (
+        attached
+        - drawn(case.rng, np.rint(case.contacts * attached), held) / case.contacts
+    )
 
 
 @bare
 def _wait(cohorts: Cohorts, j: int, broken: float, span: float, case: Case) -> float:
-    """Let what has broken on a block in a stage wait, so much for each delay; what of it re-attaches in the stage."""
-    delays, history, rest, back = case.delays, cohorts.history, 1.0, 0.0
-    columns, row = history.broken.shape[1] // cohorts.used.size, history.entered[0] % history.times.size
+    """Let what has broken on a block in a stage wait, so much for each delay; what
+    of it re-attaches in the stage.
+    """
+    delays = case.delays
+    history = cohorts.history
+    rest = 1.0
+    back = 0.0
+    columns = history.broken.shape[1] // cohorts.used.size
+    row = history.entered[0] % history.times.size
     for k in range(delays.time.size):
         left = _held(case, broken, max(1.0 - delays.weight[k] / rest, 0.0))
         rest = max(rest - delays.weight[k], 1e-300)
@@ -179,23 +255,42 @@ def _wait(cohorts: Cohorts, j: int, broken: float, span: float, case: Case) -> f
 @bare
 def _settle(state: State, j: int, span: float, case: Case) -> None:
     """Look up all cohorts of a block at the end of a stage, and begin another."""
-    blocks, cohorts, now, table = state.motion.blocks, state.cohorts, state.motion.now, case.table
-    cohort, stage, rate = cohorts.cohort[j], cohorts.stage[j], cohorts.rate[j]
-    X, behind, ahead = blocks.X[j], stage.behind, stage.ahead
+    blocks = state.motion.blocks
+    cohorts = state.cohorts
+    now = state.motion.now
+    table = case.table
+    cohort = cohorts.cohort[j]
+    stage = cohorts.stage[j]
+    rate = cohorts.rate[j]
+    X = blocks.X[j]
+    behind = stage.behind
+    ahead = stage.ahead
     # A front further off than that is not passed in the next stage.
     stage.behind = behind if X - behind < case.merge else X
     stage.ahead = ahead if ahead - X < case.merge else X
     rate[:] = 0.0
-    kept, broken, lost, held, origins, squares = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    kept = 0
+    broken = 0.0
+    lost = 0.0
+    held = 0.0
+    origins = 0.0
+    squares = 0.0
     for i in range(cohorts.used[j]):
-        b, mass, reach, alive = cohort[PLACE, i], cohort[MASS, i], cohort[REACH, i], cohort[ALIVE, i]
+        b = cohort[PLACE, i]
+        mass = cohort[MASS, i]
+        reach = cohort[REACH, i]
+        alive = cohort[ALIVE, i]
         x = max(abs(ahead - b), abs(behind - b))
         if x > table.bottom and x >= reach:
             left, slope = value_and_slope(table, x)
             if x > reach:
-                middle, mean = 0.5 * (max(reach, abs(stage.start - b)) + x), mass * left if left > EXTINCT else 0.0
-                gone, reach, more = alive - mean, x, 0.0
-                if case.contacts < math.inf:  # what more breaks than on average, or less, does so now
+                middle = 0.5 * (max(reach, abs(stage.start - b)) + x)
+                mean = mass * left if left > EXTINCT else 0.0
+                gone = alive - mean
+                reach = x
+                more = 0.0
+                # what more breaks than on average, or less, does so now
+                if case.contacts < math.inf:
                     more = mean - _held(case, alive, mean / alive)
                 alive = mean - more
                 broken += gone + more
@@ -208,7 +303,10 @@ def _settle(state: State, j: int, span: float, case: Case) -> None:
                 rate[side, 0] -= slope * mass
                 rate[side, 1] -= slope * mass * b
                 rate[side, 2] -= slope * mass * b * b
-        cohort[PLACE, kept], cohort[MASS, kept], cohort[REACH, kept], cohort[ALIVE, kept] = b, mass, reach, alive
+        cohort[PLACE, kept] = b
+        cohort[MASS, kept] = mass
+        cohort[REACH, kept] = reach
+        cohort[ALIVE, kept] = alive
         kept += 1
         held += alive
         origins += alive * b
@@ -216,7 +314,9 @@ def _settle(state: State, j: int, span: float, case: Case) -> None:
     cohorts.used[j] = kept
     b = 0.5 * (stage.start + X)
     reach = abs(X - b)
-    attaching = cohorts.due[j] - cohorts.attached[j] + _wait(cohorts, j, broken, span, case)
+    attaching = (
+        cohorts.due[j] - cohorts.attached[j] + _wait(cohorts, j, broken, span, case)
+    )
     if case.contacts < math.inf:
         attaching = max(np.rint(case.contacts * attaching) / case.contacts, 0.0)
     alive = _held(case, attaching, value_at(table, reach))
@@ -225,11 +325,17 @@ def _settle(state: State, j: int, span: float, case: Case) -> None:
     if alive > 0.0:
         lost -= 0.5 * alive * reach * reach
         _attach(cohorts, j, b, alive, reach, table, case.merge)
-    force, held = element(blocks, j, X, case.sliding), held + alive
+    force = element(blocks, j, X, case.sliding)
+    held = held + alive
     now.broken += lost - stage.lost + 0.5 * force * force * (held - blocks.held[j])
-    blocks.held[j], blocks.origins[j], blocks.squares[j] = held, origins + alive * b, squares + alive * b * b
+    blocks.held[j], blocks.origins[j], blocks.squares[j] = (
+        held,
+        origins + alive * b,
+        squares + alive * b * b,
+    )
     cohorts.attached[j] += attaching
-    before, first = stage.broken, FIRST if case.contacts == math.inf else 0.5 / case.contacts
+    before = stage.broken
+    first = FIRST if case.contacts == math.inf else 0.5 / case.contacts
     blocks.broken[j] = stage.broken = before + broken
     if before < first <= blocks.broken[j]:
         blocks.first_break[j] = now.time - span * (blocks.broken[j] - first) / broken
@@ -242,8 +348,11 @@ def _settle(state: State, j: int, span: float, case: Case) -> None:
 @bare
 def _end_stage(state: State, case: Case) -> int:
     """Settle all blocks; or why that cannot be done yet."""
-    cohorts, history, now = state.cohorts, state.cohorts.history, state.motion.now
-    kept, row = history.times.size, history.entered[0]
+    cohorts = state.cohorts
+    history = state.cohorts.history
+    now = state.motion.now
+    kept = history.times.size
+    row = history.entered[0]
     for count in cohorts.used:
         if count == cohorts.cohort.shape[2]:
             return NO_ROOM
@@ -263,10 +372,23 @@ def _end_stage(state: State, case: Case) -> int:
 
 
 @bare
-def advance(state: State, network: Network, piece: Piece, sampling: Sampling, case: Case, budget: int) -> int:
-    """Go on to the end of a piece, or until `budget` steps of blocks and of cohorts are spent; why it returned."""
-    motion, history, now = state.motion, state.cohorts.history, state.motion.now
-    n, kept, last = motion.blocks.X.size, history.times.size, motion.now.spent + budget
+def advance(
+    state: State,
+    network: Network,
+    piece: Piece,
+    sampling: Sampling,
+    case: Case,
+    budget: int,
+) -> int:
+    """Go on to the end of a piece, or until `budget` steps of blocks and of cohorts
+    are spent; why it returned.
+    """
+    motion = state.motion
+    history = state.cohorts.history
+    now = state.motion.now
+    n = motion.blocks.X.size
+    kept = history.times.size
+    last = motion.now.spent + budget
     while now.spent < last:
         why = _end_stage(state, case) if now.mode == 1 else ON_THE_WAY
         if why == ON_THE_WAY:

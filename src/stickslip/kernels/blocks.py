@@ -1,13 +1,16 @@
-"""N contacts on each block of an elastic slider: every break and re-attachment located inside the step of `leapfrog`.
+"""N contacts on each block of an elastic slider: every break and re-attachment located
+inside the step of `leapfrog`.
 
-What happens to the contacts of a block while it drifts is found in order of time: the next break where it passes the
-nearest breaking position, the next re-attachment at its time. An event that changes the force by ``dF`` a fraction
-``theta`` into a step of length ``h`` is made up for by an impulse ``dF (1/2 - theta) h``, which keeps the scheme second
-order whatever the number of events. A block in whose reach nothing happens costs three comparisons, however many
-contacts it has.
+What happens to the contacts of a block while it drifts is found in order of time: the
+next break where it passes the nearest breaking position, the next re-attachment at its
+time. An event that changes the force by ``dF`` a fraction ``theta`` into a step of
+length ``h`` is made up for by an impulse ``dF (1/2 - theta) h``, which keeps the scheme
+second order whatever the number of events. A block in whose reach nothing happens costs
+three comparisons, however many contacts it has.
 
-Per block: origins and thresholds of all contacts, and three tournaments (`tournament`) over them, for breaks ahead and
-behind and for re-attachments. What a contact loses when it attaches counts as broken.
+Per block: origins and thresholds of all contacts, and three tournaments (`tournament`)
+over them, for breaks ahead and behind and for re-attachments. What a contact loses when
+it attaches counts as broken.
 """
 
 import math
@@ -16,16 +19,26 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .drive import ARRESTED, DELAYS_USED_UP, ON_THE_WAY, PAUSED, THRESHOLDS_USED_UP, Piece, Sampling
+from .drive import (
+    ARRESTED,
+    DELAYS_USED_UP,
+    ON_THE_WAY,
+    PAUSED,
+    THRESHOLDS_USED_UP,
+    Piece,
+    Sampling,
+)
 from .leapfrog import Motion, Network, at_rest, begin_step, end_step, slide
 from .records import Counts, Floats
 from .tournament import enter, smallest, tournaments, winner
 
 
 class Draws(NamedTuple):
-    """Random numbers of each block in the order of use, shape (n, any); the delay of all, or NaN to take the drawn.
+    """Random numbers of each block in the order of use, shape (n, any); the delay of
+    all, or NaN to take the drawn.
 
-    Thresholds count `factor` times, shape (n,); with `tracks`, `advance` returns where a block stops after a break.
+    Thresholds count `factor` times, shape (n,); with `tracks`, `advance` returns where
+    a block stops after a break.
     """
 
     thresholds: Floats
@@ -36,7 +49,9 @@ class Draws(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """The contacts of n blocks, N each; shapes (n, N), tournaments (n, some 8/7 N), and (n,) for what is next."""
+    """The contacts of n blocks, N each; shapes (n, N), tournaments (n, some 8/7 N),
+    and (n,) for what is next.
+    """
 
     birth: Floats
     threshold: Floats  # 0 marks a detached contact
@@ -63,11 +78,19 @@ class State(NamedTuple):
 
 
 def make_state(
-    birth: Floats, threshold: Floats, waiting: Floats, X: Floats, V: Floats, sliding: float, anchored: Floats
+    birth: Floats,
+    threshold: Floats,
+    waiting: Floats,
+    X: Floats,
+    V: Floats,
+    sliding: float,
+    anchored: Floats,
 ) -> State:
-    """Return the state of n blocks of N contacts; `birth`, `threshold` and `waiting` have shape (n, N).
+    """Return the state of n blocks of N contacts; `birth`, `threshold` and `waiting`
+    have shape (n, N).
 
-    A contact without threshold is detached, and attaches at the time `waiting`; the rest as in `leapfrog.at_rest`.
+    A contact without threshold is detached, and attaches at the time `waiting`; the
+    rest as in `leapfrog.at_rest`.
     """
     n, N = birth.shape
     attached = threshold > 0
@@ -77,7 +100,17 @@ def make_state(
     breaks, thresholds, delays, stops = np.zeros((4, n), np.int64)
     first = ahead[:, 0].copy(), behind[:, 0].copy(), attach[:, 0].copy()
     counts = breaks, attached.sum(axis=1), thresholds, delays, stops
-    contacts = Contacts(birth, threshold, ahead, behind, attach, *first, np.zeros(n), *counts, np.zeros(n))
+    contacts = Contacts(
+        birth,
+        threshold,
+        ahead,
+        behind,
+        attach,
+        *first,
+        np.zeros(n),
+        *counts,
+        np.zeros(n),
+    )
     state = State(motion, contacts)
     motion.blocks.held[:] = attached.sum(axis=1) / N
     for j in range(n):
@@ -88,8 +121,10 @@ def make_state(
 @bare
 def _sum_again(state: State, j: int) -> None:
     """Sum the birth positions of a block afresh: rounding cannot pile up."""
-    contacts, N = state.contacts, state.contacts.birth.shape[1]
-    total, squares = 0.0, 0.0
+    contacts = state.contacts
+    N = state.contacts.birth.shape[1]
+    total = 0.0
+    squares = 0.0
     for i in range(N):
         if contacts.threshold[j, i] > 0.0:
             total += contacts.birth[j, i]
@@ -108,7 +143,9 @@ def look_ahead(contacts: Contacts, j: int) -> None:
 
 @inlined
 def next_threshold(contacts: Contacts, j: int, draws: Draws) -> float:
-    """Threshold of the next contact that attaches on a block; NaN if there is none left."""
+    """Threshold of the next contact that attaches on a block; NaN if there is none
+    left.
+    """
     if contacts.next_threshold[j] == draws.thresholds.shape[1]:
         return math.nan
     contacts.next_threshold[j] += 1
@@ -135,11 +172,17 @@ def has_broken(contacts: Contacts, j: int) -> bool:
 
 
 @inlined
-def break_contact(state: State, j: int, slot: int, time: float, force: float, delay: float) -> float:
-    """A contact breaks and from now on slides with `force`; what the block's friction force gains."""
-    contacts, blocks = state.contacts, state.motion.blocks
+def break_contact(
+    state: State, j: int, slot: int, time: float, force: float, delay: float
+) -> float:
+    """A contact breaks and from now on slides with `force`; what the block's
+    friction force gains.
+    """
+    contacts = state.contacts
+    blocks = state.motion.blocks
     N = contacts.birth.shape[1]
-    b, threshold = contacts.birth[j, slot], contacts.threshold[j, slot]
+    b = contacts.birth[j, slot]
+    threshold = contacts.threshold[j, slot]
     contacts.threshold[j, slot] = 0.0
     contacts.attached[j] -= 1
     contacts.breaks[j] += 1
@@ -150,7 +193,10 @@ def break_contact(state: State, j: int, slot: int, time: float, force: float, de
     if contacts.breaks[j] == 1:
         blocks.first_break[j] = time
         blocks.first_force[j] = state.motion.now.drive_force
-    if blocks.half_detached[j] != blocks.half_detached[j] and 2 * contacts.attached[j] <= N:
+    if (
+        blocks.half_detached[j] != blocks.half_detached[j]
+        and 2 * contacts.attached[j] <= N
+    ):
         blocks.half_detached[j] = time
     state.motion.now.broken += 0.5 * (threshold * threshold - force * force) / N
     enter(contacts.tree_ahead[j], N, slot, np.inf)
@@ -162,12 +208,18 @@ def break_contact(state: State, j: int, slot: int, time: float, force: float, de
 
 
 @inlined
-def attach_contact(state: State, j: int, X: float, threshold: float, force: float) -> float:
-    """The contact that is due, which slid with `force`, attaches unstretched; what the block's friction force gains."""
-    contacts, blocks = state.contacts, state.motion.blocks
+def attach_contact(
+    state: State, j: int, X: float, threshold: float, force: float
+) -> float:
+    """The contact that is due, which slid with `force`, attaches unstretched; what
+    the block's friction force gains.
+    """
+    contacts = state.contacts
+    blocks = state.motion.blocks
     N = contacts.birth.shape[1]
     slot = winner(contacts.tree_attach[j], N)
-    contacts.birth[j, slot], contacts.threshold[j, slot] = X, threshold
+    contacts.birth[j, slot] = X
+    contacts.threshold[j, slot] = threshold
     contacts.attached[j] += 1
     blocks.origins[j] += X / N
     blocks.squares[j] += X * X / N
@@ -180,10 +232,17 @@ def attach_contact(state: State, j: int, X: float, threshold: float, force: floa
 
 
 @bare
-def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, draws: Draws) -> int:
-    """Let a block drift through all events of its contacts in a step; ON_THE_WAY when all has gone well."""
-    contacts, blocks = state.contacts, state.motion.blocks
-    X, V, t = blocks.X[j], blocks.V[j], state.motion.now.time
+def _drift(
+    state: State, j: int, h: float, inverse_mass: float, sliding: float, draws: Draws
+) -> int:
+    """Let a block drift through all events of its contacts in a step; ON_THE_WAY
+    when all has gone well.
+    """
+    contacts = state.contacts
+    blocks = state.motion.blocks
+    X = blocks.X[j]
+    V = blocks.V[j]
+    t = state.motion.now.time
     why = ON_THE_WAY
     while True:
         until_break = np.inf
@@ -201,15 +260,24 @@ def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, 
             if math.isnan(threshold):
                 why = THRESHOLDS_USED_UP
                 break
-            gain = attach_contact(state, j, x, threshold, slide(state.motion, j, x, sliding))
+            gain = attach_contact(
+                state, j, x, threshold, slide(state.motion, j, x, sliding)
+            )
         else:
             delay = next_delay(contacts, j, draws)
             if math.isnan(delay):
                 why = DELAYS_USED_UP
                 break
-            direction, tree = (1.0, contacts.tree_ahead[j]) if V > 0.0 else (-1.0, contacts.tree_behind[j])
-            slot, force = winner(tree, contacts.birth.shape[1]), slide(state.motion, j, x, sliding)
-            gain = direction * break_contact(state, j, slot, t + at, direction * force, delay)
+            direction, tree = (
+                (1.0, contacts.tree_ahead[j])
+                if V > 0.0
+                else (-1.0, contacts.tree_behind[j])
+            )
+            slot = winner(tree, contacts.birth.shape[1])
+            force = slide(state.motion, j, x, sliding)
+            gain = direction * break_contact(
+                state, j, slot, t + at, direction * force, delay
+            )
         contacts.impulse[j] -= gain * (0.5 * h - at) * inverse_mass
         state.motion.now.spent += 8
     look_ahead(contacts, j)
@@ -222,10 +290,20 @@ def _drift(state: State, j: int, h: float, inverse_mass: float, sliding: float, 
 
 @bare
 def advance(
-    state: State, network: Network, piece: Piece, sampling: Sampling, draws: Draws, sliding: float, budget: int
+    state: State,
+    network: Network,
+    piece: Piece,
+    sampling: Sampling,
+    draws: Draws,
+    sliding: float,
+    budget: int,
 ) -> int:
-    """Go on to the end of a piece, or until `budget` steps of blocks, and events at eight each, are spent."""
-    blocks, contacts, now = state.motion.blocks, state.contacts, state.motion.now
+    """Go on to the end of a piece, or until `budget` steps of blocks, and events at
+    eight each, are spent.
+    """
+    blocks = state.motion.blocks
+    contacts = state.contacts
+    now = state.motion.now
     n = blocks.X.size
     inverse_mass = 1.0 / network.mass
     last = now.spent + budget
@@ -238,12 +316,17 @@ def advance(
         soon = now.time + h
         for j in range(now.block, n):
             if draws.tracks:
-                before, contacts.heading[j] = contacts.heading[j], blocks.V[j]
+                before = contacts.heading[j]
+                contacts.heading[j] = blocks.V[j]
                 if before * blocks.V[j] < 0.0 and has_broken(contacts, j):
                     now.block = j
                     return ARRESTED
             X = blocks.X[j] + h * blocks.V[j]
-            if contacts.ahead[j] > X and contacts.behind[j] > -X and soon < contacts.next_attach[j]:
+            if (
+                contacts.ahead[j] > X
+                and contacts.behind[j] > -X
+                and soon < contacts.next_attach[j]
+            ):
                 blocks.X[j] = X
             else:
                 why = _drift(state, j, h, inverse_mass, sliding, draws)

@@ -1,14 +1,18 @@
-"""The rule by which contacts break whose rate of breaking, or threshold, is not fixed: thinning, exact.
+"""The rule by which contacts break whose rate of breaking, or threshold, is not fixed:
+thinning, exact.
 
-While a contact's stretching stays within a box, and for a time, its rate of breaking is at most that of the box. A
-break is proposed at this rate, and accepted with the probability that the true rate has of it; where the contact leaves
-its box before, or the time is over, or the proposal is rejected, it gets another box: wide where it seldom breaks,
-narrow where it is about to, in view of how fast the slider is. Some six boxes do for a life. Nothing is assumed about
-how the slider moves: it may turn, slip and rest.
+While a contact's stretching stays within a box, and for a time, its rate of breaking is
+at most that of the box. A break is proposed at this rate, and accepted with the
+probability that the true rate has of it; where the contact leaves its box before, or
+the time is over, or the proposal is rejected, it gets another box: wide where it seldom
+breaks, narrow where it is about to, in view of how fast the slider is. Some six boxes
+do for a life. Nothing is assumed about how the slider moves: it may turn, slip and
+rest.
 
-A threshold that grows without temperature needs no time: a box reaches up to the threshold of the moment, and is
-followed by another where the threshold has grown meanwhile. A contact whose threshold grows from 0 has no box to begin
-with: it holds if the threshold leads the stretching at the speed of the moment.
+A threshold that grows without temperature needs no time: a box reaches up to the
+threshold of the moment, and is followed by another where the threshold has grown
+meanwhile. A contact whose threshold grows from 0 has no box to begin with: it holds if
+the threshold leads the stretching at the speed of the moment.
 """
 
 import math
@@ -17,21 +21,35 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .hazard import EXPONENTIAL, Growth, Hazard, ageing_time, height, largest_rate, rate, stretching_at, threshold_at
+from .hazard import (
+    EXPONENTIAL,
+    Growth,
+    Hazard,
+    ageing_time,
+    height,
+    largest_rate,
+    rate,
+    stretching_at,
+    threshold_at,
+)
 from .records import Floats
 
 CHANCE = 0.2  # proposals that a contact may expect on its way through a box
 _AT_REST = 1e-200  # a speed
-_MET = 1e-9  # of its strength that a contact breaks below its threshold: boxes come nearer to one without end
+# of its strength that a contact breaks below its threshold: boxes come nearer to one
+# without end
+_MET = 1e-9
 YOUTH = 0.01
-"""Times of growth for which a threshold that grows from 0 is taken on trust, and after which it is tried again."""
+"""Times of growth for which a threshold that grows from 0 is taken on trust, and
+after which it is tried again.
+"""
 
 
 class Rule(NamedTuple):
     """How contacts break and how their thresholds grow.
 
-    `as_stiff`: contacts are as stiff as their strengths are large, see `Interface.areas`, and thresholds that grow are
-    forces; else of stiffness 1.
+    `as_stiff`: contacts are as stiff as their strengths are large, see
+    `Interface.areas`, and thresholds that grow are forces; else of stiffness 1.
     """
 
     hazard: Hazard
@@ -40,7 +58,9 @@ class Rule(NamedTuple):
 
 
 class Box(NamedTuple):
-    """How far a contact may be stretched, for how long, and its largest rate there; no time: it breaks at once."""
+    """How far a contact may be stretched, for how long, and its largest rate there;
+    no time: it breaks at once.
+    """
 
     reach: float
     time: float
@@ -68,27 +88,38 @@ def can_hold(rule: Rule, strength: float, speed: float) -> bool:
 
 @inlined
 def is_met(x: float, threshold: float, strength: float, rounding: float) -> bool:
-    """Whether a contact has come to its threshold, its stretching being known to within a rounding."""
+    """Whether a contact has come to its threshold, its stretching being known to
+    within a rounding.
+    """
     return abs(x) + rounding >= threshold - _MET * strength
 
 
 @inlined
-def box_of(rule: Rule, x: float, strength: float, age: float, speed: float, rounding: float) -> Box:
-    """Box of a contact that is stretched by ``|x|``, to within a rounding, with the slider at this speed.
+def box_of(
+    rule: Rule, x: float, strength: float, age: float, speed: float, rounding: float
+) -> Box:
+    """Box of a contact that is stretched by ``|x|``, to within a rounding, with the
+    slider at this speed.
 
-    A threshold that sinks shortens its time, until it reaches half of the way to the threshold: more than the rounding,
-    or the contact would leave it where it stands.
+    A threshold that sinks shortens its time, until it reaches half of the way to the
+    threshold: more than the rounding, or the contact would leave it where it stands.
     """
-    x, growth, hazard = abs(x), rule.growth, rule.hazard
+    x = abs(x)
+    growth = rule.growth
+    hazard = rule.hazard
     threshold = threshold_now(rule, strength, age)
     if threshold <= 0.0 and x == 0.0 and can_hold(rule, strength, speed):
-        # At constant speed the stretching leads again only after twice as many times of growth as this.
-        lead = 1.0 - abs(speed) / (threshold_now(rule, strength, math.inf) * growth.first)
+        # At constant speed the stretching leads again only after twice as many times of
+        # growth as this.
+        lead = 1.0 - abs(speed) / (
+            threshold_now(rule, strength, math.inf) * growth.first
+        )
         time = min(YOUTH, 0.5 * lead) / growth.first
         return Box(threshold_now(rule, strength, time), time, 0.0)
     if is_met(x, threshold, strength, rounding):
         return Box(x, 0.0, 0.0)
-    time, lowest = ageing_time(growth, age), threshold
+    time = ageing_time(growth, age)
+    lowest = threshold
     sinks = growth.kind == EXPONENTIAL and threshold > strength
     if sinks:
         lowest = threshold_now(rule, strength, age + time)
@@ -99,29 +130,44 @@ def box_of(rule: Rule, x: float, strength: float, age: float, speed: float, roun
             lowest = threshold_now(rule, strength, age + time)
     if hazard.attempts == 0.0:
         return Box(lowest, time if sinks else math.inf, 0.0)
-    finest = left = max(height(hazard, x, lowest) - 1.0, 0.0)  # the rate grows by a factor of e
-    reach, often = stretching_at(hazard, left, lowest), CHANCE * max(abs(speed), _AT_REST) / hazard.attempts
+    # the rate grows by a factor of e
+    finest = left = max(height(hazard, x, lowest) - 1.0, 0.0)
+    reach = stretching_at(hazard, left, lowest)
+    often = CHANCE * max(abs(speed), _AT_REST) / hazard.attempts
     if math.log((reach - x) / often) < finest:
         width = lowest - x
         for _ in range(2):  # the width comes in by its logarithm only
             left = max(min(math.log(width / often), finest), 0.0)
             reach = stretching_at(hazard, left, lowest)
             width = reach - x
-    most = largest_rate(hazard, reach, lowest) if hazard.kramers != 0.0 else hazard.attempts * math.exp(-left)
-    if not sinks:  # then the rate only falls with age, and a longer time does where a proposal is unlikely
+    most = (
+        largest_rate(hazard, reach, lowest)
+        if hazard.kramers != 0.0
+        else hazard.attempts * math.exp(-left)
+    )
+    # then the rate only falls with age, and a longer time does where a proposal is
+    # unlikely
+    if not sinks:
         time = max(time, CHANCE / most)
     return Box(reach, time, most)
 
 
 @bare
 def lifetimes(
-    rule: Rule, start: Floats, strength: Floats, velocity: float, variates: Floats, reached: Floats
+    rule: Rule,
+    start: Floats,
+    strength: Floats,
+    velocity: float,
+    variates: Floats,
+    reached: Floats,
 ) -> tuple[int, int]:
-    """Draw the stretchings at which newborns break at a steady velocity, from numbers between 0 and 1.
+    """Draw the stretchings at which newborns break at a steady velocity, from numbers
+    between 0 and 1.
 
     Returns how many are drawn, and in how many boxes.
     """
-    used, boxes = 0, 0
+    used = 0
+    boxes = 0
     for i in range(strength.size):
         x = start[i]
         while True:
@@ -133,7 +179,11 @@ def lifetimes(
                 break
             end = min(box.reach, x + velocity * box.time)
             used += 1
-            wait = -math.log(1.0 - variates[used - 1]) / box.most if box.most > 0.0 else np.inf
+            wait = (
+                -math.log(1.0 - variates[used - 1]) / box.most
+                if box.most > 0.0
+                else np.inf
+            )
             x = min(x + velocity * wait, end)
             if x < end:
                 used += 1

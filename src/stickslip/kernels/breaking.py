@@ -1,17 +1,22 @@
-"""What is left of contacts that attached together, whatever makes them break: two numbers that never fall.
+"""What is left of contacts that attached together, whatever makes them break: two
+numbers that never fall.
 
-A contact of strength ``s`` has broken once the largest ``(|x| - addend)/factor`` of its life, its `reach`, is beyond
-``s``: of thresholds that do not grow the largest stretching. By `Bell` it breaks before, at the rate
-``a exp((|x| - s)/A)``: it survives with ``exp(-exp((u - s)/A))``, where its `clock` ``u = A ln(a G)`` holds the
-integral ``G`` of ``exp(|x|/A)`` over its life, whatever the strength. So the fraction of newborns that survives is a
-function of the two, which is one of ``u`` alone unless contacts are pulled faster than they break by heat.
+A contact of strength ``s`` has broken once the largest ``(|x| - addend)/factor`` of its
+life, its `reach`, is beyond ``s``: of thresholds that do not grow the largest
+stretching. By `Bell` it breaks before, at the rate ``a exp((|x| - s)/A)``: it survives
+with ``exp(-exp((u - s)/A))``, where its `clock` ``u = A ln(a G)`` holds the integral
+``G`` of ``exp(|x|/A)`` over its life, whatever the strength. So the fraction of
+newborns that survives is a function of the two, which is one of ``u`` alone unless
+contacts are pulled faster than they break by heat.
 
-Where thresholds grow logarithmically, too, ``G`` is the integral of ``exp((|x| - g)/A)``, with ``g`` what they have
-grown by. By `Parabolic` the energies ``x^2/2`` and ``s^2/2`` stand for ``x`` and ``s``, and the temperature for ``A``.
+Where thresholds grow logarithmically, too, ``G`` is the integral of
+``exp((|x| - g)/A)``, with ``g`` what they have grown by. By `Parabolic` the energies
+``x^2/2`` and ``s^2/2`` stand for ``x`` and ``s``, and the temperature for ``A``.
 
-In a step the slider goes along a polynomial. On the side ahead of all that attached behind it ``G`` grows by an
-integral that they share, but for a factor; and on the other side by another. If they grow, what they share is a
-function of age, smooth in how much they grow in the step; by `Parabolic` it is one of where they attached.
+In a step the slider goes along a polynomial. On the side ahead of all that attached
+behind it ``G`` grows by an integral that they share, but for a factor; and on the other
+side by another. If they grow, what they share is a function of age, smooth in how much
+they grow in the step; by `Parabolic` it is one of where they attached.
 """
 
 import math
@@ -45,19 +50,28 @@ class Breaking(NamedTuple):
     squared: bool = False  # the barrier falls with the square of the stretching
 
 
-X, CURVE, STEP, MOMENTS, PULLED, BACK = 0, 1, 2, 3, 4, P + 1
+X = 0
+CURVE = 1
+STEP = 2
+MOMENTS = 3
+PULLED = 4
+BACK = P + 1
 SHARED, FITS = 4 + 2 * BACK, 4 + 4 * BACK
-"""Rows of the way of the slider in a step, each of P + 1 numbers or more: its place at start and nodes, and
-coefficients of the polynomial through them; what is known of the step, and room. Then for each node how what clocks
-gain up to it follows the slider's places at all nodes, where it is above the contact; and `BACK` rows on, where it is
-below. Then what they gain from the node before: one number, or a sum of Chebyshev polynomials; and these polynomials at
-their nodes."""
+"""Rows of the way of the slider in a step, each of P + 1 numbers or more: its place at
+start and nodes, and coefficients of the polynomial through them; what is known of the
+step, and room. Then for each node how what clocks gain up to it follows the slider's
+places at all nodes, where it is above the contact; and `BACK` rows on, where it is
+below. Then what they gain from the node before: one number, or a sum of Chebyshev
+polynomials; and these polynomials at their nodes.
+"""
 LENGTH, LOW, HIGH, LOWEST, HIGHEST, YOUNGEST = range(6)
-"""Of a step: its length in time; how far the slider may go back and ahead; between which places contacts attached, and
-the age of the youngest."""
+"""Of a step: its length in time; how far the slider may go back and ahead; between
+which places contacts attached, and the age of the youngest.
+"""
 
 _FEWEST_AGES, _AGES, _MOST_AGES, _PLACES = 12, 2.0, 60, 24
-"""Ages at which gains are tabulated: so many, and for each width that thresholds grow by in e-foldings of age; places.
+"""Ages at which gains are tabulated: so many, and for each width that thresholds
+grow by in e-foldings of age; places.
 """
 
 
@@ -67,7 +81,10 @@ def a_way(breaking: Breaking) -> Floats:
     if breaking.width == 0.0 or not (breaking.squared or breaking.growth.first > 0.0):
         return np.zeros((FITS, P + 1))
     if not breaking.squared:
-        many = min(_FEWEST_AGES + math.ceil(_AGES * breaking.growth.first / breaking.width), _MOST_AGES)
+        many = min(
+            _FEWEST_AGES + math.ceil(_AGES * breaking.growth.first / breaking.width),
+            _MOST_AGES,
+        )
     way = np.zeros((FITS + many, many))
     way[FITS:] = np.cos(np.pi / many * np.outer(np.arange(many), np.arange(many) + 0.5))
     return way
@@ -81,8 +98,12 @@ def is_fixed(breaking: Breaking) -> bool:
 
 @inlined
 def _is_tabulated(breaking: Breaking) -> bool:
-    """Whether what clocks gain in a step is a function of age, or of where contacts attached."""
-    return bool(breaking.width > 0.0 and (breaking.growth.first > 0.0 or breaking.squared))
+    """Whether what clocks gain in a step is a function of age, or of where contacts
+    attached.
+    """
+    return bool(
+        breaking.width > 0.0 and (breaking.growth.first > 0.0 or breaking.squared)
+    )
 
 
 @inlined
@@ -93,7 +114,9 @@ def energy(breaking: Breaking, x: float) -> float:
 
 @inlined
 def reach_at(growth: Growth, x: float, age: float) -> float:
-    """Strength of a contact of this age whose threshold is met at a stretching ``x >= 0``."""
+    """Strength of a contact of this age whose threshold is met at a stretching
+    ``x >= 0``.
+    """
     if growth.first == 0.0:
         return x
     factor, addend, _, _ = grown(growth, age)
@@ -102,18 +125,33 @@ def reach_at(growth: Growth, x: float, age: float) -> float:
 
 @inlined
 def begin_step(way: Floats, low: float, high: float) -> None:
-    """Note how far the slider may go in a step, of contacts that are still to be noted."""
+    """Note how far the slider may go in a step, of contacts that are still to be
+    noted.
+    """
     step = way[STEP]
-    step[LOW], step[HIGH], step[LOWEST], step[HIGHEST], step[YOUNGEST] = low, high, np.inf, -np.inf, np.inf
+    step[LOW] = low
+    step[HIGH] = high
+    step[LOWEST] = np.inf
+    step[HIGHEST] = -np.inf
+    step[YOUNGEST] = np.inf
 
 
 @inlined
 def note(way: Floats, breaking: Breaking, b: float, age: float) -> tuple[float, float]:
-    """Note contacts at a place, of an age at the start of a step: the most that their clock gains in it, and reach."""
+    """Note contacts at a place, of an age at the start of a step: the most that
+    their clock gains in it, and reach.
+    """
     step = way[STEP]
-    step[LOWEST], step[HIGHEST], step[YOUNGEST] = min(step[LOWEST], b), max(step[HIGHEST], b), min(step[YOUNGEST], age)
-    r, tries = reach_at(breaking.growth, max(step[HIGH] - b, b - step[LOW]), age), step[LENGTH] * breaking.attempts
-    return energy(breaking, r) + (breaking.width * math.log(tries) if tries > 0.0 else 0.0), r
+    step[LOWEST], step[HIGHEST], step[YOUNGEST] = (
+        min(step[LOWEST], b),
+        max(step[HIGHEST], b),
+        min(step[YOUNGEST], age),
+    )
+    r = reach_at(breaking.growth, max(step[HIGH] - b, b - step[LOW]), age)
+    tries = step[LENGTH] * breaking.attempts
+    return energy(breaking, r) + (
+        breaking.width * math.log(tries) if tries > 0.0 else 0.0
+    ), r
 
 
 @inlined
@@ -136,17 +174,27 @@ def survival(breaking: Breaking, u: float, r: float) -> tuple[float, float, floa
     if d < -_SURE:
         return held, 0.0, by_reach
     here = math.exp(-math.exp(d))
-    return _beyond(breaking, d, r, held), (1.0 - here) * value_and_slope(breaking.blurred, u)[1], here * by_reach
+    return (
+        _beyond(breaking, d, r, held),
+        (1.0 - here) * value_and_slope(breaking.blurred, u)[1],
+        here * by_reach,
+    )
 
 
 @bare
 def _beyond(breaking: Breaking, d: float, r: float, held: float) -> float:
-    """What survives where strengths below `r` matter: ``Int J_c(max(r, u - A ln E)) exp(-E) dE``, by panels."""
-    total, begin, size, end = held * math.exp(-math.exp(d)), 0.0, 0.5, max(d, 0.0) + _SURE
+    """What survives where strengths below `r` matter:
+    ``Int J_c(max(r, u - A ln E)) exp(-E) dE``, by panels.
+    """
+    total = held * math.exp(-math.exp(d))
+    begin = 0.0
+    size = 0.5
+    end = max(d, 0.0) + _SURE
     while begin < end:
         for k in range(_THREE.size):
             t = begin + size * _THREE[k]
-            s, more = d - t, breaking.width * t
+            s = d - t
+            more = breaking.width * t
             strength = math.sqrt(r * r + 2.0 * more) if breaking.squared else r + more
             left = value_at(breaking.thresholds, strength)
             total += size * _OF_THREE[k] * left * math.exp(s - math.exp(s))
@@ -169,7 +217,9 @@ def survivals(breaking: Breaking, u: Floats, r: Floats) -> Floats:
 
 
 class _Piece(NamedTuple):
-    """A part of a step, from 0 to 1 in time, or in the logarithm of the age of contacts that grow."""
+    """A part of a step, from 0 to 1 in time, or in the logarithm of the age of
+    contacts that grow.
+    """
 
     begin: float
     span: float  # of the part, or of the logarithm
@@ -183,7 +233,14 @@ class _Piece(NamedTuple):
 @inlined
 def _place(piece: _Piece, s: float) -> float:
     """Part of the step."""
-    return float(piece.begin + (piece.span * s if piece.ratio == 0.0 else math.expm1(piece.span * s) / piece.ratio))
+    return float(
+        piece.begin
+        + (
+            piece.span * s
+            if piece.ratio == 0.0
+            else math.expm1(piece.span * s) / piece.ratio
+        )
+    )
 
 
 @inlined
@@ -194,27 +251,56 @@ def _exponent(way: Floats, piece: _Piece, s: float) -> float:
 
 @bare
 def _gain(
-    way: Floats, moments: Floats, breaking: Breaking, begin: float, end: float, b: float, sign: float, age: float
+    way: Floats,
+    moments: Floats,
+    breaking: Breaking,
+    begin: float,
+    end: float,
+    b: float,
+    sign: float,
+    age: float,
 ) -> float:
-    """What a clock gains between two parts of a step on one side of a place `b`, of contacts of an `age` at its start.
+    """What a clock gains between two parts of a step on one side of a place `b`, of
+    contacts of an `age` at its start.
 
-    That is ``A ln a Int exp((sign (x - b) - g)/A)``, by panels from the end where the exponent is largest, the longer
-    the less they matter, while they matter at all: a panel's error is below ``1e-10`` of the integral. Leaves the first
-    `moments` of the part of the step under it.
+    That is ``A ln a Int exp((sign (x - b) - g)/A)``, by panels from the end where the
+    exponent is largest, the longer the less they matter, while they matter at all: a
+    panel's error is below ``1e-10`` of the integral. Leaves the first `moments` of the
+    part of the step under it.
     """
-    A, many, ratio, span, tilt, grown_by = breaking.width, moments.size, 0.0, end - begin, 0.0, 0.0
+    A = breaking.width
+    many = moments.size
+    ratio = 0.0
+    span = end - begin
+    tilt = 0.0
+    grown_by = 0.0
     if breaking.growth.first > 0.0 and age < math.inf:
-        slope, time = breaking.growth.first / A, breaking.growth.second
+        slope = breaking.growth.first / A
+        time = breaking.growth.second
         young = max(age + begin * way[STEP, LENGTH], 0.0)
         ratio = way[STEP, LENGTH] / (time + young)
         span = math.log1p(ratio * span)
-        tilt, grown_by = (1.0 - slope) * span, slope * math.log1p(young / time)
-    piece = _Piece(begin, span, ratio, tilt, b, (1.0 if breaking.squared else sign) / A, breaking.squared)
+        tilt = (1.0 - slope) * span
+        grown_by = slope * math.log1p(young / time)
+    piece = _Piece(
+        begin,
+        span,
+        ratio,
+        tilt,
+        b,
+        (1.0 if breaking.squared else sign) / A,
+        breaking.squared,
+    )
     for i in range(many):
         moments[i] = 0.0
-    first, last = _exponent(way, piece, 0.0), _exponent(way, piece, 1.0)
-    step, s, top, far = (1.0, 0.0, first, last) if first > last else (-1.0, 1.0, last, first)
-    here, left, size = top, 1.0, 1.0
+    first = _exponent(way, piece, 0.0)
+    last = _exponent(way, piece, 1.0)
+    step, s, top, far = (
+        (1.0, 0.0, first, last) if first > last else (-1.0, 1.0, last, first)
+    )
+    here = top
+    left = 1.0
+    size = 1.0
     while left > 1e-14:
         size = min(size, left)
         there = _exponent(way, piece, s + size * step)
@@ -227,12 +313,18 @@ def _gain(
             top = there
         for k in range(_EIGHT.size):
             at = s + size * step * _EIGHT[k]
-            power = size * _OF_EIGHT[k] * math.exp(min(_exponent(way, piece, at) - top, 40.0))
+            power = (
+                size
+                * _OF_EIGHT[k]
+                * math.exp(min(_exponent(way, piece, at) - top, 40.0))
+            )
             part = _place(piece, at)
             for i in range(many):
                 moments[i] += power
                 power *= part
-        s, here, left = s + size * step, there, left - size
+        s = s + size * step
+        here = there
+        left = left - size
         if max(here, far) < top - _SURE:
             break
         size *= 2.0
@@ -240,38 +332,50 @@ def _gain(
     for i in range(many):
         moments[i] /= total
     time = way[STEP, LENGTH] * (span / ratio if ratio > 0.0 else span)
-    return float(A * (top - grown_by + math.log(max(breaking.attempts * time * total, 1e-300))))
+    return float(
+        A * (top - grown_by + math.log(max(breaking.attempts * time * total, 1e-300)))
+    )
 
 
 @bare
 def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> None:
-    """Note where the slider is at the nodes of a step, and what clocks gain up to there."""
+    """Note where the slider is at the nodes of a step, and what clocks gain up to
+    there.
+    """
     for k in range(P + 1):
         way[X, k] = nodes[k].x
     way[STEP, LENGTH] = dt
     if breaking.width == 0.0:
         return
     fit(way[X, : P + 1], way[CURVE])
-    moments, old = way[MOMENTS, : P + 1], math.inf  # of those that do not grow any more
+    # of those that do not grow any more
+    moments = way[MOMENTS, : P + 1]
+    old = math.inf
     for side in range(2):
-        sign, total = 1.0 - 2.0 * side, NEVER
+        sign = 1.0 - 2.0 * side
+        total = NEVER
         at = -sign if breaking.squared else 0.0  # as where contacts are about to break
         for k in range(1, P + 1):
             gain = _gain(way, moments, breaking, NODE[k - 1], NODE[k], at, sign, old)
-            row, total = side * BACK + k, later(breaking.width, total, gain)
-            part, way[SHARED + row, 0] = math.exp((gain - total) / breaking.width), gain
+            row = side * BACK + k
+            total = later(breaking.width, total, gain)
+            part = math.exp((gain - total) / breaking.width)
+            way[SHARED + row, 0] = gain
             for i in range(P + 1):
                 more = 0.0
                 for a in range(P + 1):
                     more += MONOMIAL[a, i] * moments[a]
-                way[PULLED + row, i] = (1.0 - part) * way[PULLED + row - 1, i] + part * more
+                way[PULLED + row, i] = (1.0 - part) * way[
+                    PULLED + row - 1, i
+                ] + part * more
     if _is_tabulated(breaking):
         _tabulate(way, breaking)
 
 
 @inlined
 def _limits(way: Floats, breaking: Breaking, side: int) -> tuple[float, float]:
-    """Between which numbers those lie that gains are a function of, of the contacts that the slider is above, or below.
+    """Between which numbers those lie that gains are a function of, of the contacts
+    that the slider is above, or below.
 
     They are the places where contacts attached, or ``ln(1 + dt/(t_0 + age))``.
     """
@@ -284,25 +388,45 @@ def _limits(way: Floats, breaking: Breaking, side: int) -> tuple[float, float]:
 @bare
 def _tabulate(way: Floats, breaking: Breaking) -> None:
     """Tabulate what clocks gain from node to node, less what contacts have grown by."""
-    step, growth, many, scratch = way[STEP], breaking.growth, way.shape[1], way[MOMENTS, :1]
+    step = way[STEP]
+    growth = breaking.growth
+    many = way.shape[1]
+    scratch = way[MOMENTS, :1]
     for side in range(2):
-        row, sign, (begin, end) = SHARED + side * BACK, 1.0 - 2.0 * side, _limits(way, breaking, side)
+        row = SHARED + side * BACK
+        sign = 1.0 - 2.0 * side
+        begin, end = _limits(way, breaking, side)
         there = step[LOWEST] <= step[LOW] if side == 0 else step[HIGHEST] >= step[HIGH]
         for k in range(1, P + 1 if there else 1):
             for i in range(many):
-                at, age, grown_by = begin + 0.5 * (end - begin) * (1.0 + way[FITS + 1, i]), math.inf, 0.0
+                at = begin + 0.5 * (end - begin) * (1.0 + way[FITS + 1, i])
+                age = math.inf
+                grown_by = 0.0
                 if not breaking.squared:
                     age = step[LENGTH] / math.expm1(at) - growth.second
-                    at, grown_by = 0.0, growth.first * math.log1p(age / growth.second)
-                way[row, i] = _gain(way, scratch, breaking, NODE[k - 1], NODE[k], at, sign, age) + grown_by
+                    at = 0.0
+                    grown_by = growth.first * math.log1p(age / growth.second)
+                way[row, i] = (
+                    _gain(way, scratch, breaking, NODE[k - 1], NODE[k], at, sign, age)
+                    + grown_by
+                )
             for j in range(many):
-                way[row + k, j] = (1.0 if j == 0 else 2.0) / many * dot(way[FITS + j], way[row])
+                way[row + k, j] = (
+                    (1.0 if j == 0 else 2.0) / many * dot(way[FITS + j], way[row])
+                )
 
 
 @inlined
-def _shared(way: Floats, breaking: Breaking, side: int, k: int, b: float, age: float) -> float:
-    """What the clock of contacts of a place, and of an age at the start of a step, gains from a node to the next."""
-    growth, row, at, less = breaking.growth, way[SHARED + side * BACK + k], b, (1.0 - 2.0 * side) * b
+def _shared(
+    way: Floats, breaking: Breaking, side: int, k: int, b: float, age: float
+) -> float:
+    """What the clock of contacts of a place, and of an age at the start of a step,
+    gains from a node to the next.
+    """
+    growth = breaking.growth
+    row = way[SHARED + side * BACK + k]
+    at = b
+    less = (1.0 - 2.0 * side) * b
     if not _is_tabulated(breaking):
         return float(row[0] - less)
     begin, end = _limits(way, breaking, side)
@@ -311,28 +435,46 @@ def _shared(way: Floats, breaking: Breaking, side: int, k: int, b: float, age: f
     else:
         at = math.log1p(way[STEP, LENGTH] / (growth.second + age))
         less += growth.first * math.log1p(age / growth.second)
-    t, one, two = 2.0 * (2.0 * (at - begin) / max(end - begin, 1e-300) - 1.0), 0.0, 0.0
+    t = 2.0 * (2.0 * (at - begin) / max(end - begin, 1e-300) - 1.0)
+    one = 0.0
+    two = 0.0
     for j in range(row.size - 1, 0, -1):
         one, two = row[j] + t * one - two, one
     return float(row[0] + 0.5 * t * one - two - less)
 
 
 @bare
-def _gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k: int, age: float) -> float:
-    """What the clock of contacts at a place gains before a node, from the node before it or from a later `begin`."""
-    a, x0, x1, scratch = NODE[k - 1], way[X, k - 1] - b, way[X, k] - b, way[MOMENTS, :1]
+def _gain_of_interval(
+    way: Floats, breaking: Breaking, b: float, begin: float, k: int, age: float
+) -> float:
+    """What the clock of contacts at a place gains before a node, from the node
+    before it or from a later `begin`.
+    """
+    a = NODE[k - 1]
+    x0 = way[X, k - 1] - b
+    x1 = way[X, k] - b
+    scratch = way[MOMENTS, :1]
     if begin > a:
-        a, x0 = begin, along(way[CURVE], begin) - b
+        a = begin
+        x0 = along(way[CURVE], begin) - b
     if x0 * x1 < 0.0 and min(abs(x0), abs(x1)) > 1e-14 and not breaking.squared:
-        low, high, sign = a, NODE[k], 1.0 if x1 > 0.0 else -1.0
+        low = a
+        high = NODE[k]
+        sign = 1.0 if x1 > 0.0 else -1.0
         for _ in range(40):
             u = 0.5 * (low + high)
             if (along(way[CURVE], u) - b) * sign > 0.0:
                 high = u
             else:
                 low = u
-        before = _gain(way, scratch, breaking, a, low, b, -sign, age) if low > a else NEVER
-        return later(breaking.width, before, _gain(way, scratch, breaking, low, NODE[k], b, sign, age))
+        before = (
+            _gain(way, scratch, breaking, a, low, b, -sign, age) if low > a else NEVER
+        )
+        return later(
+            breaking.width,
+            before,
+            _gain(way, scratch, breaking, low, NODE[k], b, sign, age),
+        )
     sign = 1.0 if x0 + x1 >= 0.0 else -1.0
     crosses = way[STEP, LOW] < b < way[STEP, HIGH]
     if begin > NODE[k - 1] or (_is_tabulated(breaking) and (crosses or age < 0.0)):
@@ -342,13 +484,26 @@ def _gain_of_interval(way: Floats, breaking: Breaking, b: float, begin: float, k
 
 @inlined
 def followed(
-    way: Floats, breaking: Breaking, b: float, u: float, r: float, age: float, begin: float, k: int
+    way: Floats,
+    breaking: Breaking,
+    b: float,
+    u: float,
+    r: float,
+    age: float,
+    begin: float,
+    k: int,
 ) -> tuple[float, float]:
-    """Clock and reach at a node of a step of contacts at a place that had these at the node before, or at a `begin`.
+    """Clock and reach at a node of a step of contacts at a place that had these at the
+    node before, or at a `begin`.
 
     They have this age at the start of the step, or had it then if they attached in it.
     """
-    r = max(r, reach_at(breaking.growth, abs(way[X, k] - b), age + NODE[k] * way[STEP, LENGTH]))
+    r = max(
+        r,
+        reach_at(
+            breaking.growth, abs(way[X, k] - b), age + NODE[k] * way[STEP, LENGTH]
+        ),
+    )
     if breaking.width > 0.0:
         u = later(breaking.width, u, _gain_of_interval(way, breaking, b, begin, k, age))
     return u, r
@@ -356,9 +511,18 @@ def followed(
 
 @bare
 def carried(
-    way: Floats, breaking: Breaking, b: float, u: float, r: float, age: float, begin: float, k: int
+    way: Floats,
+    breaking: Breaking,
+    b: float,
+    u: float,
+    r: float,
+    age: float,
+    begin: float,
+    k: int,
 ) -> tuple[float, float]:
-    """Clock and reach at a node of a step of contacts at a place that had these, and this age, in a part of it."""
+    """Clock and reach at a node of a step of contacts at a place that had these, and
+    this age, in a part of it.
+    """
     age -= begin * way[STEP, LENGTH]
     for i in range(1, k + 1):
         if NODE[i] > begin:
@@ -368,25 +532,44 @@ def carried(
 
 @bare
 def _fill_sliding(
-    breaking: Breaking, way: Floats, begin: float, begun: float, x: Floats, velocity: float, u: Floats, r: Floats
+    breaking: Breaking,
+    way: Floats,
+    begin: float,
+    begun: float,
+    x: Floats,
+    velocity: float,
+    u: Floats,
+    r: Floats,
 ) -> None:
     for i in range(x.size):
         for k in range(P + 1):
             way[X, k] = NODE[k] * (x[i] - begin)
         fit(way[X, : P + 1], way[CURVE])
         way[STEP, LENGTH] = age = (x[i] - begin) / velocity
-        u[i], r[i] = NEVER, max(begun, reach_at(breaking.growth, abs(x[i]), age))
+        u[i] = NEVER
+        r[i] = max(begun, reach_at(breaking.growth, abs(x[i]), age))
         turn = min(max(-begin / (x[i] - begin), 0.0), 1.0)
         if breaking.width > 0.0 and turn > 0.0:
             u[i] = _gain(way, way[MOMENTS, :1], breaking, 0.0, turn, -begin, -1.0, 0.0)
         if breaking.width > 0.0 and turn < 1.0:
-            u[i] = later(breaking.width, u[i], _gain(way, way[MOMENTS, :1], breaking, turn, 1.0, -begin, 1.0, 0.0))
+            u[i] = later(
+                breaking.width,
+                u[i],
+                _gain(way, way[MOMENTS, :1], breaking, turn, 1.0, -begin, 1.0, 0.0),
+            )
 
 
 def sliding_lives(
     breaking: Breaking, begin: float, begun: float, x: Floats, velocity: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Clocks, reaches and ages of contacts that steady sliding has stretched from `begin` to each of rising `x`."""
-    u, r = np.empty(x.size), np.empty(x.size)
+    """Clocks, reaches and ages of contacts that steady sliding has stretched from
+    `begin` to each of rising `x`.
+    """
+    u = np.empty(x.size)
+    r = np.empty(x.size)
     _fill_sliding(breaking, a_way(breaking), begin, begun, x.ravel(), velocity, u, r)
-    return u.reshape(x.shape), np.maximum.accumulate(r).reshape(x.shape), (x - begin) / velocity
+    return (
+        u.reshape(x.shape),
+        np.maximum.accumulate(r).reshape(x.shape),
+        (x - begin) / velocity,
+    )

@@ -1,9 +1,12 @@
-"""Cohorts: the contacts that attached in one panel, at as many places as Gauss quadrature has nodes.
+"""Cohorts: the contacts that attached in one panel, at as many places as Gauss
+quadrature has nodes.
 
-A contact that attached at ``b`` is stretched by ``X - b``; of a mass ``m`` of them ``m J_c(r)`` are attached when their
-largest stretching so far is ``r``. The sum over the nodes of a cohort is the integral over its panel, to an order that
-follows the smoothness of ``J_c``. Where ``J_c`` has a kink within a panel, the panel is integrated in parts, of fixed
-thresholds. Of those that grow, and at a temperature, `breaking` says what is attached.
+A contact that attached at ``b`` is stretched by ``X - b``; of a mass ``m`` of them
+``m J_c(r)`` are attached when their largest stretching so far is ``r``. The sum over
+the nodes of a cohort is the integral over its panel, to an order that follows the
+smoothness of ``J_c``. Where ``J_c`` has a kink within a panel, the panel is integrated
+in parts, of fixed thresholds. Of those that grow, and at a temperature, `breaking` says
+what is attached.
 """
 
 import math
@@ -12,32 +15,52 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .breaking import CERTAIN, NEVER, Breaking, begin_step, followed, is_fixed, later, note, survival
+from .breaking import (
+    CERTAIN,
+    NEVER,
+    Breaking,
+    begin_step,
+    followed,
+    is_fixed,
+    later,
+    note,
+    survival,
+)
 from .records import Counts, Floats
 from .rules import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q
 from .survival import Table, value_and_slope, value_at
 
 COHORT_ROWS = 7
 PLACE, MASS, REACH, WHOLE, COUNT, CLOCK, SINCE = range(COHORT_ROWS)
-"""Rows of an array of cohorts, shape (7, room, Q): where they attached, mass of newborns, largest stretching; `WHOLE`
-is 1 for a cohort whose nodes are those of Gauss on one panel; `COUNT` is the number attached where they are counted.
-`CLOCK` is that of `breaking`, as is `REACH` where thresholds grow; `SINCE` is when they attached."""
+"""Rows of an array of cohorts, shape (7, room, Q): where they attached, mass of
+newborns, largest stretching; `WHOLE` is 1 for a cohort whose nodes are those of Gauss
+on one panel; `COUNT` is the number attached where they are counted. `CLOCK` is that of
+`breaking`, as is `REACH` where thresholds grow; `SINCE` is when they attached.
+"""
 
 
 class Reading(NamedTuple):
     """Room for what the slider may break in a step, filled by `gather`."""
 
-    active: Floats  # shape (7, n): place, mass and reach of nodes that may break; clock, birth, and both on the way
+    # shape (7, n): place, mass and reach of nodes that may break; clock, birth, and
+    # both on the way
+    active: Floats
     sums: Floats  # shape (3,): moments of the mass of all nodes that cannot
     kinked: Counts  # how many cohorts a knot may pass through, and which
     way: Floats  # of the slider in the step, see `breaking`
 
 
 @bare
-def _is_kinked(cohorts: Floats, g: int, origin: float, breaking: Breaking, low: float, high: float) -> bool:
-    """Whether a knot of the thresholds passes through a cohort of nodes while the slider is from `low` to `high`."""
-    a, b = cohorts[PLACE, g, 0] - origin, cohorts[PLACE, g, Q - 1] - origin
-    least, most = min(a, b), max(a, b)
+def _is_kinked(
+    cohorts: Floats, g: int, origin: float, breaking: Breaking, low: float, high: float
+) -> bool:
+    """Whether a knot of the thresholds passes through a cohort of nodes while the
+    slider is from `low` to `high`.
+    """
+    a = cohorts[PLACE, g, 0] - origin
+    b = cohorts[PLACE, g, Q - 1] - origin
+    least = min(a, b)
+    most = max(a, b)
     if most - least < 1e-9 or cohorts[WHOLE, g, 0] == 0.0:
         return False
     if low != high and _is_passed(cohorts, g, origin, breaking.thresholds, low, high):
@@ -59,22 +82,37 @@ def _is_kinked(cohorts: Floats, g: int, origin: float, breaking: Breaking, low: 
 
 
 @bare
-def _is_passed(cohorts: Floats, g: int, origin: float, table: Table, low: float, high: float) -> bool:
-    """Whether some of a cohort come to be stretched further than ever, one after the other."""
+def _is_passed(
+    cohorts: Floats, g: int, origin: float, table: Table, low: float, high: float
+) -> bool:
+    """Whether some of a cohort come to be stretched further than ever, one after the
+    other.
+    """
     sign = 1.0 if high > -low else -1.0
-    first, last, widest = np.inf, -np.inf, 0.0
+    first = np.inf
+    last = -np.inf
+    widest = 0.0
     for j in range(Q):
-        r, x = cohorts[REACH, g, j], origin - cohorts[PLACE, g, j]
+        r = cohorts[REACH, g, j]
+        x = origin - cohorts[PLACE, g, j]
         widest = max(widest, r)
         passed = r - sign * x  # until it passes
-        first, last = min(first, passed), max(last, passed)
+        first = min(first, passed)
+        last = max(last, passed)
     far = max(high, -low)
-    return bool(last - first > 1e-9 and last > 1e-12 and first < far and widest + far > table.bottom)
+    return bool(
+        last - first > 1e-9
+        and last > 1e-12
+        and first < far
+        and widest + far > table.bottom
+    )
 
 
 @inlined
 def _inside(cohorts: Floats, row: int, g: int, u: float) -> float:
-    """Place of attachment, or attachments per unit of `u`, at ``0 <= u <= 1`` in the panel that a cohort stands for."""
+    """Place of attachment, or attachments per unit of `u`, at ``0 <= u <= 1`` in the
+    panel that a cohort stands for.
+    """
     total = 0.0
     for a in range(Q - 1, -1, -1):
         c = 0.0
@@ -91,18 +129,26 @@ _EVER = -1.0  # in place of a knot: the largest stretching so far
 
 
 @inlined
-def _beyond(cohorts: Floats, g: int, X: float, knot: float, sign: float, u: float) -> float:
-    """How far the contacts at a place in a panel are stretched beyond a knot, or beyond their reach."""
+def _beyond(
+    cohorts: Floats, g: int, X: float, knot: float, sign: float, u: float
+) -> float:
+    """How far the contacts at a place in a panel are stretched beyond a knot, or
+    beyond their reach.
+    """
     x = X - _inside(cohorts, PLACE, g, u)
     return abs(x) - _inside(cohorts, REACH, g, u) if knot == _EVER else x * sign - knot
 
 
 @bare
 def _cut(cohorts: Floats, g: int, X: float, knot: float) -> float:
-    """Where in a panel the contacts are stretched by `knot`, or as far as ever; outside of (0, 1) nowhere."""
+    """Where in a panel the contacts are stretched by `knot`, or as far as ever;
+    outside of (0, 1) nowhere.
+    """
     sign = 1.0 if X - cohorts[PLACE, g, 0] >= 0.0 else -1.0
-    a, b = 0.0, 1.0
-    fa, fb = _beyond(cohorts, g, X, knot, sign, a), _beyond(cohorts, g, X, knot, sign, b)
+    a = 0.0
+    b = 1.0
+    fa = _beyond(cohorts, g, X, knot, sign, a)
+    fb = _beyond(cohorts, g, X, knot, sign, b)
     if fa * fb >= 0.0 or max(abs(fa), abs(fb)) < 1e-9:
         return 2.0
     for _ in range(50):
@@ -116,7 +162,9 @@ def _cut(cohorts: Floats, g: int, X: float, knot: float) -> float:
 
 @bare
 def _next_cut(cohorts: Floats, g: int, X: float, knots: Floats, after: float) -> float:
-    """The first cut after a place in a panel, by a knot or by the limit of what is stretched further than ever."""
+    """The first cut after a place in a panel, by a knot or by the limit of what is
+    stretched further than ever.
+    """
     end = 1.0
     for i in range(-1, knots.size):
         u = _cut(cohorts, g, X, knots[i] if i >= 0 else _EVER)
@@ -129,9 +177,12 @@ def _next_cut(cohorts: Floats, g: int, X: float, knots: Floats, after: float) ->
 def _in_parts(
     cohorts: Floats, g: int, origin: float, breaking: Breaking, y: float
 ) -> tuple[float, float, float, float]:
-    """Force, attached fraction, slope and energy of a cohort, integrated between the knots that lie in it."""
+    """Force, attached fraction, slope and energy of a cohort, integrated between the
+    knots that lie in it.
+    """
     F = A = S = E = 0.0
-    begin, table = 0.0, breaking.thresholds
+    begin = 0.0
+    table = breaking.thresholds
     X = origin + y
     while begin < 1.0:
         end = _next_cut(cohorts, g, X, breaking.knots, begin)
@@ -155,12 +206,26 @@ def _in_parts(
 
 @bare
 def gather(
-    cohorts: Floats, used: int, origin: float, reading: Reading, breaking: Breaking, low: float, high: float, t: float
+    cohorts: Floats,
+    used: int,
+    origin: float,
+    reading: Reading,
+    breaking: Breaking,
+    low: float,
+    high: float,
+    t: float,
 ) -> int:
-    """Nodes that may break from a time on while the slider is from `low` to `high`; the others are added up."""
+    """Nodes that may break from a time on while the slider is from `low` to `high`;
+    the others are added up.
+    """
     m0 = m1 = m2 = 0.0
-    count, kinks = 0, 0
-    active, table, fixed, most, far = reading.active, breaking.thresholds, is_fixed(breaking), 0.0, 0.0
+    count = 0
+    kinks = 0
+    active = reading.active
+    table = breaking.thresholds
+    fixed = is_fixed(breaking)
+    most = 0.0
+    far = 0.0
     begin_step(reading.way, low, high)
     for g in range(used):
         if fixed and _is_kinked(cohorts, g, origin, breaking, low, high):
@@ -172,20 +237,27 @@ def gather(
             if m == 0.0:
                 continue
             d = cohorts[PLACE, g, j] - origin
-            r, age = cohorts[REACH, g, j], t - cohorts[SINCE, g, j]
+            r = cohorts[REACH, g, j]
+            age = t - cohorts[SINCE, g, j]
             if not fixed:
                 most, far = note(reading.way, breaking, d, age)
             if r >= table.top:
                 continue
-            whole = r < table.bottom and high - d < table.bottom and d - low < table.bottom
+            whole = (
+                r < table.bottom and high - d < table.bottom and d - low < table.bottom
+            )
             if not fixed:
                 u = cohorts[CLOCK, g, j]
                 whole = whole and far < table.bottom
                 if breaking.width > 0.0:
                     if u >= breaking.blurred.top:
                         continue
-                    whole = whole and later(breaking.width, u, most) < breaking.blurred.bottom
-                active[3, count], active[4, count] = u, age
+                    whole = (
+                        whole
+                        and later(breaking.width, u, most) < breaking.blurred.bottom
+                    )
+                active[3, count] = u
+                active[4, count] = age
             if whole:
                 m0 += m
                 m1 += m * d
@@ -195,22 +267,36 @@ def gather(
                 active[1, count] = m
                 active[2, count] = r
                 count += 1
-    reading.sums[0], reading.sums[1], reading.sums[2] = m0, m1, m2
+    reading.sums[0] = m0
+    reading.sums[1] = m1
+    reading.sums[2] = m2
     reading.kinked[0] = kinks
     return count
 
 
 @bare
 def force_at(
-    reading: Reading, cohorts: Floats, origin: float, count: int, breaking: Breaking, y: float, k: int
+    reading: Reading,
+    cohorts: Floats,
+    origin: float,
+    count: int,
+    breaking: Breaking,
+    y: float,
+    k: int,
 ) -> tuple[float, float, float, float, float, float]:
-    """Force, attached fraction, slope of the force, energy of what was attached before, at node `k` of a step.
+    """Force, attached fraction, slope of the force, energy of what was attached before,
+    at node `k` of a step.
 
-    That is at `y` from the origin. Nodes come in order. Then by how much the force falls with the clocks, of contacts
-    that the slider is above, and of those that it is below.
+    That is at `y` from the origin. Nodes come in order. Then by how much the force
+    falls with the clocks, of contacts that the slider is above, and of those that it is
+    below.
     """
-    sums, active, table = reading.sums, reading.active, breaking.thresholds
-    F, A, S = sums[0] * y - sums[1], sums[0], sums[0]
+    sums = reading.sums
+    active = reading.active
+    table = breaking.thresholds
+    F = sums[0] * y - sums[1]
+    A = sums[0]
+    S = sums[0]
     E = sums[0] * y * y - 2.0 * sums[1] * y + sums[2]
     if not is_fixed(breaking):
         f, a, s, e, ahead, back = _force_on_the_way(reading, count, breaking, y, k)
@@ -244,11 +330,18 @@ def _force_on_the_way(
     reading: Reading, count: int, breaking: Breaking, y: float, k: int
 ) -> tuple[float, float, float, float, float, float]:
     """The same of what may break by age or temperature."""
-    active, way, A = reading.active, reading.way, breaking.width
+    active = reading.active
+    way = reading.way
+    A = breaking.width
     force = mass = slope = energy = ahead = back = 0.0
     for i in range(count):
-        d, m, r, u = active[0, i], active[1, i], active[2, i], active[3, i]
-        x, part, rises = y - d, 0.0, False
+        d = active[0, i]
+        m = active[1, i]
+        r = active[2, i]
+        u = active[3, i]
+        x = y - d
+        part = 0.0
+        rises = False
         if k > 0:
             gain, before = (active[6, i], active[5, i]) if k > 1 else (NEVER, r)
             gain, r = followed(way, breaking, d, gain, before, active[4, i], 0.0, k)
@@ -272,21 +365,29 @@ def _force_on_the_way(
 
 @bare
 def kink_at(cohorts: Floats, used: int, breaking: Breaking, level: float) -> float:
-    """How much the slope of the force falls where the slider passes a place at which it has turned."""
-    jump, table = 0.0, breaking.thresholds
+    """How much the slope of the force falls where the slider passes a place at which
+    it has turned.
+    """
+    jump = 0.0
+    table = breaking.thresholds
     if not is_fixed(breaking):
         return 0.0  # it bends, or falls for a few of them at a time
     for g in range(used):
         for j in range(Q):
             r = cohorts[REACH, g, j]
-            if table.bottom < r < table.top and abs(abs(level - cohorts[PLACE, g, j]) - r) < 1e-9:
+            if (
+                table.bottom < r < table.top
+                and abs(abs(level - cohorts[PLACE, g, j]) - r) < 1e-9
+            ):
                 jump -= cohorts[MASS, g, j] * r * value_and_slope(table, r)[1]
     return abs(jump)
 
 
 @bare
 def divide(cohorts: Floats, used: int, X: float, breaking: Breaking, room: int) -> int:
-    """Divide the cohorts through which a knot passes, as there is room: when the slider turns, their reach stays."""
+    """Divide the cohorts through which a knot passes, as there is room: when the
+    slider turns, their reach stays.
+    """
     count = used
     for g in range(used if is_fixed(breaking) else 0):
         if _is_kinked(cohorts, g, X, breaking, 0.0, 0.0):
@@ -295,11 +396,18 @@ def divide(cohorts: Floats, used: int, X: float, breaking: Breaking, room: int) 
 
 
 @bare
-def divide_passed(cohorts: Floats, used: int, X: float, breaking: Breaking, room: int) -> int:
-    """Divide cohorts of which some are stretched further than ever, and others not. Returns the number of cohorts."""
-    count, table = used, breaking.thresholds
+def divide_passed(
+    cohorts: Floats, used: int, X: float, breaking: Breaking, room: int
+) -> int:
+    """Divide cohorts of which some are stretched further than ever, and others not.
+
+    Returns the number of cohorts.
+    """
+    count = used
+    table = breaking.thresholds
     for g in range(used if is_fixed(breaking) else 0):
-        ahead, widest = 0, 0.0
+        ahead = 0
+        widest = 0.0
         for j in range(Q):
             x = abs(X - cohorts[PLACE, g, j])
             widest = max(widest, x)
@@ -311,7 +419,9 @@ def divide_passed(cohorts: Floats, used: int, X: float, breaking: Breaking, room
 
 
 @bare
-def _divide(cohorts: Floats, g: int, count: int, X: float, knots: Floats, room: int) -> int:
+def _divide(
+    cohorts: Floats, g: int, count: int, X: float, knots: Floats, room: int
+) -> int:
     """Divide a cohort at all cuts, behind the others; their number."""
     first = begin = _next_cut(cohorts, g, X, knots, 0.0)
     while begin < 1.0 and count < room - 1:
@@ -333,68 +443,119 @@ def _part(cohorts: Floats, g: int, n: int, X: float, begin: float, end: float) -
     for j in range(Q):
         u = begin + (end - begin) * GAUSS[j]
         b = _inside(cohorts, PLACE, g, u)
-        cohorts[PLACE, n, j], cohorts[MASS, n, j] = b, (end - begin) * WEIGHT[j] * _inside(cohorts, MASS, g, u)
+        cohorts[PLACE, n, j], cohorts[MASS, n, j] = (
+            b,
+            (end - begin) * WEIGHT[j] * _inside(cohorts, MASS, g, u),
+        )
         cohorts[REACH, n, j] = max(abs(X - b), _inside(cohorts, REACH, g, u))
         cohorts[WHOLE, n, j] = 1.0
 
 
-def merged(cohorts: Floats, used: int, breaking: Breaking, width: float, tolerance: float) -> Floats:
-    """Join cohorts that lie close to each other and reach equally far: their moments stay up to order ``2 Q - 1``.
+def merged(
+    cohorts: Floats, used: int, breaking: Breaking, width: float, tolerance: float
+) -> Floats:
+    """Join cohorts that lie close to each other and reach equally far: their moments
+    stay up to order ``2 Q - 1``.
 
-    A slider that rings for long attaches contacts in many short panels on the same few places. What is joined is not
-    integrated in parts: a knot that passes through it costs some percent of the square of its extent. At a temperature
-    the clock is to the reach what it is to the stretching, and has to be ahead of it; what grows with age stays apart,
-    and what has a parabolic barrier.
+    A slider that rings for long attaches contacts in many short panels on the same few
+    places. What is joined is not integrated in parts: a knot that passes through it
+    costs some percent of the square of its extent. At a temperature the clock is to the
+    reach what it is to the stretching, and has to be ahead of it; what grows with age
+    stays apart, and what has a parabolic barrier.
     """
-    b, m, r, table = cohorts[PLACE, :used], cohorts[MASS, :used], cohorts[REACH, :used], breaking.thresholds
+    b = cohorts[PLACE, :used]
+    m = cohorts[MASS, :used]
+    r = cohorts[REACH, :used]
+    table = breaking.thresholds
     met = np.zeros(used, dtype=np.bool_)
     if breaking.width > 0.0:
-        met = np.any((r > table.bottom) & (cohorts[CLOCK, :used] < r + CERTAIN * breaking.width), axis=1)
-        r, table = cohorts[CLOCK, :used], breaking.blurred
-    # A reach that was made by the slider at one place is that place less where they attached, or the reverse.
-    ahead, back = r + b, b - r
+        met = np.any(
+            (r > table.bottom) & (cohorts[CLOCK, :used] < r + CERTAIN * breaking.width),
+            axis=1,
+        )
+        r = cohorts[CLOCK, :used]
+        table = breaking.blurred
+    # A reach that was made by the slider at one place is that place less where they
+    # attached, or the reverse.
+    ahead = r + b
+    back = b - r
     free = np.all(r < table.bottom, axis=1)
     forth = ~free & (np.ptp(ahead, axis=1) < 1e-10)
-    kind = np.where(free, 0, np.where(forth, 1, np.where(np.ptp(back, axis=1) < 1e-10, 2, 3)))
+    kind = np.where(
+        free, 0, np.where(forth, 1, np.where(np.ptp(back, axis=1) < 1e-10, 2, 3))
+    )
     level = np.where(kind == 1, ahead[:, 0], np.where(kind == 2, back[:, 0], 0.0))
-    extent = min(0.02 * width, (10.0 * tolerance) ** 0.5) if breaking.knots.size else 0.5 * width
+    extent = (
+        min(0.02 * width, (10.0 * tolerance) ** 0.5)
+        if breaking.knots.size
+        else 0.5 * width
+    )
     cell = np.floor(b / extent)
-    alone = (kind == 3) | met | np.any(cell != cell[:, :1], axis=1) | (breaking.growth.first != 0.0)
+    alone = (
+        (kind == 3)
+        | met
+        | np.any(cell != cell[:, :1], axis=1)
+        | (breaking.growth.first != 0.0)
+    )
     alone |= breaking.squared
-    keys = np.stack([np.where(alone, np.arange(used), -1), kind, np.round(level, 8), np.where(alone, 0.0, cell[:, 0])])
-    _, first, which, size = np.unique(keys, axis=1, return_index=True, return_inverse=True, return_counts=True)
+    keys = np.stack(
+        [
+            np.where(alone, np.arange(used), -1),
+            kind,
+            np.round(level, 8),
+            np.where(alone, 0.0, cell[:, 0]),
+        ]
+    )
+    _, first, which, size = np.unique(
+        keys, axis=1, return_index=True, return_inverse=True, return_counts=True
+    )
     made = cohorts[:, first]
     for i in np.flatnonzero(size > 1):
         run = which.ravel() == i
         x, weight = gauss_rule(b[run].ravel(), m[run].ravel())
-        k, at = kind[first[i]], level[first[i]]
+        k = kind[first[i]]
+        at = level[first[i]]
         reach = at - x if k == 1 else x - at if k == 2 else np.full(Q, r[run].max())
-        least = np.full(Q, cohorts[REACH, :used][run].min())  # any will do that their clocks are ahead of
-        made[:5, i] = x, weight, least if breaking.width > 0.0 else reach, np.zeros(Q), np.zeros(Q)
+        # any will do that their clocks are ahead of
+        least = np.full(Q, cohorts[REACH, :used][run].min())
+        made[:5, i] = (
+            x,
+            weight,
+            least if breaking.width > 0.0 else reach,
+            np.zeros(Q),
+            np.zeros(Q),
+        )
         made[CLOCK, i] = reach
     return made
 
 
 def gauss_rule(x: Floats, weight: Floats, count: int = Q) -> tuple[Floats, Floats]:
-    """Nodes and weights with the moments of many masses: of the matrix of ``x`` in polynomials orthogonal on them."""
+    """Nodes and weights with the moments of many masses: of the matrix of ``x`` in
+    polynomials orthogonal on them.
+    """
     total = weight.sum()
     positive = np.maximum(weight, 0.0)
     if total <= 0.0 or positive.sum() <= 0.0:
         return np.full(count, x.mean()), np.full(count, total / count)
     part = positive / positive.sum()
-    centre, half = part @ x, max(0.5 * float(np.ptp(x)), 1e-300)
+    centre = part @ x
+    half = max(0.5 * float(np.ptp(x)), 1e-300)
     t = (x - centre) / half
-    basis = np.linalg.qr(np.sqrt(part)[:, None] * np.vander(t, count, increasing=True))[0]
+    basis = np.linalg.qr(np.sqrt(part)[:, None] * np.vander(t, count, increasing=True))[
+        0
+    ]
     place, vector = np.linalg.eigh(basis.T @ (t[:, None] * basis))
     return centre + half * place, total * vector[0] ** 2
 
 
 def spread_out(cohorts: Floats, spacing: float) -> Floats:
-    """Places, masses, reaches and clocks of all cohorts; those of whole panels at as many places as they need.
+    """Places, masses, reaches and clocks of all cohorts; those of whole panels at as
+    many places as they need.
 
     Shape (4, n).
     """
-    whole, rows = cohorts[WHOLE, :, 0] > 0.0, cohorts[[PLACE, MASS, REACH, CLOCK]]
+    whole = cohorts[WHOLE, :, 0] > 0.0
+    rows = cohorts[[PLACE, MASS, REACH, CLOCK]]
     parts = [rows[:, ~whole].reshape(4, -1)]
     for place, mass, reach, clock in np.moveaxis(rows[:, whole], 1, 0):
         count = max(int(np.ptp(place) / spacing), Q)
@@ -402,5 +563,14 @@ def spread_out(cohorts: Floats, spacing: float) -> Floats:
         powers = np.vander(u, Q, increasing=True) @ GAUSS_MONOMIAL
         spread = powers @ (mass / WEIGHT)
         spread *= mass.sum() / spread.sum() if spread.sum() != 0.0 else 0.0
-        parts.append(np.stack([powers @ place, spread, np.maximum(powers @ reach, 0.0), powers @ clock]))
+        parts.append(
+            np.stack(
+                [
+                    powers @ place,
+                    spread,
+                    np.maximum(powers @ reach, 0.0),
+                    powers @ clock,
+                ]
+            )
+        )
     return np.concatenate(parts, axis=1)

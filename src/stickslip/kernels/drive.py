@@ -1,4 +1,6 @@
-"""The drive, one piece at a time: how its far end of the spring moves, and where a piece ends early."""
+"""The drive, one piece at a time: how its far end of the spring moves, and where a
+piece ends early.
+"""
 
 import math
 from typing import NamedTuple
@@ -8,7 +10,9 @@ from .records import Floats
 
 
 class Quadratic(NamedTuple):
-    """Motion of the drive: ``position + velocity u + acceleration u^2/2`` a time `u` after `start`."""
+    """Motion of the drive: ``position + velocity u + acceleration u^2/2`` a time `u`
+    after `start`.
+    """
 
     start: float
     position: float
@@ -18,9 +22,10 @@ class Quadratic(NamedTuple):
 
 STILL = Quadratic(0.0, 0.0, 0.0, 0.0)
 
-# Why a kernel came back: the end of a piece is reached, its condition holds, its budget is spent; or, to go on, a look
-# has to be taken, the slider has stopped, there is no more room for cohorts or for steps in a delay, random numbers are
-# used up. `UNSOLVED`: the next step has no solution.
+# Why a kernel came back: the end of a piece is reached, its condition holds, its budget
+# is spent; or, to go on, a look has to be taken, the slider has stopped, there is no
+# more room for cohorts or for steps in a delay, random numbers are used up. `UNSOLVED`:
+# the next step has no solution.
 ON_THE_WAY, FINISHED, STOPPED, PAUSED, LOOK, ARRESTED, NO_ROOM, NO_HISTORY = range(8)
 DRAWS_USED_UP, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED = range(8, 12)
 
@@ -31,8 +36,8 @@ NOWHERE, TRAVEL, FORCE_ABOVE, FORCE_BELOW = range(4)
 class Stop(NamedTuple):
     """Where a piece ends early: at the first sample at which a condition holds.
 
-    `NOWHERE`; `TRAVEL`, the slider at least `value` away from `origin`; `FORCE_ABOVE` and `FORCE_BELOW`, the driving
-    force at least and at most `value`.
+    `NOWHERE`; `TRAVEL`, the slider at least `value` away from `origin`; `FORCE_ABOVE`
+    and `FORCE_BELOW`, the driving force at least and at most `value`.
     """
 
     kind: int = NOWHERE
@@ -41,10 +46,12 @@ class Stop(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A piece of the drive up to `end`, or to a condition seen at a sample, in steps of at most `longest`.
+    """A piece of the drive up to `end`, or to a condition seen at a sample, in steps of
+    at most `longest`.
 
-    `look` is a time at which the caller wants to look at the contacts: before the flight or step that would pass it the
-    kernel comes back, so that looking changes nothing.
+    `look` is a time at which the caller wants to look at the contacts: before the
+    flight or step that would pass it the kernel comes back, so that looking changes
+    nothing.
     """
 
     drive: Quadratic
@@ -55,7 +62,9 @@ class Piece(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """Rising times at which to sample, shape (n,), and the samples, shape (n, columns)."""
+    """Rising times at which to sample, shape (n,), and the samples, shape (n,
+    columns).
+    """
 
     times: Floats
     samples: Floats
@@ -65,7 +74,8 @@ class Sampling(NamedTuple):
 def drive_at(drive: Quadratic, time: float) -> tuple[float, float]:
     """Position and velocity of the drive."""
     u = time - drive.start
-    v, a = drive.velocity, drive.acceleration
+    v = drive.velocity
+    a = drive.acceleration
     return drive.position + u * (v + 0.5 * a * u), v + a * u
 
 

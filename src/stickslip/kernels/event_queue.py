@@ -1,9 +1,12 @@
-"""A bucket queue: entries (key, slot) in bins of equal width; only the bin in use is kept sorted.
+"""A bucket queue: entries (key, slot) in bins of equal width; only the bin in use is
+kept sorted.
 
-What it costs to add an entry and to take the smallest does not grow with their number, as long as keys come from a
-range that moves on slowly. A bin is a list of short pieces of consecutive memory: taking a bin into use waits for the
-memory once, not once an entry, and adding an entry does not wait at all. An entry stays at its place until it is taken
-or dropped, so that it may hold more than key and slot, and be found again: what a contact needs, two to a cache line.
+What it costs to add an entry and to take the smallest does not grow with their number,
+as long as keys come from a range that moves on slowly. A bin is a list of short pieces
+of consecutive memory: taking a bin into use waits for the memory once, not once an
+entry, and adding an entry does not wait at all. An entry stays at its place until it is
+taken or dropped, so that it may hold more than key and slot, and be found again: what a
+contact needs, two to a cache line.
 """
 
 import math
@@ -14,8 +17,18 @@ import numpy as np
 from ._jit import bare, inlined
 from .records import Counts, Floats, Indices, Records
 
-_ENTRY = np.dtype([("key", "f8"), ("slot", "i4"), ("other", "i4"), ("birth", "f8"), ("threshold", "f8")])
-"""Key and slot, and what the user wants to find at its place; one kind for all queues, compiled once."""
+_ENTRY = np.dtype(
+    [
+        ("key", "f8"),
+        ("slot", "i4"),
+        ("other", "i4"),
+        ("birth", "f8"),
+        ("threshold", "f8"),
+    ]
+)
+"""Key and slot, and what the user wants to find at its place; one kind for all
+queues, compiled once.
+"""
 
 _CHUNK = 4  # entries in a piece of memory; a power of two
 _SHIFT = 2  # its logarithm
@@ -24,9 +37,11 @@ _SHIFT = 2  # its logarithm
 class Queue(NamedTuple):
     """Entries waiting in order of their key.
 
-    ``entries`` is cut into chunks; a key of infinity marks a place without an entry. ``newest[b]`` is the place filled
-    last of bin number ``b`` modulo their count, and ``before[c]`` the chunk of the same bin filled before chunk ``c``.
-    The bin in use lies sorted in ``front_key`` and ``front_place``, between ``counts[FIRST]`` and ``counts[LAST]``.
+    ``entries`` is cut into chunks; a key of infinity marks a place without an entry.
+    ``newest[b]`` is the place filled last of bin number ``b`` modulo their count, and
+    ``before[c]`` the chunk of the same bin filled before chunk ``c``. The bin in use
+    lies sorted in ``front_key`` and ``front_place``, between ``counts[FIRST]`` and
+    ``counts[LAST]``.
     """
 
     newest: Indices
@@ -49,8 +64,11 @@ MOVED = 6  # whether entries were moved to other places
 
 
 def make_queue(capacity: int, bins: int, width: float) -> Queue:
-    """Return an empty queue; `bins` is a power of two, and any `width` right; the best holds a dozen entries."""
-    chunks = capacity // _CHUNK + min(bins, capacity) + capacity // (4 * _CHUNK) + 2  # one of them to move entries
+    """Return an empty queue; `bins` is a power of two, and any `width` right; the
+    best holds a dozen entries.
+    """
+    # one of them to move entries
+    chunks = capacity // _CHUNK + min(bins, capacity) + capacity // (4 * _CHUNK) + 2
     queue = Queue(
         newest=np.empty(bins, np.int32),
         before=np.empty(chunks, np.int32),
@@ -76,7 +94,9 @@ def clear(queue: Queue, key: float) -> None:
 
 @inlined
 def wide(number: int) -> int:
-    """Return a slot or a place, of 32 bits in an entry, with the 64 of all other numbers: kernels know one kind."""
+    """Return a slot or a place, of 32 bits in an entry, with the 64 of all other
+    numbers: kernels know one kind.
+    """
     return number + 0
 
 
@@ -120,13 +140,17 @@ def _new_chunk(queue: Queue, before: int) -> int:
 
 @inlined
 def push(queue: Queue, key: float, slot: int) -> int:
-    """Add an entry, of which the caller may fill the rest, and return its place; the queue must not be full."""
+    """Add an entry, of which the caller may fill the rest, and return its place; the
+    queue must not be full.
+    """
     counts = queue.counts
-    if counts[_FREE] < 0 and counts[_UNUSED] >= queue.before.size - 1:  # but for the chunk kept for moving entries
+    # but for the chunk kept for moving entries
+    if counts[_FREE] < 0 and counts[_UNUSED] >= queue.before.size - 1:
         _pack(queue)
     bin_ = math.floor(key * queue.per_bin)
     if bin_ < counts[BIN] or counts[FIRST] == counts[LAST]:
-        # Something smaller has come, as when the slider turns back: the front is only a view of its bin.
+        # Something smaller has come, as when the slider turns back: the front is only a
+        # view of its bin.
         counts[FIRST] = counts[LAST] = 0
         counts[BIN] = min(counts[BIN], bin_ - 1)
     place = _put(queue, bin_ & (queue.newest.size - 1))
@@ -142,8 +166,10 @@ def push(queue: Queue, key: float, slot: int) -> int:
 def _insert(queue: Queue, key: float, place: int) -> None:
     """Put an entry of the bin in use in its order."""
     counts = queue.counts
-    first, last = counts[FIRST], counts[LAST]
-    if last == queue.front_key.size:  # there is room where entries were taken or dropped
+    first = counts[FIRST]
+    last = counts[LAST]
+    # there is room where entries were taken or dropped
+    if last == queue.front_key.size:
         last = 0
         for i in range(first, queue.front_key.size):
             if queue.entries[queue.front_place[i]]["key"] < np.inf:
@@ -180,7 +206,8 @@ def peek(queue: Queue) -> float:
 @bare
 def _next_bin(queue: Queue) -> None:
     """Put the next bin with entries in use."""
-    counts, last = queue.counts, queue.newest.size - 1
+    counts = queue.counts
+    last = queue.newest.size - 1
     if queue.newest[counts[BIN] & last] >= 0:
         _free_chunks(queue, counts[BIN] & last)
     counts[FIRST] = counts[LAST] = 0
@@ -234,7 +261,8 @@ def _load(queue: Queue) -> None:
         chunk = place >> _SHIFT
         for here in range(place, chunk * _CHUNK - 1, -1):
             key = queue.entries[here]["key"]
-            if key < np.inf and math.floor(key * queue.per_bin) == bin_:  # else one of a later turn of the wheel
+            # else one of a later turn of the wheel
+            if key < np.inf and math.floor(key * queue.per_bin) == bin_:
                 queue.front_key[count] = key
                 queue.front_place[count] = here
                 count += 1
@@ -246,7 +274,8 @@ def _load(queue: Queue) -> None:
 @inlined
 def _free_chunks(queue: Queue, chain: int) -> None:
     """Free the chunks of a bin in which no entry is left."""
-    place, after = queue.newest[chain], -1
+    place = queue.newest[chain]
+    after = -1
     while place >= 0:
         chunk = place >> _SHIFT
         before = queue.before[chunk]
@@ -268,7 +297,8 @@ def _free_chunks(queue: Queue, chain: int) -> None:
 @bare
 def _pack(queue: Queue) -> None:
     """Move entries together: places of dropped ones may lie anywhere."""
-    counts, entries = queue.counts, queue.entries
+    counts = queue.counts
+    entries = queue.entries
     aside = entries[entries.size - _CHUNK :]
     if counts[FIRST] < counts[LAST]:
         counts[FIRST] = counts[LAST] = 0
@@ -294,8 +324,11 @@ def _pack(queue: Queue) -> None:
 
 @inlined
 def _sort_front(queue: Queue) -> None:
-    # A bin is read from its newest entry; times of re-attachment come in order, so reversed they are sorted already.
-    keys, places, count = queue.front_key, queue.front_place, queue.counts[LAST]
+    # A bin is read from its newest entry; times of re-attachment come in order, so
+    # reversed they are sorted already.
+    keys = queue.front_key
+    places = queue.front_place
+    count = queue.counts[LAST]
     for i in range(count // 2):
         j = count - 1 - i
         keys[i], keys[j] = keys[j], keys[i]
@@ -305,7 +338,8 @@ def _sort_front(queue: Queue) -> None:
         stride = 3 * stride + 1
     while stride > 0:  # Shell's sort: bins are short, and it needs no memory
         for i in range(stride, count):
-            key, place = keys[i], places[i]
+            key = keys[i]
+            place = places[i]
             j = i
             while j >= stride and keys[j - stride] > key:
                 keys[j] = keys[j - stride]

@@ -1,23 +1,29 @@
 """N contacts under a slider, event by event: no time step and no loop over contacts.
 
-Between two events the slider is a damped oscillator of known stiffness (the spring and the attached contacts), pulled
-by a known drive: its motion is known in closed form (`flight`). The next event is the earliest of the slider reaching
-the nearest breaking position, ahead (``birth position + threshold``) or behind (``birth position - threshold``), the
-next re-attachment of a broken contact, and the end of the piece of the drive.
+Between two events the slider is a damped oscillator of known stiffness (the spring and
+the attached contacts), pulled by a known drive: its motion is known in closed form
+(`flight`). The next event is the earliest of the slider reaching the nearest breaking
+position, ahead (``birth position + threshold``) or behind
+(``birth position - threshold``), the next re-attachment of a broken contact, and the
+end of the piece of the drive.
 
-Breaking positions and times of re-attachment wait in bucket queues (`event_queue`), whose cost does not grow with the
-number of contacts; the force needs two running sums, whatever that number. Samples are read off the closed form inside
-the interval where they fall, so that sampling never changes the motion.
+Breaking positions and times of re-attachment wait in bucket queues (`event_queue`),
+whose cost does not grow with the number of contacts; the force needs two running sums,
+whatever that number. Samples are read off the closed form inside the interval where
+they fall, so that sampling never changes the motion.
 
-With temperature, with thresholds that grow, and of different areas, contacts break by the rule of `boxes`: what waits
-in the queues are then the sides of boxes, and proposals wait in a tournament of their times. Where all that matters is
-Bell's rate, one box does for all contacts, that of `shared_clock`.
+With temperature, with thresholds that grow, and of different areas, contacts break by
+the rule of `boxes`: what waits in the queues are then the sides of boxes, and proposals
+wait in a tournament of their times. Where all that matters is Bell's rate, one box does
+for all contacts, that of `shared_clock`.
 
-Detached contacts that carry a force slide together: one element, elastic with the contacts' stiffness up to that force
-and plastic beyond, follows the slider for all of them. It yields where the slider passes one of two positions, and is
-elastic again once the slider turns round: two more kinds of events, and no friction with a jump.
+Detached contacts that carry a force slide together: one element, elastic with the
+contacts' stiffness up to that force and plastic beyond, follows the slider for all of
+them. It yields where the slider passes one of two positions, and is elastic again once
+the slider turns round: two more kinds of events, and no friction with a jump.
 
-Symbols as in the paper, Eq. (11), per contact: ``K``, ``M``, ``eta``, slider position ``X``, drive position ``D``.
+Symbols as in the paper, Eq. (11), per contact: ``K``, ``M``, ``eta``, slider position
+``X``, drive position ``D``.
 """
 
 import math
@@ -27,9 +33,40 @@ import numpy as np
 
 from . import motion, shared_clock
 from ._jit import bare, inlined
-from .boxes import YOUTH, Rule, box_of, can_hold, grows_from_nothing, is_met, threshold_now
-from .drive import ARRESTED, DRAWS_USED_UP, FINISHED, LOOK, PAUSED, STOPPED, Piece, Quadratic, Sampling
-from .event_queue import MOVED, Queue, clear, drop, first_place, first_slot, make_queue, peek, pop, push, used, wide
+from .boxes import (
+    YOUTH,
+    Rule,
+    box_of,
+    can_hold,
+    grows_from_nothing,
+    is_met,
+    threshold_now,
+)
+from .drive import (
+    ARRESTED,
+    DRAWS_USED_UP,
+    FINISHED,
+    LOOK,
+    PAUSED,
+    STOPPED,
+    Piece,
+    Quadratic,
+    Sampling,
+)
+from .event_queue import (
+    MOVED,
+    Queue,
+    clear,
+    drop,
+    first_place,
+    first_slot,
+    make_queue,
+    peek,
+    pop,
+    push,
+    used,
+    wide,
+)
 from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
 from .hazard import rate
 from .motion import Constants, Leg
@@ -38,9 +75,12 @@ from .records import Counts, Floats, Record, Records
 from .shared_clock import Clock, is_shared
 from .tournament import enter, smallest, tournaments, winner
 
-# When a contact attached; how far its box reaches, and the largest rate there: 0 if the time of the contact is that of
-# the end of its box, below 0 if it breaks then; its place in the queue ahead.
-BOX = np.dtype([("since", float), ("reach", float), ("most", float), ("place", np.int64)])
+# When a contact attached; how far its box reaches, and the largest rate there: 0 if the
+# time of the contact is that of the end of its box, below 0 if it breaks then; its
+# place in the queue ahead.
+BOX = np.dtype(
+    [("since", float), ("reach", float), ("most", float), ("place", np.int64)]
+)
 
 _NEED = 4  # variates that an event may need, at most
 _ULPS = 4.0 * 2.0**-52
@@ -48,12 +88,14 @@ _TRIES = 64  # thresholds from which a newborn without strength may choose
 
 
 class Draws(NamedTuple):
-    """Random numbers in the order of use: thresholds of contacts that attach, and delays of those that break.
+    """Random numbers in the order of use: thresholds of contacts that attach, and
+    delays of those that break.
 
-    `fixed_delay` is the delay of all, infinite for none to re-attach, or NaN to take them from `delays`. Contacts
-    attach with the `stretchings` along the motion; without any, unstretched. With `on_arrest` they attach when the
-    slider first stops after a break, and with `tracks`, `advance` returns then. `variates`, between 0 and 1, decide
-    when contacts in boxes break.
+    `fixed_delay` is the delay of all, infinite for none to re-attach, or NaN to take
+    them from `delays`. Contacts attach with the `stretchings` along the motion; without
+    any, unstretched. With `on_arrest` they attach when the slider first stops after a
+    break, and with `tracks`, `advance` returns then. `variates`, between 0 and 1,
+    decide when contacts in boxes break.
     """
 
     thresholds: Floats
@@ -68,11 +110,12 @@ class Draws(NamedTuple):
 class State(NamedTuple):
     """All that the next step needs: contacts, queues, motion.
 
-    ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what breaks next lies together. Its
-    slots are the contacts' numbers, `other` the places in ``behind``, keyed by ``threshold - birth``, whose slots are
-    the places in ``ahead``. ``waiting``, of detached contacts, is keyed by time. A slider that moves on, or back by
-    less than a threshold, breaks none behind: until one comes near, a bound stands for the queue ``behind``, which is
-    then filled and kept for a while.
+    ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what
+    breaks next lies together. Its slots are the contacts' numbers, `other` the places
+    in ``behind``, keyed by ``threshold - birth``, whose slots are the places in
+    ``ahead``. ``waiting``, of detached contacts, is keyed by time. A slider that moves
+    on, or back by less than a threshold, breaks none behind: until one comes near, a
+    bound stands for the queue ``behind``, which is then filled and kept for a while.
     """
 
     size: int
@@ -86,10 +129,11 @@ class State(NamedTuple):
 class Boxes(NamedTuple):
     """What contacts that break by a `Rule` need besides.
 
-    ``of`` are those of the contacts, which have strengths for thresholds, ``times`` a tournament of their next
-    proposals and ends of boxes. ``own`` are the strengths of contacts that keep them when they re-attach; without any
-    they draw new ones. ``stiffest`` is how stiff they may become, over their number. With a shared clock nobody is in
-    a box of his own: all reach up to their thresholds.
+    ``of`` are those of the contacts, which have strengths for thresholds, ``times`` a
+    tournament of their next proposals and ends of boxes. ``own`` are the strengths of
+    contacts that keep them when they re-attach; without any they draw new ones.
+    ``stiffest`` is how stiff they may become, over their number. With a shared clock
+    nobody is in a box of his own: all reach up to their thresholds.
     """
 
     rule: Rule
@@ -101,19 +145,26 @@ class Boxes(NamedTuple):
 
 
 def make_state(
-    birth: Floats, threshold: Floats, pending: Floats, reached: Floats, scale_time: float, motion: Record,
+    birth: Floats,
+    threshold: Floats,
+    pending: Floats,
+    reached: Floats,
+    scale_time: float,
+    motion: Record,
     boxes: float = 1.0,
-) -> State:  # fmt: skip
+) -> State:
     """Return the state of an interface at time 0.
 
-    `birth` are the positions without stretching; the last ``len(pending)`` contacts are detached until these times,
-    which may be infinite. Some contacts have `reached` these stretchings, through so many `boxes`; `scale_time` is a
-    typical delay.
+    `birth` are the positions without stretching; the last ``len(pending)`` contacts are
+    detached until these times, which may be infinite. Some contacts have `reached`
+    these stretchings, through so many `boxes`; `scale_time` is a typical delay.
     """
     N = birth.size
     attached = N - pending.size
-    # A dozen contacts break, or leave their boxes, on the width of a bin in smooth sliding.
-    reach, width = 2.0 * float(reached.max()), 12.0 * (float(reached.mean()) or 1.0) / (N * boxes)
+    # A dozen contacts break, or leave their boxes, on the width of a bin in smooth
+    # sliding.
+    reach = 2.0 * float(reached.max())
+    width = 12.0 * (float(reached.mean()) or 1.0) / (N * boxes)
     bins = _power_of_two(reach / width, N / 4)
     time_width = 16.0 * scale_time / N if 0 < scale_time < math.inf else 1.0
     state = State(
@@ -133,23 +184,43 @@ def make_state(
 
 
 def boxed(state: State, rule: Rule, since: Floats, own: Floats) -> Boxes:
-    """Return the boxes of contacts that have attached at the times `since`; drawn as soon as the state goes on."""
-    N, m, held = state.size, state.motion[0], attached_places(state)
+    """Return the boxes of contacts that have attached at the times `since`; drawn as
+    soon as the state goes on.
+    """
+    N = state.size
+    m = state.motion[0]
+    held = attached_places(state)
     contacts = state.ahead.entries
-    slots, of, times = contacts["slot"][held], np.zeros(N, BOX), np.full((1, N), np.inf)
+    slots = contacts["slot"][held]
+    of = np.zeros(N, BOX)
+    times = np.full((1, N), np.inf)
     # Thresholds that have grown may hold contacts beyond their strengths.
     stretched = np.abs(m.position - contacts["birth"][held])
-    of["since"], of["reach"][slots] = since, np.maximum(contacts["threshold"][held], stretched)
+    of["since"] = since
+    of["reach"][slots] = np.maximum(contacts["threshold"][held], stretched)
     if not (shared := is_shared(rule)):
         times[0, slots] = m.time
-    boxes = Boxes(rule, of, tournaments(times)[0], own, 1.0, shared_clock.make_clock(N if shared else 0))
+    boxes = Boxes(
+        rule,
+        of,
+        tournaments(times)[0],
+        own,
+        1.0,
+        shared_clock.make_clock(N if shared else 0),
+    )
     _look_again(state, boxes)
     # Twice as stiff as now only by a rare choice of the strongest.
-    return boxes._replace(stiffest=2.0 * m.stiffness / max(m.attached, 1)) if rule.as_stiff else boxes
+    return (
+        boxes._replace(stiffest=2.0 * m.stiffness / max(m.attached, 1))
+        if rule.as_stiff
+        else boxes
+    )
 
 
 @bare
-def _fill(state: State, birth: Floats, threshold: Floats, detached: Counts, until: Floats) -> None:
+def _fill(
+    state: State, birth: Floats, threshold: Floats, detached: Counts, until: Floats
+) -> None:
     """Put contacts where attached ones live, and others where they wait to re-attach.
 
     A contact whose threshold has grown may be stretched beyond its strength.
@@ -174,12 +245,16 @@ def attached_places(state: State) -> Counts:
 
 
 def attached_contacts(state: State) -> Records:
-    """Return the attached contacts: number (`slot`), birth position and threshold of each."""
+    """Return the attached contacts: number (`slot`), birth position and threshold of
+    each.
+    """
     return np.asarray(state.ahead.entries[attached_places(state)])
 
 
 def _power_of_two(wanted: float, most: float) -> int:
-    return 1 << max(4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1))))
+    return 1 << max(
+        4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1)))
+    )
 
 
 @inlined
@@ -192,7 +267,9 @@ def _reach(state: State, place: int, boxes: Boxes | None) -> float:
 
 @inlined
 def _first_behind(state: State) -> float:
-    """Nobody behind leaves his box, or breaks, before the slider is at minus this position."""
+    """Nobody behind leaves his box, or breaks, before the slider is at minus this
+    position.
+    """
     m = state.motion[0]
     return peek(state.behind) if m.keeps_behind else float(m.least)
 
@@ -204,20 +281,31 @@ def _keep_behind(state: State, boxes: Boxes | None) -> None:
     clear(state.behind, -state.motion[0].position)
     for place in range(used(state.ahead)):
         if contacts[place]["key"] < np.inf:
-            contacts[place]["other"] = push(state.behind, _reach(state, place, boxes) - contacts[place]["birth"], place)
+            contacts[place]["other"] = push(
+                state.behind,
+                _reach(state, place, boxes) - contacts[place]["birth"],
+                place,
+            )
     state.motion[0].keeps_behind = 1
 
 
 @bare
 def _look_again(state: State, boxes: Boxes | None) -> None:
-    """Sum afresh about the present position, so that rounding cannot pile up, and bound; places may have changed."""
-    m, contacts = state.motion[0], state.ahead.entries
-    m.reference, m.least = m.position, np.inf
+    """Sum afresh about the present position, so that rounding cannot pile up, and
+    bound; places may have changed.
+    """
+    m = state.motion[0]
+    contacts = state.ahead.entries
+    m.reference = m.position
+    m.least = np.inf
     m.origins = m.squares = m.stiffness = 0.0
     for place in range(used(state.ahead)):
         if contacts[place]["key"] < np.inf:
-            m.least = min(m.least, _reach(state, place, boxes) - contacts[place]["birth"])
-            y, k = contacts[place]["birth"] - m.reference, 1.0
+            m.least = min(
+                m.least, _reach(state, place, boxes) - contacts[place]["birth"]
+            )
+            y = contacts[place]["birth"] - m.reference
+            k = 1.0
             if boxes is not None:
                 boxes.of[contacts[place]["slot"]]["place"] = place
                 if boxes.rule.as_stiff:
@@ -230,17 +318,47 @@ def _look_again(state: State, boxes: Boxes | None) -> None:
 
 
 @inlined
-def _hold(state: State, slot: int, birth: float, threshold: float, draws: Draws, boxes: Boxes | None) -> None:
-    """Put a contact where attached ones live: up to its threshold, or within its next box."""
-    m, contacts, reach = state.motion[0], state.ahead.entries, threshold
+def _hold(
+    state: State,
+    slot: int,
+    birth: float,
+    threshold: float,
+    draws: Draws,
+    boxes: Boxes | None,
+) -> None:
+    """Put a contact where attached ones live: up to its threshold, or within its
+    next box.
+    """
+    m = state.motion[0]
+    contacts = state.ahead.entries
+    reach = threshold
     if boxes is not None:
         if is_shared(boxes.rule):
             for side in range(2):
                 rest = threshold + (1 - 2 * side) * birth
-                shared_clock.propose(boxes.clock, side, slot, rest, state.size, boxes.rule, m, draws.variates)
+                shared_clock.propose(
+                    boxes.clock,
+                    side,
+                    slot,
+                    rest,
+                    state.size,
+                    boxes.rule,
+                    m,
+                    draws.variates,
+                )
             boxes.of[slot]["reach"] = threshold
         else:
-            reach = _enclose(m, slot, birth, threshold, draws, boxes.rule, boxes.of, boxes.times, state.size)
+            reach = _enclose(
+                m,
+                slot,
+                birth,
+                threshold,
+                draws,
+                boxes.rule,
+                boxes.of,
+                boxes.times,
+                state.size,
+            )
     place = push(state.ahead, reach + birth, slot)
     contacts[place]["birth"] = birth
     contacts[place]["threshold"] = threshold
@@ -249,7 +367,11 @@ def _hold(state: State, slot: int, birth: float, threshold: float, draws: Draws,
     m.least = min(m.least, reach - birth)
     if m.keeps_behind:
         contacts[place]["other"] = push(state.behind, reach - birth, place)
-    if m.attachments > 2 * state.size + 64 or state.ahead.counts[MOVED] or state.behind.counts[MOVED]:
+    if (
+        m.attachments > 2 * state.size + 64
+        or state.ahead.counts[MOVED]
+        or state.behind.counts[MOVED]
+    ):
         _look_again(state, boxes)
 
 
@@ -269,37 +391,64 @@ def _variate(m: Record, draws: Draws) -> float:
 
 @inlined
 def _rounding(m: Record) -> float:
-    """How well stretchings are known far from the origin, and thresholds that grow, long after the beginning."""
+    """How well stretchings are known far from the origin, and thresholds that grow,
+    long after the beginning.
+    """
     return float(_ULPS * (abs(m.position) + abs(m.velocity) * m.time))
 
 
 @bare
 def _enclose(
-    m: Record, slot: int, birth: float, strength: float, draws: Draws, rule: Rule, of: Records, times: Floats, N: int
+    m: Record,
+    slot: int,
+    birth: float,
+    strength: float,
+    draws: Draws,
+    rule: Rule,
+    of: Records,
+    times: Floats,
+    N: int,
 ) -> float:
     """Draw the next box of a contact; how far it reaches."""
     own = of[slot]
-    box = box_of(rule, m.position - birth, strength, m.time - own["since"], m.velocity, _rounding(m))
-    wait, own["reach"], own["most"] = box.time, box.reach, 0.0
+    box = box_of(
+        rule,
+        m.position - birth,
+        strength,
+        m.time - own["since"],
+        m.velocity,
+        _rounding(m),
+    )
+    wait = box.time
+    own["reach"] = box.reach
+    own["most"] = 0.0
     if box.time == 0.0:
         own["most"] = -1.0
     elif box.most > 0.0:
         proposal = -math.log(1.0 - _variate(m, draws)) / box.most
         if proposal < box.time:
-            wait, own["most"] = proposal, box.most
+            wait = proposal
+            own["most"] = box.most
     enter(times, N, slot, m.time + wait)
     return box.reach
 
 
 @inlined
 def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
-    """Whether the contact at a place breaks, that leaves its box or whose time has come."""
-    m, contact = state.motion[0], state.ahead.entries[place]
+    """Whether the contact at a place breaks, that leaves its box or whose time has
+    come.
+    """
+    m = state.motion[0]
+    contact = state.ahead.entries[place]
     own = boxes.of[contact["slot"]]
-    x, strength = m.position - contact["birth"], contact["threshold"]
+    x = m.position - contact["birth"]
+    strength = contact["threshold"]
     threshold = threshold_now(boxes.rule, strength, m.time - own["since"])
     if boxes.times[contact["slot"] - state.size] <= m.time and own["most"] != 0.0:
-        return bool(own["most"] < 0.0 or _variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold))
+        return bool(
+            own["most"] < 0.0
+            or _variate(m, draws) * own["most"] < rate(boxes.rule.hazard, x, threshold)
+        )
     return is_met(x, threshold, strength, _rounding(m))
 
 
@@ -313,17 +462,26 @@ def _forget(state: State, slot: int, boxes: Boxes) -> None:
 
 
 @inlined
-def _attach(state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Constants) -> None:
-    """Attach a contact where the slider is, with the next threshold and the stretching that goes with it."""
+def _attach(
+    state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Constants
+) -> None:
+    """Attach a contact where the slider is, with the next threshold and the
+    stretching that goes with it.
+    """
     m = state.motion[0]
     i = m.thresholds_used
-    threshold, k = draws.thresholds[i], 1.0
+    threshold = draws.thresholds[i]
+    k = 1.0
     if boxes is not None:
         if boxes.own.size:
             threshold = boxes.own[slot]
         elif grows_from_nothing(boxes.rule.growth) and draws.fixed_delay == 0.0:
-            # Those that do not hold re-attach in this moment again and again, until one holds or nobody can.
-            while not can_hold(boxes.rule, threshold, m.velocity) and i < m.thresholds_used + _TRIES - 1:
+            # Those that do not hold re-attach in this moment again and again, until one
+            # holds or nobody can.
+            while (
+                not can_hold(boxes.rule, threshold, m.velocity)
+                and i < m.thresholds_used + _TRIES - 1
+            ):
                 i += 1
                 threshold = draws.thresholds[i]
             if not can_hold(boxes.rule, threshold, m.velocity):
@@ -345,9 +503,13 @@ def _attach(state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Const
 
 
 @inlined
-def _break(state: State, place: int, draws: Draws, boxes: Boxes | None, c: Constants) -> None:
+def _break(
+    state: State, place: int, draws: Draws, boxes: Boxes | None, c: Constants
+) -> None:
     """Break the contact at a place; without delay it re-attaches at once."""
-    m, contact, k = state.motion[0], state.ahead.entries[place], 1.0
+    m = state.motion[0]
+    contact = state.ahead.entries[place]
+    k = 1.0
     slot = wide(contact["slot"])
     if boxes is not None and boxes.rule.as_stiff:
         k = contact["threshold"]
@@ -376,29 +538,43 @@ def _leave(state: State, place: int, draws: Draws, boxes: Boxes, c: Constants) -
         _break(state, place, draws, boxes, c)
         return
     contact = state.ahead.entries[place]
-    slot, birth, strength = wide(contact["slot"]), contact["birth"], contact["threshold"]
+    slot = wide(contact["slot"])
+    birth = contact["birth"]
+    strength = contact["threshold"]
     _drop(state, place)
     _hold(state, slot, birth, strength, draws, boxes)
 
 
 @inlined
 def _strike(state: State, side: int, draws: Draws, boxes: Boxes, c: Constants) -> None:
-    """The clock ahead (0) or behind (1) proposes that a contact breaks: it does so, or is proposed again later."""
-    m, slot = state.motion[0], winner(boxes.clock.readings[side], state.size)
+    """The clock ahead (0) or behind (1) proposes that a contact breaks: it does so,
+    or is proposed again later.
+    """
+    m = state.motion[0]
+    slot = winner(boxes.clock.readings[side], state.size)
     place = boxes.of[slot]["place"]
-    birth, threshold = state.ahead.entries[place]["birth"], state.ahead.entries[place]["threshold"]
-    if _variate(m, draws) < shared_clock.chance(boxes.clock, side, boxes.rule, m.position, m.position - birth):
+    birth = state.ahead.entries[place]["birth"]
+    threshold = state.ahead.entries[place]["threshold"]
+    if _variate(m, draws) < shared_clock.chance(
+        boxes.clock, side, boxes.rule, m.position, m.position - birth
+    ):
         _break(state, place, draws, boxes, c)
     else:
         rest = threshold + (1 - 2 * side) * birth
-        shared_clock.propose(boxes.clock, side, slot, rest, state.size, boxes.rule, m, draws.variates)
+        shared_clock.propose(
+            boxes.clock, side, slot, rest, state.size, boxes.rule, m, draws.variates
+        )
 
 
 @inlined
-def _pass(state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constants) -> None:
+def _pass(
+    state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constants
+) -> None:
     """The slider passes the first position ahead or behind."""
     place = first_place(state.ahead) if side == 1 else first_slot(state.behind)
-    state.motion[0].position = state.ahead.entries[place]["birth"] + side * _reach(state, place, boxes)
+    state.motion[0].position = state.ahead.entries[place]["birth"] + side * _reach(
+        state, place, boxes
+    )
     if boxes is None:
         _break(state, place, draws, boxes, c)
     else:
@@ -406,10 +582,11 @@ def _pass(state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constan
 
 
 class _Edges(NamedTuple):
-    """The element of the detached contacts yields where the slider passes `ahead` or `behind`.
+    """The element of the detached contacts yields where the slider passes `ahead` or
+    `behind`.
 
-    With `watch`, the flight ends where the slider turns round. It ends at `low` and `high` as well, where clocks that
-    contacts share change their pace.
+    With `watch`, the flight ends where the slider turns round. It ends at `low` and
+    `high` as well, where clocks that contacts share change their pace.
     """
 
     ahead: float
@@ -422,9 +599,13 @@ class _Edges(NamedTuple):
 @inlined
 def _edges(m: Record, watch: bool, boxes: Boxes | None, c: Constants) -> _Edges:
     """Where the element yields; while it does so already, nowhere."""
-    ahead, behind, low, high = np.inf, -np.inf, -np.inf, np.inf
+    ahead = np.inf
+    behind = -np.inf
+    low = -np.inf
+    high = np.inf
     if boxes is not None:
-        low, high = boxes.clock.window[0].low, boxes.clock.window[0].high
+        low = boxes.clock.window[0].low
+        high = boxes.clock.window[0].high
     if c.f_d == 0.0:
         return _Edges(ahead, behind, watch, low, high)
     if m.slides == 0:
@@ -450,31 +631,45 @@ def _element_turns(m: Record, flight: Flight, c: Constants) -> bool:
     if (c.rigid or c.massless) and abs(m.position - m.anchor) < (1.0 - 1e-12) * c.f_d:
         m.slid = 0  # no flight has told of a turn
     if m.slid != 0 and onwards * m.slid > 0.0:
-        m.slides, m.slid = m.slid, 0
+        m.slides = m.slid
+        m.slid = 0
         return True
     return False
 
 
 @inlined
 def _yields(m: Record, edges: _Edges, side: int, first: float) -> bool:
-    """Whether the element gives way before the contact whose key is `first`; it yields from here on."""
+    """Whether the element gives way before the contact whose key is `first`; it
+    yields from here on.
+    """
     limit = edges.ahead if side == 1 else edges.behind
     if not side * limit < first:
         return False
     m.position = limit
-    m.slides, m.slid = side, 0
+    m.slides = side
+    m.slid = 0
     return True
 
 
 @bare
-def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Boxes, c: Constants) -> bool:
-    """Take a slider without mass towards its balance; whether something happens on the way there."""
+def _leaps(
+    state: State,
+    drive: Quadratic,
+    ahead: float,
+    draws: Draws,
+    boxes: Boxes,
+    c: Constants,
+) -> bool:
+    """Take a slider without mass towards its balance; whether something happens on
+    the way there.
+    """
     m = state.motion[0]
     goal = motion.balance(m, drive, c)
     if m.slides * (goal - m.position) < 0.0:
         _holds_again(m)
         return True
-    edges, behind = _edges(m, draws.on_arrest or draws.tracks, boxes, c), _first_behind(state)
+    edges = _edges(m, draws.on_arrest or draws.tracks, boxes, c)
+    behind = _first_behind(state)
     side = int(goal > min(ahead, edges.ahead)) - int(goal < max(-behind, edges.behind))
     if side == 0:
         motion.leap(m, goal, c)
@@ -490,7 +685,9 @@ def _leaps(state: State, drive: Quadratic, ahead: float, draws: Draws, boxes: Bo
 
 
 @inlined
-def _begin(m: Record, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants) -> tuple[Leg, _Edges]:
+def _begin(
+    m: Record, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants
+) -> tuple[Leg, _Edges]:
     """Motion from here on, if nothing happened."""
     leg = motion.set_out(m, drive, c)
     if c.f_d > 0.0 and _element_turns(m, leg.motion, c):
@@ -504,31 +701,53 @@ _TURN = 2  # ends a flight where the slider turns round
 
 
 @inlined
-def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float) -> tuple[float, float, float, int]:
-    """How long the flight lasts, at most `most`; displacement and velocity then; and what ends it.
+def _next_event(
+    state: State, leg: Leg, edges: _Edges, ahead: float, most: float
+) -> tuple[float, float, float, int]:
+    """How long the flight lasts, at most `most`; displacement and velocity then; and
+    what ends it.
 
-    1 and -1: a break ahead or behind, or the element of the detached contacts yields there; `_TURN`; 0: the limit, or
-    the end of what was searched.
+    1 and -1: a break ahead or behind, or the element of the detached contacts yields
+    there; `_TURN`; 0: the limit, or the end of what was searched.
     """
     v = leg.motion.v
     to_ahead = max(min(ahead, edges.ahead, edges.high) - leg.X, 0.0)
-    h, y, u, side, applies = 0.0, 0.0, v, 1, to_ahead == 0.0
+    h = 0.0
+    y = 0.0
+    u = v
+    side = 1
+    applies = to_ahead == 0.0
     if not applies and v > 0.0:
         h, y, u, side, applies = soon(leg.motion, to_ahead, most)
     if not applies:
-        # Only now those behind are looked at: while the slider moves on, none of them can break.
-        to_behind = max(min(_first_behind(state), -edges.behind, -edges.low) + leg.X, 0.0)
-        h, y, u, side, applies = 0.0, 0.0, v, 1, to_behind == 0.0
+        # Only now those behind are looked at: while the slider moves on, none of them
+        # can break.
+        to_behind = max(
+            min(_first_behind(state), -edges.behind, -edges.low) + leg.X, 0.0
+        )
+        h = 0.0
+        y = 0.0
+        u = v
+        side = 1
+        applies = to_behind == 0.0
         if not applies and v < 0.0:
             h, y, u, side, applies = soon(leg.motion, -to_behind, most)
         side = -side
         if not applies:
-            h, side = (0.0 if edges.watch else out_of_reach(leg.motion, to_ahead, to_behind, most)), 0
+            h = (
+                0.0
+                if edges.watch
+                else out_of_reach(leg.motion, to_ahead, to_behind, most)
+            )
+            side = 0
             if h == 0.0:
-                h, side = first_crossing(leg.motion, to_ahead, to_behind, most, state.cuts)
+                h, side = first_crossing(
+                    leg.motion, to_ahead, to_behind, most, state.cuts
+                )
             turn = first_turn(leg.motion, h, state.cuts) if edges.watch else np.inf
             if turn <= h:
-                h, side = turn, _TURN
+                h = turn
+                side = _TURN
             y, u = at(leg.motion, h)
             if side == _TURN:
                 u = 0.0
@@ -536,14 +755,22 @@ def _next_event(state: State, leg: Leg, edges: _Edges, ahead: float, most: float
 
 
 @inlined
-def _crosses(m: Record, edges: _Edges, side: int, first: float, boxes: Boxes | None) -> bool:
-    """Whether the slider passes an edge of the window before a contact or the element gives way."""
+def _crosses(
+    m: Record, edges: _Edges, side: int, first: float, boxes: Boxes | None
+) -> bool:
+    """Whether the slider passes an edge of the window before a contact or the
+    element gives way.
+    """
     edge = edges.high if side == 1 else edges.low
-    if not (side * edge < first and side * edge < side * (edges.ahead if side == 1 else edges.behind)):
+    if not (
+        side * edge < first
+        and side * edge < side * (edges.ahead if side == 1 else edges.behind)
+    ):
         return False
     m.position = edge
     if boxes is not None:
-        boxes.clock.window[0].until = -np.inf  # rounding may lead a slider without mass back into the window
+        # rounding may lead a slider without mass back into the window
+        boxes.clock.window[0].until = -np.inf
     return True
 
 
@@ -557,7 +784,9 @@ def _stops(m: Record) -> bool:
 
 @inlined
 def _due(state: State, boxes: Boxes) -> tuple[float, int]:
-    """When the first time of a contact comes: by one of the clocks that they share, or (-1) of its own."""
+    """When the first time of a contact comes: by one of the clocks that they share,
+    or (-1) of its own.
+    """
     if not is_shared(boxes.rule):
         return smallest(boxes.times), -1
     clock = boxes.clock
@@ -568,10 +797,15 @@ def _due(state: State, boxes: Boxes) -> tuple[float, int]:
 
 @inlined
 def short_of(m: Record, draws: Draws, boxes: Boxes | None) -> tuple[bool, bool, bool]:
-    """Whether there are too few thresholds, delays and variates for any event that may come next."""
-    thresholds, variates = 1, False
+    """Whether there are too few thresholds, delays and variates for any event that
+    may come next.
+    """
+    thresholds = 1
+    variates = False
     if boxes is not None:
-        variates = m.variates_used + _NEED + boxes.clock.window[0].wanted > draws.variates.size
+        variates = (
+            m.variates_used + _NEED + boxes.clock.window[0].wanted > draws.variates.size
+        )
         if grows_from_nothing(boxes.rule.growth):
             thresholds = _TRIES
     delays = math.isnan(draws.fixed_delay) and m.delays_used >= draws.delays.size
@@ -588,13 +822,16 @@ def advance(
     budget: int,
     boxes: Boxes | None = None,
 ) -> int:
-    """Move the state on, event by event, until a reason to stop, or about `budget` events.
+    """Move the state on, event by event, until a reason to stop, or about `budget`
+    events.
 
-    The motion says how far the samples are filled and the draws used. Whether there are boxes numba knows as it
-    compiles: contacts without pay nothing for them. A slider without mass needs them: under fixed thresholds it would
-    slip in no time.
+    The motion says how far the samples are filled and the draws used. Whether there are
+    boxes numba knows as it compiles: contacts without pay nothing for them. A slider
+    without mass needs them: under fixed thresholds it would slip in no time.
     """
-    m, acceleration, stiffest = state.motion[0], piece.drive.acceleration, 1.0
+    m = state.motion[0]
+    acceleration = piece.drive.acceleration
+    stiffest = 1.0
     if boxes is not None:
         stiffest = boxes.stiffest
     c = motion.constants(slider, m.sliding_force, float(state.size), stiffest)
@@ -612,12 +849,24 @@ def advance(
                 continue
             if not shared_clock.runs_evenly(boxes.clock, m):
                 behind = _first_behind(state)
-                if not shared_clock.wind(boxes.clock, boxes.rule, m, state.ahead, ahead, behind, draws.variates):
+                if not shared_clock.wind(
+                    boxes.clock,
+                    boxes.rule,
+                    m,
+                    state.ahead,
+                    ahead,
+                    behind,
+                    draws.variates,
+                ):
                     return DRAWS_USED_UP
         leg, edges = _begin(m, piece.drive, draws.on_arrest or draws.tracks, boxes, c)
-        attachment, due, by = peek(state.waiting), np.inf, 0
+        attachment = peek(state.waiting)
+        due = np.inf
+        by = 0
         if draws.on_arrest:
-            attachment = np.inf if m.breaks > m.breaks_at_arrest else max(attachment, m.time)
+            attachment = (
+                np.inf if m.breaks > m.breaks_at_arrest else max(attachment, m.time)
+            )
         if boxes is not None:
             due, by = _due(state, boxes)
         limit = min(min(attachment, due), piece.end)
@@ -640,7 +889,9 @@ def advance(
                 return ARRESTED
         elif side != 0:
             first = ahead if side == 1 else _first_behind(state)
-            if not (_crosses(m, edges, side, first, boxes) or _yields(m, edges, side, first)):
+            if not (
+                _crosses(m, edges, side, first, boxes) or _yields(m, edges, side, first)
+            ):
                 _pass(state, side, draws, boxes, c)
         elif ends_at == attachment:
             slot = first_slot(state.waiting)
@@ -650,6 +901,12 @@ def advance(
             if by >= 0:
                 _strike(state, by, draws, boxes, c)
             elif by == -1:
-                _leave(state, boxes.of[winner(boxes.times, state.size)]["place"], draws, boxes, c)
+                _leave(
+                    state,
+                    boxes.of[winner(boxes.times, state.size)]["place"],
+                    draws,
+                    boxes,
+                    c,
+                )
         elif ends_at >= piece.end:
             return FINISHED

@@ -1,13 +1,16 @@
-"""A finite number of contacts on panels: how many of each node break and re-attach in a step is drawn.
+"""A finite number of contacts on panels: how many of each node break and re-attach in a
+step is drawn.
 
-The contacts of a node of Gauss attached at one place. Of ``n`` that have held up to a stretching ``r`` a binomial
-number breaks on the way to ``r'``, each with the probability ``1 - J_c(r')/J_c(r)``. Where they attach, in a step, and
-how long they wait is binomial, too. So the counts have the distribution of independent contacts, at a cost that depends
-on the number of nodes only.
+The contacts of a node of Gauss attached at one place. Of ``n`` that have held up to a
+stretching ``r`` a binomial number breaks on the way to ``r'``, each with the
+probability ``1 - J_c(r')/J_c(r)``. Where they attach, in a step, and how long they wait
+is binomial, too. So the counts have the distribution of independent contacts, at a cost
+that depends on the number of nodes only.
 
-A step is solved for the mean of what may happen in it, given the counts at its start; its length follows from that
-mean, so that no outcome is ever rejected. Then the counts are drawn. What more or less has broken than on average does
-so at one random moment in the step, of which the slider feels the rest: force, velocity and position then have the
+A step is solved for the mean of what may happen in it, given the counts at its start;
+its length follows from that mean, so that no outcome is ever rejected. Then the counts
+are drawn. What more or less has broken than on average does so at one random moment in
+the step, of which the slider feels the rest: force, velocity and position then have the
 variances and correlations that they have if every break has a moment of its own.
 """
 
@@ -43,21 +46,31 @@ _COARSE = 0.02  # largest error of merging two cohorts, in units of the toleranc
 
 
 @bare
-def deviation(work: Work, case: Case, t: float, row: Record, force: float, velocity: float) -> None:
-    """Add what the deviation from the mean has done by a time to a row that is the mean, of this force and velocity."""
+def deviation(
+    work: Work, case: Case, t: float, row: Record, force: float, velocity: float
+) -> None:
+    """Add what the deviation from the mean has done by a time to a row that is the
+    mean, of this force and velocity.
+    """
     extra = work.fluctuation
     h = t - extra.time
     if h < 0.0 or (extra.force == 0.0 and extra.fraction == 0.0):
         return
-    D, L = extra.fraction, extra.energy
+    D = extra.fraction
+    L = extra.energy
     distance = extra.velocity * h
     x = 0.0
     slider = case.slider
     if not is_rigid(slider):
-        K, M, eta = slider.stiffness, slider.mass, slider.damping
+        K = slider.stiffness
+        M = slider.mass
+        eta = slider.damping
         _, r, r1, r2, r3 = response(h, eta, extra.frequency2)
-        a, b = extra.force / M, D * extra.velocity / M
-        v, x, area = a * r + b * r1, a * r1 + b * r2, a * r2 + b * r3
+        a = extra.force / M
+        b = D * extra.velocity / M
+        v = a * r + b * r1
+        x = a * r1 + b * r2
+        area = a * r2 + b * r3
         row.position += x
         row.velocity += v
         row.work -= K * drive_at(case.drive, t - 0.5 * h)[1] * area
@@ -68,17 +81,28 @@ def deviation(work: Work, case: Case, t: float, row: Record, force: float, veloc
         row.damped += M * eta * squares
         row.lost += extra.loss_rate * area
     row.lost += L
-    stiffness = max(extra.frequency2 * slider.mass - slider.stiffness, 0.0) if x != 0.0 else 0.0
+    stiffness = (
+        max(extra.frequency2 * slider.mass - slider.stiffness, 0.0) if x != 0.0 else 0.0
+    )
     row.contact_force += stiffness * x - extra.force - D * distance
     far = distance + x
-    row.stored += force * x + 0.5 * (stiffness + D) * x * x - L - extra.force * far - 0.5 * D * far * far
+    row.stored += (
+        force * x
+        + 0.5 * (stiffness + D) * x * x
+        - L
+        - extra.force * far
+        - 0.5 * D * far * far
+    )
     row.attached -= extra.detached
 
 
 @bare
 def deviate(row: Record, t: float, end: Record, work: Work, case: Case) -> None:
-    """Add the deviation from the mean to a sample of it, with energy lost no sooner than it is."""
-    part, start = work.nodes[P].lost, work.before[0]
+    """Add the deviation from the mean to a sample of it, with energy lost no sooner
+    than it is.
+    """
+    part = work.nodes[P].lost
+    start = work.before[0]
     part = min(max((row.lost - start.lost) / part, 0.0), 1.0) if part != 0.0 else 0.0
     deviation(work, case, t, row, row.contact_force, row.velocity)
     row.attached = min(max(row.attached, 0.0), 1.0)
@@ -88,13 +112,26 @@ def deviate(row: Record, t: float, end: Record, work: Work, case: Case) -> None:
 
 
 @bare
-def settle(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float, direction: float) -> None:
-    """Draw what breaks and re-attaches in a step that has been solved, and taken, for the mean.
+def settle(
+    state: State,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber,
+    dt: float,
+    direction: float,
+) -> None:
+    """Draw what breaks and re-attaches in a step that has been solved, and taken, for
+    the mean.
 
     The cohorts are still those of its start.
     """
-    cohorts, motion, nodes, extra, N = state.cohorts, state.motion, work.nodes, work.fluctuation, finite.contacts
-    breaking, start = case.breaking, work.before[0]
+    cohorts = state.cohorts
+    motion = state.motion
+    nodes = work.nodes
+    extra = work.fluctuation
+    N = finite.contacts
+    breaking = case.breaking
+    start = work.before[0]
     origin = start.position
     u = finite.rng.random()
     place = value(nodes.x, work.curves.x, u)
@@ -105,11 +142,31 @@ def settle(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float
             n = cohorts[COUNT, g, j]
             if n == 0.0:
                 continue
-            b, r, clock = cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[CLOCK, g, j]
+            b = cohorts[PLACE, g, j]
+            r = cohorts[REACH, g, j]
+            clock = cohorts[CLOCK, g, j]
             age = start.time - cohorts[SINCE, g, j]
-            clock, most = carried(work.reading.way, breaking, b - origin, clock, r, age, 0.0, nodes.size - 2)
+            clock, most = carried(
+                work.reading.way,
+                breaking,
+                b - origin,
+                clock,
+                r,
+                age,
+                0.0,
+                nodes.size - 2,
+            )
             if (most > r and most > breaking.thresholds.bottom) or breaking.width > 0.0:
-                held = min(max(N * cohorts[MASS, g, j] * survival(breaking, clock, most)[0] / n, 0.0), 1.0)
+                held = min(
+                    max(
+                        N
+                        * cohorts[MASS, g, j]
+                        * survival(breaking, clock, most)[0]
+                        / n,
+                        0.0,
+                    ),
+                    1.0,
+                )
                 k = drawn(finite.rng, n, held)
                 more = k - n * (1.0 - held)
                 x = origin + place - b
@@ -118,16 +175,22 @@ def settle(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float
                 energy += 0.5 * more * (x * x - e * e)
                 cohorts[COUNT, g, j] = n - k
                 total += k
-            cohorts[REACH, g, j], cohorts[CLOCK, g, j] = most, clock
+            cohorts[REACH, g, j] = most
+            cohorts[CLOCK, g, j] = clock
     h = max((1.0 - u) * dt, 1e-300)
-    extra.time, extra.force = start.time + u * dt, force / N
-    extra.fraction, extra.energy = excess / N, energy / N
+    extra.time = start.time + u * dt
+    extra.force = force / N
+    extra.fraction = excess / N
+    extra.energy = energy / N
     away = 1.0
     for i in range(case.delays.time.size):
         if case.delays.time[i] == 0.0:
             away -= case.delays.weight[i]
     extra.detached = away * extra.fraction
-    extra.velocity, extra.acceleration = (nodes[P].x - place) / h, (nodes[P].v - value(nodes.v, work.curves.v, u)) / h
+    extra.velocity, extra.acceleration = (
+        (nodes[P].x - place) / h,
+        (nodes[P].v - value(nodes.v, work.curves.v, u)) / h,
+    )
     slope = (nodes[P].force - value(nodes.force, work.curves.force, u)) / h
     extra.loss_rate = nodes[P].attached * extra.velocity - slope
     if not is_rigid(case.slider):
@@ -142,20 +205,34 @@ def settle(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float
     reattached = _arrivals(state, case, finite, start.time, motion.time)
     motion.reattached = start.reattached + reattached / N
     if reattached > 0.0:
-        _keep(state, work, case, finite, dt, _attach(state, work, case, finite, direction, reattached, dt))
+        _keep(
+            state,
+            work,
+            case,
+            finite,
+            dt,
+            _attach(state, work, case, finite, direction, reattached, dt),
+        )
     count_up(state, N)
 
 
 @bare
 def _go_on(state: State, case: Case, finite: FiniteNumber) -> float:
-    """Break what does not hold where the slider has come to lie, and leave out empty nodes; how many broke."""
-    cohorts, breaking, X = state.cohorts, case.breaking, state.motion.position
+    """Break what does not hold where the slider has come to lie, and leave out empty
+    nodes; how many broke.
+    """
+    cohorts = state.cohorts
+    breaking = case.breaking
+    X = state.motion.position
     total = 0.0
     kept = 0
     for g in range(state.used.cohorts):
         for j in range(Q):
-            n, b, r = cohorts[COUNT, g, j], cohorts[PLACE, g, j], cohorts[REACH, g, j]
-            u, since = cohorts[CLOCK, g, j], cohorts[SINCE, g, j]
+            n = cohorts[COUNT, g, j]
+            b = cohorts[PLACE, g, j]
+            r = cohorts[REACH, g, j]
+            u = cohorts[CLOCK, g, j]
+            since = cohorts[SINCE, g, j]
             cohorts[COUNT, g, j] = cohorts[MASS, g, j] = 0.0
             if n == 0.0:
                 continue
@@ -178,42 +255,80 @@ def _held(case: Case, u: float, r: float, clock: float, most: float) -> float:
 
 
 @inlined
-def _put(cohorts: Floats, place: int, case: Case, finite: FiniteNumber, n: float, life: Life) -> int:
-    """Put contacts with a life so far into a place among the nodes; whether there are any."""
+def _put(
+    cohorts: Floats, place: int, case: Case, finite: FiniteNumber, n: float, life: Life
+) -> int:
+    """Put contacts with a life so far into a place among the nodes; whether there
+    are any.
+    """
     if n == 0.0:
         return 0
-    g, j = place // Q, place % Q
+    g = place // Q
+    j = place % Q
     J = survival(case.breaking, life.clock, life.reach)[0]
-    cohorts[PLACE, g, j], cohorts[REACH, g, j], cohorts[WHOLE, g, j], cohorts[COUNT, g, j] = life.b, life.reach, 0.0, n
+    cohorts[PLACE, g, j] = life.b
+    cohorts[REACH, g, j] = life.reach
+    cohorts[WHOLE, g, j] = 0.0
+    cohorts[COUNT, g, j] = n
     cohorts[MASS, g, j] = n / (finite.contacts * J) if J > GONE else 0.0
-    cohorts[CLOCK, g, j], cohorts[SINCE, g, j] = life.clock, life.since
+    cohorts[CLOCK, g, j] = life.clock
+    cohorts[SINCE, g, j] = life.since
     return 1
 
 
 @inlined
-def _joins(cohorts: Floats, place: int, case: Case, finite: FiniteNumber, n: float, life: Life, X: float) -> bool:
-    """Let contacts join those at a place among the nodes if that is as good as where they attached."""
-    g, j = place // Q, place % Q
+def _joins(
+    cohorts: Floats,
+    place: int,
+    case: Case,
+    finite: FiniteNumber,
+    n: float,
+    life: Life,
+    X: float,
+) -> bool:
+    """Let contacts join those at a place among the nodes if that is as good as where
+    they attached.
+    """
+    g = place // Q
+    j = place % Q
     if place < 0 or n == 0.0:
         return False
-    u, r = max(life.clock, cohorts[CLOCK, g, j]), max(life.reach, cohorts[REACH, g, j])
-    if r > case.breaking.thresholds.bottom or (case.breaking.width > 0.0 and u > case.breaking.blurred.bottom):
+    u = max(life.clock, cohorts[CLOCK, g, j])
+    r = max(life.reach, cohorts[REACH, g, j])
+    if r > case.breaking.thresholds.bottom or (
+        case.breaking.width > 0.0 and u > case.breaking.blurred.bottom
+    ):
         return False
-    total, offset = n + cohorts[COUNT, g, j], life.b - cohorts[PLACE, g, j]
+    total = n + cohorts[COUNT, g, j]
+    offset = life.b - cohorts[PLACE, g, j]
     error = total / finite.contacts * offset * offset
     if abs(offset) > finite.grain or error > _COARSE * case.accuracy.tolerance:
         return False
-    part, before = n / total, cohorts[SINCE, g, j]
+    part = n / total
+    before = cohorts[SINCE, g, j]
     b = cohorts[PLACE, g, j] + offset * part
     r = max(r, abs(X - b)) if case.breaking.growth.first == 0.0 else r
-    _put(cohorts, place, case, finite, total, Life(b, u, r, before + part * (life.since - before)))
+    _put(
+        cohorts,
+        place,
+        case,
+        finite,
+        total,
+        Life(b, u, r, before + part * (life.since - before)),
+    )
     return True
 
 
 @bare
-def _keep(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float, more: float) -> None:
+def _keep(
+    state: State, work: Work, case: Case, finite: FiniteNumber, dt: float, more: float
+) -> None:
     """Let what has broken in a step, or more of it, wait for its re-attachment."""
-    panels, nodes, delays, motion, start = state.panels, work.nodes, case.delays, state.motion, work.before[0]
+    panels = state.panels
+    nodes = work.nodes
+    delays = case.delays
+    motion = state.motion
+    start = work.before[0]
     motion.broken += more / finite.contacts
     if more == 0.0 or delays.time.size + delays.fraction == 0.0:
         return
@@ -222,19 +337,25 @@ def _keep(state: State, work: Work, case: Case, finite: FiniteNumber, dt: float,
         n -= 1
     else:
         state.used.panels = n + 1
-        panels[n, 0], panels[n, 1] = start.time, dt
+        panels[n, 0] = start.time
+        panels[n, 1] = dt
         for i in range(WAITING, panels.shape[1]):
             panels[n, i] = 0.0
     for k in range(P + 1):
         part = nodes[k].broken / nodes[P].broken if nodes[P].broken > 1e-15 else NODE[k]
-        panels[n, 2 + k] = start.broken + min(max(part, 0.0), 1.0) * (motion.broken - start.broken)
+        panels[n, 2 + k] = start.broken + min(max(part, 0.0), 1.0) * (
+            motion.broken - start.broken
+        )
     _wait(panels[n], delays, finite, more)
 
 
 @bare
 def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> None:
-    """Divide what broke in a panel between the delays, and what has a delay from a distribution between its nodes."""
-    left, rest = more, 1.0
+    """Divide what broke in a panel between the delays, and what has a delay from a
+    distribution between its nodes.
+    """
+    left = more
+    rest = 1.0
     for i in range(delays.time.size):
         k = drawn(finite.rng, left, 1.0 - delays.weight[i] / rest)
         panel[WAITING + i] += k
@@ -243,7 +364,8 @@ def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> N
     if delays.fraction == 0.0:
         return
     k = drawn(finite.rng, left, 1.0 - delays.fraction / rest)
-    left, rest = k, 1.0
+    left = k
+    rest = 1.0
     full = panel[2 + P] - panel[2]
     for j in range(Q):
         part = 0.0
@@ -257,26 +379,36 @@ def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> N
 
 
 @bare
-def _arrivals(state: State, case: Case, finite: FiniteNumber, before: float, now: float) -> float:
+def _arrivals(
+    state: State, case: Case, finite: FiniteNumber, before: float, now: float
+) -> float:
     """Draw how many re-attach between two times; they wait no longer."""
-    panels, delays, N = state.panels, case.delays, finite.contacts
+    panels = state.panels
+    delays = case.delays
+    N = finite.contacts
     total = 0.0
     longest = delays.continuous.top if delays.fraction > 0.0 else 0.0
     for i in range(delays.time.size):
         longest = max(longest, delays.time[i])
     for p in range(state.used.panels - 1, -1, -1):
-        start, length = panels[p, 0], panels[p, 1]
+        start = panels[p, 0]
+        length = panels[p, 1]
         if start + length < before - longest:
             break
         full = panels[p, 2 + P] - panels[p, 2]
         for i in range(delays.time.size):
-            n, until = panels[p, WAITING + i], now - delays.time[i]
+            n = panels[p, WAITING + i]
+            until = now - delays.time[i]
             if n == 0.0 or until <= start:
                 continue
             held = 0.0
             if until < start + length:
-                gone = (in_panel(panels, p, before - delays.time[i]) - panels[p, 2]) / full
-                held = (1.0 - (in_panel(panels, p, until) - panels[p, 2]) / full) / max(1.0 - gone, 1e-14)
+                gone = (
+                    in_panel(panels, p, before - delays.time[i]) - panels[p, 2]
+                ) / full
+                held = (1.0 - (in_panel(panels, p, until) - panels[p, 2]) / full) / max(
+                    1.0 - gone, 1e-14
+                )
             k = drawn(finite.rng, n, held)
             panels[p, WAITING + i] = n - k
             total += k
@@ -284,7 +416,8 @@ def _arrivals(state: State, case: Case, finite: FiniteNumber, before: float, now
             continue
         for j in range(Q):
             i = WAITING + delays.time.size + j
-            n, panels[p, 3 + P + j] = panels[p, i], 0.0
+            n = panels[p, i]
+            panels[p, 3 + P + j] = 0.0
             if n == 0.0:
                 continue
             age = now - start - GAUSS[j] * length
@@ -300,26 +433,59 @@ def _arrivals(state: State, case: Case, finite: FiniteNumber, before: float, now
 
 @bare
 def _attach(
-    state: State, work: Work, case: Case, finite: FiniteNumber, direction: float, reattached: float, dt: float
+    state: State,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber,
+    direction: float,
+    reattached: float,
+    dt: float,
 ) -> float:
-    """Put what re-attaches in a step where the slider is on the way; how many have broken again by its end."""
-    cohorts, nodes, newborn = state.cohorts, work.nodes, case.newborn
-    X, place = state.motion.position, Q * state.used.cohorts
-    broken, origin = 0.0, work.before[0].position
-    left, rest = reattached, 1.0
+    """Put what re-attaches in a step where the slider is on the way; how many have
+    broken again by its end.
+    """
+    cohorts = state.cohorts
+    nodes = work.nodes
+    newborn = case.newborn
+    X = state.motion.position
+    place = Q * state.used.cohorts
+    broken = 0.0
+    origin = work.before[0].position
+    left = reattached
+    rest = 1.0
     for j in range(Q):
-        part, b = dot(INCREASE[P - 1, j], nodes.reattached), dot(PART[P - 1, j], nodes.x)
-        part = max(part / nodes[P].reattached, 0.0) if nodes[P].reattached > 1e-15 else WEIGHT[j]
+        part = dot(INCREASE[P - 1, j], nodes.reattached)
+        b = dot(PART[P - 1, j], nodes.x)
+        part = (
+            max(part / nodes[P].reattached, 0.0)
+            if nodes[P].reattached > 1e-15
+            else WEIGHT[j]
+        )
         here = left if j == Q - 1 else drawn(finite.rng, left, 1.0 - part / rest)
         left -= here
         rest = max(rest - part, 1e-300)
-        more, other = here, 1.0
+        more = here
+        other = 1.0
         for i in range(newborn.stretching.size):
-            n = more if i == newborn.stretching.size - 1 else drawn(finite.rng, more, 1.0 - newborn.fraction[i] / other)
+            n = (
+                more
+                if i == newborn.stretching.size - 1
+                else drawn(finite.rng, more, 1.0 - newborn.fraction[i] / other)
+            )
             more -= n
             other = max(other - newborn.fraction[i], 1e-300)
-            at, x0 = b - direction * newborn.stretching[i], newborn.tried * abs(newborn.stretching[i])
-            u, r = carried(work.reading.way, case.breaking, at, NEVER, x0, 0.0, GAUSS[j], nodes.size - 2)
+            at = b - direction * newborn.stretching[i]
+            x0 = newborn.tried * abs(newborn.stretching[i])
+            u, r = carried(
+                work.reading.way,
+                case.breaking,
+                at,
+                NEVER,
+                x0,
+                0.0,
+                GAUSS[j],
+                nodes.size - 2,
+            )
             if r > x0 or u > NEVER:
                 k = drawn(finite.rng, n, _held(case, NEVER, x0, u, r))
                 broken += k
@@ -342,13 +508,23 @@ def _fill_up(state: State, place: int) -> None:
 
 @bare
 def attach_all(state: State, case: Case, finite: FiniteNumber) -> None:
-    """Let all that is detached re-attach where the slider is, stretched the way it has moved last."""
-    motion, newborn, N = state.motion, case.newborn, finite.contacts
-    more, other, place = N * motion.mass_out + 0.5, 1.0, Q * state.used.cohorts
+    """Let all that is detached re-attach where the slider is, stretched the way it
+    has moved last.
+    """
+    motion = state.motion
+    newborn = case.newborn
+    N = finite.contacts
+    more = N * motion.mass_out + 0.5
+    other = 1.0
+    place = Q * state.used.cohorts
     more = math.floor(more)
     for i in range(newborn.stretching.size):
         x = motion.direction * newborn.stretching[i]
-        n = more if i == newborn.stretching.size - 1 else drawn(finite.rng, more, 1.0 - newborn.fraction[i] / other)
+        n = (
+            more
+            if i == newborn.stretching.size - 1
+            else drawn(finite.rng, more, 1.0 - newborn.fraction[i] / other)
+        )
         more -= n
         other = max(other - newborn.fraction[i], 1e-300)
         life = Life(motion.position - x, NEVER, newborn.tried * abs(x), motion.time)
@@ -359,12 +535,16 @@ def attach_all(state: State, case: Case, finite: FiniteNumber) -> None:
 
 @bare
 def count_up(state: State, N: float) -> None:
-    """Take force, attached fraction and energy from the counts; energy that is no longer stored is lost."""
-    cohorts, motion = state.cohorts, state.motion
+    """Take force, attached fraction and energy from the counts; energy that is no
+    longer stored is lost.
+    """
+    cohorts = state.cohorts
+    motion = state.motion
     A = F = E = 0.0
     for g in range(state.used.cohorts):
         for j in range(Q):
-            n, x = cohorts[COUNT, g, j], motion.position - cohorts[PLACE, g, j]
+            n = cohorts[COUNT, g, j]
+            x = motion.position - cohorts[PLACE, g, j]
             A += n
             F += n * x
             E += n * x * x
@@ -378,27 +558,42 @@ def count_up(state: State, N: float) -> None:
 
 
 def counted(state: State, case: Case, finite: FiniteNumber) -> State:
-    """Return a state as `initial_state` makes it with a number of contacts in place of fractions of infinitely many."""
-    delays, rng, N = case.delays, finite.rng, finite.contacts
+    """Return a state as `initial_state` makes it with a number of contacts in place
+    of fractions of infinitely many.
+    """
+    delays = case.delays
+    rng = finite.rng
+    N = finite.contacts
     count = round(N)
     state = copy.deepcopy(state)
-    used, cohorts, panels = state.used, state.cohorts, state.panels
+    used = state.used
+    cohorts = state.cohorts
+    panels = state.panels
     n = used.cohorts
     alive = survivals(case.breaking, cohorts[CLOCK, :n], cohorts[REACH, :n])
     weight = cohorts[MASS, :n] * np.maximum(alive, 1e-12)
     attached = round(count * float(weight.sum()))
-    held = rng.multinomial(attached, (weight / weight.sum()).ravel()).reshape(weight.shape)
-    cohorts[COUNT, :n], cohorts[MASS, :n], cohorts[WHOLE, :n] = held, held / (N * np.maximum(alive, 1e-12)), 0.0
+    held = rng.multinomial(attached, (weight / weight.sum()).ravel()).reshape(
+        weight.shape
+    )
+    cohorts[COUNT, :n] = held
+    cohorts[MASS, :n] = held / (N * np.maximum(alive, 1e-12))
+    cohorts[WHOLE, :n] = 0.0
     if attached < count:
-        past, t = panels[: used.panels], state.motion.time
+        past = panels[: used.panels]
+        t = state.motion.time
         end = past[:, :1] + past[:, 1:2] + delays.time - t
         parts = np.zeros((len(past), delays.time.size + Q))
         parts[:, : delays.time.size] = delays.weight * np.clip(end, 0.0, past[:, 1:2])
         if delays.fraction > 0.0:
             age = t - past[:, :1] - GAUSS * past[:, 1:2]
             left = values_at(delays.continuous, age.ravel()).reshape(age.shape)
-            parts[:, delays.time.size :] = delays.fraction * past[:, 1:2] * WEIGHT * left
-        past[:, WAITING:] = rng.multinomial(count - attached, (parts / parts.sum()).ravel()).reshape(parts.shape)
+            parts[:, delays.time.size :] = (
+                delays.fraction * past[:, 1:2] * WEIGHT * left
+            )
+        past[:, WAITING:] = rng.multinomial(
+            count - attached, (parts / parts.sum()).ravel()
+        ).reshape(parts.shape)
         if delays.fraction > 0.0:
             waiting = past[:, WAITING + delays.time.size :]
             parted = N * delays.fraction * np.maximum(left, GONE)
@@ -408,21 +603,43 @@ def counted(state: State, case: Case, finite: FiniteNumber) -> State:
     return state
 
 
-def joined(cohorts: Floats, used: int, breaking: Breaking, finite: FiniteNumber, now: float) -> Floats:
-    """Join nodes that lie close to each other and reach nearly as far; none of the contacts is lost."""
+def joined(
+    cohorts: Floats, used: int, breaking: Breaking, finite: FiniteNumber, now: float
+) -> Floats:
+    """Join nodes that lie close to each other and reach nearly as far; none of the
+    contacts is lost.
+    """
     there = cohorts[:, :used].reshape(COHORT_ROWS, -1)
     there = there[:, there[COUNT] > 0]
-    count, lives = there[COUNT], there[[PLACE, REACH, CLOCK, SINCE]]
+    count = there[COUNT]
+    lives = there[[PLACE, REACH, CLOCK, SINCE]]
     alike = lives[:3].copy()
-    alike[2] = np.maximum(alike[2], breaking.blurred.low) if breaking.width > 0.0 else 0.0
+    alike[2] = (
+        np.maximum(alike[2], breaking.blurred.low) if breaking.width > 0.0 else 0.0
+    )
     cell = np.round(alike / (0.3 * finite.grain))
     if breaking.growth.first != 0.0:  # of one age, or nearly
-        cell = np.append(cell, [np.round(20.0 * np.log(np.maximum(now - there[SINCE], 1e-300)))], axis=0)
+        cell = np.append(
+            cell,
+            [np.round(20.0 * np.log(np.maximum(now - there[SINCE], 1e-300)))],
+            axis=0,
+        )
     kinds, which = np.unique(cell, axis=1, return_inverse=True)
     total = np.bincount(which.ravel(), count, kinds.shape[1])
-    b, r, u, since = (np.bincount(which.ravel(), count * each, kinds.shape[1]) / total for each in lives)
+    b, r, u, since = (
+        np.bincount(which.ravel(), count * each, kinds.shape[1]) / total
+        for each in lives
+    )
     made = np.zeros((COHORT_ROWS, -(-total.size // Q) * Q))
     alive = survivals(breaking, u, r)
-    made[[PLACE, REACH, CLOCK, SINCE, COUNT], : b.size] = b, r, u, since, np.round(total)
-    made[MASS, : b.size] = np.where(alive > GONE, total / (finite.contacts * np.maximum(alive, GONE)), 0.0)
+    made[[PLACE, REACH, CLOCK, SINCE, COUNT], : b.size] = (
+        b,
+        r,
+        u,
+        since,
+        np.round(total),
+    )
+    made[MASS, : b.size] = np.where(
+        alive > GONE, total / (finite.contacts * np.maximum(alive, GONE)), 0.0
+    )
     return made.reshape(COHORT_ROWS, -1, Q)

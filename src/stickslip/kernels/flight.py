@@ -1,9 +1,11 @@
-"""The slider between two events, as the event engine needs it: quickly, with its turns and crossings.
+"""The slider between two events, as the event engine needs it: quickly, with its turns
+and crossings.
 
-The equation of motion is that of `oscillator`, and so would be its closed form by doubling; but that costs 300 ns, as
-much as five events in all. Nearly all flights are short: a Taylor expansion whose coefficients serve position,
-velocity, energies and Newton's method alike does them, six terms for the shortest, and closed forms with exponentials
-the rest. Crossings need derivatives up to the jerk besides.
+The equation of motion is that of `oscillator`, and so would be its closed form by
+doubling; but that costs 300 ns, as much as five events in all. Nearly all flights are
+short: a Taylor expansion whose coefficients serve position, velocity, energies and
+Newton's method alike does them, six terms for the shortest, and closed forms with
+exponentials the rest. Crossings need derivatives up to the jerk besides.
 """
 
 import math
@@ -18,8 +20,9 @@ from .records import Floats
 class Flight(NamedTuple):
     """Motion between two events, as displacement ``y(h)`` a time ``h`` after the first.
 
-    ``y = q0 + q1 h + q2 h^2`` plus a free oscillation that starts from ``(y0, v0)``; ``c2 ... c6`` are the first Taylor
-    coefficients, and do while ``h`` is at most `near` times `NEAREST` over `NEAR`.
+    ``y = q0 + q1 h + q2 h^2`` plus a free oscillation that starts from ``(y0, v0)``;
+    ``c2 ... c6`` are the first Taylor coefficients, and do while ``h`` is at most
+    `near` times `NEAREST` over `NEAR`.
     """
 
     eta: float
@@ -39,22 +42,30 @@ class Flight(NamedTuple):
     near: float
 
 
-# (eta + w) h up to here, w with all contacts attached: eight Taylor terms leave an error under 1e-14 of the velocity,
+# (eta + w) h up to here, w with all contacts attached: eight Taylor terms leave an
+# error under 1e-14 of the velocity,
 NEAR = 0.06
 NEAREST = 0.012  # up to here, six
 MIDDLE = 0.3  # and up to here, twelve
-_DIED_OUT = 40.0  # a free oscillation that has decayed by exp of this is less than rounding
+# a free oscillation that has decayed by exp of this is less than rounding
+_DIED_OUT = 40.0
 _LEGS = 16.0  # flights of more legs than this go through the closed form
 
-# Orders of derivatives; kernels are compiled once for numpy's integers, and for each of Python's constants anew.
+# Orders of derivatives; kernels are compiled once for numpy's integers, and for each of
+# Python's constants anew.
 _ORDERS: Any = np.arange(3)
 _PLACE, _VELOCITY, _ACCELERATION = _ORDERS
 
 
 @inlined
-def take_off(eta: float, w2: float, near: float, v: float, f0: float, f1: float, f2: float) -> Flight:
+def take_off(
+    eta: float, w2: float, near: float, v: float, f0: float, f1: float, f2: float
+) -> Flight:
     """Solve ``y'' + eta y' + w2 y = f0 + f1 h + f2 h^2`` from ``y = 0, y' = v``."""
-    q0, q1, q2, inverse = 0.0, v, 0.0, 0.0
+    q0 = 0.0
+    q1 = v
+    q2 = 0.0
+    inverse = 0.0
     if w2 > 0:  # else rigid motion
         inverse = 1.0 / w2
         q2 = f2 * inverse
@@ -66,29 +77,37 @@ def take_off(eta: float, w2: float, near: float, v: float, f0: float, f1: float,
     c4 = (f2 * (1.0 / 12.0) - w2 * (1.0 / 12.0) * c2) - eta * 0.25 * c3
     c5 = -(w2 * (1.0 / 20.0)) * c3 - eta * 0.2 * c4
     c6 = -(w2 * (1.0 / 30.0)) * c4 - eta * (1.0 / 6.0) * c5
-    return Flight(eta, w2, inverse, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, near)
+    return Flight(
+        eta, w2, inverse, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, near
+    )
 
 
 @inlined
 def taylor(f: Flight, h: float) -> tuple[float, float]:
     """Displacement and velocity by the Taylor expansion, within `MIDDLE`."""
-    tail, slope = 0.0, 0.0
+    tail = 0.0
+    slope = 0.0
     if h > f.near * (NEAREST / NEAR):
         tail, slope = _tail(f, h)
     h2 = h * h
     # Pairs of terms side by side: none waits for another.
     y = (f.v + h * f.c2) + h2 * ((f.c3 + h * f.c4) + h2 * ((f.c5 + h * f.c6) + tail))
-    v = (f.v + h * 2.0 * f.c2) + h2 * ((3.0 * f.c3 + h * 4.0 * f.c4) + h2 * ((5.0 * f.c5 + h * 6.0 * f.c6) + slope))
+    v = (f.v + h * 2.0 * f.c2) + h2 * (
+        (3.0 * f.c3 + h * 4.0 * f.c4) + h2 * ((5.0 * f.c5 + h * 6.0 * f.c6) + slope)
+    )
     return h * y, v
 
 
 @inlined
 def _tail(f: Flight, h: float) -> tuple[float, float]:
-    """Terms from the seventh on, of the displacement over ``h^5`` and of the velocity over ``h^4``."""
+    """Terms from the seventh on, of the displacement over ``h^5`` and of the
+    velocity over ``h^4``.
+    """
     c6 = f.c6
     c7 = -(f.w2 * (1.0 / 42.0)) * f.c5 - f.eta * (1.0 / 7.0) * c6
     c8 = -(f.w2 * (1.0 / 56.0)) * c6 - f.eta * 0.125 * c7
-    tail, slope = 0.0, 0.0
+    tail = 0.0
+    slope = 0.0
     if h > f.near:
         c9 = (-f.w2 * c7 - 8.0 * f.eta * c8) * (1.0 / 72.0)
         c10 = (-f.w2 * c8 - 9.0 * f.eta * c9) * (1.0 / 90.0)
@@ -101,7 +120,9 @@ def _tail(f: Flight, h: float) -> tuple[float, float]:
 
 @inlined
 def _free(f: Flight, h: float) -> tuple[float, float]:
-    """Responses of the free oscillator at `h` to a unit displacement and to a unit velocity."""
+    """Responses of the free oscillator at `h` to a unit displacement and to a unit
+    velocity.
+    """
     g = 0.5 * f.eta
     d = g * g - f.w2
     if d < 0:
@@ -115,8 +136,10 @@ def _free(f: Flight, h: float) -> tuple[float, float]:
         z = d * h * h
         sine = decay * h * (1.0 + z / 6.0 + z * z / 120.0)
         return decay * (1.0 + 0.5 * z + z * z / 24.0) + g * sine, sine
-    fast, slow = g + b, f.w2 / (g + b)
-    e_fast, e_slow = math.exp(-fast * h), math.exp(-slow * h)
+    fast = g + b
+    slow = f.w2 / (g + b)
+    e_fast = math.exp(-fast * h)
+    e_slow = math.exp(-slow * h)
     return (fast * e_slow - slow * e_fast) / (2.0 * b), (e_slow - e_fast) / (2.0 * b)
 
 
@@ -137,21 +160,29 @@ def at(f: Flight, h: float) -> tuple[float, float]:
 
 @bare
 def derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
-    """Displacement, velocity, acceleration or jerk (order 0 to 3), and the next derivative, by the closed form."""
-    v, a = f.v0, 2.0 * (f.c2 - f.q2)
+    """Displacement, velocity, acceleration or jerk (order 0 to 3), and the next
+    derivative, by the closed form.
+    """
+    v = f.v0
+    a = 2.0 * (f.c2 - f.q2)
     g = 0.5 * f.eta
     if f.w2 < 0.5 * g * g:
-        # Two modes, far apart. Derivatives of their sum would lose the slow one in the rounding of the fast one.
+        # Two modes, far apart. Derivatives of their sum would lose the slow one in the
+        # rounding of the fast one.
         b = math.sqrt(g * g - f.w2)
-        fast, slow = g + b, f.w2 / (g + b)
+        fast = g + b
+        slow = f.w2 / (g + b)
         fast_a = 0.5 * fast * (a + slow * v) / b * math.exp(-fast * h)
         slow_a = -0.5 * slow * (a + fast * v) / b * math.exp(-slow * h)
-        y, v = fast_a / (fast * fast) + slow_a / (slow * slow), -fast_a / fast - slow_a / slow
-        a, j = fast_a + slow_a, -fast * fast_a - slow * slow_a
+        y = fast_a / (fast * fast) + slow_a / (slow * slow)
+        v = -fast_a / fast - slow_a / slow
+        a = fast_a + slow_a
+        j = -fast * fast_a - slow * slow_a
         k = fast * fast * fast_a + slow * slow * slow_a
     else:
         c, s = _free(f, h)
-        y, v = f.y0 * c + v * s, v * c + a * s
+        y = f.y0 * c + v * s
+        v = v * c + a * s
         a = -f.eta * v - f.w2 * y
         j = -f.eta * a - f.w2 * v
         k = -f.eta * j - f.w2 * a
@@ -166,7 +197,9 @@ def derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
 
 @bare
 def _start(f: Flight, order: int) -> float:
-    """Velocity, acceleration or jerk (order 1 to 3) just after the start: where it is 0, the first that is not."""
+    """Velocity, acceleration or jerk (order 1 to 3) just after the start: where it
+    is 0, the first that is not.
+    """
     if order == 1 and f.v != 0.0:
         return f.v
     if order <= 2 and f.c2 != 0.0:
@@ -176,7 +209,9 @@ def _start(f: Flight, order: int) -> float:
 
 @bare
 def _root(f: Flight, order: int, value: float, low: float, high: float) -> float:
-    """Where a derivative, monotone from `low` to `high`, takes a value: Newton, kept inside by bisection."""
+    """Where a derivative, monotone from `low` to `high`, takes a value: Newton, kept
+    inside by bisection.
+    """
     rising = derivative(f, order, high)[0] > derivative(f, order, low)[0]
     h = 0.5 * (low + high)
     for _ in range(200):
@@ -199,7 +234,9 @@ def _root(f: Flight, order: int, value: float, low: float, high: float) -> float
 
 @bare
 def _cut(f: Flight, order: int, cuts: Floats, count: int) -> int:
-    """Cut parts on which a derivative is monotone where it vanishes; their number then."""
+    """Cut parts on which a derivative is monotone where it vanishes; their number
+    then.
+    """
     i = 0
     left = _start(f, order)
     while i + 1 < count:
@@ -219,23 +256,30 @@ def _cut(f: Flight, order: int, cuts: Floats, count: int) -> int:
 
 @bare
 def heading(f: Flight) -> float:
-    """Direction of the slider just after the start: a number of its sign, 0 if it stays."""
+    """Direction of the slider just after the start: a number of its sign, 0 if it
+    stays.
+    """
     return _start(f, _VELOCITY)
 
 
 @bare
 def _parts(f: Flight, most: float, lowest: int, cuts: Floats) -> int:
-    """Cut a flight where derivatives down to the `lowest` vanish, the jerk first; how many cuts there are.
+    """Cut a flight where derivatives down to the `lowest` vanish, the jerk first; how
+    many cuts there are.
 
-    A vanishing derivative shows by its signs at the two ends of a part. They are right only while the free oscillation
-    is more than rounding, hence a first cut where it has decayed: beyond, the motion is a parabola.
+    A vanishing derivative shows by its signs at the two ends of a part. They are right
+    only while the free oscillation is more than rounding, hence a first cut where it
+    has decayed: beyond, the motion is a parabola.
     """
     g2 = f.w2 - 0.25 * f.eta * f.eta
-    decay = 0.5 * f.eta if g2 > 0.0 else f.w2 / (0.5 * f.eta + math.sqrt(-g2))  # of the slowest part
-    cuts[0], cuts[1] = 0.0, most
+    # of the slowest part
+    decay = 0.5 * f.eta if g2 > 0.0 else f.w2 / (0.5 * f.eta + math.sqrt(-g2))
+    cuts[0] = 0.0
+    cuts[1] = most
     count = 2
     if decay * most > _DIED_OUT:
-        cuts[1], cuts[2] = _DIED_OUT / decay, most
+        cuts[1] = _DIED_OUT / decay
+        cuts[2] = most
         count = 3
     for order in range(3, lowest - 1, -1):
         count = _cut(f, order, cuts, count)
@@ -244,7 +288,9 @@ def _parts(f: Flight, most: float, lowest: int, cuts: Floats) -> int:
 
 @bare
 def first_turn(f: Flight, most: float, cuts: Floats) -> float:
-    """First time up to `most`, within what `first_crossing` has searched, at which the slider stops, or infinity."""
+    """First time up to `most`, within what `first_crossing` has searched, at which
+    the slider stops, or infinity.
+    """
     if f.w2 == 0.0:  # rigid motion
         return math.inf
     count = _parts(f, most, _ACCELERATION, cuts)
@@ -260,12 +306,15 @@ def first_turn(f: Flight, most: float, cuts: Floats) -> float:
 
 
 @bare
-def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats) -> tuple[float, int]:
-    """First time up to `most` at which the displacement reaches `to_ahead` or `-to_behind`, and which: 1 or -1.
+def first_crossing(
+    f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats
+) -> tuple[float, int]:
+    """First time up to `most` at which the displacement reaches `to_ahead` or
+    `-to_behind`, and which: 1 or -1.
 
-    With neither, the end of the stretch that was searched and 0: `most` or, if sooner, a quarter of a period, in which
-    the jerk, being a free oscillation, vanishes at most once. On each of its parts the displacement is monotone and no
-    crossing can hide.
+    With neither, the end of the stretch that was searched and 0: `most` or, if sooner,
+    a quarter of a period, in which the jerk, being a free oscillation, vanishes at most
+    once. On each of its parts the displacement is monotone and no crossing can hide.
     """
     distance = to_ahead if f.v > 0 else to_behind
     if f.w2 == 0.0:  # rigid motion
@@ -275,7 +324,9 @@ def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cu
     g2 = f.w2 - 0.25 * f.eta * f.eta
     if g2 > 0.0:
         most = min(most, 0.5 * math.pi / math.sqrt(g2))
-    if f.v != 0.0:  # most often the crossing comes soon: a short stretch has no turns and needs no roots
+    # most often the crossing comes soon: a short stretch has no turns and needs no
+    # roots
+    if f.v != 0.0:
         most = min(most, 4.0 * distance / abs(f.v))
     for i in range(_parts(f, most, _VELOCITY, cuts) - 1):
         y = derivative(f, _PLACE, cuts[i + 1])[0]
@@ -288,9 +339,11 @@ def first_crossing(f: Flight, to_ahead: float, to_behind: float, most: float, cu
 
 @bare
 def out_of_reach(f: Flight, to_ahead: float, to_behind: float, most: float) -> float:
-    """Time up to `most` in which the slider cannot reach either side, however it oscillates; 0 if that is short.
+    """Time up to `most` in which the slider cannot reach either side, however it
+    oscillates; 0 if that is short.
 
-    A light slider that sticks oscillates a thousand times while the spring is loaded: none of its turns matters.
+    A light slider that sticks oscillates a thousand times while the spring is loaded:
+    none of its turns matters.
     """
     g = 0.5 * f.eta
     d = f.w2 - g * g
@@ -298,21 +351,29 @@ def out_of_reach(f: Flight, to_ahead: float, to_behind: float, most: float) -> f
         return 0.0
     w = math.sqrt(d)
     amplitude = math.hypot(f.y0, (f.v0 + g * f.y0) / w)
-    ahead, behind = to_ahead - f.q0 - amplitude, to_behind + f.q0 - amplitude
+    ahead = to_ahead - f.q0 - amplitude
+    behind = to_behind + f.q0 - amplitude
     if not (ahead > 0.0 and behind > 0.0):
         return 0.0
-    h = most if f.q1 == 0.0 else min(most, (ahead if f.q1 > 0.0 else behind) / abs(f.q1))
+    h = (
+        most
+        if f.q1 == 0.0
+        else min(most, (ahead if f.q1 > 0.0 else behind) / abs(f.q1))
+    )
     return h if w * h > math.pi else 0.0
 
 
 @inlined
-def soon(f: Flight, distance: float, most: float) -> tuple[float, float, float, int, bool]:
+def soon(
+    f: Flight, distance: float, most: float
+) -> tuple[float, float, float, int, bool]:
     """Try the common case: a short flight at nearly constant velocity.
 
-    Returns the time to travel the signed `distance`, or at most `most` of it; the displacement and the velocity then;
-    1 if the distance is reached and 0 if not; and whether the case applies: the velocity keeps at least half its
-    value, and the flight lasts no longer than a few times what the Taylor expansion can do. A flight longer than the
-    expansion reaches is flown in legs.
+    Returns the time to travel the signed `distance`, or at most `most` of it; the
+    displacement and the velocity then; 1 if the distance is reached and 0 if not; and
+    whether the case applies: the velocity keeps at least half its value, and the flight
+    lasts no longer than a few times what the Taylor expansion can do. A flight longer
+    than the expansion reaches is flown in legs.
     """
     slowness = 1.0 / f.v
     h = distance * slowness
@@ -322,14 +383,17 @@ def soon(f: Flight, distance: float, most: float) -> tuple[float, float, float, 
         if longest > _LEGS * reach:
             return 0.0, 0.0, 0.0, 0, False
         longest = most = reach
-    if not longest * (2.0 * abs(f.c2) + longest * (3.0 * abs(f.c3) + longest * 4.0 * abs(f.c4))) < 0.4 * abs(f.v):
+    if not longest * (
+        2.0 * abs(f.c2) + longest * (3.0 * abs(f.c3) + longest * 4.0 * abs(f.c4))
+    ) < 0.4 * abs(f.v):
         return 0.0, 0.0, 0.0, 0, False
     if most < 2.0 * h:
         y, v = taylor(f, most)
         if abs(y) < abs(distance):
             return most, y, v, 0, True
     bend = f.c2 * h * slowness
-    h *= 1.0 - bend + 2.0 * bend * bend - f.c3 * h * h * slowness  # the series, inverted
+    # the series, inverted
+    h *= 1.0 - bend + 2.0 * bend * bend - f.c3 * h * h * slowness
     v = f.v
     for _ in range(6):  # Newton; from a guess this good one turn does, mostly
         y, v = taylor(f, h)
@@ -343,13 +407,21 @@ def soon(f: Flight, distance: float, most: float) -> tuple[float, float, float, 
 
 @inlined
 def energies(
-    f: Flight, h: float, y: float, v: float, force: float, K: float, drive_v: float, drive_a: float
+    f: Flight,
+    h: float,
+    y: float,
+    v: float,
+    force: float,
+    K: float,
+    drive_v: float,
+    drive_a: float,
 ) -> tuple[float, float]:
-    """Work of the drive and integral of the squared velocity over a time `h`, in closed form.
+    """Work of the drive and integral of the squared velocity over a time `h`, in closed
+    form.
 
-    `force` is the spring force at the start. The free oscillation ``u`` obeys ``u'' + eta u' + w2 u = 0``, hence
-    ``(u'^2 + w2 u^2)/2`` falls at the rate ``eta u'^2`` and the integral of ``u`` follows from the change of ``u'``
-    and ``u``.
+    `force` is the spring force at the start. The free oscillation ``u`` obeys
+    ``u'' + eta u' + w2 u = 0``, hence ``(u'^2 + w2 u^2)/2`` falls at the rate
+    ``eta u'^2`` and the integral of ``u`` follows from the change of ``u'`` and ``u``.
     """
     if h <= f.near * (NEAREST / NEAR):
         return _short_energies(f, h, y, force, K, drive_v, drive_a)
@@ -359,32 +431,74 @@ def energies(
     change = u - f.y0
     area = -((du - f.v0) + f.eta * change) * f.inverse
     path = f.q0 * h + 0.5 * f.q1 * h2 + f.q2 * h2 * h / 3.0 + area
-    work = drive_v * (force * h + K * (0.5 * drive_v * h2 + drive_a * h2 * h / 6.0 - path))
+    work = drive_v * (
+        force * h + K * (0.5 * drive_v * h2 + drive_a * h2 * h / 6.0 - path)
+    )
     if drive_a != 0.0:
         moment = -(h * du - change + f.eta * (h * u - area)) * f.inverse
-        path_moment = 0.5 * f.q0 * h2 + f.q1 * h2 * h / 3.0 + 0.25 * f.q2 * h2 * h2 + moment
-        pull = 0.5 * force * h2 + K * (drive_v * h2 * h / 3.0 + 0.125 * drive_a * h2 * h2 - path_moment)
+        path_moment = (
+            0.5 * f.q0 * h2 + f.q1 * h2 * h / 3.0 + 0.25 * f.q2 * h2 * h2 + moment
+        )
+        pull = 0.5 * force * h2 + K * (
+            drive_v * h2 * h / 3.0 + 0.125 * drive_a * h2 * h2 - path_moment
+        )
         work += drive_a * pull
-    squares = f.q1 * f.q1 * h + 2.0 * f.q1 * f.q2 * h2 + 4.0 / 3.0 * f.q2 * f.q2 * h2 * h
+    squares = (
+        f.q1 * f.q1 * h + 2.0 * f.q1 * f.q2 * h2 + 4.0 / 3.0 * f.q2 * f.q2 * h2 * h
+    )
     squares += 2.0 * f.q1 * change + 4.0 * f.q2 * (h * u - area)
     if f.eta > 0.0:
-        squares += 0.5 * ((f.v0 - du) * (f.v0 + du) + f.w2 * (f.y0 - u) * (f.y0 + u)) / f.eta
+        squares += (
+            0.5 * ((f.v0 - du) * (f.v0 + du) + f.w2 * (f.y0 - u) * (f.y0 + u)) / f.eta
+        )
     return work, squares
 
 
 @inlined
 def _short_energies(
-    f: Flight, h: float, y: float, force: float, K: float, drive_v: float, drive_a: float
+    f: Flight,
+    h: float,
+    y: float,
+    force: float,
+    K: float,
+    drive_v: float,
+    drive_a: float,
 ) -> tuple[float, float]:
-    """`energies` of the shortest flights, by the Taylor expansion: closed forms would subtract large numbers."""
+    """`energies` of the shortest flights, by the Taylor expansion: closed forms
+    would subtract large numbers.
+    """
     h2 = h * h
-    a, b, c = 2.0 * f.c2, 3.0 * f.c3, 4.0 * f.c4
-    path = h2 * ((0.5 * f.v + h * (1.0 / 6.0) * a) + h2 * ((1.0 / 12.0) * b + h * (0.05 * c + h * (1.0 / 6.0) * f.c5)))
+    a = 2.0 * f.c2
+    b = 3.0 * f.c3
+    c = 4.0 * f.c4
+    path = h2 * (
+        (0.5 * f.v + h * (1.0 / 6.0) * a)
+        + h2 * ((1.0 / 12.0) * b + h * (0.05 * c + h * (1.0 / 6.0) * f.c5))
+    )
     work = drive_v * (force * h + K * (0.5 * drive_v * h2 - path))
     if drive_a != 0.0:
-        moment = h2 * h * ((1.0 / 3.0) * f.v + h * (0.125 * a + h * ((1.0 / 15.0) * b + h * (1.0 / 24.0) * c)))
-        work += drive_a * (0.5 * force * h2 + h2 * h * K * (0.5 * drive_v + 0.125 * drive_a * h) - K * moment)
+        moment = (
+            h2
+            * h
+            * (
+                (1.0 / 3.0) * f.v
+                + h * (0.125 * a + h * ((1.0 / 15.0) * b + h * (1.0 / 24.0) * c))
+            )
+        )
+        work += drive_a * (
+            0.5 * force * h2
+            + h2 * h * K * (0.5 * drive_v + 0.125 * drive_a * h)
+            - K * moment
+        )
     # The velocity is v + w, and the integral of w^2 begins with the cube of h.
-    squares, d = f.v * (2.0 * y - f.v * h), (b * c + 5.0 * a * f.c5) * (1.0 / 3.0)
-    squares += h2 * h * (a * a * (1.0 / 3.0) + h * (0.5 * a * b + h * (0.2 * b * b + 0.4 * a * c + h * d)))
+    squares = f.v * (2.0 * y - f.v * h)
+    d = (b * c + 5.0 * a * f.c5) * (1.0 / 3.0)
+    squares += (
+        h2
+        * h
+        * (
+            a * a * (1.0 / 3.0)
+            + h * (0.5 * a * b + h * (0.2 * b * b + 0.4 * a * c + h * d))
+        )
+    )
     return work, squares

@@ -1,17 +1,21 @@
-"""Contacts whose thresholds age by a Langevin equation, Eqs. (13)-(17): the model, and the grids of one life.
+"""Contacts whose thresholds age by a Langevin equation, Eqs. (13)-(17): the model, and
+the grids of one life.
 
-Everything is per contact and in natural units (contact stiffness 1). A threshold follows
+Everything is per contact and in natural units (contact stiffness 1). A threshold
+follows
 
     df = rate^2 (mean - f) dt + rate std sqrt(2) dW,        Eqs. (13), (15), (16)
 
-with ``rate`` the paper's beta, ``mean`` its f_s and ``std`` its delta f_s. A contact breaks when its stretching ``|x|``
-first meets its threshold ``f``; it re-attaches at ``x = 0`` with the threshold ``newborn``. Its *rupture margin*
-``y = f - |x|`` is what is left until it breaks.
+with ``rate`` the paper's beta, ``mean`` its f_s and ``std`` its delta f_s. A contact
+breaks when its stretching ``|x|`` first meets its threshold ``f``; it re-attaches at
+``x = 0`` with the threshold ``newborn``. Its *rupture margin* ``y = f - |x|`` is what
+is left until it breaks.
 
-With ``newborn = 0`` a contact attaches on its own breaking boundary. It then breaks and re-attaches infinitely often
-before it leaves the boundary for good, as Brownian motion returns to zero: the rate of breaking is infinite, while
-force, stretchings and thresholds are finite. All solvers here therefore count *excursions* of the margin from zero,
-by its local time there, and never breaks.
+With ``newborn = 0`` a contact attaches on its own breaking boundary. It then breaks and
+re-attaches infinitely often before it leaves the boundary for good, as Brownian motion
+returns to zero: the rate of breaking is infinite, while force, stretchings and
+thresholds are finite. All solvers here therefore count *excursions* of the margin from
+zero, by its local time there, and never breaks.
 """
 
 from typing import NamedTuple
@@ -23,7 +27,9 @@ from .records import Floats
 
 
 class Langevin(NamedTuple):
-    """Ageing by Eqs. (15) and (16): beta, f_s, delta f_s, and the threshold of a newborn contact."""
+    """Ageing by Eqs. (15) and (16): beta, f_s, delta f_s, and the threshold of a
+    newborn contact.
+    """
 
     rate: float
     mean: float
@@ -34,7 +40,8 @@ class Langevin(NamedTuple):
 class Life(NamedTuple):
     """Lives at constant velocity, in the units of the ageing: all that they depend on.
 
-    ``u = velocity/(rate^2 mean)``, above 0; ``delta = std/mean``, above 0; `newborn` in units of the mean threshold.
+    ``u = velocity/(rate^2 mean)``, above 0; ``delta = std/mean``, above 0; `newborn` in
+    units of the mean threshold.
     """
 
     u: float
@@ -45,16 +52,22 @@ class Life(NamedTuple):
 @jit
 def life_at(velocity: float, langevin: Langevin) -> Life:
     """Lives at a constant velocity."""
-    time, mean = 1.0 / (langevin.rate * langevin.rate), langevin.mean
-    return Life(abs(velocity) * time / mean, langevin.std / mean, langevin.newborn / mean)
+    time = 1.0 / (langevin.rate * langevin.rate)
+    mean = langevin.mean
+    return Life(
+        abs(velocity) * time / mean, langevin.std / mean, langevin.newborn / mean
+    )
 
 
 @jit
 def graded_nodes(end: float, cells: int, first: float) -> Floats:
-    """Nodes from 0 to `end`, spacing `first` at 0 and growing as a sinh; uniform where that is finer."""
+    """Nodes from 0 to `end`, spacing `first` at 0 and growing as a sinh; uniform
+    where that is finer.
+    """
     nodes = np.linspace(0.0, end, cells + 1)
     if first < 0.999 * end / cells:
-        low, high = 1e-6, 60.0
+        low = 1e-6
+        high = 60.0
         for _ in range(60):
             k = 0.5 * (low + high)
             if end * np.sinh(k / cells) / np.sinh(k) > first:
@@ -68,9 +81,11 @@ def graded_nodes(end: float, cells: int, first: float) -> Floats:
 
 @jit
 def margin_nodes(life: Life, cells: int) -> Floats:
-    """Nodes of the margin in units of the standard deviation, from the boundary to where the density is below 1e-15.
+    """Nodes of the margin in units of the standard deviation, from the boundary to
+    where the density is below 1e-15.
 
-    The drift of the margin of a newborn is ``c = (1-u)/delta``, in the potential ``z^2/2 - c z``.
+    The drift of the margin of a newborn is ``c = (1-u)/delta``, in the potential
+    ``z^2/2 - c z``.
     """
     c = (1.0 - life.u) / life.delta
     end = c + np.sqrt((c * c if c < 0.0 else 0.0) + 72.0)
@@ -83,17 +98,26 @@ def margin_nodes(life: Life, cells: int) -> Floats:
 def longest_age(life: Life) -> float:
     """Age in units of 1/rate^2 beyond which survivors are fewer than exp(-30).
 
-    Where the drift ``c(a)`` of the margin is negative, survivors decay at least as exp(-int c^2/4 da).
+    Where the drift ``c(a)`` of the margin is negative, survivors decay at least as
+    exp(-int c^2/4 da).
     """
-    c, r, z = (1.0 - life.u) / life.delta, life.u / life.delta, life.newborn / life.delta
-    end = ((360.0 * r - c**3) ** (1.0 / 3.0) + c) / r if c < 0.0 else c / r + (360.0 / r**2) ** (1.0 / 3.0)
+    c = (1.0 - life.u) / life.delta
+    r = life.u / life.delta
+    z = life.newborn / life.delta
+    end = (
+        ((360.0 * r - c**3) ** (1.0 / 3.0) + c) / r
+        if c < 0.0
+        else c / r + (360.0 / r**2) ** (1.0 / 3.0)
+    )
     # the way down to the boundary, were there no noise
     return float(end + min(np.sqrt(2.0 * z / r), z / max(-c, 1e-9)))
 
 
 @jit
 def bernoulli(z: float) -> float:
-    """Bernoulli function ``z / (exp(z) - 1)``: exponentially fitted fluxes of drift and diffusion between cells."""
+    """Bernoulli function ``z / (exp(z) - 1)``: exponentially fitted fluxes of drift
+    and diffusion between cells.
+    """
     if abs(z) < 1e-3:
         return 1.0 - 0.5 * z + z * z / 12.0
     if z > 700.0:
@@ -103,10 +127,12 @@ def bernoulli(z: float) -> float:
 
 @jit
 def margin_rates(z: Floats, c: float, up: Floats, down: Floats) -> None:
-    """Rates between the nodes of the margin: drift ``c - z``, diffusion 1, out at ``z = 0``.
+    """Rates between the nodes of the margin: drift ``c - z``, diffusion 1, out at
+    ``z = 0``.
 
-    Scharfetter-Gummel: positive, conservative, and the stationary Gaussian of Eq. (17) is its exact fixed point up
-    to the second order of the cells. ``up[i]`` leads from node i to i+1, ``down[i]`` to i-1; node 0 absorbs.
+    Scharfetter-Gummel: positive, conservative, and the stationary Gaussian of Eq. (17)
+    is its exact fixed point up to the second order of the cells. ``up[i]`` leads from
+    node i to i+1, ``down[i]`` to i-1; node 0 absorbs.
     """
     m = z.size - 1
     for i in range(m):

@@ -1,4 +1,5 @@
-"""N contacts whose thresholds age by a Langevin equation, sampled in steps of time, under a slider; see `langevin`.
+"""N contacts whose thresholds age by a Langevin equation, sampled in steps of time,
+under a slider; see `langevin`.
 
 At a temperature they break before they meet their thresholds, too.
 """
@@ -13,24 +14,42 @@ from .hazard import Hazard, log_rate, rate
 from .langevin import Langevin
 from .oscillator import Load
 from .records import Floats
-from .stepping import COLUMNS, LOSS, Course, Stroke, attached_now, begin, fill, goes_on, keep, plan, settle
+from .stepping import (
+    COLUMNS,
+    LOSS,
+    Course,
+    Stroke,
+    attached_now,
+    begin,
+    fill,
+    goes_on,
+    keep,
+    plan,
+    settle,
+)
 
-# Relaxation times of the reflected margin, noise/drift^2, after which its start is forgotten to exp(-FORGOTTEN/2).
+# Relaxation times of the reflected margin, noise/drift^2, after which its start is
+# forgotten to exp(-FORGOTTEN/2).
 FORGOTTEN = 16.0
 
-# A contact sleeps while the slider goes a third of its margin, and for this fraction of margin^2/noise: the other two
-# thirds are then four standard deviations of its threshold.
+# A contact sleeps while the slider goes a third of its margin, and for this fraction of
+# margin^2/noise: the other two thirds are then four standard deviations of its
+# threshold.
 SLEEP = (2.0 / 3.0 / 4.0) ** 2
 
 # Largest step of a free oscillation of the slider, in radians.
 _ANGLE = 0.7
 
-FINE = 0.5  # change of the logarithm of the rate in a step of a contact near breaking, and its standard deviation
+# change of the logarithm of the rate in a step of a contact near breaking, and its
+# standard deviation
+FINE = 0.5
 _SELDOM = 1e-6  # breaks that may be expected in a step that is not as fine
 
 
 class Contacts(NamedTuple):
-    """Contacts one by one; those far from breaking sleep: nothing is done about them until they must be looked at."""
+    """Contacts one by one; those far from breaking sleep: nothing is done about them
+    until they must be looked at.
+    """
 
     stretching: Floats  # shape (N,): less the position of the slider
     threshold: Floats
@@ -50,15 +69,21 @@ class _Step(NamedTuple):
     noise: float  # square of its noise, ``<dy^2>/dt``
     decay: float  # of the thresholds towards their mean
     sigma: float
-    variance: float  # of the bridge in the clock that makes an Ornstein-Uhlenbeck process a Brownian motion
+    # of the bridge in the clock that makes an Ornstein-Uhlenbeck process a Brownian
+    # motion
+    variance: float
     certain: float  # a margin below it is gone by the end whatever happens
-    forgotten: bool  # so many lifetimes in a step that the moment of the first break in it does not matter
+    # so many lifetimes in a step that the moment of the first break in it does not
+    # matter
+    forgotten: bool
     young: bool  # thresholds near the boundary are driven towards it
 
 
 @jit
 def _inverse_gaussian(mu: float, shape: float, rng: np.random.Generator) -> float:
-    """Inverse Gaussian number of mean `mu` (may be huge) and given shape, after Michael, Schucany and Haas."""
+    """Inverse Gaussian number of mean `mu` (may be huge) and given shape, after
+    Michael, Schucany and Haas.
+    """
     z = rng.standard_normal()
     q = 0.5 * mu * z * z / shape
     x = mu / (1.0 + q + float(np.sqrt(q * (2.0 + q))))
@@ -68,26 +93,37 @@ def _inverse_gaussian(mu: float, shape: float, rng: np.random.Generator) -> floa
 
 
 @jit
-def crossing(start: float, end: float, variance: float, rng: np.random.Generator) -> float:
-    """Fraction of a step after which a Brownian bridge of the margin first meets zero, given that it does.
+def crossing(
+    start: float, end: float, variance: float, rng: np.random.Generator
+) -> float:
+    """Fraction of a step after which a Brownian bridge of the margin first meets zero,
+    given that it does.
 
-    The bridge is a Brownian motion with drift in the clock ``t/(1-t)``, whose first passage is inverse Gaussian.
+    The bridge is a Brownian motion with drift in the clock ``t/(1-t)``, whose first
+    passage is inverse Gaussian.
     """
     if start <= 0.0:
         return 0.0
-    clock = _inverse_gaussian(start / max(abs(end), 1e-12 * start), start * start / variance, rng)
+    clock = _inverse_gaussian(
+        start / max(abs(end), 1e-12 * start), start * start / variance, rng
+    )
     return clock / (1.0 + clock)
 
 
 @inlined
-def reflected(start: float, drift: float, noise: float, time: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Margin, after a time, of a contact that re-attaches on its boundary whenever it meets it; and its age.
+def reflected(
+    start: float, drift: float, noise: float, time: float, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Margin, after a time, of a contact that re-attaches on its boundary whenever it
+    meets it; and its age.
 
-    The margin is a Brownian motion with drift, reflected at 0: free motion less its running minimum where that is below
-    0, sampled exactly by the distribution of the minimum of a bridge, so that a step may hold any number of breaks. The
-    time since the last visit to 0 is the time since the minimum; of it the mean is taken, given all else: the forces
-    need no more, and two passage times (before the minimum and after it) divide the step in proportion to their depths.
-    The age is -1 where the contact has not broken.
+    The margin is a Brownian motion with drift, reflected at 0: free motion less its
+    running minimum where that is below 0, sampled exactly by the distribution of the
+    minimum of a bridge, so that a step may hold any number of breaks. The time since
+    the last visit to 0 is the time since the minimum; of it the mean is taken, given
+    all else: the forces need no more, and two passage times (before the minimum and
+    after it) divide the step in proportion to their depths. The age is -1 where the
+    contact has not broken.
     """
     variance = noise * time
     if variance <= 0.0:
@@ -96,11 +132,14 @@ def reflected(start: float, drift: float, noise: float, time: float, rng: np.ran
             return free, time if start == 0.0 else -1.0
         return 0.0, 0.0
     if start == 0.0 and drift < 0.0 and drift * drift * time > FORGOTTEN * noise:
-        # Stationary: the minimum over an endless past, and the first passage backwards from the margin to it.
+        # Stationary: the minimum over an endless past, and the first passage backwards
+        # from the margin to it.
         margin = -0.5 * noise / drift * rng.standard_exponential()
         return margin, -margin / drift
     free = drift * time + np.sqrt(variance) * rng.standard_normal()
-    down = 0.5 * (np.sqrt(free * free + 2.0 * variance * rng.standard_exponential()) - free)
+    down = 0.5 * (
+        np.sqrt(free * free + 2.0 * variance * rng.standard_exponential()) - free
+    )
     if down < start:
         return start + free, -1.0
     margin = max(free + down, 0.0)
@@ -109,18 +148,23 @@ def reflected(start: float, drift: float, noise: float, time: float, rng: np.ran
 
 @inlined
 def _drift(langevin: Langevin, noise: float, speed: float, time: float) -> float:
-    """Constant drift of the margin that stands for ``rate^2 (mean - f) - speed`` near the boundary.
+    """Constant drift of the margin that stands for ``rate^2 (mean - f) - speed`` near
+    the boundary.
 
-    The threshold ``f`` of a contact near its boundary is small, not 0. Long after the last memory (relaxation time
-    noise/drift^2) its effect on the force is that of 2.25 mean margins and 2.8 mean stretchings, the first order of the
-    stationary kinetic equation at large speed; after a short time it is that of the growth so far.
+    The threshold ``f`` of a contact near its boundary is small, not 0. Long after the
+    last memory (relaxation time noise/drift^2) its effect on the force is that of 2.25
+    mean margins and 2.8 mean stretchings, the first order of the stationary kinetic
+    equation at large speed; after a short time it is that of the growth so far.
     """
     square = langevin.rate * langevin.rate
     drift = square * langevin.mean - speed
     if drift >= 0.0:
-        margin, stretching = 0.7 * np.sqrt(noise * time), 0.5 * speed * time
+        margin = 0.7 * np.sqrt(noise * time)
+        stretching = 0.5 * speed * time
     else:
-        margin = 1.0 / (1.0 / (0.7 * np.sqrt(noise * time)) - 2.0 * drift / (2.25 * noise))
+        margin = 1.0 / (
+            1.0 / (0.7 * np.sqrt(noise * time)) - 2.0 * drift / (2.25 * noise)
+        )
         stretching = speed / (2.0 / time + 2.0 * drift * drift / (2.8 * noise))
     return drift - square * float(margin + stretching)
 
@@ -128,11 +172,19 @@ def _drift(langevin: Langevin, noise: float, speed: float, time: float) -> float
 @jit
 def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
     """Numbers of a step that do not depend on the contact."""
-    mean, std, dt = langevin.mean, langevin.std, stroke.dt
-    square, v = langevin.rate * langevin.rate, stroke.dX / dt
-    decay, noise, fall = np.exp(-square * dt), 2.0 * square * std * std, abs(v) - square * mean
-    sigma, variance = std * np.sqrt(1.0 - decay * decay), 2.0 * std * std * np.sinh(square * dt)
-    forgotten = langevin.newborn <= 0.0 and fall > 0.0 and fall * fall * dt > FORGOTTEN * noise
+    mean = langevin.mean
+    std = langevin.std
+    dt = stroke.dt
+    square = langevin.rate * langevin.rate
+    v = stroke.dX / dt
+    decay = np.exp(-square * dt)
+    noise = 2.0 * square * std * std
+    fall = abs(v) - square * mean
+    sigma = std * np.sqrt(1.0 - decay * decay)
+    variance = 2.0 * std * std * np.sinh(square * dt)
+    forgotten = (
+        langevin.newborn <= 0.0 and fall > 0.0 and fall * fall * dt > FORGOTTEN * noise
+    )
     certain = fall * dt - 6.0 * np.sqrt(noise * dt) if forgotten else -1.0
     young = langevin.newborn <= 0.0 and fall > 2.0 * square * mean
     drift = _drift(langevin, noise, abs(v), dt)
@@ -140,25 +192,44 @@ def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
 
 
 @inlined
-def aged_threshold(f: float, time: float, langevin: Langevin, rng: np.random.Generator) -> float:
+def aged_threshold(
+    f: float, time: float, langevin: Langevin, rng: np.random.Generator
+) -> float:
     """Threshold a `time` later, by the exact Ornstein-Uhlenbeck step."""
     e = np.exp(-langevin.rate * langevin.rate * time)
-    return float(langevin.mean + (f - langevin.mean) * e + langevin.std * np.sqrt(1.0 - e * e) * rng.standard_normal())
+    return float(
+        langevin.mean
+        + (f - langevin.mean) * e
+        + langevin.std * np.sqrt(1.0 - e * e) * rng.standard_normal()
+    )
 
 
 @inlined
 def _live(
-    x: float, f: float, left: float, step: _Step, langevin: Langevin, delays: Floats, rng: np.random.Generator
+    x: float,
+    f: float,
+    left: float,
+    step: _Step,
+    langevin: Langevin,
+    delays: Floats,
+    rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Stretching and threshold at the end of a step of which a time `left` is left, whatever breaks in it.
+    """Stretching and threshold at the end of a step of which a time `left` is left,
+    whatever breaks in it.
 
-    Below 0, `left` says how long after the end a contact that has broken is attached again.
+    Below 0, `left` says how long after the end a contact that has broken is attached
+    again.
     """
-    mean, std, newborn, square = langevin.mean, langevin.std, langevin.newborn, langevin.rate * langevin.rate
+    mean = langevin.mean
+    std = langevin.std
+    newborn = langevin.newborn
+    square = langevin.rate * langevin.rate
     v = step.v
     while left > 0.0:
         if left == step.dt:
-            e, sigma, variance = step.decay, step.sigma, step.variance
+            e = step.decay
+            sigma = step.sigma
+            variance = step.variance
         else:
             e = np.exp(-square * left)
             sigma = std * np.sqrt(1.0 - e * e)
@@ -174,18 +245,23 @@ def _live(
         if newborn > 0.0:
             left *= 1.0 - crossing(margin, new_margin, variance, rng)
             left -= delays[int(rng.random() * delays.size)]
-            x, f = 0.0, newborn
+            x = 0.0
+            f = newborn
         else:
             if not step.forgotten:
                 left *= 1.0 - crossing(margin, new_margin, variance, rng)
-            margin, age = reflected(0.0, _drift(langevin, step.noise, abs(v), left), step.noise, left, rng)
+            margin, age = reflected(
+                0.0, _drift(langevin, step.noise, abs(v), left), step.noise, left, rng
+            )
             x = v * age
             return x, abs(x) + margin, 0.0
     return x, f, left
 
 
 @inlined
-def _at_once(hazard: Hazard, langevin: Langevin, x: float, f: float, v: float, left: float) -> float:
+def _at_once(
+    hazard: Hazard, langevin: Langevin, x: float, f: float, v: float, left: float
+) -> float:
     """How long a contact may be followed at once, of the time that is left."""
     square = langevin.rate * langevin.rate
     noise = 2.0 * square * langevin.std * langevin.std
@@ -213,23 +289,35 @@ def _live_hot(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """`_live` at a temperature: the rate of breaking follows the threshold of the moment, which is noisy.
+    """`_live` at a temperature: the rate of breaking follows the threshold of the
+    moment, which is noisy.
 
-    A contact breaks where the integral of the rate along its own path reaches a number drawn from ``exp(-E)``, or where
-    it meets its threshold. It takes steps of its own: far from breaking one long step, near it steps in which the
-    logarithm of the rate changes by no more than `FINE`. The threshold at the end of each is exact; within it the rate
-    goes as an exponential, times what the noise adds to its mean.
+    A contact breaks where the integral of the rate along its own path reaches a number
+    drawn from ``exp(-E)``, or where it meets its threshold. It takes steps of its own:
+    far from breaking one long step, near it steps in which the logarithm of the rate
+    changes by no more than `FINE`. The threshold at the end of each is exact; within it
+    the rate goes as an exponential, times what the noise adds to its mean.
     """
-    mean, std, square = langevin.mean, langevin.std, langevin.rate * langevin.rate
+    mean = langevin.mean
+    std = langevin.std
+    square = langevin.rate * langevin.rate
     while left > 0.0:
         h = _at_once(hazard, langevin, x, f, v, left)
         decay = math.exp(-square * h)
         new_x = x + v * h
-        new_f = mean + (f - mean) * decay + std * math.sqrt(1.0 - decay * decay) * rng.standard_normal()
+        new_f = (
+            mean
+            + (f - mean) * decay
+            + std * math.sqrt(1.0 - decay * decay) * rng.standard_normal()
+        )
         variance = 2.0 * std * std * math.sinh(square * h)
-        margin, new_margin = max(f - abs(x), 0.0), new_f - abs(new_x)
+        margin = max(f - abs(x), 0.0)
+        new_margin = new_f - abs(new_x)
         met = np.inf
-        if new_margin <= 0.0 or rng.standard_exponential() * variance > 2.0 * margin * new_margin:
+        if (
+            new_margin <= 0.0
+            or rng.standard_exponential() * variance > 2.0 * margin * new_margin
+        ):
             met = h * crossing(margin, new_margin, variance, rng)
         here, _, hard = log_rate(hazard, abs(x), max(f, abs(x)))
         there = log_rate(hazard, abs(new_x), max(new_f, abs(new_x)))[0]
@@ -241,42 +329,77 @@ def _live_hot(
             wait = math.log1p(grown) / rise if grown > -1.0 else np.inf
         broken = min(met, wait)
         if broken >= h:
-            x, f, left = new_x, new_f, left - h
+            x = new_x
+            f = new_f
+            left = left - h
             continue
         left -= broken + delays[int(rng.random() * delays.size)]
-        x, f = 0.0, langevin.newborn
+        x = 0.0
+        f = langevin.newborn
     return x, f, min(left, 0.0)
 
 
 @jit
 def _age(
-    contacts: Contacts, stroke: Stroke, langevin: Langevin, hazard: Hazard, delays: Floats, rng: np.random.Generator
+    contacts: Contacts,
+    stroke: Stroke,
+    langevin: Langevin,
+    hazard: Hazard,
+    delays: Floats,
+    rng: np.random.Generator,
 ) -> tuple[float, int]:
-    """One step of all contacts while the slider moves; stretchings are kept less the position of the slider.
+    """One step of all contacts while the slider moves; stretchings are kept less the
+    position of the slider.
 
-    Returns what breaking has taken from the sum of all stretchings, and how many contacts the step has attached.
+    Returns what breaking has taken from the sum of all stretchings, and how many
+    contacts the step has attached.
     """
-    step, square, mean = _prepare(langevin, stroke), langevin.rate * langevin.rate, langevin.mean
-    base, threshold, attach = contacts.stretching, contacts.threshold, contacts.attach
-    now, X, dX, v, noise = stroke.time, stroke.X, stroke.dX, step.v, step.noise
-    end, new_X = now + stroke.dt, X + dX
-    lost, more, hot = 0.0, 0, hazard.attempts > 0.0
+    step = _prepare(langevin, stroke)
+    square = langevin.rate * langevin.rate
+    mean = langevin.mean
+    base = contacts.stretching
+    threshold = contacts.threshold
+    attach = contacts.attach
+    now = stroke.time
+    X = stroke.X
+    dX = stroke.dX
+    v = step.v
+    noise = step.noise
+    end = now + stroke.dt
+    new_X = X + dX
+    lost = 0.0
+    more = 0
+    hot = hazard.attempts > 0.0
     for i in range(base.size):
-        if end <= contacts.until[i] and contacts.room[i, 0] <= new_X <= contacts.room[i, 1]:
+        if (
+            end <= contacts.until[i]
+            and contacts.room[i, 0] <= new_X <= contacts.room[i, 1]
+        ):
             continue
         if attach[i] <= now:
-            left, x, f = stroke.dt, base[i] + X, threshold[i]
+            left = stroke.dt
+            x = base[i] + X
+            f = threshold[i]
             if contacts.seen[i] < now:
                 f = aged_threshold(f, now - contacts.seen[i], langevin, rng)
                 margin = f - abs(x) - max(f - mean, 0.0)
-                if margin > 3.0 * abs(dX) and SLEEP * margin * margin > noise * stroke.dt:  # on it sleeps
-                    threshold[i], contacts.seen[i], contacts.until[i] = f, now, now + SLEEP * margin * margin / noise
-                    contacts.room[i, 0], contacts.room[i, 1] = X - margin / 3.0, X + margin / 3.0
+                # on it sleeps
+                if (
+                    margin > 3.0 * abs(dX)
+                    and SLEEP * margin * margin > noise * stroke.dt
+                ):
+                    threshold[i] = f
+                    contacts.seen[i] = now
+                    contacts.until[i] = now + SLEEP * margin * margin / noise
+                    contacts.room[i, 0] = X - margin / 3.0
+                    contacts.room[i, 1] = X + margin / 3.0
                     continue
             lost += x + dX
             more -= 1
         else:
-            left, x, f = end - attach[i], 0.0, langevin.newborn
+            left = end - attach[i]
+            x = 0.0
+            f = langevin.newborn
             if left < 0.0:
                 continue
         margin = f - abs(x)
@@ -284,40 +407,60 @@ def _age(
             x, f, left = _live_hot(x, f, left, v, langevin, hazard, delays, rng)
         elif margin < step.certain:
             margin, age = reflected(0.0, step.drift, noise, stroke.dt, rng)
-            x, left = v * age, 0.0
+            x = v * age
+            left = 0.0
             f = abs(x) + margin
         elif step.young and f < 0.1 * mean and x * v >= 0.0 and left == stroke.dt:
-            # Near the boundary and driven towards it: the drift is as good as constant, one sample does it all.
+            # Near the boundary and driven towards it: the drift is as good as constant,
+            # one sample does it all.
             drift = min(step.drift, square * (mean - f) - abs(v))
             margin, age = reflected(max(margin, 0.0), drift, noise, stroke.dt, rng)
-            x, left = (v * age if age >= 0.0 else x + dX), 0.0
+            x = v * age if age >= 0.0 else x + dX
+            left = 0.0
             f = abs(x) + margin
         else:
             x, f, left = _live(x, f, left, step, langevin, delays, rng)
         if left < 0.0:
             attach[i] = contacts.until[i] = end - left
-            contacts.room[i, 0], contacts.room[i, 1] = -np.inf, np.inf
+            contacts.room[i, 0] = -np.inf
+            contacts.room[i, 1] = np.inf
             continue
         lost -= x
         more += 1
         attach[i] = -np.inf
-        base[i], threshold[i], contacts.seen[i] = x - new_X, f, end
+        base[i] = x - new_X
+        threshold[i] = f
+        contacts.seen[i] = end
         margin = f - abs(x) - max(f - mean, 0.0)
         if margin > 0.0 and not hot:
-            contacts.until[i] = end + SLEEP * margin * margin / noise if noise > 0.0 else np.inf
-            contacts.room[i, 0], contacts.room[i, 1] = new_X - margin / 3.0, new_X + margin / 3.0
+            contacts.until[i] = (
+                end + SLEEP * margin * margin / noise if noise > 0.0 else np.inf
+            )
+            contacts.room[i, 0] = new_X - margin / 3.0
+            contacts.room[i, 1] = new_X + margin / 3.0
         else:
             contacts.until[i] = -np.inf
     return lost, more
 
 
-def awake(stretching: Floats, threshold: Floats, attach: Floats, time: float, X: float) -> Contacts:
+def awake(
+    stretching: Floats, threshold: Floats, attach: Floats, time: float, X: float
+) -> Contacts:
     """Return contacts of which nobody sleeps yet, with the slider at `X`."""
     total, _ = attached_now(stretching, attach, time)
-    waits, room = attach > time, np.zeros((attach.size, 2))
+    waits = attach > time
+    room = np.zeros((attach.size, 2))
     room[waits] = -np.inf, np.inf
     until = np.where(waits, attach, -np.inf)
-    return Contacts(stretching - X, threshold, attach, np.full(attach.size, time), until, room, np.array([total]))
+    return Contacts(
+        stretching - X,
+        threshold,
+        attach,
+        np.full(attach.size, time),
+        until,
+        room,
+        np.array([total]),
+    )
 
 
 @jit
@@ -330,14 +473,18 @@ def advance_contacts(
     delays: Floats,
     rng: np.random.Generator,
 ) -> Floats:
-    """Advance N ageing contacts and the slider along a course, Eqs. (11) and (13)-(16); returns the samples.
+    """Advance N ageing contacts and the slider along a course, Eqs. (11) and (13)-(16);
+    returns the samples.
 
-    Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a Brownian-bridge test for breaking inside
-    the step, the exact distribution of the moment of breaking, and for contacts that attach on their boundary the exact
-    distribution of the margin after any number of breaks (`reflected`). A longest step of ``0.04/rate^2`` is converged
-    to 2e-3 in steady motion, with a reach of 0.02 mean thresholds with a slider and inf for steady rigid motion.
-    `state` (see `stepping`) and `contacts`, those of `awake` at first, are changed; each break draws one of the
-    `delays`, ``[0.]`` for none. With a delay, or at a temperature (a `hazard`), newborns must have strength.
+    Per contact and step: an exact Ornstein-Uhlenbeck step of the threshold, a
+    Brownian-bridge test for breaking inside the step, the exact distribution of the
+    moment of breaking, and for contacts that attach on their boundary the exact
+    distribution of the margin after any number of breaks (`reflected`). A longest step
+    of ``0.04/rate^2`` is converged to 2e-3 in steady motion, with a reach of 0.02 mean
+    thresholds with a slider and inf for steady rigid motion. `state` (see `stepping`)
+    and `contacts`, those of `awake` at first, are changed; each break draws one of the
+    `delays`, ``[0.]`` for none. With a delay, or at a temperature (a `hazard`),
+    newborns must have strength.
     """
     n = contacts.stretching.size
     here = begin(course, state)
@@ -345,7 +492,8 @@ def advance_contacts(
     _, count = attached_now(contacts.stretching, contacts.attach, here.time)
     samples = np.empty((course.times.size, COLUMNS))
     load = Load(total / n, count / n, state[LOSS], 0.0)
-    filled, taken = fill(course, samples, 0, here, load, here.time, count / n), 0
+    filled = fill(course, samples, 0, here, load, here.time, count / n)
+    taken = 0
     while goes_on(course, samples, filled, taken):
         guess, stroke = plan(course, filled, here, load, _ANGLE)
         if stroke.end > course.look:
@@ -358,7 +506,8 @@ def advance_contacts(
         there = settle(course, here, guess, load, stroke.dt)
         total += count * (there.X - guess.X)
         filled = fill(course, samples, filled, here, load, there.time, count / n)
-        here, load = there, Load(total / n, count / n, load.loss, 0.0)
+        here = there
+        load = Load(total / n, count / n, load.loss, 0.0)
     keep(state, here, load.loss)
     contacts.total[0] = total
     return samples[:filled]

@@ -1,12 +1,15 @@
-"""The kinetic equation of ageing contacts, Eqs. (13)-(17), N to infinity, under a slider; see `langevin`.
+"""The kinetic equation of ageing contacts, Eqs. (13)-(17), N to infinity, under a
+slider; see `langevin`.
 
-The density over (place of birth, margin). A cohort is what attached while the slider moved by twice the reach of a
-step; of its contacts at each margin the mass is known and the mean place of birth, which is all that the force asks
-for: cohorts are needed only because an older contact ages by ``rate^2 (mean - margin - stretching)``, and the error of
-that falls as the square of their width. Margins obey the Fokker-Planck equation of Eq. (17), in the frame of the
-moving boundary, with Chang-Cooper / Scharfetter-Gummel fluxes (conserving, Gaussian when at rest) and steps of second
-order. What breaks enters the open cohort; with ``newborn = 0`` by its boundary, which reflects: contacts there attach
-where the slider is. Second order in all: halve step, reach and cells together.
+The density over (place of birth, margin). A cohort is what attached while the slider
+moved by twice the reach of a step; of its contacts at each margin the mass is known and
+the mean place of birth, which is all that the force asks for: cohorts are needed only
+because an older contact ages by ``rate^2 (mean - margin - stretching)``, and the error
+of that falls as the square of their width. Margins obey the Fokker-Planck equation of
+Eq. (17), in the frame of the moving boundary, with Chang-Cooper / Scharfetter-Gummel
+fluxes (conserving, Gaussian when at rest) and steps of second order. What breaks enters
+the open cohort; with ``newborn = 0`` by its boundary, which reflects: contacts there
+attach where the slider is. Second order in all: halve step, reach and cells together.
 """
 
 from typing import NamedTuple
@@ -17,22 +20,44 @@ from ._jit import jit
 from .langevin import Langevin, bernoulli
 from .oscillator import Load
 from .records import Counts, Floats
-from .stepping import COLUMNS, LOSS, Course, Stroke, begin, fill, goes_on, keep, plan, settle
+from .stepping import (
+    COLUMNS,
+    LOSS,
+    Course,
+    Stroke,
+    begin,
+    fill,
+    goes_on,
+    keep,
+    plan,
+    settle,
+)
 
-# Further entries of the state: number of closed cohorts, how far the contacts lag behind the slider, slope of the loss
-# and length of the last step.
-COHORTS, LAG, RAMP, LAST = 4, 5, 6, 7
+# Further entries of the state: number of closed cohorts, how far the contacts lag
+# behind the slider, slope of the loss and length of the last step.
+COHORTS = 4
+LAG = 5
+RAMP = 6
+LAST = 7
 
 # Largest step of a free oscillation of the slider, in radians.
 _ANGLE = 0.35
 
 
 class Cohorts(NamedTuple):
-    """Contacts by where they attached, first the closed cohorts, then the open one, then room for more."""
+    """Contacts by where they attached, first the closed cohorts, then the open one,
+    then room for more.
+    """
 
-    place: Floats  # shape (C,), at least two more than closed cohorts: slider positions at which they have stretching 0
-    mass: Floats  # shape (C, nodes): fraction of contacts by margin; none on node 0 but of the open one
-    moment: Floats  # the same times how much farther than `place` these contacts have attached on average
+    # shape (C,), at least two more than closed cohorts: slider positions at which they
+    # have stretching 0
+    place: Floats
+    # shape (C, nodes): fraction of contacts by margin; none on node 0 but of the open
+    # one
+    mass: Floats
+    # the same times how much farther than `place` these contacts have attached on
+    # average
+    moment: Floats
 
 
 class _Grid(NamedTuple):
@@ -56,10 +81,11 @@ class _Work(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """A step of all cohorts: its length, how far the slider goes, and the drift and diffusion of thresholds.
+    """A step of all cohorts: its length, how far the slider goes, and the drift and
+    diffusion of thresholds.
 
-    ``gamma = 1 - 1/sqrt(2)`` gives SDIRK2, of second order and L-stable; ``gamma = 1/2`` two implicit Euler steps, of
-    first order and positive.
+    ``gamma = 1 - 1/sqrt(2)`` gives SDIRK2, of second order and L-stable;
+    ``gamma = 1/2`` two implicit Euler steps, of first order and positive.
     """
 
     dt: float
@@ -71,7 +97,9 @@ class _Step(NamedTuple):
 
 
 class _Births(NamedTuple):
-    """The node where contacts attach (-1: nowhere), the fraction on the one above, and the rates in the two stages."""
+    """The node where contacts attach (-1: nowhere), the fraction on the one above,
+    and the rates in the two stages.
+    """
 
     node: int
     fraction: float
@@ -81,13 +109,17 @@ class _Births(NamedTuple):
 
 @jit
 def density_nodes(langevin: Langevin, cells: float) -> Floats:
-    """Nodes of the margin, `cells` per standard deviation, closer to the boundary; the last lies beyond all thresholds.
+    """Nodes of the margin, `cells` per standard deviation, closer to the boundary; the
+    last lies beyond all thresholds.
 
-    Contacts that attach on their boundary leave it as the square root of time, and a fast slider presses them against
-    it: the first cells must be small.
+    Contacts that attach on their boundary leave it as the square root of time, and a
+    fast slider presses them against it: the first cells must be small.
     """
-    end, widest = max(langevin.mean, langevin.newborn) + 8.0 * langevin.std, langevin.std / cells
-    growth, h, k = 1.0 + 1.0 / cells, 0.06 * widest, 0
+    end = max(langevin.mean, langevin.newborn) + 8.0 * langevin.std
+    widest = langevin.std / cells
+    growth = 1.0 + 1.0 / cells
+    h = 0.06 * widest
+    k = 0
     nodes = np.zeros(int(end / widest) + int(3.0 / np.log(growth)) + 3)
     while nodes[k] < end:
         nodes[k + 1] = nodes[k] + h
@@ -98,38 +130,59 @@ def density_nodes(langevin: Langevin, cells: float) -> Floats:
 
 @jit
 def cell_widths(nodes: Floats) -> Floats:
-    """Widths of the cells about the nodes; the first and the last are cut at their node."""
+    """Widths of the cells about the nodes; the first and the last are cut at their
+    node.
+    """
     width = np.empty(nodes.size)
-    width[0], width[-1] = 0.5 * nodes[1], 0.5 * (nodes[-1] - nodes[-2])
+    width[0] = 0.5 * nodes[1]
+    width[-1] = 0.5 * (nodes[-1] - nodes[-2])
     width[1:-1] = 0.5 * (nodes[2:] - nodes[:-2])
     return width
 
 
 @jit
-def _rates(grid: _Grid, mass: Floats, moment: Floats, x: float, step: _Step, first: int, top: int, work: _Work) -> None:
-    """Rates between the margins of one cohort while the slider moves on from `x` past its place of birth.
+def _rates(
+    grid: _Grid,
+    mass: Floats,
+    moment: Floats,
+    x: float,
+    step: _Step,
+    first: int,
+    top: int,
+    work: _Work,
+) -> None:
+    """Rates between the margins of one cohort while the slider moves on from `x` past
+    its place of birth.
 
-    At each margin the contacts are stretched as they are there on average, by ``x - moment/mass``.
+    At each margin the contacts are stretched as they are there on average, by
+    ``x - moment/mass``.
     """
-    nodes, width, D = grid.nodes, grid.width, step.diffusion
+    nodes = grid.nodes
+    width = grid.width
+    D = step.diffusion
     widest = nodes[-1] - nodes[-2]
     for i in range(top):
-        here, off = mass[i + 1], moment[i + 1]
+        here = mass[i + 1]
+        off = moment[i + 1]
         if i >= first:
             here += mass[i]
             off += moment[i]
         start = x - off / here if here > 1e-200 else x
-        a, b = abs(start), abs(start + step.dX)
+        a = abs(start)
+        b = abs(start + step.dX)
         h = nodes[i + 1] - nodes[i]
         ageing = step.square * (step.mean - 0.5 * (nodes[i] + nodes[i + 1] + a + b))
         motion = (b - a) / step.dt
         d = (ageing - motion) * h / D
         flow = bernoulli(d)
         if i > first and h > 0.999 * widest:
-            # Far from the boundary a fast slider carries the density along: there central differences, as far as
-            # they are positive, do not smear it.
+            # Far from the boundary a fast slider carries the density along: there
+            # central differences, as far as they are positive, do not smear it.
             flow += (
-                motion * motion / (motion * motion + ageing * ageing + 1e-300) * (max(1.0 - 0.5 * d, 0.0, -d) - flow)
+                motion
+                * motion
+                / (motion * motion + ageing * ageing + 1e-300)
+                * (max(1.0 - 0.5 * d, 0.0, -d) - flow)
             )
         work.up[i] = D * (flow + d) / (h * width[i])
         work.down[i + 1] = D * flow / (h * width[i + 1])
@@ -147,8 +200,12 @@ def _eliminate(work: _Work, first: int, top: int, dt: float) -> None:
 
 
 @jit
-def _substitute(work: _Work, below: float, first: int, top: int, dt: float, solved: Floats) -> None:
-    """Implicit step ``(1 - dt L) solved = known`` from node `first` to `top`, with `below` on the node below them."""
+def _substitute(
+    work: _Work, below: float, first: int, top: int, dt: float, solved: Floats
+) -> None:
+    """Implicit step ``(1 - dt L) solved = known`` from node `first` to `top`, with
+    `below` on the node below them.
+    """
     above = 0.0
     for i in range(top, first - 1, -1):
         solved[i] = (work.known[i] + above) * work.pivot[i]
@@ -160,28 +217,48 @@ def _substitute(work: _Work, below: float, first: int, top: int, dt: float, solv
 
 @jit
 def _advance_cohort(
-    mass: Floats, moment: Floats, grid: _Grid, x: float, step: _Step, top: int, newborns: _Births, work: _Work
+    mass: Floats,
+    moment: Floats,
+    grid: _Grid,
+    x: float,
+    step: _Step,
+    top: int,
+    newborns: _Births,
+    work: _Work,
 ) -> tuple[float, float]:
-    """One step of a cohort, by two implicit stages; returns the rates at which its contacts break in the two."""
-    known, birth, fraction, gamma = work.known, newborns.node, newborns.fraction, step.gamma
+    """One step of a cohort, by two implicit stages; returns the rates at which its
+    contacts break in the two.
+    """
+    known = work.known
+    birth = newborns.node
+    fraction = newborns.fraction
+    gamma = step.gamma
     first = 0 if birth == 0 else 1  # newborns on the boundary: it reflects
     dt = gamma * step.dt
     _rates(grid, mass, moment, x, step, first, top, work)
     _eliminate(work, first, top, dt)
     again = 0.0
-    if birth > 0:  # what one birth a time makes break within the same stage, to attach again
+    # what one birth a time makes break within the same stage, to attach again
+    if birth > 0:
         known[: top + 1] = 0.0
-        known[birth], known[birth + 1] = dt * (1.0 - fraction), dt * fraction
+        known[birth] = dt * (1.0 - fraction)
+        known[birth + 1] = dt * fraction
         _substitute(work, 0.0, first, top, dt, work.echo)
         again = work.down[1] * work.echo[1]
     ahead = (1.0 - gamma) / gamma
     breaking = (0.0, 0.0)
     for stage in range(2):
-        m, q = work.stage[stage, 0], work.stage[stage, 1]
-        path = x + step.dX * (gamma if stage == 0 else 1.0)  # of the slider since the reference place
+        m = work.stage[stage, 0]
+        q = work.stage[stage, 1]
+        # of the slider since the reference place
+        path = x + step.dX * (gamma if stage == 0 else 1.0)
         born = newborns.first if stage == 0 else newborns.second
         for i in range(first, top + 1):
-            known[i] = mass[i] if stage == 0 else mass[i] + ahead * (work.stage[0, 0, i] - mass[i])
+            known[i] = (
+                mass[i]
+                if stage == 0
+                else mass[i] + ahead * (work.stage[0, 0, i] - mass[i])
+            )
         if birth >= 0:
             known[birth] += dt * born * (1.0 - fraction)
             known[birth + 1] += dt * born * fraction
@@ -193,16 +270,22 @@ def _advance_cohort(
             for i in range(1, top + 1):
                 m[i] += lost * work.echo[i]
         for i in range(1, top + 1):
-            known[i] = moment[i] if stage == 0 else moment[i] + ahead * (work.stage[0, 1, i] - moment[i])
+            known[i] = (
+                moment[i]
+                if stage == 0
+                else moment[i] + ahead * (work.stage[0, 1, i] - moment[i])
+            )
         if birth > 0:
             known[birth] += dt * born * (1.0 - fraction) * path
             known[birth + 1] += dt * born * fraction * path
         _substitute(work, m[0] * path if birth == 0 else 0.0, 1, top, dt, q)
         breaking = (lost, lost) if stage == 0 else (breaking[0], lost)
     for i in range(first, top + 1):
-        mass[i], moment[i] = work.stage[1, 0, i], work.stage[1, 1, i]
+        mass[i] = work.stage[1, 0, i]
+        moment[i] = work.stage[1, 1, i]
         if mass[i] < 0.0:
-            mass[i], moment[i] = 0.0, 0.0
+            mass[i] = 0.0
+            moment[i] = 0.0
     if birth == 0:
         moment[0] = mass[0] * (x + step.dX)
     return breaking
@@ -210,7 +293,10 @@ def _advance_cohort(
 
 @jit
 def _top(mass: Floats, moment: Floats, nodes: Floats, before: int, path: float) -> int:
-    """Last node that a cohort can reach in a step; it held nothing above `before`. Dust at the top is swept down."""
+    """Last node that a cohort can reach in a step; it held nothing above `before`.
+
+    Dust at the top is swept down.
+    """
     top = before
     while top > 2 and mass[top] < 1e-17:
         mass[top - 1] += mass[top]
@@ -224,15 +310,25 @@ def _top(mass: Floats, moment: Floats, nodes: Floats, before: int, path: float) 
 
 
 @jit
-def _close(cohorts: Cohorts, nodes: Floats, count: int, X: float, near: float, soft: float) -> int:
-    """Close the open cohort (row `count`) and open another; returns the number of closed cohorts.
+def _close(
+    cohorts: Cohorts, nodes: Floats, count: int, X: float, near: float, soft: float
+) -> int:
+    """Close the open cohort (row `count`) and open another; returns the number of
+    closed cohorts.
 
-    Contacts within some `soft` of their boundary stay open, so that no density is cut where it is steep. The closed
-    cohort is joined to one whose place is `near`, if there is one.
+    Contacts within some `soft` of their boundary stay open, so that no density is cut
+    where it is steep. The closed cohort is joined to one whose place is `near`, if
+    there is one.
     """
-    place, mass, moment = cohorts.place, cohorts.mass, cohorts.moment
-    m, q, fresh = mass[count], moment[count], count + 1
-    total, off, path = 0.0, 0.0, X - place[count]
+    place = cohorts.place
+    mass = cohorts.mass
+    moment = cohorts.moment
+    m = mass[count]
+    q = moment[count]
+    fresh = count + 1
+    total = 0.0
+    off = 0.0
+    path = X - place[count]
     for i in range(nodes.size):
         kept = np.exp(-((nodes[i] / soft) ** 2)) if soft > 0.0 else 0.0
         mass[fresh, i] = kept * m[i]
@@ -247,13 +343,22 @@ def _close(cohorts: Cohorts, nodes: Floats, count: int, X: float, near: float, s
     place[fresh] = X
     nearest = -1
     for c in range(count):
-        if nearest < 0 or abs(place[c] - place[count]) < abs(place[nearest] - place[count]):
+        if nearest < 0 or abs(place[c] - place[count]) < abs(
+            place[nearest] - place[count]
+        ):
             nearest = c
-    if nearest >= 0 and (abs(place[nearest] - place[count]) < near or count + 2 >= place.size):
+    if nearest >= 0 and (
+        abs(place[nearest] - place[count]) < near or count + 2 >= place.size
+    ):
         moment[nearest] += q + m * (place[count] - place[nearest])
         mass[nearest] += m
-        place[count], mass[count], moment[count] = place[fresh], mass[fresh], moment[fresh]
-        mass[fresh], moment[fresh] = 0.0, 0.0
+        place[count], mass[count], moment[count] = (
+            place[fresh],
+            mass[fresh],
+            moment[fresh],
+        )
+        mass[fresh] = 0.0
+        moment[fresh] = 0.0
         return count
     return count + 1
 
@@ -261,46 +366,91 @@ def _close(cohorts: Cohorts, nodes: Floats, count: int, X: float, near: float, s
 @jit
 def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
     """Numbers of a step that do not depend on the cohort."""
-    square, diffusion = langevin.rate**2, (langevin.rate * langevin.std) ** 2
-    # Pressed against the boundary for many relaxation times of the layer there, SDIRK2 would overshoot.
+    square = langevin.rate**2
+    diffusion = (langevin.rate * langevin.std) ** 2
+    # Pressed against the boundary for many relaxation times of the layer there, SDIRK2
+    # would overshoot.
     fall = max(abs(stroke.dX) / stroke.dt - square * langevin.mean, 0.0)
     gamma = 0.5 if fall * fall * stroke.dt > 8.0 * diffusion else 1.0 - np.sqrt(0.5)
     return _Step(stroke.dt, stroke.dX, square, langevin.mean, diffusion, gamma)
 
 
 @jit
-def _age(cohorts: Cohorts, grid: _Grid, count: int, stroke: Stroke, langevin: Langevin, work: _Work) -> int:
-    """One step of all cohorts; what breaks attaches in the open one (row `count`). How many closed ones are left."""
-    place, mass, moment, tops, nodes = cohorts.place, cohorts.mass, cohorts.moment, work.tops, grid.nodes
-    step, X, newborn = _prepare(langevin, stroke), stroke.X, langevin.newborn
-    birth, fraction = 0, 0.0
+def _age(
+    cohorts: Cohorts,
+    grid: _Grid,
+    count: int,
+    stroke: Stroke,
+    langevin: Langevin,
+    work: _Work,
+) -> int:
+    """One step of all cohorts; what breaks attaches in the open one (row `count`).
+
+    How many closed ones are left.
+    """
+    place = cohorts.place
+    mass = cohorts.mass
+    moment = cohorts.moment
+    tops = work.tops
+    nodes = grid.nodes
+    step = _prepare(langevin, stroke)
+    X = stroke.X
+    newborn = langevin.newborn
+    birth = 0
+    fraction = 0.0
     if newborn > 0.0:
-        birth = min(max(int(np.searchsorted(nodes, newborn, side="right")) - 1, 1), nodes.size - 2)
-        fraction = min(max((newborn - nodes[birth]) / (nodes[birth + 1] - nodes[birth]), 0.0), 1.0)
+        birth = min(
+            max(int(np.searchsorted(nodes, newborn, side="right")) - 1, 1),
+            nodes.size - 2,
+        )
+        fraction = min(
+            max((newborn - nodes[birth]) / (nodes[birth + 1] - nodes[birth]), 0.0), 1.0
+        )
     path = 8.0 * np.sqrt(2.0 * step.diffusion * step.dt) + abs(step.dX)
-    first, second, broken, dust, kept = 0.0, 0.0, 0.0, 0.0, 0
+    first = 0.0
+    second = 0.0
+    broken = 0.0
+    dust = 0.0
+    kept = 0
     for c in range(count):
-        m, q = mass[c], moment[c]
+        m = mass[c]
+        q = moment[c]
         broken += np.sum(m)
         top = _top(m, q, nodes, tops[c], path)
-        one, two = _advance_cohort(m, q, grid, X - place[c], step, top, _Births(-1, 0.0, 0.0, 0.0), work)
+        one, two = _advance_cohort(
+            m, q, grid, X - place[c], step, top, _Births(-1, 0.0, 0.0, 0.0), work
+        )
         first += one
         second += two
         left = np.sum(m)
         broken -= left
         if left < 1e-13:  # as good as empty
             dust += left
-            m[:], q[:] = 0.0, 0.0
+            m[:] = 0.0
+            q[:] = 0.0
             continue
-        place[kept], tops[kept] = place[c], top
+        place[kept] = place[c]
+        tops[kept] = top
         if kept < c:
-            mass[kept], moment[kept] = m, q
-            m[:], q[:] = 0.0, 0.0
+            mass[kept] = m
+            moment[kept] = q
+            m[:] = 0.0
+            q[:] = 0.0
         kept += 1
-    m, q = mass[count], moment[count]
+    m = mass[count]
+    q = moment[count]
     expected = np.sum(m) + broken
     top = max(_top(m, q, nodes, tops[count], path), birth + 1)
-    _advance_cohort(m, q, grid, X - place[count], step, top, _Births(birth, fraction, first, second), work)
+    _advance_cohort(
+        m,
+        q,
+        grid,
+        X - place[count],
+        step,
+        top,
+        _Births(birth, fraction, first, second),
+        work,
+    )
     total = np.sum(m)
     if total > 0.0:  # rounding, and what was cut off below 0
         m *= expected / total
@@ -308,8 +458,11 @@ def _age(cohorts: Cohorts, grid: _Grid, count: int, stroke: Stroke, langevin: La
     m[birth] += dust
     q[birth] += dust * (X + step.dX - place[count])
     if kept < count:
-        place[kept], mass[kept], moment[kept] = place[count], m, q
-        m[:], q[:] = 0.0, 0.0
+        place[kept] = place[count]
+        mass[kept] = m
+        moment[kept] = q
+        m[:] = 0.0
+        q[:] = 0.0
     tops[kept] = top
     return kept
 
@@ -317,7 +470,8 @@ def _age(cohorts: Cohorts, grid: _Grid, count: int, stroke: Stroke, langevin: La
 @jit
 def _force(cohorts: Cohorts, count: int, X: float) -> tuple[float, float]:
     """Force of the contacts, and the sum of the mass."""
-    force, total = 0.0, 0.0
+    force = 0.0
+    total = 0.0
     for c in range(count + 1):
         here = np.sum(cohorts.mass[c])
         total += here
@@ -326,44 +480,84 @@ def _force(cohorts: Cohorts, count: int, X: float) -> tuple[float, float]:
 
 
 @jit
-def advance_density(state: Floats, cohorts: Cohorts, nodes: Floats, course: Course, langevin: Langevin) -> Floats:
-    """Advance the kinetic equation and the slider to the last of the course's times, Eqs. (11), (13)-(17).
+def advance_density(
+    state: Floats, cohorts: Cohorts, nodes: Floats, course: Course, langevin: Langevin
+) -> Floats:
+    """Advance the kinetic equation and the slider to the last of the course's times,
+    Eqs. (11), (13)-(17).
 
-    `state` and `cohorts` are changed; returns the samples at the times that were reached, the last column the sum of
-    the mass. With ``(mean + 8 std)/reach + 3`` rows of cohorts none has to be joined to another that is not near.
+    `state` and `cohorts` are changed; returns the samples at the times that were
+    reached, the last column the sum of the mass. With ``(mean + 8 std)/reach + 3`` rows
+    of cohorts none has to be joined to another that is not near.
     """
-    count, lag, reach = int(state[COHORTS]), state[LAG], course.reach
+    count = int(state[COHORTS])
+    lag = state[LAG]
+    reach = course.reach
     size = nodes.size
-    grid, tops = _Grid(nodes, cell_widths(nodes)), np.full(cohorts.place.size, size - 1)
+    grid = _Grid(nodes, cell_widths(nodes))
+    tops = np.full(cohorts.place.size, size - 1)
     line = np.zeros((6, size))
-    work = _Work(line[0], line[1], line[2], line[3], line[4], line[5], np.zeros((2, 2, size)), tops)
+    work = _Work(
+        line[0],
+        line[1],
+        line[2],
+        line[3],
+        line[4],
+        line[5],
+        np.zeros((2, 2, size)),
+        tops,
+    )
     here = begin(course, state)
     F, total = _force(cohorts, count, here.X)
-    samples, loss, ramp, last = np.empty((course.times.size, COLUMNS)), state[LOSS], state[RAMP], state[LAST]
-    filled, taken = fill(course, samples, 0, here, Load(F, 1.0, 0.0, 0.0), here.time, total), 0
+    samples = np.empty((course.times.size, COLUMNS))
+    loss = state[LOSS]
+    ramp = state[RAMP]
+    last = state[LAST]
+    filled = fill(course, samples, 0, here, Load(F, 1.0, 0.0, 0.0), here.time, total)
+    taken = 0
     while goes_on(course, samples, filled, taken):
-        guess, stroke = plan(course, filled, here, Load(F, 1.0, loss + 0.5 * ramp * last, ramp), _ANGLE)
+        guess, stroke = plan(
+            course, filled, here, Load(F, 1.0, loss + 0.5 * ramp * last, ramp), _ANGLE
+        )
         if stroke.end > course.look:
             break
         taken += 1
-        # The contacts are moved to where the slider is guessed to go, from where it was last guessed to have gone.
-        dt, dX = stroke.dt, stroke.dX
-        count = _age(cohorts, grid, count, Stroke(here.time, stroke.end, dt, here.X - lag, dX + lag), langevin, work)
+        # The contacts are moved to where the slider is guessed to go, from where it was
+        # last guessed to have gone.
+        dt = stroke.dt
+        dX = stroke.dX
+        count = _age(
+            cohorts,
+            grid,
+            count,
+            Stroke(here.time, stroke.end, dt, here.X - lag, dX + lag),
+            langevin,
+            work,
+        )
         path = abs(guess.X - cohorts.place[count])
         if path >= 3.999 * reach or (guess.V * here.V < 0.0 and path > 0.4 * reach):
-            soft = 2.0 * np.sqrt((langevin.rate * langevin.std) ** 2 * dt) if langevin.newborn <= 0.0 else 0.0
+            soft = (
+                2.0 * np.sqrt((langevin.rate * langevin.std) ** 2 * dt)
+                if langevin.newborn <= 0.0
+                else 0.0
+            )
             count = _close(cohorts, nodes, count, guess.X, 2.0 * reach, soft)
             tops[count] = size - 1
-        before, start = loss, F
+        before = loss
+        start = F
         F, total = _force(cohorts, count, guess.X)
         loss = (start + guess.X - here.X - F) / dt
         ramp = 2.0 * (loss - before) / (dt + last) if last > 0.0 else 0.0
-        last, load = dt, Load(start, 1.0, loss - 0.5 * ramp * dt, ramp)
+        last = dt
+        load = Load(start, 1.0, loss - 0.5 * ramp * dt, ramp)
         there = settle(course, here, guess, load, dt)
         lag = there.X - guess.X
         F += lag
         filled = fill(course, samples, filled, here, load, there.time, total)
         here = there
     keep(state, here, loss)
-    state[COHORTS], state[LAG], state[RAMP], state[LAST] = float(count), lag, ramp, last
+    state[COHORTS] = float(count)
+    state[LAG] = lag
+    state[RAMP] = ramp
+    state[LAST] = last
     return samples[:filled]

@@ -1,13 +1,15 @@
-"""Linear response of ageing contacts about steady sliding, from Eqs. (11) and (13)-(17); see `langevin`.
+"""Linear response of ageing contacts about steady sliding, from Eqs. (11) and
+(13)-(17); see `langevin`.
 
-While the slider moves by ``e^{pt}`` more, the level of a contact that attached at age 0 is perturbed by
-``e^{pa} - 1``. A level that is higher at one age only takes away those who are about to break then and would have
-lived on as excursions from there: with ``w(s, a)`` the survival of an excursion that begins at age s,
+While the slider moves by ``e^{pt}`` more, the level of a contact that attached at age 0
+is perturbed by ``e^{pa} - 1``. A level that is higher at one age only takes away those
+who are about to break then and would have lived on as excursions from there: with
+``w(s, a)`` the survival of an excursion that begins at age s,
 
     dS(a) = int_0^a w(s, a - s) (e^{ps} - 1) dS(s)/delta.
 
-Survival and excursions do not depend on p; what one life contributes to the dynamic stiffness are their transforms,
-which polynomials have in closed form at any p.
+Survival and excursions do not depend on p; what one life contributes to the dynamic
+stiffness are their transforms, which polynomials have in closed form at any p.
 """
 
 from typing import NamedTuple
@@ -20,14 +22,18 @@ from .langevin_survival import NODE, P, panel_ages, panel_edges, survive
 from .records import Complexes, Counts, Floats
 from .rules import gauss
 
-_LEGENDRE = np.ascontiguousarray(np.linalg.inv(np.polynomial.legendre.legvander(2.0 * NODE - 1.0, P)))
+_LEGENDRE = np.ascontiguousarray(
+    np.linalg.inv(np.polynomial.legendre.legvander(2.0 * NODE - 1.0, P))
+)
 """Coefficients of Legendre polynomials from values at the nodes."""
 _FINE, _FINE_WEIGHT = gauss(32)
 _ON_FINE = np.polynomial.legendre.legvander(2.0 * _FINE - 1.0, P) @ _LEGENDRE
 
 
 class Excursions(NamedTuple):
-    """Survival at one velocity, on panels of the age: of a contact, and of excursions that begin at some ages."""
+    """Survival at one velocity, on panels of the age: of a contact, and of
+    excursions that begin at some ages.
+    """
 
     life: Life
     edges: Floats  # of the panels
@@ -35,20 +41,36 @@ class Excursions(NamedTuple):
     start: Floats  # shape (n,): ages at which the excursions begin
     slope: Floats  # shape (n, n): slopes of a polynomial in the start from its values
     survivors: Floats  # shape (nodes,)
-    lifetimes: Floats  # shape (nodes, 3 n): survivors times polynomials of the start; excursions, plain and times age
-    alive: Counts  # shape (nodes,): how many of the columns of `lifetimes` to regard: later there is nobody
+    # shape (nodes, 3 n): survivors times polynomials of the start; excursions, plain
+    # and times age
+    lifetimes: Floats
+    # shape (nodes,): how many of the columns of `lifetimes` to regard: later there is
+    # nobody
+    alive: Counts
 
 
 @jit
 def _starts(life: Life) -> int:
-    """Number of ages at which excursions begin: the slower the slide, the sharper is the end of a life."""
-    return int(14.0 + longest_age(life) * life.u / life.delta * (0.7 + 0.4 * max(-np.log(life.u), 0.0)))
+    """Number of ages at which excursions begin: the slower the slide, the sharper is
+    the end of a life.
+    """
+    return int(
+        14.0
+        + longest_age(life)
+        * life.u
+        / life.delta
+        * (0.7 + 0.4 * max(-np.log(life.u), 0.0))
+    )
 
 
 @jit
 def excursions(life: Life) -> Excursions:
-    """Survival at one velocity of a contact and of excursions, for `life_transforms`."""
-    edges, rise, count = panel_edges(life), life.u / life.delta, _starts(life)
+    """Survival at one velocity of a contact and of excursions, for
+    `life_transforms`.
+    """
+    edges = panel_edges(life)
+    rise = life.u / life.delta
+    count = _starts(life)
     angle = np.pi * (np.arange(count) + 0.5) / count
     start = 0.5 * edges[-1] * (1.0 - np.cos(angle))  # nodes of Chebyshev
     barycentric = np.sin(angle)
@@ -64,7 +86,8 @@ def excursions(life: Life) -> Excursions:
     levels = np.append(np.zeros(1), start) * rise - 1.0 / life.delta
     survival = survive(edges, rise, levels, margin).reshape(-1, count + 1)
     age = panel_ages(edges).ravel()
-    lifetimes, alive = np.empty((age.size, 3 * count)), np.full(age.size, count)
+    lifetimes = np.empty((age.size, 3 * count))
+    alive = np.full(age.size, count)
     for i in range(age.size):
         off = age[i] - start
         row = barycentric / np.where(off == 0.0, 1e-300, off)
@@ -73,30 +96,43 @@ def excursions(life: Life) -> Excursions:
         lifetimes[i, count + 1 :: 2] = age[i] * survival[i, 1:]
         while alive[i] < 3 * count and survival[i, 1 + (alive[i] - count) // 2] != 0.0:
             alive[i] += 2
-    return Excursions(life, edges, age, start, slope, survival[:, 0].copy(), lifetimes, alive)
+    return Excursions(
+        life, edges, age, start, slope, survival[:, 0].copy(), lifetimes, alive
+    )
 
 
 @jit
 def _legendre_transforms(z: complex, out: Complexes) -> None:
-    """``int P_n(x) exp(-z (1 + x)) dx`` from -1 to 1 for all orders, by their recursion upwards or downwards."""
-    size, far = abs(z), np.exp(-2.0 * z)
+    """``int P_n(x) exp(-z (1 + x)) dx`` from -1 to 1 for all orders, by their
+    recursion upwards or downwards.
+    """
+    size = abs(z)
+    far = np.exp(-2.0 * z)
     if size < 1e-8:
         out[:] = 0.0
-        out[0], out[1] = 2.0 - 2.0 * z, -2.0 * z / 3.0
+        out[0] = 2.0 - 2.0 * z
+        out[1] = -2.0 * z / 3.0
         return
-    first = (1.0 - far) / z if size > 1e-3 else 2.0 * (1.0 - z * (1.0 - z * (2.0 - z) / 3.0))
+    first = (
+        (1.0 - far) / z
+        if size > 1e-3
+        else 2.0 * (1.0 - z * (1.0 - z * (2.0 - z) / 3.0))
+    )
     if size > P:
-        out[0], out[1] = first, (first - 1.0 - far) / z
+        out[0] = first
+        out[1] = (first - 1.0 - far) / z
         for n in range(1, P):
             out[n + 1] = out[n - 1] + (2 * n + 1) / z * out[n]
         return
-    above, here = 0j, 1e-250 + 0j
+    above = 0j
+    here = 1e-250 + 0j
     for n in range(P + 24, 0, -1):
         above, here = here, above - (2 * n + 1) / z * here
         if n <= P + 1:
             out[n - 1] = here
         if abs(here) > 1e100:
-            above, here = above * 1e-150, here * 1e-150
+            above = above * 1e-150
+            here = here * 1e-150
             for m in range(n - 1, P + 1):
                 out[m] *= 1e-150
     factor = first / out[0]
@@ -106,7 +142,9 @@ def _legendre_transforms(z: complex, out: Complexes) -> None:
 
 @jit
 def _transform_weights(edges: Floats, p: complex, weight: Complexes) -> None:
-    """Weights of the nodes of all panels in the Laplace transform of what is given at them."""
+    """Weights of the nodes of all panels in the Laplace transform of what is given
+    at them.
+    """
     weight[0] = 0.0
     for i in range(_FINE.size):
         part = 2.0 * edges[1] * _FINE_WEIGHT[i] * np.exp(-p * edges[1] * _FINE[i] ** 2)
@@ -125,13 +163,21 @@ def _transform_weights(edges: Floats, p: complex, weight: Complexes) -> None:
 
 
 @jit
-def _transform(known: Excursions, p: complex, real: Floats, imaginary: Floats) -> tuple[complex, complex]:
-    """Transforms of the survivors and of their age; those of all that excursions have, in real and imaginary parts."""
-    edges, age, lifetimes = known.edges, known.age, known.lifetimes
+def _transform(
+    known: Excursions, p: complex, real: Floats, imaginary: Floats
+) -> tuple[complex, complex]:
+    """Transforms of the survivors and of their age; those of all that excursions
+    have, in real and imaginary parts.
+    """
+    edges = known.edges
+    age = known.age
+    lifetimes = known.lifetimes
     weight = np.empty((edges.size - 1, P + 1), dtype=np.complex128)
     _transform_weights(edges, p, weight)
-    real[:], imaginary[:] = 0.0, 0.0
-    whole, moment = 0j, 0j
+    real[:] = 0.0
+    imaginary[:] = 0.0
+    whole = 0j
+    moment = 0j
     for i, w in enumerate(weight.ravel()):
         whole += w * known.survivors[i]
         moment += w * known.survivors[i] * age[i]
@@ -143,13 +189,16 @@ def _transform(known: Excursions, p: complex, real: Floats, imaginary: Floats) -
 
 @jit
 def life_transforms(known: Excursions, p: Complexes) -> Complexes:
-    """What one life contributes to the dynamic stiffness at Laplace variables `p` in units of rate^2, shape (4, n).
+    """What one life contributes to the dynamic stiffness at Laplace variables `p` in
+    units of rate^2, shape (4, n).
 
-    ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of the survivors S by a slider that
-    is perturbed by ``e^{pa}``.
+    ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of
+    the survivors S by a slider that is perturbed by ``e^{pa}``.
     """
-    count, u = known.start.size, known.life.u
-    real, imaginary = np.empty(3 * count), np.empty(3 * count)
+    count = known.start.size
+    u = known.life.u
+    real = np.empty(3 * count)
+    imaginary = np.empty(3 * count)
     _transform(known, 0j, real, imaginary)
     still = real[:count].copy()
     answer = np.empty((4, p.size), dtype=np.complex128)
@@ -157,8 +206,11 @@ def life_transforms(known: Excursions, p: Complexes) -> Complexes:
         answer[0, q], moment = _transform(known, p[q], real, imaginary)
         answer[1, q] = u * moment
         both = real + 1j * imaginary
-        by, life, age = both[:count], both[count::2], both[count + 1 :: 2]
-        # By parts: the survivors may change infinitely fast, what becomes of excursions does not.
+        by = both[:count]
+        life = both[count::2]
+        age = both[count + 1 :: 2]
+        # By parts: the survivors may change infinitely fast, what becomes of excursions
+        # does not.
         shift = -p[q] * by
         for c in range(count):
             shift += known.slope[c] * (by[c] - still[c])

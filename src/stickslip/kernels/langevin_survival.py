@@ -1,17 +1,21 @@
-"""Survival of ageing contacts at constant velocity, from a Volterra equation in their age; see `langevin`.
+"""Survival of ageing contacts at constant velocity, from a Volterra equation in their
+age; see `langevin`.
 
-In units of their standard deviation about the mean, thresholds are an Ornstein-Uhlenbeck process, whose transitions are
-known. A contact breaks where its threshold first meets its *level*, the force of its stretching, which rises by
-``u/delta`` per age. What is above its level at an age has not broken, or broke at some age s and came above it again:
+In units of their standard deviation about the mean, thresholds are an
+Ornstein-Uhlenbeck process, whose transitions are known. A contact breaks where its
+threshold first meets its *level*, the force of its stretching, which rises by
+``u/delta`` per age. What is above its level at an age has not broken, or broke at some
+age s and came above it again:
 
     Q(a | start) = S(a) - int Q(a | level at s) dS(s),
 
-with ``Q`` the fraction of free thresholds above the level. Integrated by parts this is an equation of the second kind
-for the survivors S, whose kernel is the inverse square root of the lag times a smooth function. It is met at the nodes
-of panels on which S is a polynomial; on the first one, a polynomial of the root of the age over that root.
+with ``Q`` the fraction of free thresholds above the level. Integrated by parts this is
+an equation of the second kind for the survivors S, whose kernel is the inverse square
+root of the lag times a smooth function. It is met at the nodes of panels on which S is
+a polynomial; on the first one, a polynomial of the root of the age over that root.
 
-A contact that attaches on its own level has the survival of an excursion, per unit of its entrance measure (its slope
-in the margin, in units of the standard deviation).
+A contact that attaches on its own level has the survival of an excursion, per unit of
+its entrance measure (its slope in the margin, in units of the standard deviation).
 """
 
 import math
@@ -23,33 +27,52 @@ from .langevin import Life, longest_age
 from .records import Floats
 from .rules import gauss, lobatto
 
-P = 10  # order of the polynomials; a panel has ``P + 1`` nodes, the first of them the last of the panel before
+# order of the polynomials; a panel has ``P + 1`` nodes, the first of them the last of
+# the panel before
+P = 10
 
 
 NODE = lobatto(P)
-_BARYCENTRIC = np.array([1.0 / np.prod(node - np.delete(NODE, j)) for j, node in enumerate(NODE)])
+_BARYCENTRIC = np.array(
+    [1.0 / np.prod(node - np.delete(NODE, j)) for j, node in enumerate(NODE)]
+)
 _GAUSS, _WEIGHT = gauss(12)
 _HEIGHT = 1.0 / math.sqrt(2.0 * math.pi)
 _FORGOTTEN = 36.0  # lag after which free thresholds have forgotten where they were
 _NOBODY = 1e-14
-_WIDEST = 2.5  # longest panel, in times that the level takes to cross the free thresholds' standard deviation
+# longest panel, in times that the level takes to cross the free thresholds' standard
+# deviation
+_WIDEST = 2.5
 
 
 @jit
 def panel_edges(life: Life) -> Floats:
-    """Edges of the panels of the age: doubling at first, then as long as the level is resolved."""
-    rise, end = life.u / life.delta, longest_age(life)
-    lowest, highest = -1.0 / life.delta, max((life.u * end - 1.0) / life.delta, (life.newborn - 1.0) / life.delta)
+    """Edges of the panels of the age: doubling at first, then as long as the level
+    is resolved.
+    """
+    rise = life.u / life.delta
+    end = longest_age(life)
+    lowest = -1.0 / life.delta
+    highest = max((life.u * end - 1.0) / life.delta, (life.newborn - 1.0) / life.delta)
     edges = np.empty(1 << 16)
     fastest = max(1.0, abs(lowest + rise), abs(highest + rise))
-    edges[0], edges[1], k = 0.0, min(0.25 / fastest**2, 0.1 * end), 1
+    edges[0] = 0.0
+    edges[1] = min(0.25 / fastest**2, 0.1 * end)
+    k = 1
     while edges[k] < end and k + 1 < edges.size:
         age = edges[k]
-        fastest = max(abs(lowest * math.exp(-age) + rise), abs(highest * math.exp(-age) + rise))
-        edges[k + 1] = age + min(age, _WIDEST * math.sqrt(-math.expm1(-2.0 * age)) / fastest)
+        fastest = max(
+            abs(lowest * math.exp(-age) + rise), abs(highest * math.exp(-age) + rise)
+        )
+        edges[k + 1] = age + min(
+            age, _WIDEST * math.sqrt(-math.expm1(-2.0 * age)) / fastest
+        )
         k += 1
     if edges[k] < end:
-        raise ValueError("a life of contacts is not resolved in 65,536 parts: their thresholds scatter too little")
+        raise ValueError(
+            "a life of contacts is not resolved in 65,536 parts: their thresholds "
+            "scatter too little"
+        )
     edges[k] = end
     return edges[: k + 1].copy()
 
@@ -67,13 +90,18 @@ def panel_ages(edges: Floats) -> Floats:
 @jit
 def interpolate(edges: Floats, k: int, age: float, row: Floats) -> None:
     """Weights of the nodes of panel `k` in what survives at an age of it."""
-    x = math.sqrt(age / edges[1]) if k == 0 else (age - edges[k]) / (edges[k + 1] - edges[k])
+    x = (
+        math.sqrt(age / edges[1])
+        if k == 0
+        else (age - edges[k]) / (edges[k + 1] - edges[k])
+    )
     total = 0.0
     for j in range(P + 1):
         d = x - NODE[j]
         if d == 0.0:
             row[:] = 0.0
-            row[j], total = 1.0, 1.0
+            row[j] = 1.0
+            total = 1.0
             break
         row[j] = _BARYCENTRIC[j] / d
         total += row[j]
@@ -84,16 +112,24 @@ def interpolate(edges: Floats, k: int, age: float, row: Floats) -> None:
 
 
 @jit
-def _kernels(levels: Floats, rise: float, lag: float, weight: float, kernel: Floats) -> bool:
-    """Slope of ``Q`` in the lag, between two moments on the level, times a weight; whether any of it matters."""
-    stay, gone = math.exp(-lag), -math.expm1(-lag)
-    variance, matters = gone * (1.0 + stay), False
+def _kernels(
+    levels: Floats, rise: float, lag: float, weight: float, kernel: Floats
+) -> bool:
+    """Slope of ``Q`` in the lag, between two moments on the level, times a weight;
+    whether any of it matters.
+    """
+    stay = math.exp(-lag)
+    gone = -math.expm1(-lag)
+    variance = gone * (1.0 + stay)
+    matters = False
     turn = stay / math.sqrt(variance)
     for b in range(levels.size):
         free = -(levels[b] * gone / stay + rise * lag) * turn
         kernel[b] = 0.0
         if free * free < 80.0:
-            slope = turn * (rise * lag - levels[b] - rise) - free * stay * stay / variance
+            slope = (
+                turn * (rise * lag - levels[b] - rise) - free * stay * stay / variance
+            )
             kernel[b] = weight * _HEIGHT * math.exp(-0.5 * free * free) * slope
             matters = True
     return matters
@@ -101,26 +137,41 @@ def _kernels(levels: Floats, rise: float, lag: float, weight: float, kernel: Flo
 
 @jit
 def _remember(
-    edges: Floats, k: int, age: float, levels: Floats, rise: float, survivors: Floats, matrix: Floats, known: Floats
+    edges: Floats,
+    k: int,
+    age: float,
+    levels: Floats,
+    rise: float,
+    survivors: Floats,
+    matrix: Floats,
+    known: Floats,
 ) -> None:
-    """What came above its level again, at an age of panel `k` where the levels are `levels`.
+    """What came above its level again, at an age of panel `k` where the levels are
+    `levels`.
 
-    Of the panel itself it goes into the row `matrix` of the equations, shape (P + 1, n); of those before into `known`.
+    Of the panel itself it goes into the row `matrix` of the equations, shape (P + 1,
+    n); of those before into `known`.
     """
-    count, fastest = levels.size, 1e-9
-    row, kernel = np.empty(P + 1), np.empty(levels.size)
+    count = levels.size
+    fastest = 1e-9
+    row = np.empty(P + 1)
+    kernel = np.empty(levels.size)
     for level in levels:
         fastest = max(fastest, abs(level + rise))
     far = math.sqrt(min(0.5 * age, _FORGOTTEN))
-    for early in range(2 if 0.5 * age < _FORGOTTEN else 1):  # first short lags, then early ages, by their roots
-        left, right = 0.0, min(far, math.sqrt(edges[1]) if early else 2.0 / fastest)
+    # first short lags, then early ages, by their roots
+    for early in range(2 if 0.5 * age < _FORGOTTEN else 1):
+        left = 0.0
+        right = min(far, math.sqrt(edges[1]) if early else 2.0 / fastest)
         while left < far:
             matters = False
             for q in range(_GAUSS.size):
                 x = left + (right - left) * _GAUSS[q]
                 then = x * x if early else age - x * x
                 weight = 2.0 * x * (right - left) * _WEIGHT[q]
-                if not _kernels(levels, rise, age - x * x if early else x * x, weight, kernel):
+                if not _kernels(
+                    levels, rise, age - x * x if early else x * x, weight, kernel
+                ):
                     continue
                 matters = True
                 m = k
@@ -135,42 +186,63 @@ def _remember(
                             known[b] += row[j] * survivors[m, j, b] * kernel[b]
             if not (matters or early):
                 break
-            left, right = right, min(2.0 * right, far)
+            left = right
+            right = min(2.0 * right, far)
             if right > 0.75 * far:
                 right = far
 
 
 @jit
 def survive(edges: Floats, rise: float, start: Floats, margin: Floats) -> Floats:
-    """Survivors at the nodes of the panels, shape (panels, P + 1, n); on the first panel times the root of age.
+    """Survivors at the nodes of the panels, shape (panels, P + 1, n); on the first
+    panel times the root of age.
 
-    `start` are levels at age 0, rising: the last are the first with which nobody survives; `margin` says how far above
-    them the newborns' thresholds are, 0 for an excursion.
+    `start` are levels at age 0, rising: the last are the first with which nobody
+    survives; `margin` says how far above them the newborns' thresholds are, 0 for an
+    excursion.
     """
-    count, age = start.size, panel_ages(edges)
+    count = start.size
+    age = panel_ages(edges)
     survivors = np.zeros((edges.size - 1, P + 1, count))
-    matrix, known = np.empty((P + 1, P + 1, count)), np.empty((P + 1, count))
+    matrix = np.empty((P + 1, P + 1, count))
+    known = np.empty((P + 1, count))
     for b in range(count):
-        survivors[0, 0, b] = 0.0 if margin[b] > 0.0 else 1.0 / math.sqrt(math.pi * edges[1])
+        survivors[0, 0, b] = (
+            0.0 if margin[b] > 0.0 else 1.0 / math.sqrt(math.pi * edges[1])
+        )
     for k in range(edges.size - 1):
         if k > 0:
             survivors[k, 0] = survivors[k - 1, P]
             while count > 1 and abs(survivors[k, 0, count - 1]) < _NOBODY:
                 survivors[k, 0, count - 1] = 0.0
                 count -= 1
-        matrix[:], known[:] = 0.0, 0.0
+        matrix[:] = 0.0
+        known[:] = 0.0
         for i in range(1, P + 1):
             a = age[k, i]
-            stay, sigma = math.exp(-a), math.sqrt(-math.expm1(-2.0 * a))
+            stay = math.exp(-a)
+            sigma = math.sqrt(-math.expm1(-2.0 * a))
             for b in range(count):
                 free = (start[b] * math.expm1(-a) - rise * a) / sigma
                 if margin[b] > 0.0:
                     above = free + margin[b] * stay / sigma
-                    known[i, b] = 0.5 * (math.erf(above / math.sqrt(2.0)) - math.erf(free / math.sqrt(2.0)))
+                    known[i, b] = 0.5 * (
+                        math.erf(above / math.sqrt(2.0))
+                        - math.erf(free / math.sqrt(2.0))
+                    )
                 else:
                     known[i, b] = _HEIGHT * math.exp(-0.5 * free * free) * stay / sigma
                 matrix[i, i, b] = 0.5 / (NODE[i] if k == 0 else 1.0)
-            _remember(edges, k, a, start[:count] + rise * a, rise, survivors, matrix[i], known[i])
+            _remember(
+                edges,
+                k,
+                a,
+                start[:count] + rise * a,
+                rise,
+                survivors,
+                matrix[i],
+                known[i],
+            )
         for b in range(count):
             right = known[1:, b] - matrix[1:, 0, b] * survivors[k, 0, b]
             survivors[k, 1:, b] = np.linalg.solve(matrix[1:, 1:, b].copy(), right)

@@ -1,9 +1,11 @@
-"""Blocks in motion: leapfrog, kick and drift, with what goes with it: dashpots, energies, samples, pieces of the drive.
+"""Blocks in motion: leapfrog, kick and drift, with what goes with it: dashpots,
+energies, samples, pieces of the drive.
 
-What the contacts of a block do while it drifts is for another kernel to say (`blocks`, `block_cohorts`); here they are
-three sums: the attached fraction, and the origins of those attached, plain and squared. The contacts that are detached
-slide together, one elastic and plastic element a block: stretched as an attached contact would be, up to the force
-``f_d``. What it dissipates counts as broken.
+What the contacts of a block do while it drifts is for another kernel to say (`blocks`,
+`block_cohorts`); here they are three sums: the attached fraction, and the origins of
+those attached, plain and squared. The contacts that are detached slide together, one
+elastic and plastic element a block: stretched as an attached contact would be, up to
+the force ``f_d``. What it dissipates counts as broken.
 """
 
 import math
@@ -12,7 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .drive import FINISHED, LOOK, NOWHERE, ON_THE_WAY, STOPPED, Piece, Sampling, drive_at, holds
+from .drive import (
+    FINISHED,
+    LOOK,
+    NOWHERE,
+    ON_THE_WAY,
+    STOPPED,
+    Piece,
+    Sampling,
+    drive_at,
+    holds,
+)
 from .records import Floats, Indices, Record, blank, record
 
 SUMS = (
@@ -26,28 +38,39 @@ SUMS = (
     "viscous_energy",
     "broken_energy",
 )
-"""What samples begin with, summed over blocks: `bulk_energy` is that of the springs between them, `viscous_energy` what
-was lost in dashpots."""
+"""What samples begin with, summed over blocks: `bulk_energy` is that of the springs
+between them, `viscous_energy` what was lost in dashpots.
+"""
 OF_BLOCKS = ("displacement", "velocity", "friction_force", "attached", "broken")
 """What they go on with, each for all blocks; `broken` counts breaks per contact."""
-SCALARS, FIELDS = len(SUMS), len(OF_BLOCKS)
+SCALARS = len(SUMS)
+FIELDS = len(OF_BLOCKS)
 
 
 class Network(NamedTuple):
-    """Constants of ``M X'' + M eta X' = pull (D - X) + load + sum of spring (1 + lag d/dt) (X_l - X) - F_c``."""
+    """Constants of ``M X'' + M eta X' = pull (D - X) + load + sum of spring (1 + lag
+    d/dt) (X_l - X) - F_c``.
+    """
 
     neighbour: Indices  # shape (n, m); where a block has fewer than `m`, itself
     spring: Floats  # shape (n, m): stiffness towards each; 0 where there is none
-    pull: Floats  # shape (n,): stiffness of the spring by which the drive pulls each block
-    load: Floats  # shape (n,): constant force: of the driving spring with drive and block at 0, and what pushes
-    push: Floats  # shape (n,): what part of `load` does work as the block moves: all but the force of a driving spring
+    # shape (n,): stiffness of the spring by which the drive pulls each block
+    pull: Floats
+    # shape (n,): constant force: of the driving spring with drive and block at 0, and
+    # what pushes
+    load: Floats
+    # shape (n,): what part of `load` does work as the block moves: all but the force of
+    # a driving spring
+    push: Floats
     mass: float
     damping: float
     lag: float  # viscosity of a spring over its stiffness
 
 
 class Blocks(NamedTuple):
-    """What each block has, shape (n,): motion, sums over its contacts, and what has been."""
+    """What each block has, shape (n,): motion, sums over its contacts, and what has
+    been.
+    """
 
     X: Floats
     V: Floats  # half a step behind the displacement, but at rest between pieces
@@ -67,32 +90,48 @@ class Motion(NamedTuple):
 
     blocks: Blocks
     now: Record
-    rows: Floats  # shape (2, width): the last two moments between which a sample may lie
+    # shape (2, width): the last two moments between which a sample may lie
+    rows: Floats
     Z: Floats  # shape (2, n): work space of the dashpots
 
 
 NOW = record(
-    "time step drive_force work damped viscous broken last_damped last_viscous dt row_time",
+    (
+        "time step drive_force work damped viscous broken last_damped last_viscous dt "
+        "row_time"
+    ),
     counts="sampled block spent has_row mode",
 )
-"""What changes from step to step: the time and the length of a step, the force of the driving springs, energies, what
-the last kick has lost in advance, the even step of a piece, the time of a row; samples filled, the next block to drift,
-steps of blocks spent, whether there is a row, and the mode of quasi-static motion."""
+"""What changes from step to step: the time and the length of a step, the force of the
+driving springs, energies, what the last kick has lost in advance, the even step of a
+piece, the time of a row; samples filled, the next block to drift, steps of blocks
+spent, whether there is a row, and the mode of quasi-static motion.
+"""
 
 
 def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
-    """Return blocks between two steps, contacts still to be summed; `anchored` is the stretching of their elements."""
-    n, anchor = X.size, X - np.clip(anchored, -sliding, sliding)
+    """Return blocks between two steps, contacts still to be summed; `anchored` is
+    the stretching of their elements.
+    """
+    n = X.size
+    anchor = X - np.clip(anchored, -sliding, sliding)
     held, origins, squares, broken = np.zeros((4, n))
-    x, v = X.astype(float), V.astype(float)
-    blocks = Blocks(x, v, v.copy(), held, origins, squares, anchor, broken, *np.full((3, n), np.nan))
-    motion = Motion(blocks, blank(NOW), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n)))
+    x = X.astype(float)
+    v = V.astype(float)
+    blocks = Blocks(
+        x, v, v.copy(), held, origins, squares, anchor, broken, *np.full((3, n), np.nan)
+    )
+    motion = Motion(
+        blocks, blank(NOW), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n))
+    )
     motion.now.block = -1
     return motion
 
 
 def fastest(network: Network, contacts: float = 1.0) -> float:
-    """Bound on the angular frequencies of the body with all of its contacts attached (Gershgorin's)."""
+    """Bound on the angular frequencies of the body with all of its contacts attached
+    (Gershgorin's).
+    """
     per_block = network.pull + 2.0 * network.spring.sum(axis=1) + contacts
     return math.sqrt(float(per_block.max()) / network.mass)
 
@@ -130,24 +169,44 @@ def slide(motion: Motion, j: int, X: float, sliding: float) -> float:
 
 
 @bare
-def kick(motion: Motion, network: Network, piece: Piece, before: float, after: float, sliding: float) -> None:
-    """Kick all blocks by their forces over half of the step before and half of the one after."""
-    blocks, now = motion.blocks, motion.now
+def kick(
+    motion: Motion,
+    network: Network,
+    piece: Piece,
+    before: float,
+    after: float,
+    sliding: float,
+) -> None:
+    """Kick all blocks by their forces over half of the step before and half of the
+    one after.
+    """
+    blocks = motion.blocks
+    now = motion.now
     n = blocks.X.size
     D, _ = drive_at(piece.drive, now.time)
     span = 0.5 * (before + after)
     brake = 0.5 * network.damping * span
-    kept, per_mass = (1.0 - brake) / (1.0 + brake), span / ((1.0 + brake) * network.mass)
+    kept = (1.0 - brake) / (1.0 + brake)
+    per_mass = span / ((1.0 + brake) * network.mass)
     part = before / (before + after) if span > 0.0 else 1.0
-    damped, pulled = 0.0, 0.0
+    damped = 0.0
+    pulled = 0.0
     viscous = network.lag > 0.0
-    Z, W = motion.Z[0], motion.Z[1]
-    if viscous:  # the velocities now, foretold with the dashpots as they last were; then kicked by those
+    Z = motion.Z[0]
+    W = motion.Z[1]
+    # the velocities now, foretold with the dashpots as they last were; then kicked by
+    # those
+    if viscous:
         for j in range(n):
             W[j] = blocks.X[j] + network.lag * blocks.V[j]
         for j in range(n):
             X = blocks.X[j]
-            force = network.pull[j] * (D - X) + network.load[j] - blocks.held[j] * X + blocks.origins[j]
+            force = (
+                network.pull[j] * (D - X)
+                + network.load[j]
+                - blocks.held[j] * X
+                + blocks.origins[j]
+            )
             if sliding > 0.0:
                 force -= (1.0 - blocks.held[j]) * element(blocks, j, X, sliding)
             after_V = kept * blocks.V[j] + per_mass * (force + stretch(network, W, j))
@@ -155,10 +214,16 @@ def kick(motion: Motion, network: Network, piece: Piece, before: float, after: f
     else:
         Z = blocks.X
     for j in range(n):
-        X, V = blocks.X[j], blocks.V[j]
+        X = blocks.X[j]
+        V = blocks.V[j]
         force = network.pull[j] * (D - X)
         pulled += force
-        force += network.load[j] - blocks.held[j] * X + blocks.origins[j] + stretch(network, Z, j)
+        force += (
+            network.load[j]
+            - blocks.held[j] * X
+            + blocks.origins[j]
+            + stretch(network, Z, j)
+        )
         if sliding > 0.0:
             force -= (1.0 - blocks.held[j]) * slide(motion, j, X, sliding)
         kicked = kept * V + per_mass * force
@@ -171,7 +236,9 @@ def kick(motion: Motion, network: Network, piece: Piece, before: float, after: f
     if viscous:
         rubbed = 0.0
         for j in range(n):
-            rubbed -= blocks.V_now[j] * (stretch(network, Z, j) - stretch(network, blocks.X, j))
+            rubbed -= blocks.V_now[j] * (
+                stretch(network, Z, j) - stretch(network, blocks.X, j)
+            )
         now.viscous += rubbed * span
         now.last_viscous = rubbed * span * (1.0 - part)
     for j in range(n):
@@ -182,18 +249,33 @@ def kick(motion: Motion, network: Network, piece: Piece, before: float, after: f
 
 
 @bare
-def fill_row(motion: Motion, network: Network, piece: Piece, row: Floats, sliding: float) -> None:
+def fill_row(
+    motion: Motion, network: Network, piece: Piece, row: Floats, sliding: float
+) -> None:
     """Fill a row with what is now, after the kick."""
-    blocks, now = motion.blocks, motion.now
+    blocks = motion.blocks
+    now = motion.now
     n = blocks.X.size
     D, _ = drive_at(piece.drive, now.time)
     pulled = pushed = kinetic = springs = bulk = stored = 0.0
     for j in range(n):
-        X, V, held, first = blocks.X[j], blocks.V_now[j], blocks.held[j], SCALARS + j
-        force, pull = element(blocks, j, X, sliding), network.pull[j]
-        row[first], row[first + n], row[first + 3 * n], row[first + 4 * n] = X, V, held, blocks.broken[j]
+        X = blocks.X[j]
+        V = blocks.V_now[j]
+        held = blocks.held[j]
+        first = SCALARS + j
+        force = element(blocks, j, X, sliding)
+        pull = network.pull[j]
+        row[first] = X
+        row[first + n] = V
+        row[first + 3 * n] = held
+        row[first + 4 * n] = blocks.broken[j]
         row[first + 2 * n] = held * X - blocks.origins[j] + (1.0 - held) * force
-        stored += held * X * X - 2.0 * X * blocks.origins[j] + blocks.squares[j] + (1.0 - held) * force * force
+        stored += (
+            held * X * X
+            - 2.0 * X * blocks.origins[j]
+            + blocks.squares[j]
+            + (1.0 - held) * force * force
+        )
         kinetic += V * V
         spring = pull * (D - X) + network.load[j] - network.push[j]
         pulled += spring
@@ -203,31 +285,52 @@ def fill_row(motion: Motion, network: Network, piece: Piece, row: Floats, slidin
             y = blocks.X[network.neighbour[j, m]] - X
             bulk += network.spring[j, m] * y * y
         pushed += network.push[j] * X
-    row[0], row[1], row[2] = pulled, now.work + pushed, 0.5 * network.mass * kinetic
-    row[3], row[4], row[5] = 0.5 * springs, 0.25 * bulk, 0.5 * stored
-    row[6], row[7] = now.damped - now.last_damped, now.viscous - now.last_viscous
+    row[0] = pulled
+    row[1] = now.work + pushed
+    row[2] = 0.5 * network.mass * kinetic
+    row[3] = 0.5 * springs
+    row[4] = 0.25 * bulk
+    row[5] = 0.5 * stored
+    row[6] = now.damped - now.last_damped
+    row[7] = now.viscous - now.last_viscous
     row[8] = now.broken
 
 
 @bare
 def _interpolate(motion: Motion, row: Floats, fraction: float, span: float) -> None:
-    """Fill a row between the last two: displacements by the cubic that has their velocities, the rest linearly."""
+    """Fill a row between the last two: displacements by the cubic that has their
+    velocities, the rest linearly.
+    """
     n = motion.blocks.X.size
-    before, after = motion.rows[0], motion.rows[1]
+    before = motion.rows[0]
+    after = motion.rows[1]
     for i in range(row.size):
         row[i] = before[i] + fraction * (after[i] - before[i])
-    u, w = fraction, 1.0 - fraction
+    u = fraction
+    w = 1.0 - fraction
     for i in range(SCALARS, SCALARS + n):
         rise = after[i] - before[i]
-        row[i] += u * w * (w * (span * before[i + n] - rise) - u * (span * after[i + n] - rise))
+        row[i] += (
+            u
+            * w
+            * (w * (span * before[i + n] - rise) - u * (span * after[i + n] - rise))
+        )
 
 
 @bare
 def _sample(
-    motion: Motion, network: Network, piece: Piece, sampling: Sampling, next_time: float, sliding: float
+    motion: Motion,
+    network: Network,
+    piece: Piece,
+    sampling: Sampling,
+    next_time: float,
+    sliding: float,
 ) -> bool:
-    """Fill the samples that lie between the last two moments; whether one of them holds the condition."""
-    now, time = motion.now, motion.now.time
+    """Fill the samples that lie between the last two moments; whether one of them
+    holds the condition.
+    """
+    now = motion.now
+    time = motion.now.time
     k = now.sampled
     if k == sampling.times.size or sampling.times[k] > max(time, next_time):
         now.has_row = 0
@@ -235,13 +338,16 @@ def _sample(
     fill_row(motion, network, piece, motion.rows[1], sliding)
     held = False
     while k < sampling.times.size and sampling.times[k] <= time:
-        fraction, span = 1.0, 0.0
+        fraction = 1.0
+        span = 0.0
         if now.has_row == 1 and time > now.row_time:
             span = time - now.row_time
             fraction = (sampling.times[k] - now.row_time) / span
         _interpolate(motion, sampling.samples[k], fraction, span)
         k += 1
-        if piece.stop.kind != NOWHERE and holds(piece.stop, motion.blocks.X.mean(), motion.rows[1, 0]):
+        if piece.stop.kind != NOWHERE and holds(
+            piece.stop, motion.blocks.X.mean(), motion.rows[1, 0]
+        ):
             held = True
             break
     now.sampled = k
@@ -253,15 +359,21 @@ def _sample(
 
 
 @bare
-def begin_step(motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float) -> int:
-    """Sample, kick, and set the length of the next step; or come to rest at the end, or where a condition holds."""
+def begin_step(
+    motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float
+) -> int:
+    """Sample, kick, and set the length of the next step; or come to rest at the end,
+    or where a condition holds.
+    """
     now = motion.now
-    before, t = now.step, now.time
+    before = now.step
+    t = now.time
     left = piece.end - t
     if before == 0.0 and left > 0.0:  # a piece begins: equal steps
         now.dt = left / math.ceil(left / piece.longest * (1.0 - 1e-12))
     h = now.dt if left > now.dt * (1.0 + 1e-6) else left
-    if piece.stop.kind != NOWHERE:  # where a condition is looked for, steps end at the samples
+    # where a condition is looked for, steps end at the samples
+    if piece.stop.kind != NOWHERE:
         k = now.sampled
         while k < sampling.times.size and sampling.times[k] <= t:
             k += 1

@@ -1,8 +1,10 @@
-"""One life of a contact in steady sliding under activation, ageing and delay, and what a small perturbation does to it.
+"""One life of a contact in steady sliding under activation, ageing and delay, and what
+a small perturbation does to it.
 
-A life runs over the distance ``x`` the slider moves, 0 at attachment: the stretching of the contact, whose age is
-``x/v``. It is laid out on panels of eight Radau nodes, on which the survival and its slopes are known; the transforms
-of a perturbation ``exp(s t)``, ``q = s/v``, are sums over the nodes.
+A life runs over the distance ``x`` the slider moves, 0 at attachment: the stretching of
+the contact, whose age is ``x/v``. It is laid out on panels of eight Radau nodes, on
+which the survival and its slopes are known; the transforms of a perturbation
+``exp(s t)``, ``q = s/v``, are sums over the nodes.
 """
 
 from typing import NamedTuple
@@ -15,21 +17,28 @@ from .records import Complexes, Floats, Mask
 from .rules import dot, integrals, radau, solve
 
 NODES = 8
-FOLDS = 1.75  # powers of e by which a rate of breaking may grow in a panel: 2e-9 is lost
+# powers of e by which a rate of breaking may grow in a panel: 2e-9 is lost
+FOLDS = 1.75
 QUIET = 20.0
-"""Breaks up to where panels begin to follow the rate, and what is left where they end: ``exp(-QUIET)``, 2e-9, too."""
+"""Breaks up to where panels begin to follow the rate, and what is left where they
+end: ``exp(-QUIET)``, 2e-9, too.
+"""
 
 NODE = radau(NODES)
-INTEGRAL = integrals(NODE)  # stiffly accurate collocation: a fast decay within a panel is damped, not resolved
+# stiffly accurate collocation: a fast decay within a panel is damped, not resolved
+INTEGRAL = integrals(NODE)
 
 
 class Lifetimes(NamedTuple):
-    """Lives of contacts on panels of `NODES` nodes; per contact, averaged over the thresholds by the weights.
+    """Lives of contacts on panels of `NODES` nodes; per contact, averaged over the
+    thresholds by the weights.
 
-    `width` and `fresh` are per panel, shape (p,): its length, and whether a life starts there. Per node, shape (8 p,):
-    the stretching `x`, the quadrature `weight`, the `survival` and its slope in ln v; `decay` and `source` of
-    ``U' = -(q + decay) U + source``, and the weights of `U` (`push`) and of ``exp(-q x)`` (`drop`) in what the
-    perturbation breaks. Contacts that reach their threshold: stretching, weight, and slope of the place in ln v.
+    `width` and `fresh` are per panel, shape (p,): its length, and whether a life starts
+    there. Per node, shape (8 p,): the stretching `x`, the quadrature `weight`, the
+    `survival` and its slope in ln v; `decay` and `source` of
+    ``U' = -(q + decay) U + source``, and the weights of `U` (`push`) and of
+    ``exp(-q x)`` (`drop`) in what the perturbation breaks. Contacts that reach their
+    threshold: stretching, weight, and slope of the place in ln v.
     """
 
     width: Floats
@@ -65,13 +74,16 @@ def rule(growth: Growth, ages: Floats) -> Floats:
 
 @jit
 def reach(growth: Growth, strength: float, v: float) -> float:
-    """Stretching at which a contact meets its threshold: the first crossing, by bisection; 0 if it breaks at once."""
+    """Stretching at which a contact meets its threshold: the first crossing, by
+    bisection; 0 if it breaks at once.
+    """
     if growth.first == 0.0:
         return strength
     start, pace = _threshold(growth, strength, 0.0)
     if start <= 0.0 and pace <= v:
         return 0.0
-    low, high = 0.0, 2.0 * (strength + abs(growth.second) + abs(start))
+    low = 0.0
+    high = 2.0 * (strength + abs(growth.second) + abs(start))
     for _ in range(2000):
         if _threshold(growth, strength, high / v)[0] <= high:
             break
@@ -89,8 +101,18 @@ def reach(growth: Growth, strength: float, v: float) -> float:
 
 
 @jit
-def _panel(hazard: Hazard, growth: Growth, strength: float, v: float, here: float, end: float, broken: float) -> float:
-    """Longest panel that resolves the rate of a contact, at a place on its way to where it meets its threshold."""
+def _panel(
+    hazard: Hazard,
+    growth: Growth,
+    strength: float,
+    v: float,
+    here: float,
+    end: float,
+    broken: float,
+) -> float:
+    """Longest panel that resolves the rate of a contact, at a place on its way to
+    where it meets its threshold.
+    """
     c, pace = _threshold(growth, strength, here / v)
     exponent, steep, hard = log_rate(hazard, here, c)
     h = min(0.25 * end, end - here)
@@ -98,7 +120,18 @@ def _panel(hazard: Hazard, growth: Growth, strength: float, v: float, here: floa
         return h
     fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
     if growth.first != 0.0:
-        fine = min(fine, 0.5 * (here + (v * growth.second if growth.kind == LOGARITHMIC else v / growth.first)))
+        fine = min(
+            fine,
+            0.5
+            * (
+                here
+                + (
+                    v * growth.second
+                    if growth.kind == LOGARITHMIC
+                    else v / growth.first
+                )
+            ),
+        )
     if hazard.kind == PARABOLIC:
         most = end / hazard.scale
         fine = min(fine, FOLDS / (steep + 1.0 / np.sqrt(hazard.scale)))
@@ -112,28 +145,49 @@ def _panel(hazard: Hazard, growth: Growth, strength: float, v: float, here: floa
     most += abs(hard) * max(-pace, 0.0) / v
     quiet = -(np.log(hazard.attempts * end / v) + QUIET)
     h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))
-    return float(min(h, (3.0 + 0.3 * broken) * v / hazard.attempts * np.exp(-min(exponent, 0.0))))
+    return float(
+        min(h, (3.0 + 0.3 * broken) * v / hazard.attempts * np.exp(-min(exponent, 0.0)))
+    )
 
 
 @jit
-def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v: float, longest: float) -> Lifetimes:
-    """Lives of contacts one threshold after the other: for barriers that no single variable describes.
+def march(
+    hazard: Hazard,
+    growth: Growth,
+    strengths: Floats,
+    weights: Floats,
+    v: float,
+    longest: float,
+) -> Lifetimes:
+    """Lives of contacts one threshold after the other: for barriers that no single
+    variable describes.
 
     No panel is longer than `longest`, for the frequencies that matter.
     """
-    room, panels, nodes = 1024, 0, 0
-    width, fresh = np.empty(room), np.empty(room, np.bool_)
+    room = 1024
+    panels = 0
+    nodes = 0
+    width = np.empty(room)
+    fresh = np.empty(room, np.bool_)
     table = np.empty((6, room * NODES))
     n = strengths.size
     cap = np.zeros((3, n))
-    integrated, aged, x = np.empty(NODES), np.empty(NODES), np.empty(NODES)
-    rate, along, older = np.empty(NODES), np.empty(NODES), np.empty(NODES)
+    integrated = np.empty(NODES)
+    aged = np.empty(NODES)
+    x = np.empty(NODES)
+    rate = np.empty(NODES)
+    along = np.empty(NODES)
+    older = np.empty(NODES)
     for i in range(n):
-        xi, part = strengths[i], weights[i]
+        xi = strengths[i]
+        part = weights[i]
         end = reach(growth, xi, v)
         if end <= 0.0:
             continue
-        here, broken, late, first = 0.0, 0.0, 0.0, True
+        here = 0.0
+        broken = 0.0
+        late = 0.0
+        first = True
         pushed = 0.0
         while here < end and broken < QUIET:
             h = min(longest, _panel(hazard, growth, xi, v, here, end, broken))
@@ -141,7 +195,8 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
                 h = end - here
             if panels == room:
                 room *= 2
-                width, fresh = np.append(width, np.empty(panels)), np.append(fresh, np.empty(panels, np.bool_))
+                width = np.append(width, np.empty(panels))
+                fresh = np.append(fresh, np.empty(panels, np.bool_))
                 larger = np.empty((6, room * NODES))
                 larger[:, :nodes] = table[:, :nodes]
                 table = larger
@@ -154,10 +209,12 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
                     rate[j] = hazard.attempts / v * np.exp(min(exponent, 0.0))
                     along[j] = rate[j] * steep
                     older[j] = -rate[j] * hard * pace * x[j] / v
-            width[panels], fresh[panels] = h, first
+            width[panels] = h
+            fresh[panels] = first
             first = False
             for j in range(NODES):
-                integrated[j], aged[j] = broken + h * dot(INTEGRAL[j], rate), late + h * dot(INTEGRAL[j], older)
+                integrated[j] = broken + h * dot(INTEGRAL[j], rate)
+                aged[j] = late + h * dot(INTEGRAL[j], older)
                 survival = part * np.exp(-integrated[j])
                 table[0, nodes] = x[j]
                 table[1, nodes] = h * INTEGRAL[NODES - 1, j]
@@ -167,30 +224,45 @@ def march(hazard: Hazard, growth: Growth, strengths: Floats, weights: Floats, v:
                 table[5, nodes] = survival * (pushed + h * dot(INTEGRAL[j], along))
                 nodes += 1
             pushed += h * dot(INTEGRAL[NODES - 1], along)
-            broken, late = integrated[NODES - 1], aged[NODES - 1]
+            broken = integrated[NODES - 1]
+            late = aged[NODES - 1]
             panels += 1
             here = end if h == end - here else here + h
         if broken < QUIET:
             _, pace = _threshold(growth, xi, end / v)
             held = part * np.exp(-broken)
-            cap[0, i], cap[1, i] = end, held / (1.0 - pace / v)
+            cap[0, i] = end
+            cap[1, i] = held / (1.0 - pace / v)
             cap[2, i] = -held * pace * end / v / (1.0 - pace / v)
     table = table[:, :nodes].copy()
     zero = np.zeros(nodes)
     return Lifetimes(
-        width[:panels], fresh[:panels], table[0], table[1], table[2], table[3], zero, table[4], table[2], table[5],
-        cap[0], cap[1], cap[2],
-    )  # fmt: skip
+        width[:panels],
+        fresh[:panels],
+        table[0],
+        table[1],
+        table[2],
+        table[3],
+        zero,
+        table[4],
+        table[2],
+        table[5],
+        cap[0],
+        cap[1],
+        cap[2],
+    )
 
 
 @jit
 def relax(width: Floats, decay: Floats, source: Floats) -> Floats:
     """``R' = source - decay R`` from ``R(0) = 0`` on panels, at their nodes."""
     found = np.empty(source.size)
-    matrix, value = np.empty((NODES, NODES)), np.empty(NODES)
+    matrix = np.empty((NODES, NODES))
+    value = np.empty(NODES)
     start = 0.0
     for k in range(width.size):
-        h, at = width[k], k * NODES
+        h = width[k]
+        at = k * NODES
         for i in range(NODES):
             value[i] = start
             for j in range(NODES):
@@ -214,23 +286,35 @@ def _gone(z: complex) -> complex:
 
 @jit
 def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complexes:
-    """Transforms of a life under a perturbation, at each `q`, shape (4, n): ``M_0 - Sq``, ``W``, ``L``, ``Y``.
+    """Transforms of a life under a perturbation, at each `q`, shape (4, n):
+    ``M_0 - Sq``, ``W``, ``L``, ``Y``.
 
-    What the survival loses under ``exp(-q x)``, the first moment of what is left, what the perturbation breaks, and the
-    stretching broken. A `fast` one leaves nothing of ``exp(-q x)`` but what is at ``x = 0``.
+    What the survival loses under ``exp(-q x)``, the first moment of what is left, what
+    the perturbation breaks, and the stretching broken. A `fast` one leaves nothing of
+    ``exp(-q x)`` but what is at ``x = 0``.
     """
     found = np.zeros((4, q.size), np.complex128)
-    matrix, value = np.empty((NODES, NODES), np.complex128), np.empty(NODES, np.complex128)
-    turn, fed = np.empty(NODES, np.complex128), np.empty(NODES, np.complex128)
+    matrix = np.empty((NODES, NODES), np.complex128)
+    value = np.empty(NODES, np.complex128)
+    turn = np.empty(NODES, np.complex128)
+    fed = np.empty(NODES, np.complex128)
     stiff = bool(np.any(lifetimes.decay != 0.0))
     thermal = bool(np.any(lifetimes.push != 0.0))
     for m in range(q.size):
-        here, size, start, left = q[m], abs(q[m]), 0.0j, 1.0 + 0.0j
-        lost, work, breaks, yields = 0.0j, 0.0j, 0.0j, 0.0j
+        here = q[m]
+        size = abs(q[m])
+        start = 0.0j
+        left = 1.0 + 0.0j
+        lost = 0.0j
+        work = 0.0j
+        breaks = 0.0j
+        yields = 0.0j
         for k in range(lifetimes.width.size):
-            h, at = lifetimes.width[k], k * NODES
+            h = lifetimes.width[k]
+            at = k * NODES
             if lifetimes.fresh[k]:
-                start, left = 0.0j, 1.0 + 0.0j
+                start = 0.0j
+                left = 1.0 + 0.0j
             if not fast:
                 for j in range(NODES):
                     turn[j] = np.exp(-here * h * NODE[j])
@@ -238,7 +322,9 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
                 for i in range(NODES):
                     value[i] = start
                     for j in range(NODES):
-                        matrix[i, j] = h * INTEGRAL[i, j] * (lifetimes.decay[at + j] + here)
+                        matrix[i, j] = (
+                            h * INTEGRAL[i, j] * (lifetimes.decay[at + j] + here)
+                        )
                         value[i] += h * INTEGRAL[i, j] * lifetimes.source[at + j]
                     matrix[i, i] += 1.0
                 solve(matrix, value)
@@ -253,24 +339,37 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
                     value[i] *= turn[i]
                 start = value[NODES - 1]
             for i in range(at, at + NODES):
-                x, weight = lifetimes.x[i], lifetimes.weight[i]
+                x = lifetimes.x[i]
+                weight = lifetimes.weight[i]
                 gone = 1.0 + 0.0j
                 if not fast:
                     # what is left of exp(-q x), from panel to panel
-                    gone = _gone(here * x) if size * x < 1e-3 else 1.0 - left * turn[i - at]
+                    gone = (
+                        _gone(here * x)
+                        if size * x < 1e-3
+                        else 1.0 - left * turn[i - at]
+                    )
                 lost += weight * lifetimes.survival[i] * gone
                 work += weight * lifetimes.survival[i] * x * (1.0 - gone)
                 if thermal:
-                    more = weight * (lifetimes.push[i] * value[i - at] - lifetimes.drop[i] * (1.0 - gone))
+                    more = weight * (
+                        lifetimes.push[i] * value[i - at]
+                        - lifetimes.drop[i] * (1.0 - gone)
+                    )
                     breaks += more
                     yields += x * more
             left *= turn[NODES - 1]
         for k in range(lifetimes.cap_x.size):
-            more = lifetimes.cap_weight[k] * (1.0 + 0.0j if fast else _gone(here * lifetimes.cap_x[k]))
+            more = lifetimes.cap_weight[k] * (
+                1.0 + 0.0j if fast else _gone(here * lifetimes.cap_x[k])
+            )
             breaks += more
             yields += lifetimes.cap_x[k] * more
         if fast:
             lost -= 1.0 / here
             work = 1.0 / here**2
-        found[0, m], found[1, m], found[2, m], found[3, m] = lost, work, breaks, yields
+        found[0, m] = lost
+        found[1, m] = work
+        found[2, m] = breaks
+        found[3, m] = yields
     return found

@@ -1,10 +1,12 @@
-"""The slider between two events of contacts, and the sums over contacts that its force needs.
+"""The slider between two events of contacts, and the sums over contacts that its force
+needs.
 
-Between two events the slider is a damped oscillator of known stiffness, `flight`, and samples are read off its closed
-form. There are two limits: rigid motion, and a slider without mass, which is in balance at every moment and leaps when
-a contact breaks.
+Between two events the slider is a damped oscillator of known stiffness, `flight`, and
+samples are read off its closed form. There are two limits: rigid motion, and a slider
+without mass, which is in balance at every moment and leaps when a contact breaks.
 
-Detached contacts share one stretching ``y``, which follows the slider with stiffness 1 and slides at ``+-f_d``.
+Detached contacts share one stretching ``y``, which follows the slider with stiffness 1
+and slides at ``+-f_d``.
 """
 
 import math
@@ -17,32 +19,47 @@ from .oscillator import Slider
 from .records import Floats, Record, blank, record
 
 MOTION = record(
-    "time position velocity origins squares reference stiffness work damped broken sliding_force anchor looked least",
-    counts="attached sample events breaks breaks_at_arrest slides slid direction keeps_behind attachments "
+    (
+        "time position velocity origins squares reference stiffness work damped broken "
+        "sliding_force anchor looked least"
+    ),
+    counts="attached sample events breaks breaks_at_arrest slides slid direction "
+    "keeps_behind attachments "
     "thresholds_used delays_used variates_used",
 )
-"""Where the slider is, what is summed over the contacts, and how far samples and random numbers are used.
+"""Where the slider is, what is summed over the contacts, and how far samples and random
+numbers are used.
 
-`origins` is the sum over the attached contacts of stiffness times position of birth, about `reference`, `squares` that
-of the squares, `stiffness` that of all. While elastic, the detached contacts have no force with the slider at `anchor`.
-Then its position at the time of a look, and a bound on all keys in the queue of those behind. `breaks_at_arrest` are
-those up to the last arrest; `slides` is the sign of the motion in which the detached contacts slide, 0 while they are
-elastic, `slid` the side to which they slid just now, until the slider turns round (0: none), `direction` that in which
-the slider moved last; whether the queue of those behind is kept; and attachments since the last summing up.
+`origins` is the sum over the attached contacts of stiffness times position of birth,
+about `reference`, `squares` that of the squares, `stiffness` that of all. While
+elastic, the detached contacts have no force with the slider at `anchor`. Then its
+position at the time of a look, and a bound on all keys in the queue of those behind.
+`breaks_at_arrest` are those up to the last arrest; `slides` is the sign of the motion
+in which the detached contacts slide, 0 while they are elastic, `slid` the side to which
+they slid just now, until the slider turns round (0: none), `direction` that in which
+the slider moved last; whether the queue of those behind is kept; and attachments since
+the last summing up.
 """
 
 
-def make_motion(X: float = 0.0, velocity: float = 0.0, sliding_force: float = 0.0, slides: int = 0) -> Record:
-    """Return an array of the one record; `slides` is 1 or -1 if the detached contacts slide already."""
+def make_motion(
+    X: float = 0.0, velocity: float = 0.0, sliding_force: float = 0.0, slides: int = 0
+) -> Record:
+    """Return an array of the one record; `slides` is 1 or -1 if the detached
+    contacts slide already.
+    """
     motion = blank(MOTION, 1)
     motion.position = motion.anchor = motion.reference = X
-    motion.velocity, motion.sliding_force, motion.slides = velocity, sliding_force, slides
+    motion.velocity = velocity
+    motion.sliding_force = sliding_force
+    motion.slides = slides
     motion.direction = -1 if velocity < 0 else 1
     return motion
 
 
 class Constants(NamedTuple):
-    """Constants of a call: Eq. (11), the sliding force of detached contacts, the number of contacts.
+    """Constants of a call: Eq. (11), the sliding force of detached contacts, the number
+    of contacts.
 
     `near` is the time up to which the short Taylor expansion does.
     """
@@ -60,9 +77,11 @@ class Constants(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A flight from one event towards the next: where it begins, with which forces, and its motion.
+    """A flight from one event towards the next: where it begins, with which forces, and
+    its motion.
 
-    `n` is the stiffness of the attached contacts, `free` the number of the detached if they carry a force.
+    `n` is the stiffness of the attached contacts, `free` the number of the detached if
+    they carry a force.
     """
 
     t: float
@@ -76,16 +95,31 @@ class Leg(NamedTuple):
 
 @inlined
 def constants(slider: Slider, f_d: float, N: float, stiffest: float) -> Constants:
-    """Return the constants of a call; `stiffest` is the largest mean stiffness that the contacts can reach."""
+    """Return the constants of a call; `stiffest` is the largest mean stiffness that
+    the contacts can reach.
+    """
     part = 1.0 / N
     if math.isinf(slider.stiffness):
         return Constants(0.0, 0.0, 0.0, 0.0, math.inf, f_d, N, part, True, False)
     if slider.mass == 0.0:
-        return Constants(slider.stiffness, 0.0, 0.0, 0.0, math.inf, f_d, N, part, False, True)
+        return Constants(
+            slider.stiffness, 0.0, 0.0, 0.0, math.inf, f_d, N, part, False, True
+        )
     inverse_mass = 1.0 / slider.mass
     drag = slider.damping / inverse_mass
     fastest = slider.damping + math.sqrt((slider.stiffness + stiffest) * inverse_mass)
-    return Constants(slider.stiffness, inverse_mass, slider.damping, drag, NEAR / fastest, f_d, N, part, False, False)
+    return Constants(
+        slider.stiffness,
+        inverse_mass,
+        slider.damping,
+        drag,
+        NEAR / fastest,
+        f_d,
+        N,
+        part,
+        False,
+        False,
+    )
 
 
 @inlined
@@ -106,7 +140,8 @@ def contact_force(m: Record, N: float) -> float:
 @inlined
 def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
     """Motion from here on, if nothing happened."""
-    t, X = m.time, m.position
+    t = m.time
+    X = m.position
     D, drive_v = drive_at(drive, t)
     n = m.stiffness
     free = c.N - m.attached if c.f_d > 0.0 else 0.0
@@ -114,7 +149,9 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
     stiffness = n + free if m.slides == 0 else n
     if c.rigid or c.massless:
         v = drive_v if c.rigid else c.K * drive_v / (c.K + stiffness * c.part)
-        return Leg(t, X, n, free, F_d, drive_v, take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0))
+        return Leg(
+            t, X, n, free, F_d, drive_v, take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0)
+        )
     F_c = n * (X - m.reference) - m.origins
     if c.f_d > 0.0:
         F_c += free * detached_stretching(m, X)
@@ -133,7 +170,10 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
 @inlined
 def balance(m: Record, drive: Quadratic, c: Constants) -> float:
     """Where a slider without mass is in balance."""
-    pull = c.K * drive_at(drive, m.time)[0] + (m.stiffness * m.reference + m.origins) * c.part
+    pull = (
+        c.K * drive_at(drive, m.time)[0]
+        + (m.stiffness * m.reference + m.origins) * c.part
+    )
     stiffness = c.K + m.stiffness * c.part
     if c.f_d > 0.0:
         free = (c.N - m.attached) * c.part
@@ -146,11 +186,14 @@ def balance(m: Record, drive: Quadratic, c: Constants) -> float:
 
 
 @inlined
-def sample(m: Record, row: Floats, leg: Leg, part: float, a: float, c: Constants) -> None:
+def sample(
+    m: Record, row: Floats, leg: Leg, part: float, a: float, c: Constants
+) -> None:
     """Fill a row with what the flight passes a time `part` after its beginning.
 
-    Position, velocity, friction force, attached fraction, energy stored in contacts, and, accumulated since the start,
-    work of the drive, energy lost to damping and in breaks; all per contact.
+    Position, velocity, friction force, attached fraction, energy stored in contacts,
+    and, accumulated since the start, work of the drive, energy lost to damping and in
+    breaks; all per contact.
     """
     n = leg.n
     y, u = at(leg.motion, part)
@@ -160,7 +203,9 @@ def sample(m: Record, row: Floats, leg: Leg, part: float, a: float, c: Constants
     row[2] = (n * x - m.origins) * c.part
     row[3] = m.attached / c.N
     row[4] = 0.5 * (n * x * x - 2.0 * x * m.origins + m.squares) * c.part
-    row[5], row[6], row[7] = m.work, m.damped, m.broken
+    row[5] = m.work
+    row[6] = m.damped
+    row[7] = m.broken
     if c.f_d > 0.0:
         free = leg.free * c.part
         slid = detached_stretching(m, row[0])
@@ -174,24 +219,35 @@ def sample(m: Record, row: Floats, leg: Leg, part: float, a: float, c: Constants
 
 
 @inlined
-def sample_until(m: Record, piece: Piece, sampling: Sampling, leg: Leg, end: float, c: Constants) -> bool:
-    """Fill the samples up to `end`, or to the first at which the condition holds, and go there; whether it does."""
+def sample_until(
+    m: Record, piece: Piece, sampling: Sampling, leg: Leg, end: float, c: Constants
+) -> bool:
+    """Fill the samples up to `end`, or to the first at which the condition holds,
+    and go there; whether it does.
+    """
     drive = piece.drive
     while m.sample < sampling.times.size and sampling.times[m.sample] <= end:
-        time, row = sampling.times[m.sample], sampling.samples[m.sample]
+        time = sampling.times[m.sample]
+        row = sampling.samples[m.sample]
         sample(m, row, leg, time - leg.t, drive.acceleration, c)
         m.sample += 1
         if piece.stop.kind != NOWHERE:
             D = drive_at(drive, time)[0]
             if holds(piece.stop, row[0], c.K * (D - row[0])):
-                m.time, m.position, m.velocity = time, row[0], row[1]
-                m.work, m.damped, m.broken = row[5], row[6], row[7]
+                m.time = time
+                m.position = row[0]
+                m.velocity = row[1]
+                m.work = row[5]
+                m.damped = row[6]
+                m.broken = row[7]
                 return True
     return False
 
 
 @inlined
-def fly(m: Record, leg: Leg, h: float, y: float, u: float, a: float, c: Constants) -> None:
+def fly(
+    m: Record, leg: Leg, h: float, y: float, u: float, a: float, c: Constants
+) -> None:
     """Make the end of the flight the state, but for its time."""
     if not c.rigid:
         work, squares = energies(leg.motion, h, y, u, leg.F_d, c.K, leg.drive_v, a)
@@ -216,7 +272,9 @@ def detached_energy(m: Record, c: Constants) -> float:
 
 @inlined
 def count_in(m: Record, birth: float, k: float, c: Constants) -> None:
-    """Count a contact of stiffness `k` that attaches: it lets go of the force it slid with, and may be stretched."""
+    """Count a contact of stiffness `k` that attaches: it lets go of the force it
+    slid with, and may be stretched.
+    """
     x = m.position - birth
     m.broken += detached_energy(m, c) - 0.5 * k * x * x * c.part
     y = birth - m.reference
@@ -228,7 +286,9 @@ def count_in(m: Record, birth: float, k: float, c: Constants) -> None:
 
 @inlined
 def count_out(m: Record, birth: float, k: float, c: Constants) -> None:
-    """Count a contact of stiffness `k` that breaks: what it stored is lost, but for what a detached one holds."""
+    """Count a contact of stiffness `k` that breaks: what it stored is lost, but for
+    what a detached one holds.
+    """
     x = m.position - birth
     m.broken += 0.5 * k * x * x * c.part - detached_energy(m, c)
     y = birth - m.reference

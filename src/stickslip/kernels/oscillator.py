@@ -1,11 +1,14 @@
-"""The slider as a damped oscillator on the driving spring and on the contacts, Eq. (11), in closed form.
+"""The slider as a damped oscillator on the driving spring and on the contacts, Eq.
+(11), in closed form.
 
-While the friction force is linear in the slider's position and quadratic in time, the slider obeys
+While the friction force is linear in the slider's position and quadratic in time, the
+slider obeys
 
     x'' + eta x' + w x = constant + linear t + quadratic t^2/2
 
-and its motion is known for every sign of ``w``: oscillation, creep and instability; `flight` has a quicker expansion.
-Everything is per contact and in natural units (contact stiffness 1), in any unit of time.
+and its motion is known for every sign of ``w``: oscillation, creep and instability;
+`flight` has a quicker expansion. Everything is per contact and in natural units
+(contact stiffness 1), in any unit of time.
 """
 
 import math
@@ -18,7 +21,8 @@ from .drive import Quadratic, drive_at
 class Slider(NamedTuple):
     """Stiffness K of the driving spring, mass M and damping rate eta of Eq. (11).
 
-    ``stiffness = inf`` is rigid motion: the slider is where the drive is, and the other two do not matter.
+    ``stiffness = inf`` is rigid motion: the slider is where the drive is, and the other
+    two do not matter.
     """
 
     stiffness: float
@@ -38,9 +42,11 @@ class Motion(NamedTuple):
 
 
 class Load(NamedTuple):
-    """Force of the contacts while the slider moves on: ``force + stiffness (X(t) - X) - loss t - ramp t^2/2``.
+    """Force of the contacts while the slider moves on: ``force + stiffness (X(t) - X) -
+    loss t - ramp t^2/2``.
 
-    `loss` is what breaking takes from the force per time at the start, `ramp` how fast that grows.
+    `loss` is what breaking takes from the force per time at the start, `ramp` how fast
+    that grows.
     """
 
     force: float
@@ -50,7 +56,9 @@ class Load(NamedTuple):
 
 
 class Travel(NamedTuple):
-    """Motion of the slider over some time: where it ends, work of the drive, integral of the squared velocity."""
+    """Motion of the slider over some time: where it ends, work of the drive,
+    integral of the squared velocity.
+    """
 
     X: float
     V: float
@@ -78,14 +86,23 @@ def is_rigid(slider: Slider) -> bool:
 
 
 @inlined
-def spring_force(slider: Slider, drive: Quadratic, time: float, X: float, friction: float) -> float:
-    """Force of the driving spring; that of the contacts where the slider moves with the drive."""
-    return friction if is_rigid(slider) else slider.stiffness * (drive_at(drive, time)[0] - X)
+def spring_force(
+    slider: Slider, drive: Quadratic, time: float, X: float, friction: float
+) -> float:
+    """Force of the driving spring; that of the contacts where the slider moves with
+    the drive.
+    """
+    return (
+        friction
+        if is_rigid(slider)
+        else slider.stiffness * (drive_at(drive, time)[0] - X)
+    )
 
 
 @jit
 def _equation(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> _Equation:
-    K, M = slider.stiffness, slider.mass
+    K = slider.stiffness
+    M = slider.mass
     D, velocity = drive_at(drive, start.time)
     return _Equation(
         slider.damping,
@@ -98,11 +115,13 @@ def _equation(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> _E
 
 @jit
 def response(t: float, eta: float, w: float) -> Response:
-    """Solve ``x'' + eta x' + w x = 0`` after a unit impulse: velocity, position and its three repeated integrals.
+    """Solve ``x'' + eta x' + w x = 0`` after a unit impulse: velocity, position and its
+    three repeated integrals.
 
-    The integrals are the motion under a unit load that is constant, linear and quadratic (``t**2 / 2``) in
-    time. A power series over a short time is doubled until the time is reached: one formula for oscillation,
-    creep and instability (``w < 0``), without their special cases.
+    The integrals are the motion under a unit load that is constant, linear and
+    quadratic (``t**2 / 2``) in time. A power series over a short time is doubled until
+    the time is reached: one formula for oscillation, creep and instability (``w < 0``),
+    without their special cases.
     """
     doublings = _doublings(t, eta, w)
     t *= 0.5**doublings
@@ -127,7 +146,8 @@ def _doublings(t: float, eta: float, w: float) -> int:
 @jit
 def _short_response(t: float, eta: float, w: float) -> Response:
     """`response` by a power series, over a short time."""
-    term, before = 1.0, 0.0
+    term = 1.0
+    before = 0.0
     v = h = h1 = h2 = h3 = 0.0
     for n in range(1, 16):
         v += term
@@ -155,7 +175,9 @@ def _doubled_response(found: Response, t: float, eta: float, w: float) -> Respon
 
 
 @jit
-def move(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float) -> Motion:
+def move(
+    slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float
+) -> Motion:
     """Slider a time `dt` later, under the friction force that `load` describes."""
     if is_rigid(slider):
         X, V = drive_at(drive, start.time + dt)
@@ -163,50 +185,80 @@ def move(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float)
     _, w, constant, linear, quadratic = _equation(slider, drive, start, load)
     v, h, h1, h2, h3 = response(dt, slider.damping, w)
     X = start.X + start.V * h + constant * h1 + linear * h2 + quadratic * h3
-    return Motion(start.time + dt, X, start.V * v + constant * h + linear * h1 + quadratic * h2)
+    return Motion(
+        start.time + dt, X, start.V * v + constant * h + linear * h1 + quadratic * h2
+    )
 
 
 @jit
-def travel(slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float) -> Travel:
+def travel(
+    slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float
+) -> Travel:
     """`move`, with what lies on the way.
 
-    The closed form is had by doubling a short time, and the motion is looked at after each doubling: a step may be long
-    against the relaxation of the slider, but each moment comes soon after the one before, measured by what has not
-    decayed by then.
+    The closed form is had by doubling a short time, and the motion is looked at after
+    each doubling: a step may be long against the relaxation of the slider, but each
+    moment comes soon after the one before, measured by what has not decayed by then.
     """
     if is_rigid(slider):
         return Travel(*drive_at(drive, start.time + dt), 0.0, 0.0)
     D, velocity = drive_at(drive, start.time)
-    V, acceleration, length = start.V, drive.acceleration, D - start.X
+    V = start.V
+    acceleration = drive.acceleration
+    length = D - start.X
     eta, w, constant, linear, quadratic = _equation(slider, drive, start, load)
     doublings = _doublings(dt, eta, w)
     t = dt * 0.5**doublings
     found = _short_response(t, eta, w)
     begin = y = work = squares = 0.0
-    u, v = velocity, V
+    u = velocity
+    v = V
     for i in range(doublings + 1):
         if i > 0:
             found = _doubled_response(found, t, eta, w)
             begin = t
             t *= 2.0
         part = t - begin
-        y1 = V * found[1] + constant * found[2] + linear * found[3] + quadratic * found[4]
-        v1 = V * found[0] + constant * found[1] + linear * found[2] + quadratic * found[3]
+        y1 = (
+            V * found[1]
+            + constant * found[2]
+            + linear * found[3]
+            + quadratic * found[4]
+        )
+        v1 = (
+            V * found[0]
+            + constant * found[1]
+            + linear * found[2]
+            + quadratic * found[3]
+        )
         u1 = velocity + t * acceleration
         # Quadratures from both ends, of fourth order.
         mean = (y1 - y) / part
         pulled = length + begin * (velocity + 0.5 * begin * acceleration) - y
         pulled1 = length + t * (velocity + 0.5 * t * acceleration) - y1
-        rate, rate1 = (u - v) * u + pulled * acceleration, (u1 - v1) * u1 + pulled1 * acceleration
-        work += slider.stiffness * part * (0.5 * (pulled * u + pulled1 * u1) + part / 12.0 * (rate - rate1))
-        squares += part * ((2.0 * (v * v + v1 * v1) - v * v1) / 15.0 + mean * (1.2 * mean - 0.2 * (v + v1)))
-        y, u, v = y1, u1, v1
+        rate = (u - v) * u + pulled * acceleration
+        rate1 = (u1 - v1) * u1 + pulled1 * acceleration
+        work += (
+            slider.stiffness
+            * part
+            * (0.5 * (pulled * u + pulled1 * u1) + part / 12.0 * (rate - rate1))
+        )
+        squares += part * (
+            (2.0 * (v * v + v1 * v1) - v * v1) / 15.0
+            + mean * (1.2 * mean - 0.2 * (v + v1))
+        )
+        y = y1
+        u = u1
+        v = v1
     return Travel(start.X + y, v, work, squares)
 
 
 @jit
-def free_amplitude(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> float:
-    """Amplitude of the free oscillation, or of the creep, about the parabola that a damped slider ends on.
+def free_amplitude(
+    slider: Slider, drive: Quadratic, start: Motion, load: Load
+) -> float:
+    """Amplitude of the free oscillation, or of the creep, about the parabola that a
+    damped slider ends on.
 
     The slider must be held: by a positive stiffness of spring and contacts together.
     """

@@ -1,46 +1,100 @@
-"""One step of the master equation: positions and forces that agree at its nodes, and whether it is too long."""
+"""One step of the master equation: positions and forces that agree at its nodes, and
+whether it is too long.
+"""
 
 import math
 
 from ._jit import bare, inlined
-from .breaking import BACK, LENGTH, NEVER, PULLED, STEP, carried, is_fixed, run_clocks, survival
+from .breaking import (
+    BACK,
+    LENGTH,
+    NEVER,
+    PULLED,
+    STEP,
+    carried,
+    is_fixed,
+    run_clocks,
+    survival,
+)
 from .cohorts import force_at, gather
 from .drive import drive_at
 from .oscillator import is_rigid
-from .panel_state import FIRST, MOST_SWEEPS, NEGLIGIBLE, NOT_CONVERGED, Case, Delays, State, Work, newborns
+from .panel_state import (
+    FIRST,
+    MOST_SWEEPS,
+    NEGLIGIBLE,
+    NOT_CONVERGED,
+    Case,
+    Delays,
+    State,
+    Work,
+    newborns,
+)
 from .reattachment import all_reattachment, known_reattachment
 from .records import Floats, Record
-from .rules import COLLOCATION, GAUSS, INCREASE, LAST, NODE, PART, SLOPES, P, Q, dot, solve
+from .rules import (
+    COLLOCATION,
+    GAUSS,
+    INCREASE,
+    LAST,
+    NODE,
+    PART,
+    SLOPES,
+    P,
+    Q,
+    dot,
+    solve,
+)
 
 
 @inlined
 def _unresolved(row: Floats) -> float:
-    """Error of the polynomial through the nodes, from the decay of its last coefficients, each with its neighbours."""
-    a, b, c = abs(dot(LAST[2], row)), abs(dot(LAST[1], row)), abs(dot(LAST[0], row))
+    """Error of the polynomial through the nodes, from the decay of its last
+    coefficients, each with its neighbours.
+    """
+    a = abs(dot(LAST[2], row))
+    b = abs(dot(LAST[1], row))
+    c = abs(dot(LAST[0], row))
     if b > 0.0:
-        a = max(a, b * min(b / c, 1.0) if c > 0.0 else b)  # a kink may lie where the last one has a zero
+        # a kink may lie where the last one has a zero
+        a = max(a, b * min(b / c, 1.0) if c > 0.0 else b)
     return a if a >= b else max(a * a / b, 0.03 * b)
 
 
 @bare
 def _observe(state: State, work: Work, count: int, case: Case, dt: float) -> None:
     """Contacts at the nodes of a step, the slider being where the nodes say."""
-    nodes, A0 = work.nodes, state.motion.mass_in
+    nodes = work.nodes
+    A0 = state.motion.mass_in
     run_clocks(work.reading.way, nodes, case.breaking, dt)
     for k in range(1, P + 1):
         y = nodes[k].x
         F, A, S, E, ahead, back = force_at(
-            work.reading, state.cohorts, state.motion.position, count, case.breaking, y, k
+            work.reading,
+            state.cohorts,
+            state.motion.position,
+            count,
+            case.breaking,
+            y,
+            k,
         )
-        nodes[k].ahead, nodes[k].back = ahead, back
-        nodes[k].force, nodes[k].old, nodes[k].slope, nodes[k].stored = F, A, S, E
+        nodes[k].ahead = ahead
+        nodes[k].back = back
+        nodes[k].force = F
+        nodes[k].old = A
+        nodes[k].slope = S
+        nodes[k].stored = E
         nodes[k].broken = A0 - A + nodes[k].young
 
 
 @bare
 def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
-    """Add what attaches in the step to what `_observe` has found, and what of it breaks at once."""
-    nodes, way, newborn = work.nodes, work.reading.way, case.newborn
+    """Add what attaches in the step to what `_observe` has found, and what of it
+    breaks at once.
+    """
+    nodes = work.nodes
+    way = work.reading.way
+    newborn = case.newborn
     all_reattachment(work, case.delays, dt)
     direction = heading(state, work)
     change = 0.0
@@ -48,11 +102,15 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
         y = nodes[k].x
         F = A = E = lost = 0.0
         for j in range(Q):
-            reattached, b = dot(INCREASE[k - 1, j], nodes.reattached), dot(PART[k - 1, j], nodes.x)
+            reattached = dot(INCREASE[k - 1, j], nodes.reattached)
+            b = dot(PART[k - 1, j], nodes.x)
             for i in range(newborn.stretching.size):
                 x = y - b + direction * newborn.stretching[i]
-                m, r = reattached * newborn.fraction[i], newborn.tried * abs(newborn.stretching[i])
-                u, r = carried(way, case.breaking, y - x, NEVER, r, 0.0, NODE[k] * GAUSS[j], k)
+                m = reattached * newborn.fraction[i]
+                r = newborn.tried * abs(newborn.stretching[i])
+                u, r = carried(
+                    way, case.breaking, y - x, NEVER, r, 0.0, NODE[k] * GAUSS[j], k
+                )
                 held = survival(case.breaking, u, r)[0]
                 if held < 1.0:
                     held *= m * newborns(case.breaking, newborn, i)
@@ -77,7 +135,8 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
 
 @inlined
 def heading(state: State, work: Work) -> float:
-    """Direction in which the slider moves in a step, 1 or -1; that of its last motion if it is at rest.
+    """Direction in which the slider moves in a step, 1 or -1; that of its last motion
+    if it is at rest.
 
     Not that of its velocity at the start: it may turn there.
     """
@@ -94,28 +153,36 @@ def reach(nodes: Record) -> tuple[float, float]:
     """How far the slider goes back and ahead in a step."""
     low = high = 0.0
     for k in range(1, P + 1):
-        low, high = min(low, nodes[k].x), max(high, nodes[k].x)
+        low = min(low, nodes[k].x)
+        high = max(high, nodes[k].x)
     return low, high
 
 
 @inlined
 def only_lose(case: Case) -> bool:
-    """Whether contacts bring no energy where they attach stretched, or slide with more force than broke them."""
+    """Whether contacts bring no energy where they attach stretched, or slide with
+    more force than broke them.
+    """
     newborn = case.newborn.stretching
     return bool(newborn.size == 1 and newborn[0] == 0.0 and case.sliding_force == 0.0)
 
 
 @inlined
 def element_at(state: State, case: Case, y: float) -> float:
-    """Force of the element that stands for the detached contacts: elastic, as contacts are, until it yields."""
-    return float(max(min(state.motion.element + y, case.sliding_force), -case.sliding_force))
+    """Force of the element that stands for the detached contacts: elastic, as
+    contacts are, until it yields.
+    """
+    return float(
+        max(min(state.motion.element + y, case.sliding_force), -case.sliding_force)
+    )
 
 
 @inlined
 def _slide(state: State, work: Work, case: Case, k: int, direction: float) -> None:
     """Add the force that detached contacts carry."""
     nodes = work.nodes
-    e, detached = element_at(state, case, nodes[k].x), 1.0 - nodes[k].attached
+    e = element_at(state, case, nodes[k].x)
+    detached = 1.0 - nodes[k].attached
     nodes[k].slope -= direction * e * (nodes[k].slope - nodes[k].attached)
     if abs(e) < case.sliding_force:
         nodes[k].slope += detached
@@ -125,10 +192,12 @@ def _slide(state: State, work: Work, case: Case, k: int, direction: float) -> No
 
 @bare
 def _hold(work: Work, delays: Delays, dt: float) -> None:
-    """Leave attached only what holds by the paper's approximation, Eq. (10), at the breaking rate of the moment.
+    """Leave attached only what holds by the paper's approximation, Eq. (10), at the
+    breaking rate of the moment.
 
-    Contacts re-attach at once, and the attached fraction follows the rate. It has no memory of what broke when, and
-    oscillates in its own, spurious way; it is exact for the mean force of steady sliding.
+    Contacts re-attach at once, and the attached fraction follows the rate. It has no
+    memory of what broke when, and oscillates in its own, spurious way; it is exact for
+    the mean force of steady sliding.
     """
     nodes = work.nodes
     nodes[0] = nodes[FIRST]
@@ -143,16 +212,25 @@ def _hold(work: Work, delays: Delays, dt: float) -> None:
 @inlined
 def _slope(work: Work, k: int, c: int) -> float:
     """How the force at one node follows the slider's place at another."""
-    nodes, way = work.nodes, work.reading.way
-    slope = nodes[k].ahead * way[PULLED + k, c] + nodes[k].back * way[PULLED + BACK + k, c]
+    nodes = work.nodes
+    way = work.reading.way
+    slope = (
+        nodes[k].ahead * way[PULLED + k, c] + nodes[k].back * way[PULLED + BACK + k, c]
+    )
     return float(slope + nodes[k].slope if k == c else slope)
 
 
 @bare
 def _newton(state: State, work: Work, case: Case, dt: float) -> float:
-    """Move the slider at the nodes by one step of Newton's method; the largest change of place."""
-    nodes, stiffness, V = work.nodes, work.matrix[P : 2 * P], work.matrix[2 * P]
-    K, M, eta = case.slider.stiffness, case.slider.mass, case.slider.damping
+    """Move the slider at the nodes by one step of Newton's method; the largest
+    change of place.
+    """
+    nodes = work.nodes
+    stiffness = work.matrix[P : 2 * P]
+    V = work.matrix[2 * P]
+    K = case.slider.stiffness
+    M = case.slider.mass
+    eta = case.slider.damping
     for r in range(P):
         V[r] = nodes[r + 1].work
         for c in range(P):
@@ -179,8 +257,12 @@ def _newton(state: State, work: Work, case: Case, dt: float) -> float:
 
 @bare
 def _accelerate(state: State, work: Work, M: float, eta: float, dt: float) -> None:
-    """Find the velocities at the nodes from forces and stiffness, and leave them in place of the forces."""
-    matrix, stiffness, V = work.matrix[:P], work.matrix[P : 2 * P], work.matrix[2 * P]
+    """Find the velocities at the nodes from forces and stiffness, and leave them in
+    place of the forces.
+    """
+    matrix = work.matrix[:P]
+    stiffness = work.matrix[P : 2 * P]
+    V = work.matrix[2 * P]
     for r in range(P):
         for c in range(P):
             matrix[r, c] = 0.0
@@ -202,8 +284,11 @@ def _accelerate(state: State, work: Work, M: float, eta: float, dt: float) -> No
 
 @bare
 def _pull(state: State, work: Work, case: Case, dt: float) -> None:
-    """Net force at the nodes if the slider stayed at the origin, by the slopes found."""
-    nodes, K = work.nodes, case.slider.stiffness
+    """Net force at the nodes if the slider stayed at the origin, by the slopes
+    found.
+    """
+    nodes = work.nodes
+    K = case.slider.stiffness
     for k in range(1, P + 1):
         D = drive_at(case.drive, state.motion.time + NODE[k] * dt)[0]
         nodes[k].work = K * (D - state.motion.position) - nodes[k].force
@@ -216,7 +301,14 @@ def _gather(state: State, work: Work, case: Case, low: float, high: float) -> in
     """Read the cohorts for ways of the slider from `low` to `high`."""
     motion = state.motion
     return gather(
-        state.cohorts, state.used.cohorts, motion.position, work.reading, case.breaking, low, high, motion.time
+        state.cohorts,
+        state.used.cohorts,
+        motion.position,
+        work.reading,
+        case.breaking,
+        low,
+        high,
+        motion.time,
     )
 
 
@@ -224,18 +316,25 @@ def _gather(state: State, work: Work, case: Case, low: float, high: float) -> in
 def _begin(state: State, work: Work, case: Case, dt: float) -> None:
     """Put the slider at the nodes to where it went if nothing more broke.
 
-    A rigid one is put to where it is driven, and one without mass to where it went at the same velocity: as it breaks
-    contacts it has next to no stiffness.
+    A rigid one is put to where it is driven, and one without mass to where it went at
+    the same velocity: as it breaks contacts it has next to no stiffness.
     """
-    nodes, motion = work.nodes, state.motion
+    nodes = work.nodes
+    motion = state.motion
     for k in range(1, P + 1):
         if is_rigid(case.slider):
             D, V = drive_at(case.drive, motion.time + NODE[k] * dt)
-            nodes[k].x, nodes[k].v = D - motion.position, V
+            nodes[k].x = D - motion.position
+            nodes[k].v = V
         elif case.slider.mass == 0.0:
-            nodes[k].x, nodes[k].v = NODE[k] * dt * motion.velocity, motion.velocity
+            nodes[k].x = NODE[k] * dt * motion.velocity
+            nodes[k].v = motion.velocity
         else:
-            nodes[k].force, nodes[k].slope, nodes[k].x = nodes[0].force, nodes[0].slope, 0.0
+            nodes[k].force, nodes[k].slope, nodes[k].x = (
+                nodes[0].force,
+                nodes[0].slope,
+                0.0,
+            )
             nodes[k].ahead = nodes[k].back = 0.0
     if case.slider.mass > 0.0 and not is_rigid(case.slider):
         _pull(state, work, case, dt)
@@ -244,12 +343,16 @@ def _begin(state: State, work: Work, case: Case, dt: float) -> None:
 
 @bare
 def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -> float:
-    """Solve a step without taking it; its error in tolerances (above 1: too long), or `NOT_CONVERGED`.
+    """Solve a step without taking it; its error in tolerances (above 1: too long), or
+    `NOT_CONVERGED`.
 
-    A step of the `smallest` length is solved however rough it is, for no shorter one is tried: what re-attaches may
-    jump in it.
+    A step of the `smallest` length is solved however rough it is, for no shorter one is
+    tried: what re-attaches may jump in it.
     """
-    nodes, motion, slider, tol = work.nodes, state.motion, case.slider, case.accuracy.tolerance
+    nodes = work.nodes
+    motion = state.motion
+    slider = case.slider
+    tol = case.accuracy.tolerance
     state.used.steps += 1
     work.reading.way[STEP, LENGTH] = dt
     known_reattachment(state, work, case.delays, dt)
@@ -267,14 +370,24 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
     _begin(state, work, case, dt)
     low, high = reach(nodes)
     margin = 0.3 * (high - low) + 0.01 * case.accuracy.width
-    low, high = low - margin, high + margin
+    low = low - margin
+    high = high + margin
     count = _gather(state, work, case, low, high)
     # the start
-    nodes[0].x, nodes[0].v = 0.0, V0
+    nodes[0].x = 0.0
+    nodes[0].v = V0
     F, A, S, E, _, _ = force_at(
-        work.reading, state.cohorts, motion.position, count, case.breaking, 0.0, nodes.size - FIRST - 1
+        work.reading,
+        state.cohorts,
+        motion.position,
+        count,
+        case.breaking,
+        0.0,
+        nodes.size - FIRST - 1,
     )
-    nodes[0].force, nodes[0].attached, nodes[0].stored = F, A, E
+    nodes[0].force = F
+    nodes[0].attached = A
+    nodes[0].stored = E
     if is_fixed(case.breaking):  # else clocks have made it what it was
         nodes[0].slope = S
     if case.sliding_force > 0.0:
@@ -290,14 +403,19 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
         change = _newborn(state, work, case, dt)
         if not rigid:
             _pull(state, work, case, dt)
-            moved, before = _newton(state, work, case, dt) * (slider.stiffness + 1.0), moved
+            moved, before = (
+                _newton(state, work, case, dt) * (slider.stiffness + 1.0),
+                moved,
+            )
             change = max(change, moved)
-            if not change < 1e3 or moved > max(before, case.accuracy.width):  # it goes away
+            # it goes away
+            if not change < 1e3 or moved > max(before, case.accuracy.width):
                 return NOT_CONVERGED
             low1, high1 = reach(nodes)
             if low1 < low or high1 > high:
                 margin = 0.5 * (high1 - low1)
-                low, high = low1 - margin, high1 + margin
+                low = low1 - margin
+                high = high1 + margin
                 count = _gather(state, work, case, low, high)
         if change < 0.05 * tol:
             break
@@ -315,12 +433,17 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
 
 @bare
 def _trouble(nodes: Record, case: Case, dt: float) -> float:
-    """Error of a solved step in tolerances, and how far it goes in what its nodes can stand for."""
-    slider, tol, rough = case.slider, case.accuracy.tolerance, max(case.accuracy.tolerance, case.accuracy.rough)
+    """Error of a solved step in tolerances, and how far it goes in what its nodes
+    can stand for.
+    """
+    slider = case.slider
+    tol = case.accuracy.tolerance
+    rough = max(case.accuracy.tolerance, case.accuracy.rough)
     error = max(_unresolved(nodes.force), _unresolved(nodes.broken))
     if not is_rigid(slider):
         error = max(error, (slider.stiffness + 1.0) * _unresolved(nodes.x))
-    d, m = abs(nodes[P].x), abs(nodes[P].reattached)
+    d = abs(nodes[P].x)
+    m = abs(nodes[P].reattached)
     trouble = max(error / tol, _unresolved(nodes.reattached) / rough)
     trouble = max(trouble, (abs(nodes[P].broken) / case.accuracy.broken) ** P)
     if m > NEGLIGIBLE * tol:

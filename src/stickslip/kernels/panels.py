@@ -1,14 +1,19 @@
-"""The master equation, Eqs. (1)-(4), under the motion of a slider, Eq. (11), or a prescribed one: error-controlled.
+"""The master equation, Eqs. (1)-(4), under the motion of a slider, Eq. (11), or a
+prescribed one: error-controlled.
 
-A step of time is a panel, on which position, force, and what breaks and attaches are polynomials through its nodes. The
-slider is a damped oscillator under a force that depends on where it is (`cohorts`): equations are met at the nodes of
-Radau, by Newton's method. What attaches in a step becomes a cohort of nodes of Gauss; what breaks re-attaches after a
-delay, of given times or spread by a distribution. So the order is that of the polynomials, five, wherever the motion is
-smooth. It is not where the slider turns, where it passes a place at which it has turned before, and where what broke at
-such a moment re-attaches: steps end there. A step is tried again, shorter, if the last coefficients of its polynomials
-do not fall far enough, or if what attaches in it is spread too far for the nodes of Gauss.
+A step of time is a panel, on which position, force, and what breaks and attaches are
+polynomials through its nodes. The slider is a damped oscillator under a force that
+depends on where it is (`cohorts`): equations are met at the nodes of Radau, by Newton's
+method. What attaches in a step becomes a cohort of nodes of Gauss; what breaks
+re-attaches after a delay, of given times or spread by a distribution. So the order is
+that of the polynomials, five, wherever the motion is smooth. It is not where the slider
+turns, where it passes a place at which it has turned before, and where what broke at
+such a moment re-attaches: steps end there. A step is tried again, shorter, if the last
+coefficients of its polynomials do not fall far enough, or if what attaches in it is
+spread too far for the nodes of Gauss.
 
-Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f_s`` and ``k``, any unit of time.
+Natural units: stretchings in ``x_s``, forces and stiffnesses per contact in ``f_s`` and
+``k``, any unit of time.
 """
 
 import copy
@@ -34,22 +39,44 @@ from .cohorts import (
     kink_at,
     merged,
 )
-from .drive import FINISHED, NO_ROOM, NOWHERE, PAUSED, STOPPED, UNSOLVED, Stop, drive_at, holds
+from .drive import (
+    FINISHED,
+    NO_ROOM,
+    NOWHERE,
+    PAUSED,
+    STOPPED,
+    UNSOLVED,
+    Stop,
+    drive_at,
+    holds,
+)
 from .finite_population import attach_all, deviate, joined, settle
 from .oscillator import is_rigid, spring_force
-from .panel_state import EVENT, MOTION, NOT_CONVERGED, Case, FiniteNumber, State, Work, newborns
+from .panel_state import (
+    EVENT,
+    MOTION,
+    NOT_CONVERGED,
+    Case,
+    FiniteNumber,
+    State,
+    Work,
+    newborns,
+)
 from .panel_step import element_at, heading, only_lose, try_step
 from .reattachment import forget, mark_rough, next_front
 from .records import Floats, Record, blank
 from .rules import GAUSS, INCREASE, INTEGRAL, NODE, PART, P, Q, along, dot, fit
 
-# What ends a step: nothing but its length; or the slider turns, it passes the last place where it turned, or detached
-# contacts begin to slide. `FAILS` if even the smallest one has no solution.
+# What ends a step: nothing but its length; or the slider turns, it passes the last
+# place where it turned, or detached contacts begin to slide. `FAILS` if even the
+# smallest one has no solution.
 SMOOTH, TURNS, PASSES, SLIDES, FAILS = range(5)
 
 
 class Wanted(NamedTuple):
-    """How far to go, the condition that ends it early, the times of the samples, and room for them."""
+    """How far to go, the condition that ends it early, the times of the samples, and
+    room for them.
+    """
 
     until: float
     stop: Stop
@@ -59,11 +86,14 @@ class Wanted(NamedTuple):
 
 @bare
 def _crossing(row: Floats, curve: Floats, level: float, sign: float) -> float:
-    """First place, in (0, 1], where values at the nodes cross a level, in the direction of `sign`; 2 if nowhere."""
+    """First place, in (0, 1], where values at the nodes cross a level, in the
+    direction of `sign`; 2 if nowhere.
+    """
     for k in range(1, P + 1):
         if (row[k] - level) * sign > 0.0:
             fit(row, curve)
-            a, b = NODE[k - 1], NODE[k]
+            a = NODE[k - 1]
+            b = NODE[k]
             for _ in range(50):
                 u = 0.5 * (a + b)
                 if (along(curve, u) - level) * sign > 0.0:
@@ -77,39 +107,70 @@ def _crossing(row: Floats, curve: Floats, level: float, sign: float) -> float:
 @bare
 def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
     """Energies up to each node of a step."""
-    nodes, motion, slider = work.nodes, state.motion, case.slider
-    origin, K = motion.position, slider.stiffness
+    nodes = work.nodes
+    motion = state.motion
+    slider = case.slider
+    origin = motion.position
+    K = slider.stiffness
     for k in range(P + 1):
         t = motion.time + NODE[k] * dt
         D, U = drive_at(case.drive, t)
-        work.curves[k].work = nodes[k].force * nodes[k].v if math.isinf(K) else K * (D - origin - nodes[k].x) * U
-        work.curves[k].damped = 0.0 if math.isinf(K) else slider.mass * slider.damping * nodes[k].v ** 2
+        work.curves[k].work = (
+            nodes[k].force * nodes[k].v
+            if math.isinf(K)
+            else K * (D - origin - nodes[k].x) * U
+        )
+        work.curves[k].damped = (
+            0.0 if math.isinf(K) else slider.mass * slider.damping * nodes[k].v ** 2
+        )
         work.curves[k].lost = nodes[k].force * nodes[k].v
     for k in range(P + 1):
         nodes[k].work = dt * dot(INTEGRAL[k], work.curves.work)
         nodes[k].damped = dt * dot(INTEGRAL[k], work.curves.damped)
-        nodes[k].lost = dt * dot(INTEGRAL[k], work.curves.lost) - nodes[k].stored + nodes[0].stored
+        nodes[k].lost = (
+            dt * dot(INTEGRAL[k], work.curves.lost) - nodes[k].stored + nodes[0].stored
+        )
 
 
 @bare
 def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -> None:
     """Make cohorts and a panel of what a step has done to infinitely many contacts."""
-    nodes, motion, breaking, newborn = work.nodes, state.motion, case.breaking, case.newborn
-    origin, y, cohorts, way, last = motion.position, nodes[P].x, state.cohorts, work.reading.way, nodes.size - 2
+    nodes = work.nodes
+    motion = state.motion
+    breaking = case.breaking
+    newborn = case.newborn
+    origin = motion.position
+    y = nodes[P].x
+    cohorts = state.cohorts
+    way = work.reading.way
+    last = nodes.size - 2
     room = cohorts.shape[1] - newborn.stretching.size  # for what attaches
-    state.used.cohorts = divide_passed(cohorts, state.used.cohorts, origin + y, breaking, room)
+    state.used.cohorts = divide_passed(
+        cohorts, state.used.cohorts, origin + y, breaking, room
+    )
     kept = 0
     for g in range(state.used.cohorts):
         alive = False
         spare = 0.25 * abs(cohorts[PLACE, g, Q - 1] - cohorts[PLACE, g, 0])
         for j in range(Q):
-            b, m, since = cohorts[PLACE, g, j], cohorts[MASS, g, j], cohorts[SINCE, g, j]
-            u, r, age = cohorts[CLOCK, g, j], cohorts[REACH, g, j], motion.time - since
+            b = cohorts[PLACE, g, j]
+            m = cohorts[MASS, g, j]
+            since = cohorts[SINCE, g, j]
+            u = cohorts[CLOCK, g, j]
+            r = cohorts[REACH, g, j]
+            age = motion.time - since
             u, r = carried(way, breaking, b - origin, u, r, age, 0.0, last)
-            if m != 0.0 and r < breaking.thresholds.top + spare and u < breaking.blurred.top + spare:
+            if (
+                m != 0.0
+                and r < breaking.thresholds.top + spare
+                and u < breaking.blurred.top + spare
+            ):
                 alive = True
-            cohorts[PLACE, kept, j], cohorts[MASS, kept, j], cohorts[REACH, kept, j] = b, m, r
-            cohorts[WHOLE, kept, j], cohorts[CLOCK, kept, j] = cohorts[WHOLE, g, j], u
+            cohorts[PLACE, kept, j] = b
+            cohorts[MASS, kept, j] = m
+            cohorts[REACH, kept, j] = r
+            cohorts[WHOLE, kept, j] = cohorts[WHOLE, g, j]
+            cohorts[CLOCK, kept, j] = u
             cohorts[SINCE, kept, j] = since
         if alive:
             kept += 1
@@ -120,17 +181,36 @@ def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -
             for j in range(Q):
                 m = dot(INCREASE[P - 1, j], nodes.reattached)
                 b = dot(PART[P - 1, j], nodes.x) - direction * x0
-                cohorts[PLACE, kept, j], cohorts[MASS, kept, j] = origin + b, m * fraction
-                u, r = carried(way, breaking, b, NEVER, newborn.tried * abs(x0), 0.0, GAUSS[j], last)
-                cohorts[REACH, kept, j], cohorts[CLOCK, kept, j] = r, u
-                cohorts[WHOLE, kept, j], cohorts[SINCE, kept, j] = 1.0, motion.time + GAUSS[j] * dt
+                cohorts[PLACE, kept, j], cohorts[MASS, kept, j] = (
+                    origin + b,
+                    m * fraction,
+                )
+                u, r = carried(
+                    way,
+                    breaking,
+                    b,
+                    NEVER,
+                    newborn.tried * abs(x0),
+                    0.0,
+                    GAUSS[j],
+                    last,
+                )
+                cohorts[REACH, kept, j] = r
+                cohorts[CLOCK, kept, j] = u
+                cohorts[WHOLE, kept, j], cohorts[SINCE, kept, j] = (
+                    1.0,
+                    motion.time + GAUSS[j] * dt,
+                )
             kept += 1
     state.used.cohorts = kept
     n = state.used.panels
-    if not case.delays.memoryless and (case.delays.time.size > 0 or case.delays.fraction > 0.0):
+    if not case.delays.memoryless and (
+        case.delays.time.size > 0 or case.delays.fraction > 0.0
+    ):
         for j in range(Q):
             state.panels[n, 3 + P + j] = dot(INCREASE[P - 1, j], nodes.broken)
-        state.panels[n, 0], state.panels[n, 1] = motion.time, dt
+        state.panels[n, 0] = motion.time
+        state.panels[n, 1] = dt
         for k in range(P + 1):
             state.panels[n, 2 + k] = motion.broken + nodes[k].broken
         state.used.panels = n + 1
@@ -141,7 +221,8 @@ def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -
 @bare
 def _move(state: State, work: Work, case: Case, dt: float) -> None:
     """Go to the end of a step."""
-    nodes, motion = work.nodes, state.motion
+    nodes = work.nodes
+    motion = state.motion
     motion.broken += nodes[P].broken
     motion.reattached += nodes[P].reattached
     motion.mass_in += nodes[P].reattached - nodes[P].broken
@@ -149,54 +230,82 @@ def _move(state: State, work: Work, case: Case, dt: float) -> None:
     motion.time += dt
     motion.position += nodes[P].x
     motion.velocity = nodes[P].v
-    motion.contact_force, motion.attached = nodes[P].force, nodes[P].attached
+    motion.contact_force = nodes[P].force
+    motion.attached = nodes[P].attached
     motion.work += nodes[P].work
     motion.damped += nodes[P].damped
     # What the slider did to the contacts, and they do not store.
     motion.lost += max(nodes[P].lost, 0.0) if only_lose(case) else nodes[P].lost
     motion.stored = nodes[P].stored
-    motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
+    motion.drive_force = spring_force(
+        case.slider, case.drive, motion.time, motion.position, motion.contact_force
+    )
 
 
 @bare
-def _sample(row: Record, t: float, end: Record, work: Work, case: Case, finite: FiniteNumber | None, dt: float) -> None:
-    curves, start = work.curves, work.before[0]
+def _sample(
+    row: Record,
+    t: float,
+    end: Record,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber | None,
+    dt: float,
+) -> None:
+    curves = work.curves
+    start = work.before[0]
     u = (t - start.time) / dt
     row.time = t
-    row.position, row.velocity = start.position + along(curves.x, u), along(curves.v, u)
+    row.position = start.position + along(curves.x, u)
+    row.velocity = along(curves.v, u)
     row.contact_force = along(curves.force, u)
-    row.attached = min(max(along(curves.attached, u), 0.0), 1.0)  # a polynomial overshoots
-    row.work, row.damped = start.work + along(curves.work, u), start.damped + along(curves.damped, u)
-    row.lost, row.stored = start.lost + along(curves.lost, u), along(curves.stored, u)
+    # a polynomial overshoots
+    row.attached = min(max(along(curves.attached, u), 0.0), 1.0)
+    row.work = start.work + along(curves.work, u)
+    row.damped = start.damped + along(curves.damped, u)
+    row.lost = start.lost + along(curves.lost, u)
+    row.stored = along(curves.stored, u)
     if finite is not None:
         deviate(row, t, end, work, case)
-    row.drive_force = spring_force(case.slider, case.drive, row.time, row.position, row.contact_force)
+    row.drive_force = spring_force(
+        case.slider, case.drive, row.time, row.position, row.contact_force
+    )
 
 
 @bare
 def _first_step(state: State, case: Case) -> float:
     """A step in which next to nothing can happen that the next ones would not see."""
     if is_rigid(case.slider) or case.slider.mass == 0.0:
-        return float(0.1 * case.accuracy.width / max(abs(state.motion.velocity), 1e-300))
+        return float(
+            0.1 * case.accuracy.width / max(abs(state.motion.velocity), 1e-300)
+        )
     return 0.5 / math.sqrt((case.slider.stiffness + 1.0) / case.slider.mass)
 
 
 @bare
 def _arrest(state: State, case: Case, finite: FiniteNumber | None) -> None:
     """Let all that is detached re-attach where the slider is."""
-    motion, newborn, cohorts = state.motion, case.newborn, state.cohorts
-    out, e = motion.mass_out, motion.element
+    motion = state.motion
+    newborn = case.newborn
+    cohorts = state.cohorts
+    out = motion.mass_out
+    e = motion.element
     motion.reattached += out
     if finite is not None:
         attach_all(state, case, finite)
         return
     force = stored = 0.0
     for i in range(newborn.stretching.size):
-        x, g = motion.direction * newborn.stretching[i], state.used.cohorts
+        x = motion.direction * newborn.stretching[i]
+        g = state.used.cohorts
         fraction = newborn.fraction[i] * newborns(case.breaking, newborn, i)
         for j in range(Q):
-            cohorts[PLACE, g, j], cohorts[MASS, g, j] = motion.position - x, out * fraction / Q
-            cohorts[REACH, g, j], cohorts[WHOLE, g, j] = newborn.tried * abs(x), 0.0
+            cohorts[PLACE, g, j], cohorts[MASS, g, j] = (
+                motion.position - x,
+                out * fraction / Q,
+            )
+            cohorts[REACH, g, j] = newborn.tried * abs(x)
+            cohorts[WHOLE, g, j] = 0.0
             cohorts[CLOCK, g, j], cohorts[SINCE, g, j] = NEVER, motion.time
         state.used.cohorts = g + 1
         force += newborn.fraction[i] * x
@@ -211,13 +320,18 @@ def _arrest(state: State, case: Case, finite: FiniteNumber | None) -> None:
 
 @bare
 def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
-    """What first ends a smooth step within the one that was tried, and at which part of it."""
-    motion, nodes, tol = state.motion, work.nodes, case.accuracy.tolerance
+    """What first ends a smooth step within the one that was tried, and at which part
+    of it.
+    """
+    motion = state.motion
+    nodes = work.nodes
+    tol = case.accuracy.tolerance
     s = 1.0 if (nodes[0].v > 0.0 or (nodes[0].v == 0.0 and nodes[1].x > 0.0)) else -1.0
     u = _crossing(nodes.v, work.curves.v, 0.0, -s)
     if u < 1.0:
         fit(work.nodes.x, work.curves.x)
-        if nodes[0].v != 0.0 and abs(along(work.curves.x, u)) < 1e-3 * tol:  # it has turned at the start
+        # it has turned at the start
+        if nodes[0].v != 0.0 and abs(along(work.curves.x, u)) < 1e-3 * tol:
             s = -s
             u = _crossing(nodes.v, work.curves.v, 0.0, -s)
     what = SMOOTH
@@ -239,22 +353,34 @@ def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
             w = _crossing(nodes.x, work.curves.x, level, s)
             if w < min(u, 1.0):
                 beyond = (nodes[P].x - level) * s
-                kink = kink_at(state.cohorts, state.used.cohorts, case.breaking, state.extremes[e - 2])
+                kink = kink_at(
+                    state.cohorts,
+                    state.used.cohorts,
+                    case.breaking,
+                    state.extremes[e - 2],
+                )
                 if kink * beyond > EVENT * tol:
-                    u, what = w, PASSES
+                    u = w
+                    what = PASSES
     if case.sliding_force > 0.0:
         level = s * case.sliding_force - motion.element
         if level * s > 1e-9:
             w = _crossing(nodes.x, work.curves.x, level, s)
             if w < min(u, 1.0):
-                u, what = w, SLIDES
+                u = w
+                what = SLIDES
     return u, what
 
 
 @bare
 def _misled(state: State, work: Work, case: Case) -> float:
-    """Error of the force where newborns are stretched along the heading of a step and the slider moves against it."""
-    nodes, direction, stretching, reattached = work.nodes, heading(state, work), 0.0, 0.0
+    """Error of the force where newborns are stretched along the heading of a step
+    and the slider moves against it.
+    """
+    nodes = work.nodes
+    direction = heading(state, work)
+    stretching = 0.0
+    reattached = 0.0
     for i in range(case.newborn.stretching.size):
         stretching += case.newborn.fraction[i] * abs(case.newborn.stretching[i])
     for k in range(1, P + 1):
@@ -264,8 +390,12 @@ def _misled(state: State, work: Work, case: Case) -> float:
 
 
 @bare
-def _step(state: State, work: Work, case: Case, most: float, smallest: float) -> tuple[float, int]:
-    """Take a step as long as the error and the first event allow, at most `most`: its length, and what ends it."""
+def _step(
+    state: State, work: Work, case: Case, most: float, smallest: float
+) -> tuple[float, int]:
+    """Take a step as long as the error and the first event allow, at most `most`:
+    its length, and what ends it.
+    """
     motion = state.motion
     planned = motion.next_step
     if math.isinf(planned):
@@ -279,18 +409,31 @@ def _step(state: State, work: Work, case: Case, most: float, smallest: float) ->
         trouble = try_step(state, work, case, dt, smallest)
         if trouble > 1.0 and dt > smallest:
             state.used.rejected += 1
-            planned = dt * (panel_state.SHORTER if trouble == NOT_CONVERGED else max(0.9 * trouble ** (-1.0 / P), 0.2))
+            planned = dt * (
+                panel_state.SHORTER
+                if trouble == NOT_CONVERGED
+                else max(0.9 * trouble ** (-1.0 / P), 0.2)
+            )
             event = SMOOTH
             continue
         if trouble == NOT_CONVERGED:
             return dt, FAILS
         if event != SMOOTH:
             ahead = work.nodes[P].v * heading(state, work)
-            if event == TURNS and stretched and ahead * dt > 1e-4 * case.accuracy.tolerance:
+            if (
+                event == TURNS
+                and stretched
+                and ahead * dt > 1e-4 * case.accuracy.tolerance
+            ):
                 event = SMOOTH  # not quite
             return dt, event
         u, event = _first_event(state, work, case)
-        if event == SMOOTH and stretched and _misled(state, work, case) > case.accuracy.tolerance and dt > smallest:
+        if (
+            event == SMOOTH
+            and stretched
+            and _misled(state, work, case) > case.accuracy.tolerance
+            and dt > smallest
+        ):
             state.used.rejected += 1
             planned = dt * panel_state.SHORTER
             continue
@@ -303,27 +446,44 @@ def _step(state: State, work: Work, case: Case, most: float, smallest: float) ->
 
 @bare
 def _held(state: State, work: Work, case: Case, wanted: Wanted, dt: float) -> float:
-    """Length of a step up to the first sample at which the condition holds; else all of it."""
-    motion, n, times = state.motion, state.used.sampled, wanted.times
+    """Length of a step up to the first sample at which the condition holds; else all
+    of it.
+    """
+    motion = state.motion
+    n = state.used.sampled
+    times = wanted.times
     while n < times.size and times[n] < motion.time + dt:
         u = (times[n] - motion.time) / dt
         fit(work.nodes.x, work.curves.x)
         fit(work.nodes.force, work.curves.force)
         X = motion.position + along(work.curves.x, u)
         force = along(work.curves.force, u)
-        if holds(wanted.stop, X, spring_force(case.slider, case.drive, times[n], X, force)):
+        if holds(
+            wanted.stop, X, spring_force(case.slider, case.drive, times[n], X, force)
+        ):
             return float(times[n] - motion.time)
         n += 1
     return dt
 
 
 @bare
-def _turn(state: State, work: Work, case: Case, finite: FiniteNumber | None, dt: float, broke: bool) -> None:
-    """Note a place where the slider turns, at the end of a step in which contacts `broke`."""
+def _turn(
+    state: State,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber | None,
+    dt: float,
+    broke: bool,
+) -> None:
+    """Note a place where the slider turns, at the end of a step in which contacts
+    `broke`.
+    """
     motion = state.motion
     if case.breaking.knots.size > 0:
         room = state.cohorts.shape[1] - case.newborn.stretching.size
-        state.used.cohorts = divide(state.cohorts, state.used.cohorts, motion.position, case.breaking, room)
+        state.used.cohorts = divide(
+            state.cohorts, state.used.cohorts, motion.position, case.breaking, room
+        )
     if case.delays.arrest:
         _arrest(state, case, finite)
     if broke:
@@ -341,25 +501,38 @@ def _turn(state: State, work: Work, case: Case, finite: FiniteNumber | None, dt:
 
 @bare
 def _pass(state: State, work: Work, event: int) -> None:
-    """Forget the last two places where the slider turned, if a step has passed them: at its end, or without notice."""
-    motion, e = state.motion, state.used.extremes
+    """Forget the last two places where the slider turned, if a step has passed them:
+    at its end, or without notice.
+    """
+    motion = state.motion
+    e = state.used.extremes
     if event == PASSES:
         mark_rough(state, motion.time)
         state.used.extremes = e - 2
     elif e >= 2:
         s = 1.0 if work.nodes[P].x > 0.0 else -1.0
-        passed, turn = state.extremes[e - 2], state.extremes[e - 1]
+        passed = state.extremes[e - 2]
+        turn = state.extremes[e - 1]
         if (motion.position - passed) * s > 0.0 and (passed - turn) * s > 0.0:
             state.used.extremes = e - 2
 
 
 @bare
 def _sample_all(
-    state: State, work: Work, case: Case, finite: FiniteNumber | None, wanted: Wanted, dt: float, end: float
+    state: State,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber | None,
+    wanted: Wanted,
+    dt: float,
+    end: float,
 ) -> None:
     """Sample a step up to its end."""
-    motion, used, start = state.motion, state.used, work.before[0]
-    times, rows = wanted.times, wanted.rows
+    motion = state.motion
+    used = state.used
+    start = work.before[0]
+    times = wanted.times
+    rows = wanted.rows
     if used.sampled < times.size and times[used.sampled] < end:
         for i in range(panel_state.SAMPLED_ROWS):
             fit(work.values[:, i], work.coefficients[:, i])
@@ -368,15 +541,23 @@ def _sample_all(
         _sample(row, times[used.sampled], motion, work, case, finite, dt)
         if only_lose(case):
             lost = min(max(row.lost, start.lost), motion.lost)
-            row.lost = max(lost, rows[used.sampled - 1].lost) if used.sampled > 0 else lost
+            row.lost = (
+                max(lost, rows[used.sampled - 1].lost) if used.sampled > 0 else lost
+            )
         used.sampled += 1
 
 
 @bare
 def _sample_here(state: State, wanted: Wanted, smallest: float) -> bool:
-    """Take the samples that are due where a step begins; whether the condition holds there."""
-    motion, used = state.motion, state.used
-    while used.sampled < wanted.times.size and wanted.times[used.sampled] <= motion.time + smallest:
+    """Take the samples that are due where a step begins; whether the condition holds
+    there.
+    """
+    motion = state.motion
+    used = state.used
+    while (
+        used.sampled < wanted.times.size
+        and wanted.times[used.sampled] <= motion.time + smallest
+    ):
         row = wanted.rows[used.sampled]
         wanted.rows[used.sampled] = motion
         row.attached = min(max(motion.attached, 0.0), 1.0)
@@ -387,16 +568,28 @@ def _sample_here(state: State, wanted: Wanted, smallest: float) -> bool:
 
 
 @jit  # which gives the generator back; the others make no array
-def _run(state: State, work: Work, case: Case, finite: FiniteNumber | None, wanted: Wanted) -> int:
+def _run(
+    state: State, work: Work, case: Case, finite: FiniteNumber | None, wanted: Wanted
+) -> int:
     """Take steps until there is a reason to come back."""
-    motion, nodes, used, stop, until = state.motion, work.nodes, state.used, wanted.stop, wanted.until
+    motion = state.motion
+    nodes = work.nodes
+    used = state.used
+    stop = wanted.stop
+    until = wanted.until
     smallest = 1e-12 * max(1.0, abs(until))
     counted = finite is not None
     spare = panel_state.SPARE + case.newborn.stretching.size
-    motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
+    motion.drive_force = spring_force(
+        case.slider, case.drive, motion.time, motion.position, motion.contact_force
+    )
     if is_rigid(case.slider):
         motion.velocity = drive_at(case.drive, motion.time)[1]
-        if motion.velocity == 0.0 and case.delays.arrest and used.cohorts + spare <= state.cohorts.shape[1]:
+        if (
+            motion.velocity == 0.0
+            and case.delays.arrest
+            and used.cohorts + spare <= state.cohorts.shape[1]
+        ):
             _arrest(state, case, finite)
     while used.left > 0:
         if _sample_here(state, wanted, smallest):
@@ -404,19 +597,31 @@ def _run(state: State, work: Work, case: Case, finite: FiniteNumber | None, want
         most = until - motion.time
         if most <= smallest:
             return FINISHED
-        full = used.cohorts + spare > state.cohorts.shape[1] or used.panels == state.panels.shape[0]
+        full = (
+            used.cohorts + spare > state.cohorts.shape[1]
+            or used.panels == state.panels.shape[0]
+        )
         if full and not forget(state, case.delays, spare):
             return NO_ROOM
-        most = min(most, next_front(state, case.delays, motion.time, smallest) - motion.time)
-        nodes[0].force, nodes[0].slope = motion.contact_force, motion.slope
+        most = min(
+            most, next_front(state, case.delays, motion.time, smallest) - motion.time
+        )
+        nodes[0].force = motion.contact_force
+        nodes[0].slope = motion.slope
         if counted and stop.kind != NOWHERE and used.sampled < wanted.times.size:
-            most = min(most, wanted.times[used.sampled] - motion.time)  # the condition is looked at where all is drawn
+            # the condition is looked at where all is drawn
+            most = min(most, wanted.times[used.sampled] - motion.time)
         dt, event = _step(state, work, case, most, smallest)
         work.before[0] = motion
         if stop.kind != NOWHERE and not counted and event != FAILS:
             held = _held(state, work, case, wanted, dt)
             if held < dt:
-                dt, event = held, FAILS if try_step(state, work, case, held, held) == NOT_CONVERGED else SMOOTH
+                dt = held
+                event = (
+                    FAILS
+                    if try_step(state, work, case, held, held) == NOT_CONVERGED
+                    else SMOOTH
+                )
         if event == FAILS:
             return UNSOLVED
         used.left -= 1
@@ -426,9 +631,17 @@ def _run(state: State, work: Work, case: Case, finite: FiniteNumber | None, want
 
 
 @bare
-def _take(state: State, work: Work, case: Case, finite: FiniteNumber | None, dt: float, event: int) -> None:
+def _take(
+    state: State,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber | None,
+    dt: float,
+    event: int,
+) -> None:
     """Take a step that has been solved, and what happens at its end."""
-    motion, nodes = state.motion, work.nodes
+    motion = state.motion
+    nodes = work.nodes
     direction = heading(state, work)
     broke = nodes[P].broken > EVENT * case.accuracy.tolerance
     motion.slope = nodes[P].slope + nodes[P].ahead + nodes[P].back
@@ -438,59 +651,113 @@ def _take(state: State, work: Work, case: Case, finite: FiniteNumber | None, dt:
     _move(state, work, case, dt)
     if finite is not None:
         settle(state, work, case, finite, dt, direction)
-        motion.drive_force = spring_force(case.slider, case.drive, motion.time, motion.position, motion.contact_force)
+        motion.drive_force = spring_force(
+            case.slider, case.drive, motion.time, motion.position, motion.contact_force
+        )
     motion.direction = direction
     if event == TURNS:
         _turn(state, work, case, finite, dt, broke)
     else:
         _pass(state, work, event)
-        if finite is not None and case.delays.arrest and nodes[P].v * motion.velocity < 0.0:
+        if (
+            finite is not None
+            and case.delays.arrest
+            and nodes[P].v * motion.velocity < 0.0
+        ):
             _arrest(state, case, finite)
 
 
 def advance(
-    state: State, case: Case, until: float, times: Floats, stop: Stop = Stop(), max_steps: int = 2**62
+    state: State,
+    case: Case,
+    until: float,
+    times: Floats,
+    stop: Stop = Stop(),
+    max_steps: int = 2**62,
 ) -> tuple[State, Record, int]:
-    """Go on from a state, which is not changed, under one piece of the drive that ends at the time `until`.
+    """Go on from a state, which is not changed, under one piece of the drive that ends
+    at the time `until`.
 
-    Neither the samples, at rising times, nor the pauses after `max_steps` change the steps; but with a finite number of
-    contacts the samples of a piece with a condition are ends of steps, and other samples another run. Returns the
-    state, a row for each sample time that was passed, and why: `FINISHED`, `STOPPED`, `PAUSED`, or `UNSOLVED` where
-    Newton's method fails in a step however short.
+    Neither the samples, at rising times, nor the pauses after `max_steps` change the
+    steps; but with a finite number of contacts the samples of a piece with a condition
+    are ends of steps, and other samples another run. Returns the state, a row for each
+    sample time that was passed, and why: `FINISHED`, `STOPPED`, `PAUSED`, or `UNSOLVED`
+    where Newton's method fails in a step however short.
     """
-    state, finite = copy.deepcopy(state), case.finite
-    case = case._replace(finite=None)  # apart, so that what does not ask for it is compiled once
+    state = copy.deepcopy(state)
+    finite = case.finite
+    # apart, so that what does not ask for it is compiled once
+    case = case._replace(finite=None)
     times = np.asarray(times, float)
     rows = np.empty(times.size, MOTION).view(np.recarray)
     wanted = Wanted(until, stop, times, rows)
-    state.used.sampled, state.used.left = 0, max_steps
-    while (reason := _run(state, _room_to_work(state, case.breaking), case, finite, wanted)) == NO_ROOM:
+    state.used.sampled = 0
+    state.used.left = max_steps
+    while (
+        reason := _run(state, _room_to_work(state, case.breaking), case, finite, wanted)
+    ) == NO_ROOM:
         state = _with_room(state, case, finite)
     return state, rows[: state.used.sampled], reason
 
 
 def _room_to_work(state: State, breaking: Breaking) -> Work:
     room = state.cohorts.shape[1]
-    reading = Reading(np.zeros((7, Q * room)), np.zeros(3), np.zeros(room + 1, np.int64), a_way(breaking))
-    values, coefficients = np.zeros((P + 2, len(panel_state.AT_NODE))), np.zeros((P + 1, len(panel_state.AT_NODE)))
-    nodes, curves = (matrix.view(panel_state.AT_NODE)[:, 0].view(np.recarray) for matrix in (values, coefficients))
-    before, matrix = blank(MOTION, 1), np.zeros((2 * P + 1, P))
-    return Work(nodes, values, curves, coefficients, before, matrix, reading, blank(panel_state.FLUCTUATION))
+    reading = Reading(
+        np.zeros((7, Q * room)),
+        np.zeros(3),
+        np.zeros(room + 1, np.int64),
+        a_way(breaking),
+    )
+    values = np.zeros((P + 2, len(panel_state.AT_NODE)))
+    coefficients = np.zeros((P + 1, len(panel_state.AT_NODE)))
+    nodes, curves = (
+        matrix.view(panel_state.AT_NODE)[:, 0].view(np.recarray)
+        for matrix in (values, coefficients)
+    )
+    before = blank(MOTION, 1)
+    matrix = np.zeros((2 * P + 1, P))
+    return Work(
+        nodes,
+        values,
+        curves,
+        coefficients,
+        before,
+        matrix,
+        reading,
+        blank(panel_state.FLUCTUATION),
+    )
 
 
 def _with_room(state: State, case: Case, finite: FiniteNumber | None) -> State:
     """The same state with room for more cohorts, some joined, and for more panels."""
-    used, room = state.used, state.cohorts.shape[1]
+    used = state.used
+    room = state.cohorts.shape[1]
     spare = panel_state.SPARE + case.newborn.stretching.size
     if used.cohorts + spare > room:
         if finite is not None:
-            kept = joined(state.cohorts, used.cohorts, case.breaking, finite, state.motion.time)
+            kept = joined(
+                state.cohorts, used.cohorts, case.breaking, finite, state.motion.time
+            )
         else:
-            kept = merged(state.cohorts, used.cohorts, case.breaking, case.accuracy.width, case.accuracy.tolerance)
+            kept = merged(
+                state.cohorts,
+                used.cohorts,
+                case.breaking,
+                case.accuracy.width,
+                case.accuracy.tolerance,
+            )
         used.cohorts = kept.shape[1]
-        cohorts = np.zeros((COHORT_ROWS, room if used.cohorts + spare < room // 2 else 2 * room + spare, Q))
+        cohorts = np.zeros(
+            (
+                COHORT_ROWS,
+                room if used.cohorts + spare < room // 2 else 2 * room + spare,
+                Q,
+            )
+        )
         cohorts[:, : used.cohorts] = kept
         state = state._replace(cohorts=cohorts)
     if used.panels == len(state.panels):
-        state = state._replace(panels=np.concatenate([state.panels, np.zeros_like(state.panels)]))
+        state = state._replace(
+            panels=np.concatenate([state.panels, np.zeros_like(state.panels)])
+        )
     return state

@@ -1,30 +1,45 @@
-"""A chain on contacts in balance all the time: from event to event, without inertia and without steps.
+"""A chain on contacts in balance all the time: from event to event, without inertia and
+without steps.
 
-Between two events the displacements are linear in the position of the drive, by one tridiagonal system. A break or a
-re-attachment leaves a force out of balance; the drive then stands still while it is let go, evenly and along a straight
-line, and the first contact that reaches its threshold on the way breaks there. So a slip is a cascade of breaks in no
-time, each at its threshold; what is let go counts as damped.
+Between two events the displacements are linear in the position of the drive, by one
+tridiagonal system. A break or a re-attachment leaves a force out of balance; the drive
+then stands still while it is let go, evenly and along a straight line, and the first
+contact that reaches its threshold on the way breaks there. So a slip is a cascade of
+breaks in no time, each at its threshold; what is let go counts as damped.
 
-The state is that of `blocks`, and so is what a break does. The element of the detached contacts is elastic, and adds to
-the stiffness of its block, unless it slides on the way ahead.
+The state is that of `blocks`, and so is what a break does. The element of the detached
+contacts is elastic, and adds to the stiffness of its block, unless it slides on the way
+ahead.
 """
 
 import math
 
 from . import drive
 from ._jit import bare, inlined
-from .blocks import Draws, State, attach_contact, break_contact, has_broken, look_ahead, next_delay, next_threshold
+from .blocks import (
+    Draws,
+    State,
+    attach_contact,
+    break_contact,
+    has_broken,
+    look_ahead,
+    next_delay,
+    next_threshold,
+)
 from .drive import NOWHERE, Piece, Sampling, drive_at, holds
 from .leapfrog import Network, element, fill_row, slide, stretch
 from .records import Floats
 from .tournament import smallest, winner
 
 LET_GO, DRIVEN = range(2)
-_ON_THE_EDGE = 1e-10  # an element this near to its sliding force slides, if it is pulled that way
+# an element this near to its sliding force slides, if it is pulled that way
+_ON_THE_EDGE = 1e-10
 
 
 @inlined
-def _solve(diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats) -> None:
+def _solve(
+    diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats
+) -> None:
     """Solve the tridiagonal system with ``-coupling`` beside the diagonal."""
     n = Y.size
     work[0] = -coupling / diagonal[0]
@@ -38,39 +53,66 @@ def _solve(diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Fl
 
 
 @inlined
-def _solve_ring(diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats) -> None:
-    """Solve it with the two corners of a ring: as a chain, and a correction of rank one."""
-    n, first, last = Y.size, diagonal[0], diagonal[Y.size - 1]
+def _solve_ring(
+    diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats
+) -> None:
+    """Solve it with the two corners of a ring: as a chain, and a correction of rank
+    one.
+    """
+    n = Y.size
+    first = diagonal[0]
+    last = diagonal[Y.size - 1]
     diagonal[0] += coupling
     diagonal[n - 1] += coupling
     _solve(diagonal, coupling, right, Y, work[0])
     for j in range(n):
         work[1, j] = 0.0
-    work[1, 0], work[1, n - 1] = -coupling, -coupling
+    work[1, 0] = -coupling
+    work[1, n - 1] = -coupling
     _solve(diagonal, coupling, work[1], work[2], work[0])
-    diagonal[0], diagonal[n - 1] = first, last
+    diagonal[0] = first
+    diagonal[n - 1] = last
     factor = (Y[0] + Y[n - 1]) / (1.0 + work[2, 0] + work[2, n - 1])
     for j in range(n):
         Y[j] -= factor * work[2, j]
 
 
 @bare
-def _answer(state: State, network: Network, sliding: float, right: Floats, direction: float, room: Floats) -> bool:
-    """How the blocks move (``room[0]``) as forces `right` are added, and whether it was found which elements slide.
+def _answer(
+    state: State,
+    network: Network,
+    sliding: float,
+    right: Floats,
+    direction: float,
+    room: Floats,
+) -> bool:
+    """How the blocks move (``room[0]``) as forces `right` are added, and whether it was
+    found which elements slide.
 
     `direction` is the sign of the path.
     """
     blocks = state.motion.blocks
     n = blocks.X.size
-    Y, diagonal, stuck = room[0], room[1], room[2]
-    coupling, closed = 0.0, False  # a ring, where the last block is a neighbour of the first
+    Y = room[0]
+    diagonal = room[1]
+    stuck = room[2]
+    # a ring, where the last block is a neighbour of the first
+    coupling = 0.0
+    closed = False
     for m in range(network.spring.shape[1]):
         coupling = max(coupling, network.spring[0, m])
-        closed = closed or (n > 2 and network.spring[0, m] > 0.0 and network.neighbour[0, m] == n - 1)
+        closed = closed or (
+            n > 2 and network.spring[0, m] > 0.0 and network.neighbour[0, m] == n - 1
+        )
     for j in range(n):
         if sliding > 0.0 and blocks.held[j] < 1.0:
             e = blocks.X[j] - blocks.anchor[j]
-            stuck[j] = 1.0 if abs(e) < sliding * (1.0 - _ON_THE_EDGE) or direction * e * right[j] < 0.0 else 0.0
+            stuck[j] = (
+                1.0
+                if abs(e) < sliding * (1.0 - _ON_THE_EDGE)
+                or direction * e * right[j] < 0.0
+                else 0.0
+            )
         else:
             stuck[j] = 0.0
     for _ in range(64):  # which elements slide depends on the answer
@@ -78,7 +120,12 @@ def _answer(state: State, network: Network, sliding: float, right: Floats, direc
             bonds = 0.0
             for m in range(network.spring.shape[1]):
                 bonds += network.spring[j, m]
-            diagonal[j] = network.pull[j] + bonds + blocks.held[j] + stuck[j] * (1.0 - blocks.held[j])
+            diagonal[j] = (
+                network.pull[j]
+                + bonds
+                + blocks.held[j]
+                + stuck[j] * (1.0 - blocks.held[j])
+            )
         if closed:
             _solve_ring(diagonal, coupling, right, Y, room[3:6])
         else:
@@ -98,29 +145,51 @@ def _answer(state: State, network: Network, sliding: float, right: Floats, direc
 
 
 @bare
-def _first(state: State, sliding: float, direction: float, most: float, room: Floats) -> tuple[float, int, int]:
-    """How far along ``direction * room[0]`` the first event lies, up to `most`; on which block; 1 if it is a break."""
+def _first(
+    state: State, sliding: float, direction: float, most: float, room: Floats
+) -> tuple[float, int, int]:
+    """How far along ``direction * room[0]`` the first event lies, up to `most`; on
+    which block; 1 if it is a break.
+    """
     blocks = state.motion.blocks
-    Y, stuck = room[0], room[2]
-    nearest, block, kind = most, -1, 0
+    Y = room[0]
+    stuck = room[2]
+    nearest = most
+    block = -1
+    kind = 0
     for j in range(blocks.X.size):
         y = direction * Y[j]
         if y > 0.0:
             if state.contacts.ahead[j] - blocks.X[j] < nearest * y:
-                nearest, block, kind = max((state.contacts.ahead[j] - blocks.X[j]) / y, 0.0), j, 1
+                nearest = max((state.contacts.ahead[j] - blocks.X[j]) / y, 0.0)
+                block = j
+                kind = 1
         elif y < 0.0 and state.contacts.behind[j] + blocks.X[j] < -nearest * y:
-            nearest, block, kind = max((state.contacts.behind[j] + blocks.X[j]) / -y, 0.0), j, 1
+            nearest = max((state.contacts.behind[j] + blocks.X[j]) / -y, 0.0)
+            block = j
+            kind = 1
         if stuck[j] > 0.0 and y != 0.0:
             left = sliding - math.copysign(1.0, y) * (blocks.X[j] - blocks.anchor[j])
             if left < nearest * abs(y):
-                nearest, block, kind = max(left / abs(y), 0.0), j, 0
+                nearest = max(left / abs(y), 0.0)
+                block = j
+                kind = 0
     return nearest, block, kind
 
 
 @bare
-def _go(state: State, network: Network, sliding: float, amount: float, time: float, piece: Piece, room: Floats) -> None:
+def _go(
+    state: State,
+    network: Network,
+    sliding: float,
+    amount: float,
+    time: float,
+    piece: Piece,
+    room: Floats,
+) -> None:
     """Move all blocks along, and the drive to where it is at `time`."""
-    blocks, now = state.motion.blocks, state.motion.now
+    blocks = state.motion.blocks
+    now = state.motion.now
     before, _ = drive_at(piece.drive, now.time)
     D, _ = drive_at(piece.drive, time)
     force = 0.0
@@ -135,7 +204,14 @@ def _go(state: State, network: Network, sliding: float, amount: float, time: flo
 
 
 @inlined
-def _follow(state: State, network: Network, sliding: float, time: float, piece: Piece, room: Floats) -> None:
+def _follow(
+    state: State,
+    network: Network,
+    sliding: float,
+    time: float,
+    piece: Piece,
+    room: Floats,
+) -> None:
     """Let the blocks follow the drive to a time."""
     now = state.motion.now.time
     direction = drive_at(piece.drive, time)[0] - drive_at(piece.drive, now)[0]
@@ -151,11 +227,21 @@ def _time_of(piece: Piece, now: float, distance: float) -> float:
 
 
 @bare
-def _break_there(state: State, j: int, direction: float, sliding: float, draws: Draws) -> int:
-    """Break all contacts of a block at their thresholds where it stands, moving this way."""
+def _break_there(
+    state: State, j: int, direction: float, sliding: float, draws: Draws
+) -> int:
+    """Break all contacts of a block at their thresholds where it stands, moving this
+    way.
+    """
     blocks = state.motion.blocks
-    X = blocks.X[j] = state.contacts.ahead[j] if direction > 0.0 else -state.contacts.behind[j]
-    tree = state.contacts.tree_ahead[j] if direction > 0.0 else state.contacts.tree_behind[j]
+    X = blocks.X[j] = (
+        state.contacts.ahead[j] if direction > 0.0 else -state.contacts.behind[j]
+    )
+    tree = (
+        state.contacts.tree_ahead[j]
+        if direction > 0.0
+        else state.contacts.tree_behind[j]
+    )
     why = drive.ON_THE_WAY
     while smallest(tree) <= direction * X:
         delay = next_delay(state.contacts, j, draws)
@@ -164,7 +250,12 @@ def _break_there(state: State, j: int, direction: float, sliding: float, draws: 
             break
         force = slide(state.motion, j, X, sliding)
         break_contact(
-            state, j, winner(tree, state.contacts.birth.shape[1]), state.motion.now.time, direction * force, delay
+            state,
+            j,
+            winner(tree, state.contacts.birth.shape[1]),
+            state.motion.now.time,
+            direction * force,
+            delay,
         )
         state.motion.now.mode = LET_GO
     look_ahead(state.contacts, j)
@@ -174,7 +265,8 @@ def _break_there(state: State, j: int, direction: float, sliding: float, draws: 
 @bare
 def _attach_due(state: State, sliding: float, draws: Draws) -> int:
     """Attach what is due."""
-    blocks, now = state.motion.blocks, state.motion.now.time
+    blocks = state.motion.blocks
+    now = state.motion.now.time
     for j in range(blocks.X.size):
         while state.contacts.next_attach[j] <= now:
             threshold = next_threshold(state.contacts, j, draws)
@@ -189,20 +281,37 @@ def _attach_due(state: State, sliding: float, draws: Draws) -> int:
 
 
 @bare
-def _out_of_balance(state: State, network: Network, piece: Piece, sliding: float, right: Floats) -> None:
+def _out_of_balance(
+    state: State, network: Network, piece: Piece, sliding: float, right: Floats
+) -> None:
     """Forces on the blocks that nothing balances."""
     blocks = state.motion.blocks
     D, _ = drive_at(piece.drive, state.motion.now.time)
     for j in range(blocks.X.size):
-        X, held = blocks.X[j], blocks.held[j]
-        force = network.pull[j] * (D - X) + network.load[j] - held * X + blocks.origins[j]
-        right[j] = force - (1.0 - held) * element(blocks, j, X, sliding) + stretch(network, blocks.X, j)
+        X = blocks.X[j]
+        held = blocks.held[j]
+        force = (
+            network.pull[j] * (D - X) + network.load[j] - held * X + blocks.origins[j]
+        )
+        right[j] = (
+            force
+            - (1.0 - held) * element(blocks, j, X, sliding)
+            + stretch(network, blocks.X, j)
+        )
 
 
 @bare
-def _let_go(state: State, network: Network, piece: Piece, sliding: float, draws: Draws, room: Floats) -> int:
+def _let_go(
+    state: State,
+    network: Network,
+    piece: Piece,
+    sliding: float,
+    draws: Draws,
+    room: Floats,
+) -> int:
     """Let go of what is out of balance, as far as the first event; that happens."""
-    blocks, now = state.motion.blocks, state.motion.now
+    blocks = state.motion.blocks
+    now = state.motion.now
     right = room[6]
     _out_of_balance(state, network, piece, sliding, right)
     if not _answer(state, network, sliding, right, 1.0, room):
@@ -232,11 +341,13 @@ def advance(
     budget: int,
     room: Floats,
 ) -> int:
-    """Go on to the end of a piece, or until `budget` events times blocks are spent; why it returned.
+    """Go on to the end of a piece, or until `budget` events times blocks are spent; why
+    it returned.
 
     The state is that of `blocks.make_state`; `room` has shape (7, n).
     """
-    blocks, now = state.motion.blocks, state.motion.now
+    blocks = state.motion.blocks
+    now = state.motion.now
     n = blocks.X.size
     spent = now.spent
     while now.spent - spent <= budget:
@@ -259,33 +370,45 @@ def advance(
         until = piece.end
         for j in range(n):
             until = min(until, state.contacts.next_attach[j])
-        turn = -v / piece.drive.acceleration if piece.drive.acceleration != 0.0 else -1.0
+        turn = (
+            -v / piece.drive.acceleration if piece.drive.acceleration != 0.0 else -1.0
+        )
         if 0.0 < turn < until - time:
             until = time + turn
         D_until, _ = drive_at(piece.drive, until)
         direction = math.copysign(1.0, D_until - D)
         if not _answer(state, network, sliding, network.pull, direction, room):
             return drive.UNSOLVED
-        distance, j, is_break = _first(state, sliding, direction, abs(D_until - D), room)
+        distance, j, is_break = _first(
+            state, sliding, direction, abs(D_until - D), room
+        )
         event = until if j < 0 else time
         if j >= 0 and distance > 0.0:
             event = min(_time_of(piece, time, direction * distance), until)
         if event > piece.look:
             return drive.LOOK
-        while now.sampled < sampling.times.size and sampling.times[now.sampled] <= event:
+        while (
+            now.sampled < sampling.times.size and sampling.times[now.sampled] <= event
+        ):
             k = now.sampled
             _follow(state, network, sliding, sampling.times[k], piece, room)
             for i in range(n):
-                blocks.V_now[i] = drive_at(piece.drive, sampling.times[k])[1] * room[0, i]
+                blocks.V_now[i] = (
+                    drive_at(piece.drive, sampling.times[k])[1] * room[0, i]
+                )
             fill_row(state.motion, network, piece, sampling.samples[k], sliding)
             now.sampled += 1
-            if piece.stop.kind != NOWHERE and holds(piece.stop, blocks.X.mean(), sampling.samples[k, 0]):
+            if piece.stop.kind != NOWHERE and holds(
+                piece.stop, blocks.X.mean(), sampling.samples[k, 0]
+            ):
                 return drive.STOPPED
         _follow(state, network, sliding, event, piece, room)
         if j >= 0:
             if is_break == 1:
                 now.block = j
-                why = _break_there(state, j, math.copysign(1.0, direction * room[0, j]), sliding, draws)
+                why = _break_there(
+                    state, j, math.copysign(1.0, direction * room[0, j]), sliding, draws
+                )
                 if why != drive.ON_THE_WAY:
                     return why
         elif event >= piece.end:

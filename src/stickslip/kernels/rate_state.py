@@ -1,4 +1,6 @@
-"""A spring-slider with rate-and-state friction: the forward model of velocity steps and holds."""
+"""A spring-slider with rate-and-state friction: the forward model of velocity steps
+and holds.
+"""
 
 import numpy as np
 
@@ -20,25 +22,40 @@ _STAGE = np.array(
         [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
     ]
 )
-_ERROR = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+_ERROR = np.array(
+    [71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40]
+)
 
-_FASTEST = 60.0  # logarithm of the velocity over the first one beyond which the slider has run away
+# logarithm of the velocity over the first one beyond which the slider has run away
+_FASTEST = 60.0
 
 
 @jit
 def slide(
-    law: int, a: float, b: float, distance: float, stiffness: float, times: Floats, pull: Floats, tolerance: float
+    law: int,
+    a: float,
+    b: float,
+    distance: float,
+    stiffness: float,
+    times: Floats,
+    pull: Floats,
+    tolerance: float,
 ) -> Floats:
-    """Friction of a slider without mass on a spring, from steady sliding at the first velocity of the pull.
+    """Friction of a slider without mass on a spring, from steady sliding at the first
+    velocity of the pull.
 
-    ``F = a ln(v/v0) + b ln(v0 theta/D)``, with ``theta' = 1 - v theta/D`` (ageing law) or ``-(v theta/D) ln(v
-    theta/D)`` (slip law), and ``F' = stiffness (pull - v)``; `pull` holds from each time to the next. Returns friction
-    relative to the start, ``ln(v/v0)`` and ``ln(theta v0/D)``; NaN once the slider has run away. The tolerance is of
-    the logarithms, a step.
+    ``F = a ln(v/v0) + b ln(v0 theta/D)``, with ``theta' = 1 - v theta/D`` (ageing law)
+    or ``-(v theta/D) ln(v theta/D)`` (slip law), and ``F' = stiffness (pull - v)``;
+    `pull` holds from each time to the next. Returns friction relative to the start,
+    ``ln(v/v0)`` and ``ln(theta v0/D)``; NaN once the slider has run away. The tolerance
+    is of the logarithms, a step.
     """
     found = np.full((3, times.size), np.nan)
-    slope, here, there = np.zeros((7, 2)), np.zeros(2), np.zeros(2)
-    v0, t = pull[0], times[0]
+    slope = np.zeros((7, 2))
+    here = np.zeros(2)
+    there = np.zeros(2)
+    v0 = pull[0]
+    t = times[0]
     found[:, 0] = 0.0
     h = 1e-3 * distance / v0
     # In units of the first velocity and of D/v0.
@@ -60,7 +77,9 @@ def slide(
                 ratio = there[0] + there[1]
                 change = np.exp(-there[1]) - speed if law == AGEING else -speed * ratio
                 slope[stage, 1] = change
-                slope[stage, 0] = (stiffness * distance * (drive - speed) - b * change) / a
+                slope[stage, 0] = (
+                    stiffness * distance * (drive - speed) - b * change
+                ) / a
             off = 0.0
             for i in range(2):
                 error = 0.0
@@ -78,5 +97,6 @@ def slide(
             if h < 1e-14 * max(t, unit * 1e-6):
                 return found
         found[0, k + 1] = a * here[0] + b * here[1]
-        found[1, k + 1], found[2, k + 1] = here[0], here[1]
+        found[1, k + 1] = here[0]
+        found[2, k + 1] = here[1]
     return found

@@ -1,4 +1,6 @@
-"""Mass that re-attaches during a step: from breaks one delay earlier, and from breaks within the step."""
+"""Mass that re-attaches during a step: from breaks one delay earlier, and from
+breaks within the step.
+"""
 
 import math
 
@@ -12,7 +14,8 @@ from .survival import value_at
 @bare
 def _panel_at(state: State, t: float) -> int:
     """Panel of a time before now; the first one for all before it."""
-    low, high = 0, state.used.panels
+    low = 0
+    high = state.used.panels
     while high - low > 1:
         middle = (low + high) // 2
         if state.panels[middle, 0] <= t:
@@ -30,8 +33,12 @@ def _broken_at(state: State, t: float) -> float:
 
 @inlined
 def in_panel(panels: Floats, k: int, t: float) -> float:
-    """Mass broken up to a time by the polynomial of a panel; before and after it, up to its ends."""
-    return between(panels[k, 2 : 3 + P], min(max((t - panels[k, 0]) / panels[k, 1], 0.0), 1.0))
+    """Mass broken up to a time by the polynomial of a panel; before and after it, up
+    to its ends.
+    """
+    return between(
+        panels[k, 2 : 3 + P], min(max((t - panels[k, 0]) / panels[k, 1], 0.0), 1.0)
+    )
 
 
 @bare
@@ -42,7 +49,8 @@ def known_reattachment(state: State, work: Work, delays: Delays, dt: float) -> N
     for k in range(P + 1):
         nodes[k].known = 0.0
     for i in range(delays.time.size):
-        tau, weight = delays.time[i], delays.weight[i]
+        tau = delays.time[i]
+        weight = delays.weight[i]
         if tau == 0.0:
             continue
         start = _broken_at(state, t - tau)
@@ -59,7 +67,9 @@ def known_reattachment(state: State, work: Work, delays: Delays, dt: float) -> N
 @bare
 def _add_spread_delays(state: State, work: Work, delays: Delays, dt: float) -> None:
     """Add what re-attaches after a delay of the continuous part."""
-    panels, nodes, table = state.panels, work.nodes, delays.continuous
+    panels = state.panels
+    nodes = work.nodes
+    table = delays.continuous
     t = state.motion.time
     for p in range(state.used.panels - 1, -1, -1):
         if panels[p, 0] + panels[p, 1] < t - table.top:
@@ -73,17 +83,22 @@ def _add_spread_delays(state: State, work: Work, delays: Delays, dt: float) -> N
             if left == 0.0:
                 continue
             for k in range(1, P + 1):
-                nodes[k].known += delays.fraction * m * (left - value_at(table, age + NODE[k] * dt))
+                nodes[k].known += (
+                    delays.fraction * m * (left - value_at(table, age + NODE[k] * dt))
+                )
 
 
 @bare
 def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
-    """All that re-attaches up to each node: what was known, and what breaks in the step itself."""
+    """All that re-attaches up to each node: what was known, and what breaks in the
+    step itself.
+    """
     nodes = work.nodes
     for k in range(1, P + 1):
         nodes[k].reattached = nodes[k].known
     for i in range(delays.time.size):
-        tau, weight = delays.time[i], delays.weight[i]
+        tau = delays.time[i]
+        weight = delays.weight[i]
         if tau >= dt:
             continue
         for k in range(1, P + 1):
@@ -98,7 +113,9 @@ def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
             total = 0.0
             for j in range(Q):
                 m = dot(INCREASE[k - 1, j], nodes.broken)
-                total += m * (1.0 - value_at(delays.continuous, NODE[k] * (1.0 - GAUSS[j]) * dt))
+                total += m * (
+                    1.0 - value_at(delays.continuous, NODE[k] * (1.0 - GAUSS[j]) * dt)
+                )
             nodes[k].reattached += delays.fraction * total
 
 
@@ -116,7 +133,8 @@ def next_front(state: State, delays: Delays, t: float, smallest: float) -> float
 @bare
 def mark_rough(state: State, t: float) -> None:
     """Remember a moment at which what breaks has no smooth rate."""
-    n, size = state.used.rough, state.rough.size
+    n = state.used.rough
+    size = state.rough.size
     if n == 0 or state.rough[(n - 1) % size] < t:
         state.rough[n % size] = t
         state.used.rough = n + 1
@@ -124,7 +142,9 @@ def mark_rough(state: State, t: float) -> None:
 
 @bare
 def forget(state: State, delays: Delays, spare: int) -> bool:
-    """Forget panels of which all has re-attached; whether there is room now, for `spare` cohorts among others."""
+    """Forget panels of which all has re-attached; whether there is room now, for
+    `spare` cohorts among others.
+    """
     n = state.used.panels
     if n == state.panels.shape[0]:
         first = n - 1
@@ -132,7 +152,11 @@ def forget(state: State, delays: Delays, spare: int) -> bool:
         for delay in delays.time:
             first = min(first, _panel_at(state, t - delay))
         if delays.fraction > 0.0:
-            while first > 0 and state.panels[first, 0] + state.panels[first, 1] > t - delays.continuous.top:
+            while (
+                first > 0
+                and state.panels[first, 0] + state.panels[first, 1]
+                > t - delays.continuous.top
+            ):
                 first -= 1
         if first < n // 2:
             return False

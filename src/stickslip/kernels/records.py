@@ -1,4 +1,6 @@
-"""Arrays of numbers, and records of them, which kernels read and write by name: ``motion.time``."""
+"""Arrays of numbers, and records of them, which kernels read and write by name:
+``motion.time``.
+"""
 
 from typing import Any, TypeAlias
 
@@ -17,12 +19,16 @@ Record: TypeAlias = Any
 
 
 def record(*numbers: str, counts: str = "") -> Record:
-    """Return a kind of record: numbers of these names, each text as many as it has words, then counts."""
+    """Return a kind of record: numbers of these names, each text as many as it has
+    words, then counts.
+    """
     fields = [(name, "f8") for words in numbers for name in words.split()]
     return np.dtype((np.record, fields + [(name, "i8") for name in counts.split()]))
 
 
 def blank(kind: Record, size: int | None = None) -> Record:
-    """Return a record full of zeros, or an array of them; kernels change it in place."""
+    """Return a record full of zeros, or an array of them; kernels change it in
+    place.
+    """
     made = np.zeros(size or 1, kind).view(np.recarray)
     return made[0] if size is None else made

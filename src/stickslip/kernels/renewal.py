@@ -1,20 +1,26 @@
-"""The master equation under rigid motion, Eqs. (1)-(4), solved as a renewal process by fast convolution.
+"""The master equation under rigid motion, Eqs. (1)-(4), solved as a renewal process by
+fast convolution.
 
-When the slider is moved at a given velocity, each contact lives on its own: attached at ``x = 0``, it breaks at its
-threshold and re-attaches, a distance ``s = v tau_d`` further on. With ``m(X)`` the number of breaks per contact up to
-``X``, which is continuous even where the breaking rate jumps, the master equation is one Volterra equation::
+When the slider is moved at a given velocity, each contact lives on its own: attached at
+``x = 0``, it breaks at its threshold and re-attaches, a distance ``s = v tau_d``
+further on. With ``m(X)`` the number of breaks per contact up to ``X``, which is
+continuous even where the breaking rate jumps, the master equation is one Volterra
+equation::
 
     m(X) = m_0(X) + Int_0^X P~(x) m(X - x) dx,     P~(x) = mean over delays of P_c(x - s)
 
-``m_0`` counts the first breaks of the contacts that were there at the start; it is known in closed form. The unknown is
-taken piecewise linear and each kernel is integrated exactly against it: its weights are the second differences of its
-second antiderivative, made of ``excess(x, n)``, the survival function integrated `n` times from above. So jumps of the
-density cost no order: the scheme is second order for every distribution of bounded density, and Richardson
-extrapolation over three grids makes it sixth order for smooth ones.
+``m_0`` counts the first breaks of the contacts that were there at the start; it is
+known in closed form. The unknown is taken piecewise linear and each kernel is
+integrated exactly against it: its weights are the second differences of its second
+antiderivative, made of ``excess(x, n)``, the survival function integrated `n` times
+from above. So jumps of the density cost no order: the scheme is second order for every
+distribution of bounded density, and Richardson extrapolation over three grids makes it
+sixth order for smooth ones.
 
-Contacts that re-attach stretched by ``x_0``, with a threshold beyond ``|x_0|``, break after a path ``x_s - x_0``: the
-distribution of paths, a mean over nodes of ``x_0``, takes the place of that of thresholds.
-"""
+Contacts that re-attach stretched by ``x_0``, with a threshold beyond ``|x_0|``, break
+after a path ``x_s - x_0``: the distribution of paths, a mean over nodes of ``x_0``,
+takes the place of that of thresholds.
+"""  # noqa: E501
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -33,21 +39,30 @@ class Contacts(NamedTuple):
     """The contacts at the start and what becomes of them."""
 
     density: Density  # ``P_c(x)`` at ``x >= 0``
-    excess: Excess  # ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for n = 0, 1, 2; order 0 is ``J_c``
+    # ``excess(x, n)``: mean of ``max(x_s - x, 0)**n / n!``, for n = 0, 1, 2; order 0 is
+    # ``J_c``
+    excess: Excess
     stretching: Floats  # nodes of the initial stretchings, any sign
     weight: Floats  # of sum 1
-    reach: Floats  # thresholds lie beyond: ``|x_0|``, or ``max(x_0, 0)`` where Eq. (3) is read to the letter
-    shift: Floats  # distances ``v tau_d >= 0`` travelled before a broken contact re-attaches; 0: at once; none: never
+    # thresholds lie beyond: ``|x_0|``, or ``max(x_0, 0)`` where Eq. (3) is read to the
+    # letter
+    reach: Floats
+    # distances ``v tau_d >= 0`` travelled before a broken contact re-attaches; 0: at
+    # once; none: never
+    shift: Floats
     fraction: Floats  # of sum 1
     born: Floats = np.zeros(1)  # nodes of the stretchings at re-attachment
     born_weight: Floats = np.ones(1)  # of sum 1
 
 
 class ReAttached(NamedTuple):
-    """What all but the initial contacts contribute, on a uniform grid from 0: continuous functions."""
+    """What all but the initial contacts contribute, on a uniform grid from 0:
+    continuous functions.
+    """
 
     spacing: float  # between points
-    values: Floats  # shape (4, n): force, attached fraction, breaking rate and stiffness
+    # shape (4, n): force, attached fraction, breaking rate and stiffness
+    values: Floats
 
 
 class Response(NamedTuple):
@@ -56,26 +71,41 @@ class Response(NamedTuple):
     force: Floats  # ``F_c/N`` in units of ``f_s``, Eq. (4)
     attached: Floats  # fraction
     rate: Floats  # breaks per contact and unit displacement, ``Gamma(X)`` of Eq. (2)
-    stiffness: Floats  # ``dF_c/dX`` = attached - Int x P Q dx, and what is born with a force; no numerical derivative
+    # ``dF_c/dX`` = attached - Int x P Q dx, and what is born with a force; no numerical
+    # derivative
+    stiffness: Floats
 
 
 def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
-    """Solve for the contacts that break and re-attach from 0 to a distance, at so many points and two finer grids."""
+    """Solve for the contacts that break and re-attach from 0 to a distance, at so
+    many points and two finer grids.
+    """
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
-    first = 1.0 - _initial(contacts, np.linspace(0.0, distance, 4 * points + 1)).attached
-    coarse, middle, fine = (solve_once(contacts, first[:: 4 // every], distance)[:, ::every] for every in (1, 2, 4))
+    first = (
+        1.0 - _initial(contacts, np.linspace(0.0, distance, 4 * points + 1)).attached
+    )
+    coarse, middle, fine = (
+        solve_once(contacts, first[:: 4 // every], distance)[:, ::every]
+        for every in (1, 2, 4)
+    )
     broken, travelled, rate, force, stiffness = (coarse - 20 * middle + 64 * fine) / 45
     if contacts.shift.size == 1 and contacts.shift[0] == 0:
-        back, stretched = broken, travelled
+        back = broken
+        stretched = travelled
     else:
-        # A delay is no multiple of the spacing: its corner at X = s, shifted earlier, would spoil the extrapolation.
-        back, stretched = np.zeros_like(X), np.zeros_like(X)
+        # A delay is no multiple of the spacing: its corner at X = s, shifted earlier,
+        # would spoil the extrapolation.
+        back = np.zeros_like(X)
+        stretched = np.zeros_like(X)
         for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
             later = shift <= X
             back[later] += fraction * _interpolate(broken, (X[later] - shift) / spacing)
-            stretched[later] += fraction * _interpolate(travelled, (X[later] - shift) / spacing)
-    # What the initial breaks put back at once is left to `observe`, which knows it without interpolating.
+            stretched[later] += fraction * _interpolate(
+                travelled, (X[later] - shift) / spacing
+            )
+    # What the initial breaks put back at once is left to `observe`, which knows it
+    # without interpolating.
     once = _at_once(contacts)
     attached = back - broken + (1.0 - once) * first[::4]
     force = stretched - force + _carried(contacts) * (back - once * first[::4])
@@ -88,16 +118,21 @@ def _carried(contacts: Contacts) -> float:
 
 
 def observe(contacts: Contacts, re_attached: ReAttached, X: Floats) -> Response:
-    """Evaluate force, attached fraction, breaking rate and stiffness at any positions up to the distance of `solve`.
+    """Evaluate force, attached fraction, breaking rate and stiffness at any positions
+    up to the distance of `solve`.
 
-    The part of the initial contacts is closed-form at every `X`; the rest is continuous and interpolated to sixth
-    order. A one-sided limit at a jump of the density is the value at the next number on that side
-    (``numpy.nextafter``).
+    The part of the initial contacts is closed-form at every `X`; the rest is continuous
+    and interpolated to sixth order. A one-sided limit at a jump of the density is the
+    value at the next number on that side (``numpy.nextafter``).
     """
     initial = _initial(contacts, X)
-    force, attached, rate, stiffness = _interpolate(re_attached.values, X / re_attached.spacing)
-    once, carried = _at_once(contacts), _carried(contacts)
-    breaking, broken = initial.rate + rate, 1.0 - initial.attached
+    force, attached, rate, stiffness = _interpolate(
+        re_attached.values, X / re_attached.spacing
+    )
+    once = _at_once(contacts)
+    carried = _carried(contacts)
+    breaking = initial.rate + rate
+    broken = 1.0 - initial.attached
     stiffness += initial.stiffness
     if carried:
         stiffness += carried * re_attaching(contacts, re_attached, X, breaking)
@@ -105,8 +140,12 @@ def observe(contacts: Contacts, re_attached: ReAttached, X: Floats) -> Response:
     return Response(force, 1.0 - (1.0 - once) * broken + attached, breaking, stiffness)
 
 
-def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Floats, breaking: Floats) -> Floats:
-    """Contacts that re-attach per contact and unit displacement: the breaking rate, each delay earlier."""
+def re_attaching(
+    contacts: Contacts, re_attached: ReAttached, X: Floats, breaking: Floats
+) -> Floats:
+    """Contacts that re-attach per contact and unit displacement: the breaking rate,
+    each delay earlier.
+    """
     total = np.zeros_like(breaking)
     for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
         if shift == 0:
@@ -120,22 +159,32 @@ def re_attaching(contacts: Contacts, re_attached: ReAttached, X: Floats, breakin
 
 
 def _initial(contacts: Contacts, X: Floats) -> Response:
-    """The contacts of the start: those still there, and those that break for the first time."""
-    known, values = contacts.reach[:, None], np.zeros((4, X.size))
+    """The contacts of the start: those still there, and those that break for the
+    first time.
+    """
+    known = contacts.reach[:, None]
+    values = np.zeros((4, X.size))
     scale = (contacts.weight / contacts.excess(contacts.reach, 0))[:, None]
-    inside = np.flatnonzero(X + contacts.stretching.min() < _end(contacts))  # where any are left
-    size = max(1_000_000 // contacts.stretching.size, 1)  # so that a table by node of the start takes some 10 MB
+    # where any are left
+    inside = np.flatnonzero(X + contacts.stretching.min() < _end(contacts))
+    # so that a table by node of the start takes some 10 MB
+    size = max(1_000_000 // contacts.stretching.size, 1)
     for part in (inside[begin : begin + size] for begin in range(0, inside.size, size)):
         x = contacts.stretching[:, None] + X[part]
         survivors = scale * contacts.excess(np.maximum(x, known), 0)
-        breaking = np.where(x >= known, scale * contacts.density(np.maximum(x, known)), 0.0)
+        breaking = np.where(
+            x >= known, scale * contacts.density(np.maximum(x, known)), 0.0
+        )
         terms = x * survivors, survivors, breaking, survivors - x * breaking
         values[:, part] = [np.sum(term, axis=0) for term in terms]
     return Response(*values)
 
 
 def _end(contacts: Contacts) -> float:
-    """A stretching that no contact survives. To stop there saves most of the evaluations of the distribution."""
+    """A stretching that no contact survives.
+
+    To stop there saves most of the evaluations of the distribution.
+    """
     x = np.asarray(2.0 ** np.arange(-30, 60))
     gone = x[contacts.excess(x, 0) < NOTHING]
     return float(max(gone[0] if gone.size else np.inf, 2.0 * contacts.reach.max()))
@@ -147,10 +196,12 @@ def _at_once(contacts: Contacts) -> float:
 
 
 def solve_once(contacts: Contacts, first: Floats, distance: float) -> Floats:
-    """Second-order solution on the uniform grid on which the first breaks ``m_0`` are given.
+    """Second-order solution on the uniform grid on which the first breaks ``m_0`` are
+    given.
 
-    Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with the kernels of the breaking rate,
-    of the force lost and of the stiffness lost by those that break (``J - 1`` in place of ``J``).
+    Rows: breaks ``m``, their integral over X, and the convolutions of the breaks with
+    the kernels of the breaking rate, of the force lost and of the stiffness lost by
+    those that break (``J - 1`` in place of ``J``).
     """
     n = first.size
     h = distance / (n - 1)
@@ -162,49 +213,73 @@ def solve_once(contacts: Contacts, first: Floats, distance: float) -> Floats:
         antiderivatives[:, later] += fraction * _antiderivatives(contacts, x, end)
     # Second differences; all antiderivatives vanish up to X = 0.
     weights = np.diff(antiderivatives, n=2, axis=1, prepend=0.0) / h
-    # On a circle |z| = r < 1 the division of power series is safe, and what wraps around is damped by
-    # r**size.
+    # On a circle |z| = r < 1 the division of power series is safe, and what wraps
+    # around is damped by r**size.
     size = 1 << (4 * n - 1).bit_length()
     damping = np.exp(np.log(WRAPPED) / size * np.arange(n))
     kernels = np.fft.rfft(weights * damping, size)
     breaks = np.fft.rfft(first * damping, size) / (1 - kernels[0])
-    rows = np.fft.irfft(np.concatenate([breaks[None], breaks * kernels[1:]]), size)[:, :n] / damping
+    rows = (
+        np.fft.irfft(np.concatenate([breaks[None], breaks * kernels[1:]]), size)[:, :n]
+        / damping
+    )
     broken = rows[0]
     travelled = h * (np.cumsum(broken) - 0.5 * broken)
     return np.stack([broken, travelled, *rows[1:]])
 
 
-WRAPPED = 1e-13  # what wraps around is damped by this; rounding errors grow by its fourth root, at most
+# what wraps around is damped by this; rounding errors grow by its fourth root, at most
+WRAPPED = 1e-13
 
 
 def _antiderivatives(contacts: Contacts, path: Floats, end: float) -> Floats:
-    """Second antiderivatives, zero where the path begins with their slope, of the four kernels that act on ``m``.
+    """Second antiderivatives, zero where the path begins with their slope, of the four
+    kernels that act on ``m``.
 
-    With `G` the fraction of those born that has broken on a path, and ``x G`` what it held: of ``G'`` it is ``Int G``
-    (breaks of breaks), of ``G''`` it is ``G`` (breaking rate), of ``(x G)'`` it is ``Int x G`` (force lost), of
-    ``(x G)''`` it is ``x G`` (stiffness lost).
+    With `G` the fraction of those born that has broken on a path, and ``x G`` what it
+    held: of ``G'`` it is ``Int G`` (breaks of breaks), of ``G''`` it is ``G`` (breaking
+    rate), of ``(x G)'`` it is ``Int x G`` (force lost), of ``(x G)''`` it is ``x G``
+    (stiffness lost).
     """
     total = np.zeros((4, path.size))
-    tail = int(np.searchsorted(path, end - float(contacts.born.min())))  # none survives from there on
+    # none survives from there on
+    tail = int(np.searchsorted(path, end - float(contacts.born.min())))
     lost = np.zeros(2)
-    for born, weight in zip(contacts.born.tolist(), contacts.born_weight.tolist(), strict=True):
+    for born, weight in zip(
+        contacts.born.tolist(), contacts.born_weight.tolist(), strict=True
+    ):
         held = abs(born)
-        all_held, mean, half_square = (float(contacts.excess(np.array([held]), order)[0]) for order in range(3))
-        gone, work = held + mean / all_held, 0.5 * held * held + (half_square + held * mean) / all_held
-        begin = int(np.searchsorted(path[:tail], held - born))  # up to there no threshold is met
+        all_held, mean, half_square = (
+            float(contacts.excess(np.array([held]), order)[0]) for order in range(3)
+        )
+        gone = held + mean / all_held
+        work = 0.5 * held * held + (half_square + held * mean) / all_held
+        # up to there no threshold is met
+        begin = int(np.searchsorted(path[:tail], held - born))
         x = path[begin:tail] + born
-        survival, first, second = (contacts.excess(x, order) / all_held for order in range(3))
+        survival, first, second = (
+            contacts.excess(x, order) / all_held for order in range(3)
+        )
         G = 1.0 - survival
-        total[:, begin:tail] += weight * np.stack([x - gone + first, G, 0.5 * x * x - work + second + x * first, x * G])
+        total[:, begin:tail] += weight * np.stack(
+            [x - gone + first, G, 0.5 * x * x - work + second + x * first, x * G]
+        )
         lost += weight * np.array([gone - born, work - 0.5 * born * born])
     x = path[tail:]
     carried = _carried(contacts)
-    total[:, tail:] = x - lost[0], np.ones_like(x), x * (0.5 * x + carried) - lost[1], x + carried
+    total[:, tail:] = (
+        x - lost[0],
+        np.ones_like(x),
+        x * (0.5 * x + carried) - lost[1],
+        x + carried,
+    )
     return total
 
 
 def _interpolate(values: Floats, where: Floats) -> Floats:
-    """Values at fractional indices along the last axis, by polynomials through the six nearest points."""
+    """Values at fractional indices along the last axis, by polynomials through the
+    six nearest points.
+    """
     count = values.shape[-1]
     degree = min(5, count - 1)
     first = np.clip(np.floor(where).astype(int) - degree // 2, 0, count - 1 - degree)

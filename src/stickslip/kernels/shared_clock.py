@@ -1,15 +1,20 @@
-"""The clock of contacts that break by Bell's rate at thresholds that stay: one box for all of them.
+"""The clock of contacts that break by Bell's rate at thresholds that stay: one box for
+all of them.
 
-A contact that attached at ``b`` with threshold ``s`` breaks at the rate ``w exp((|X - b| - s)/A)``. Breaks are proposed
-at the rate ``w exp((X - b - s)/A) + w exp((b - X - s)/A)``, and accepted with the part that the true rate has of it.
-Each of the two terms is the same for all contacts but for a factor: those of the first are proposed when the clock
-``Z = w Int exp(X/A) dt`` has run on by ``exp((b + s)/A) E``, with ``E`` drawn from ``exp(-E)``; a second clock goes by
+A contact that attached at ``b`` with threshold ``s`` breaks at the rate
+``w exp((|X - b| - s)/A)``. Breaks are proposed at the rate
+``w exp((X - b - s)/A) + w exp((b - X - s)/A)``, and accepted with the part that the
+true rate has of it. Each of the two terms is the same for all contacts but for a
+factor: those of the first are proposed when the clock ``Z = w Int exp(X/A) dt`` has run
+on by ``exp((b + s)/A) E``, with ``E`` drawn from ``exp(-E)``; a second clock goes by
 ``-X`` and ``b - s``.
 
-While the slider stays in a window, its edge stands for ``X``: the clocks then run evenly in time, and a proposal is
-accepted with the probability ``exp((X - edge)/A)`` besides. Readings are kept as lengths, ``A ln Z``: proposals wait in
-a bucket queue as positions do. A clock by which nobody can break is not kept, and one that the slider has left far
-behind has lost its digits: breaks have no memory, so that a clock can be wound, and its readings drawn, at any time.
+While the slider stays in a window, its edge stands for ``X``: the clocks then run
+evenly in time, and a proposal is accepted with the probability ``exp((X - edge)/A)``
+besides. Readings are kept as lengths, ``A ln Z``: proposals wait in a bucket queue as
+positions do. A clock by which nobody can break is not kept, and one that the slider has
+left far behind has lost its digits: breaks have no memory, so that a clock can be
+wound, and its readings drawn, at any time.
 """
 
 import math
@@ -24,26 +29,37 @@ from .hazard import BELL, LOGARITHMIC
 from .records import Floats, Record, blank, record
 from .tournament import enter, play, smallest, tournaments
 
-_LAG = 30.0  # widths that a clock is wound behind the slider, and that the slider may retreat before it is wound again
-_SPAN = 0.25, 1e3  # widths from the slider to an edge of the window, at least and about at most
-_FAR = 36.0  # exponents beyond which the smaller of two terms is less than the rounding of the other
-_NEVER = 1e-15  # breaks, of all contacts until the window is laid anew, that do not come
+# widths that a clock is wound behind the slider, and that the slider may retreat before
+# it is wound again
+_LAG = 30.0
+# widths from the slider to an edge of the window, at least and about at most
+_SPAN = 0.25, 1e3
+# exponents beyond which the smaller of two terms is less than the rounding of the other
+_FAR = 36.0
+# breaks, of all contacts until the window is laid anew, that do not come
+_NEVER = 1e-15
 
 
 _DIAL = record("edge reading pace top safe first due", counts="kept")
-"""One of the two clocks: of contacts stretched forwards, or backwards with all positions mirrored.
+"""One of the two clocks: of contacts stretched forwards, or backwards with all
+positions mirrored.
 
-The edge of the window on the side of larger rates; the reading when the window was laid, and the rate of the clock over
-its value then; the largest edge since it was wound. The window does for contacts that attach with thresholds beyond
-`safe`. Then the reading of the next proposal, as it was seen last, and its time.
+The edge of the window on the side of larger rates; the reading when the window was
+laid, and the rate of the clock over its value then; the largest edge since it was
+wound. The window does for contacts that attach with thresholds beyond `safe`. Then the
+reading of the next proposal, as it was seen last, and its time.
 """
 
 _WINDOW = record("low high since until", counts="wanted")
-"""Where and until when the clocks run evenly, and how many variates are wanted to wind them."""
+"""Where and until when the clocks run evenly, and how many variates are wanted to
+wind them.
+"""
 
 
 class Clock(NamedTuple):
-    """The two clocks, ahead first, and a tournament each of the readings at which contacts are proposed."""
+    """The two clocks, ahead first, and a tournament each of the readings at which
+    contacts are proposed.
+    """
 
     window: Record  # shape (1,)
     dials: Record  # shape (2,)
@@ -51,9 +67,14 @@ class Clock(NamedTuple):
 
 
 def make_clock(contacts: int) -> Clock:
-    """Return a clock that is wound as soon as time goes on; one of no contacts never is."""
-    window, dials = blank(_WINDOW, 1), blank(_DIAL, 2)
-    window.low, window.high, window.until = -np.inf, np.inf, -np.inf if contacts else np.inf
+    """Return a clock that is wound as soon as time goes on; one of no contacts never
+    is.
+    """
+    window = blank(_WINDOW, 1)
+    dials = blank(_DIAL, 2)
+    window.low = -np.inf
+    window.high = np.inf
+    window.until = -np.inf if contacts else np.inf
     return Clock(window, dials, tournaments(np.full((2, max(contacts, 1)), np.inf)))
 
 
@@ -75,33 +96,47 @@ def runs_evenly(clock: Clock, m: Record) -> bool:
 @inlined
 def _strikes(clock: Clock, side: int, width: float) -> float:
     """Time of the next proposal."""
-    reading, dial = smallest(clock.readings[side]), clock.dials[side]
+    reading = smallest(clock.readings[side])
+    dial = clock.dials[side]
     if reading != dial.first:
         dial.first = reading
-        dial.due = clock.window[0].since + math.expm1((reading - dial.reading) / width) / dial.pace
+        dial.due = (
+            clock.window[0].since
+            + math.expm1((reading - dial.reading) / width) / dial.pace
+        )
     return float(dial.due)
 
 
 @inlined
 def strikes(clock: Clock, rule: Rule, now: float) -> tuple[float, int]:
     """Time of the next proposal, and of which clock."""
-    ahead, behind = _strikes(clock, 0, rule.hazard.scale), _strikes(clock, 1, rule.hazard.scale)
+    ahead = _strikes(clock, 0, rule.hazard.scale)
+    behind = _strikes(clock, 1, rule.hazard.scale)
     return max(min(ahead, behind), now), int(behind < ahead)
 
 
 @inlined
 def chance(clock: Clock, side: int, rule: Rule, X: float, x: float) -> float:
     """Probability that a proposal is accepted, of a contact stretched by `x`."""
-    width, sign = rule.hazard.scale, 1 - 2 * side
-    return math.exp((sign * X - clock.dials[side].edge) / width) / (1.0 + math.exp(-2.0 * abs(x) / width))
+    width = rule.hazard.scale
+    sign = 1 - 2 * side
+    return math.exp((sign * X - clock.dials[side].edge) / width) / (
+        1.0 + math.exp(-2.0 * abs(x) / width)
+    )
 
 
 @inlined
-def _reading(clock: Clock, side: int, rest: float, width: float, time: float, variate: float) -> float:
-    """Draw the reading at which a contact is proposed whose threshold is at `rest`, mirrored behind."""
+def _reading(
+    clock: Clock, side: int, rest: float, width: float, time: float, variate: float
+) -> float:
+    """Draw the reading at which a contact is proposed whose threshold is at `rest`,
+    mirrored behind.
+    """
     dial = clock.dials[side]
-    passed, ratio = dial.pace * (time - clock.window[0].since), math.log(-math.log1p(-variate))
-    if (rest - dial.reading) / width + ratio - passed > _FAR:  # then what has passed is less than rounding
+    passed = dial.pace * (time - clock.window[0].since)
+    ratio = math.log(-math.log1p(-variate))
+    # then what has passed is less than rounding
+    if (rest - dial.reading) / width + ratio - passed > _FAR:
         return float(rest + width * ratio)
     now = dial.reading + width * math.log1p(passed)
     return float(now + width * math.log1p(math.exp((rest - now) / width + ratio)))
@@ -109,14 +144,25 @@ def _reading(clock: Clock, side: int, rest: float, width: float, time: float, va
 
 @inlined
 def propose(
-    clock: Clock, side: int, slot: int, rest: float, contacts: int, rule: Rule, m: Record, variates: Floats
+    clock: Clock,
+    side: int,
+    slot: int,
+    rest: float,
+    contacts: int,
+    rule: Rule,
+    m: Record,
+    variates: Floats,
 ) -> None:
-    """Draw when a clock proposes a contact, if it is kept; where the window does not do for it, it is laid anew."""
+    """Draw when a clock proposes a contact, if it is kept; where the window does not
+    do for it, it is laid anew.
+    """
     dial = clock.dials[side]
     if rest < dial.safe:
         clock.window[0].until = -np.inf
     if dial.kept:
-        reading = _reading(clock, side, rest, rule.hazard.scale, m.time, variates[m.variates_used])
+        reading = _reading(
+            clock, side, rest, rule.hazard.scale, m.time, variates[m.variates_used]
+        )
         enter(clock.readings[side], contacts, slot, reading)
         m.variates_used += 1
 
@@ -130,25 +176,44 @@ def forget(clock: Clock, slot: int, contacts: int) -> None:
 
 
 @bare
-def wind(clock: Clock, rule: Rule, m: Record, held: Queue, first: float, first_behind: float, variates: Floats) -> bool:
-    """Lay the window about the slider, and wind clocks where that is due; not if there are too few variates.
+def wind(
+    clock: Clock,
+    rule: Rule,
+    m: Record,
+    held: Queue,
+    first: float,
+    first_behind: float,
+    variates: Floats,
+) -> bool:
+    """Lay the window about the slider, and wind clocks where that is due; not if there
+    are too few variates.
 
-    `held` are the attached contacts; no threshold is met ahead before `first`, behind before `first_behind`, mirrored.
+    `held` are the attached contacts; no threshold is met ahead before `first`, behind
+    before `first_behind`, mirrored.
     """
-    window, N, width, attempts = clock.window[0], held.capacity, rule.hazard.scale, rule.hazard.attempts
+    window = clock.window[0]
+    N = held.capacity
+    width = rule.hazard.scale
+    attempts = rule.hazard.attempts
     onwards = m.direction > 0
-    span, to_go = _SPAN[0] * width, (first if onwards else first_behind) - m.direction * m.position
+    span = _SPAN[0] * width
+    to_go = (first if onwards else first_behind) - m.direction * m.position
     reach = span
     while reach < _SPAN[1] * width:
-        if N * attempts * math.exp((2.0 * reach - to_go) / width) * 2.0 * reach > CHANCE * abs(m.velocity):
+        if N * attempts * math.exp(
+            (2.0 * reach - to_go) / width
+        ) * 2.0 * reach > CHANCE * abs(m.velocity):
             break
         reach *= 2.0
-    low, high = m.position - (span if onwards else reach), m.position + (reach if onwards else span)
+    low = m.position - (span if onwards else reach)
+    high = m.position + (reach if onwards else span)
     until = 2.0 * m.time + 1.0 / (N * attempts)
 
     wanted = 0
     for side in range(2):
-        dial, edge, nearest = clock.dials[side], high if side == 0 else -low, first if side == 0 else first_behind
+        dial = clock.dials[side]
+        edge = high if side == 0 else -low
+        nearest = first if side == 0 else first_behind
         dial.safe = edge + width * math.log(N * attempts * (until - m.time) / _NEVER)
         if dial.kept and edge < dial.top - _LAG * width:
             dial.kept = 0
@@ -160,15 +225,24 @@ def wind(clock: Clock, rule: Rule, m: Record, held: Queue, first: float, first_b
         return False
 
     passed = m.time - window.since
-    window.low, window.high, window.since, window.until, window.wanted = low, high, m.time, until, 0
+    window.low = low
+    window.high = high
+    window.since = m.time
+    window.until = until
+    window.wanted = 0
     for side in range(2):
-        dial, edge, nearest = clock.dials[side], high if side == 0 else -low, first if side == 0 else first_behind
+        dial = clock.dials[side]
+        edge = high if side == 0 else -low
+        nearest = first if side == 0 else first_behind
         wound = edge - _LAG * width
         if dial.kept:
-            dial.reading = max(dial.reading + width * math.log1p(dial.pace * passed), wound)
+            dial.reading = max(
+                dial.reading + width * math.log1p(dial.pace * passed), wound
+            )
             dial.top = max(dial.top, edge)
         else:
-            dial.reading, dial.top = wound, edge
+            dial.reading = wound
+            dial.top = edge
         dial.first = np.nan
         dial.edge, dial.pace = edge, attempts * math.exp((edge - dial.reading) / width)
         if not dial.kept and nearest < dial.safe:
@@ -180,13 +254,17 @@ def wind(clock: Clock, rule: Rule, m: Record, held: Queue, first: float, first_b
 
 
 @bare
-def _wind(clock: Clock, side: int, rule: Rule, m: Record, held: Queue, variates: Floats) -> None:
+def _wind(
+    clock: Clock, side: int, rule: Rule, m: Record, held: Queue, variates: Floats
+) -> None:
     """Draw all readings of a clock."""
     for place in range(used(held)):
         contact = held.entries[place]
         if contact["key"] < np.inf:
             rest = contact["threshold"] + (1 - 2 * side) * contact["birth"]
-            reading = _reading(clock, side, rest, rule.hazard.scale, m.time, variates[m.variates_used])
+            reading = _reading(
+                clock, side, rest, rule.hazard.scale, m.time, variates[m.variates_used]
+            )
             clock.readings[side, contact["slot"] - held.capacity] = reading
             m.variates_used += 1
     play(clock.readings[side : side + 1], held.capacity)

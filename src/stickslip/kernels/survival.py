@@ -1,4 +1,6 @@
-"""A decreasing function of one variable, such as the survival of thresholds, as a table of polynomials."""
+"""A decreasing function of one variable, such as the survival of thresholds, as a
+table of polynomials.
+"""
 
 from bisect import bisect_left
 from collections.abc import Callable
@@ -18,11 +20,14 @@ GONE = 1e-13  # fraction of contacts so small that none of them is left
 
 
 class Table(NamedTuple):
-    """Polynomials of degree `DEGREE` on cells of one width, made by `tabulate`; a cell that holds a knot has two."""
+    """Polynomials of degree `DEGREE` on cells of one width, made by `tabulate`; a
+    cell that holds a knot has two.
+    """
 
     pieces: Floats
-    """Shape (2 n_cells, 2 + DEGREE + 1): left end of each piece, infinite if there is no second; one over its width;
-    its coefficients."""
+    """Shape (2 n_cells, 2 + DEGREE + 1): left end of each piece, infinite if there is
+    no second; one over its width; its coefficients.
+    """
     inverse: float  # one over the width of a cell
     bottom: float  # below it the function is 1
     low: float  # where it begins: below it is what it is there
@@ -31,8 +36,17 @@ class Table(NamedTuple):
 
 _NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
 _FIT = np.linalg.inv(np.vander(_NODE, increasing=True))
-_CHECK = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE) + 1.0) / (DEGREE + 1)))  # where an error is largest
-_HALF = np.array([[[comb(k, j) * half ** max(k - j, 0) / 2.0**k for j in _POWERS] for k in _POWERS] for half in (0, 1)])
+# where an error is largest
+_CHECK = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE) + 1.0) / (DEGREE + 1)))
+_HALF = np.array(
+    [
+        [
+            [comb(k, j) * half ** max(k - j, 0) / 2.0**k for j in _POWERS]
+            for k in _POWERS
+        ]
+        for half in (0, 1)
+    ]
+)
 """What turns the coefficients on a cell into those on either half of it."""
 
 
@@ -44,11 +58,14 @@ def tabulate(
     most: int = 2**14,
     low: float = 0.0,
 ) -> Table:
-    """Tabulate a function from `low` to `top`, in cells so narrow that it is met to the tolerance, or in the most.
+    """Tabulate a function from `low` to `top`, in cells so narrow that it is met to the
+    tolerance, or in the most.
 
     Where a cell meets it, its halves keep its polynomial.
     """
-    pieces, rough, check = np.zeros((128, DEGREE + 3)), np.arange(64), np.vander(_CHECK, DEGREE + 1, increasing=True).T
+    pieces = np.zeros((128, DEGREE + 3))
+    rough = np.arange(64)
+    check = np.vander(_CHECK, DEGREE + 1, increasing=True).T
     while True:
         count = len(pieces) // 2
         width = (top - low) / count
@@ -58,20 +75,31 @@ def tabulate(
         for knot in knots:
             inner[(left < knot) & (knot < right)] = knot
         cut = inner < right
-        a, b = np.append(left, inner[cut])[:, None], np.append(inner, right[cut])[:, None]
+        a = np.append(left, inner[cut])[:, None]
+        b = np.append(inner, right[cut])[:, None]
         fitted = function(a + (b - a) * _NODE) @ _FIT.T
-        missed = np.abs(fitted @ check - function(a + (b - a) * _CHECK)).max(axis=1) >= tolerance
-        place, pieces[2 * rough + 1, 0] = np.append(2 * rough, 2 * rough[cut] + 1), np.inf
+        missed = (
+            np.abs(fitted @ check - function(a + (b - a) * _CHECK)).max(axis=1)
+            >= tolerance
+        )
+        place = np.append(2 * rough, 2 * rough[cut] + 1)
+        pieces[2 * rough + 1, 0] = np.inf
         pieces[place] = np.hstack([a, 1.0 / (b - a), fitted])
         if not missed.any() or 2 * count > most:
             break
         again = np.unique(np.append(place[missed] // 2, rough[cut]))
         halves = np.full((count, 2, 2, DEGREE + 3), np.inf)
         halves[..., 0, 0] = low + 0.5 * width * np.arange(2 * count).reshape(count, 2)
-        halves[..., 0, 1], halves[..., 0, 2:] = 2.0 / width, np.einsum("ck,hkj->chj", pieces[::2, 2:], _HALF)
-        pieces, rough = halves.reshape(4 * count, -1), np.append(2 * again, 2 * again + 1)
+        halves[..., 0, 1] = 2.0 / width
+        halves[..., 0, 2:] = np.einsum("ck,hkj->chj", pieces[::2, 2:], _HALF)
+        pieces = halves.reshape(4 * count, -1)
+        rough = np.append(2 * again, 2 * again + 1)
     whole = function(np.full(1, low)) * (1.0 - 1e-15)
-    full = bisect_left(range(count), True, key=lambda i: bool(function(np.full(1, low + width * (i + 1.0))) < whole))
+    full = bisect_left(
+        range(count),
+        True,
+        key=lambda i: bool(function(np.full(1, low + width * (i + 1.0))) < whole),
+    )
     return Table(pieces, 1.0 / width, low + width * full, low, top)
 
 
@@ -86,7 +114,8 @@ def value_and_slope(table: Table, x: float) -> tuple[float, float]:
         i += 1
     scale = table.pieces[i, 1]
     u = (x - table.pieces[i, 0]) * scale
-    total, slope = table.pieces[i, DEGREE + 2], 0.0
+    total = table.pieces[i, DEGREE + 2]
+    slope = 0.0
     for k in range(DEGREE + 1, 1, -1):
         slope = slope * u + total
         total = total * u + table.pieces[i, k]
@@ -108,8 +137,11 @@ def values_at(table: Table, x: Floats) -> Floats:
     return values
 
 
-def widest(table: Table, knots: Floats, tolerance: float, most: float, order: int) -> float:
-    """Width of a window, up to `most`, of which nodes of Gauss give the mean of ``x**order`` times the function.
+def widest(
+    table: Table, knots: Floats, tolerance: float, most: float, order: int
+) -> float:
+    """Width of a window, up to `most`, of which nodes of Gauss give the mean of
+    ``x**order`` times the function.
 
     To the tolerance, wherever the window lies between two knots.
     """
@@ -127,7 +159,9 @@ def widest(table: Table, knots: Floats, tolerance: float, most: float, order: in
             sums = []
             for node, weight in ((GAUSS, WEIGHT), (fine, weights)):
                 x = start + size * node
-                sums.append((x**order * values_at(table, x.ravel()).reshape(x.shape)) @ weight)
+                sums.append(
+                    (x**order * values_at(table, x.ravel()).reshape(x.shape)) @ weight
+                )
             worst = max(worst, float(np.abs(sums[0] - sums[1]).max()))
         if worst <= tolerance or width < 1e-4 * most:
             return width

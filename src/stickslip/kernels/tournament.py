@@ -1,9 +1,12 @@
-"""Tournaments: the smallest of N numbers is always known, and so is whose it is; changing one costs a few comparisons.
+"""Tournaments: the smallest of N numbers is always known, and so is whose it is;
+changing one costs a few comparisons.
 
-A tournament is one array, a tree whose nodes hold the smallest of eight each: the first entry is the smallest of all,
-that at ``i`` the smallest of those from ``8 i + 1`` on, and the last N are the numbers of the slots. Eight numbers are
-a cache line, so a change reads about one line a level. Many small tournaments lie side by side in a matrix, where a
-bucket queue for each would be mostly empty bins. Nothing goes stale and nothing is ever full.
+A tournament is one array, a tree whose nodes hold the smallest of eight each: the first
+entry is the smallest of all, that at ``i`` the smallest of those from ``8 i + 1`` on,
+and the last N are the numbers of the slots. Eight numbers are a cache line, so a change
+reads about one line a level. Many small tournaments lie side by side in a matrix, where
+a bucket queue for each would be mostly empty bins. Nothing goes stale and nothing is
+ever full.
 """
 
 import numpy as np
@@ -15,7 +18,8 @@ from .records import Floats
 def tournaments(numbers: Floats) -> Floats:
     """Return a tournament of each row of numbers, which may be infinite."""
     count, slots = numbers.shape
-    above, level = 0, 1
+    above = 0
+    level = 1
     while level < slots:
         above += level
         level *= 8
@@ -34,7 +38,8 @@ def smallest(tree: Floats) -> float:
 @inlined
 def winner(tree: Floats, slots: int) -> int:
     """Slot of the smallest number; of the first among equals."""
-    above, node = tree.size - slots, 0
+    above = tree.size - slots
+    node = 0
     while node < above:
         node = 8 * node + 1
         while tree[node] != tree[0]:
@@ -55,14 +60,16 @@ def _least(tree: Floats, node: int) -> float:
 def enter(tree: Floats, slots: int, slot: int, value: float) -> None:
     """Give a slot another number."""
     node = tree.size - slots + slot
-    old, tree[node] = tree[node], value
+    old = tree[node]
+    tree[node] = value
     while node > 0 and value != old:
         node = (node - 1) // 8
         least = tree[node]
         if min(old, value) > least:
             break
         tree[node] = value if value < least else _least(tree, node)
-        old, value = least, tree[node]
+        old = least
+        value = tree[node]
 
 
 @bare

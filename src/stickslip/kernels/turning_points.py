@@ -1,6 +1,8 @@
-"""Turning points of a force by hysteresis: a peak counts when the force has dropped by so much, a trough when it rose.
+"""Turning points of a force by hysteresis: a peak counts when the force has dropped by
+so much, a trough when it rose.
 
-The same few lines pick the slips of a measured trace, of a simulated one, and thin out the events of the simulation.
+The same few lines pick the slips of a measured trace, of a simulated one, and thin out
+the events of the simulation.
 """
 
 from typing import NamedTuple
@@ -10,11 +12,15 @@ import numpy as np
 from ._jit import jit
 from .records import Counts, Floats
 
-NOTHING, PEAK, TROUGH = 0, 1, 2
+NOTHING = 0
+PEAK = 1
+TROUGH = 2
 
 
 class Zigzag(NamedTuple):
-    """Where the search stands: the highest value since the last trough, or the lowest since the last peak."""
+    """Where the search stands: the highest value since the last trough, or the
+    lowest since the last peak.
+    """
 
     falling: bool
     high: float
@@ -29,16 +35,20 @@ START = Zigzag(False, -np.inf, 0, np.inf, 0, NOTHING)
 
 @jit
 def turn(state: Zigzag, at: int, value: float, drop: float, rise: float) -> Zigzag:
-    """Take the next value of the force; `found` says whether it proves the last peak or the last trough."""
+    """Take the next value of the force; `found` says whether it proves the last peak
+    or the last trough.
+    """
     falling, high, high_at, low, low_at, _ = state
     if falling:
         if value < low:
-            low, low_at = value, at
+            low = value
+            low_at = at
         if value - low >= rise:
             return Zigzag(False, value, at, low, low_at, TROUGH)
     else:
         if value > high:
-            high, high_at = value, at
+            high = value
+            high_at = at
         if high - value >= drop:
             return Zigzag(True, high, high_at, value, at, PEAK)
     return Zigzag(falling, high, high_at, low, low_at, NOTHING)
@@ -46,7 +56,9 @@ def turn(state: Zigzag, at: int, value: float, drop: float, rise: float) -> Zigz
 
 @jit
 def pick(force: Floats, drop: float, rise: float) -> tuple[Counts, Counts]:
-    """Indices of the peaks and of the troughs after them; a drop that the trace cuts off is left out."""
+    """Indices of the peaks and of the troughs after them; a drop that the trace cuts
+    off is left out.
+    """
     peaks = np.empty(force.size // 2 + 1, np.int64)
     troughs = np.empty(force.size // 2 + 1, np.int64)
     count = 0
@@ -62,7 +74,9 @@ def pick(force: Floats, drop: float, rise: float) -> tuple[Counts, Counts]:
 
 
 class Sampling(NamedTuple):
-    """How a trace was recorded and picked; forces in one unit, `slope` of the loading in that unit per sample."""
+    """How a trace was recorded and picked; forces in one unit, `slope` of the
+    loading in that unit per sample.
+    """
 
     slope: float
     noise: float
@@ -72,12 +86,21 @@ class Sampling(NamedTuple):
 
 
 @jit
-def observe(peaks: Floats, troughs: Floats, sampling: Sampling, rng: np.random.Generator, seen: Floats) -> int:
-    """Sample a saw of these peaks and troughs, add noise, pick it; return how many slips were seen, of those wanted.
+def observe(
+    peaks: Floats,
+    troughs: Floats,
+    sampling: Sampling,
+    rng: np.random.Generator,
+    seen: Floats,
+) -> int:
+    """Sample a saw of these peaks and troughs, add noise, pick it; return how many
+    slips were seen, of those wanted.
 
-    Slips take no time; `seen` takes the peaks and troughs that were picked, shape (2, wanted).
+    Slips take no time; `seen` takes the peaks and troughs that were picked, shape (2,
+    wanted).
     """
-    count, wanted = 0, seen.shape[1]
+    count = 0
+    wanted = seen.shape[1]
     state = START
     begin = -rng.random()  # time of the trough, in samples
     i = 0

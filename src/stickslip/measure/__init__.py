@@ -1,8 +1,10 @@
-"""What a force trace shows: its slips, its regime, and where the regime changes on a ramp.
+"""What a force trace shows: its slips, its regime, and where the regime changes on a
+ramp.
 
-Every function takes an `xarray.Dataset` with `spring_force`, the force of the driving spring, along `time`, in any
-unit: a run, or a trace read with `read_trace`. A slip is a drop of the force, whether or not the slider is at rest
-before: with contacts that hold, a driven slider creeps at ``v K/(K + k N_c)`` between slips.
+Every function takes an `xarray.Dataset` with `spring_force`, the force of the driving
+spring, along `time`, in any unit: a run, or a trace read with `read_trace`. A slip is a
+drop of the force, whether or not the slider is at rest before: with contacts that hold,
+a driven slider creeps at ``v K/(K + k N_c)`` between slips.
 """
 
 from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics
@@ -14,5 +16,23 @@ from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
 from stickslip.measure.verdict import Regime, regime
 
-__all__ = ["Criterion", "Cycles", "Kinematics", "Regime", "counted", "drops", "events", "find_cycles", "fronts"]
-__all__ += ["kinematics", "motion", "read_trace", "regime", "regime_and_drops", "statistics", "transitions"]
+__all__ = [
+    "Criterion",
+    "Cycles",
+    "Kinematics",
+    "Regime",
+    "counted",
+    "drops",
+    "events",
+    "find_cycles",
+    "fronts",
+]
+__all__ += [
+    "kinematics",
+    "motion",
+    "read_trace",
+    "regime",
+    "regime_and_drops",
+    "statistics",
+    "transitions",
+]

@@ -1,4 +1,6 @@
-"""The arrays of a Dataset as the measures need them, and the turning points of a force."""
+"""The arrays of a Dataset as the measures need them, and the turning points of a
+force.
+"""
 
 import math
 from contextlib import suppress
@@ -24,9 +26,12 @@ FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
 ERRORS = 3.0  # standard errors beyond which a difference is no chance ...
 CHANCE = float(ndtr(-ERRORS))  # ... and how often one lies beyond them by chance
 RESTS = 0.25
-"""Times the drive: a slider that is slower is stuck, and one that differs by less on average moves evenly. And part of
-the time: one that just comes to rest in a sine is stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer."""
-CONSTANT_DRIVE = 0.01  # relative change of the drive's velocity that still counts as constant
+"""Times the drive: a slider that is slower is stuck, and one that differs by less on
+average moves evenly. And part of the time: one that just comes to rest in a sine is
+stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer.
+"""
+# relative change of the drive's velocity that still counts as constant
+CONSTANT_DRIVE = 0.01
 _VARIABLES = {
     "t": "time",
     "force": "spring_force",
@@ -38,9 +43,14 @@ _VARIABLES = {
 
 
 def check_numbers(place: str, variable: xr.DataArray) -> None:
-    """Raise `InputError` if a variable holds no numbers, or such as are too large or too small to be multiplied."""
+    """Raise `InputError` if a variable holds no numbers, or such as are too large or
+    too small to be multiplied.
+    """
     if variable.dtype.kind not in "fiu":
-        raise InputError(f"{place}: {variable.name} holds values of type {variable.dtype}, no numbers")
+        raise InputError(
+            f"{place}: {variable.name} holds values of type {variable.dtype}, no "
+            "numbers"
+        )
     values = np.asarray(variable.values, dtype=float)
     largest = float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
     if refusal := extreme(largest):
@@ -48,27 +58,44 @@ def check_numbers(place: str, variable: xr.DataArray) -> None:
 
 
 def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
-    """A Dataset with a force along time: as it is, or made of a force alone over its times; dates become seconds."""
+    """A Dataset with a force along time: as it is, or made of a force alone over its
+    times; dates become seconds.
+    """
     if isinstance(data, pd.Series) and not isinstance(data.index, pd.RangeIndex):
         data = xr.DataArray(data.to_numpy(), {"time": data.index.to_numpy()}, "time")
-    if isinstance(data, xr.DataArray) and len(data.dims) == 1 and data.dims[0] in data.coords:
+    if (
+        isinstance(data, xr.DataArray)
+        and len(data.dims) == 1
+        and data.dims[0] in data.coords
+    ):
         data = data.rename({data.dims[0]: "time"}).to_dataset(name="spring_force")
     if not isinstance(data, xr.Dataset):
-        raise InputError("measure: data must be a Dataset, as read_trace() returns, or a force with its times")
+        raise InputError(
+            "measure: data must be a Dataset, as read_trace() returns, or a force with "
+            "its times"
+        )
     if "time" in data.coords and data["time"].dtype.kind in "mM":
-        seconds = (data["time"].values - data["time"].values[0]) / np.timedelta64(1, "s")
-        data = data.assign_coords(time=("time", seconds, {"units": "s", "long_name": "time"}))
+        seconds = (data["time"].values - data["time"].values[0]) / np.timedelta64(
+            1, "s"
+        )
+        data = data.assign_coords(
+            time=("time", seconds, {"units": "s", "long_name": "time"})
+        )
     return data
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """The arrays of a Dataset; forces and motion are along the direction of the drive."""
+    """The arrays of a Dataset; forces and motion are along the direction of the
+    drive.
+    """
 
     t: Array
     force: Array
     sign: float
-    largest: float  # force in all of the data: static friction, where they hold a slip or the first loading
+    # force in all of the data: static friction, where they hold a slip or the first
+    # loading
+    largest: float
     X: Array | None = None
     velocity: Array | None = None
     drive: Array | None = None
@@ -82,10 +109,15 @@ class Trace:
 
     @classmethod
     def of(cls, data: xr.Dataset | xr.DataArray | pd.Series) -> Self:
-        """Take them from a Dataset; `InputError` if it holds no force, or values that are not finite."""
+        """Take them from a Dataset; `InputError` if it holds no force, or values
+        that are not finite.
+        """
         data = dataset_of(data)
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
-            raise InputError("measure: need the variable spring_force along time; read a file with read_trace()")
+            raise InputError(
+                "measure: need the variable spring_force along time; read a file with "
+                "read_trace()"
+            )
         arrays: dict[str, Array] = {}
         for key, name in _VARIABLES.items():
             if name not in data:
@@ -94,24 +126,48 @@ class Trace:
             along = along.mean("block") if "block" in along.dims else along
             arrays[key] = values = np.asarray(along.values, dtype=float)
             if values.shape != arrays["t"].shape:
-                raise InputError(f"measure: {name} has shape {values.shape}: must be along time alone; select one run")
+                raise InputError(
+                    f"measure: {name} has shape {values.shape}: must be along time "
+                    "alone; select one run"
+                )
             bad = np.flatnonzero(~np.isfinite(values))
             if bad.size:
                 first = f"{name} = {values[bad[0]]:g} at t = {arrays['t'][bad[0]]:g}"
                 count = f"{bad.size} of {values.size}"
-                raise InputError(f"measure: {first}: {count} are not finite; drop or fill them first")
-        t, drive, force = arrays["t"], arrays.get("drive"), arrays["force"]
+                raise InputError(
+                    f"measure: {first}: {count} are not finite; drop or fill them first"
+                )
+        t = arrays["t"]
+        drive = arrays.get("drive")
+        force = arrays["force"]
         if t.size < FEWEST_READINGS:
-            raise InputError(f"measure: {t.size} samples of spring_force are too few: {FEWEST_READINGS} is the least")
+            raise InputError(
+                f"measure: {t.size} samples of spring_force are too few: "
+                f"{FEWEST_READINGS} is the least"
+            )
         if not (np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
-            raise InputError(f"measure: the times must be rising over {SMALLEST:g}, in another unit if need be")
-        # A load cell may count pull as negative: then the force alone tells the direction, unless its sign was turned.
-        # A force with its zero well within its range is without its mean: what is left does not tell it.
-        alone = not data.attrs.get("flipped") and np.mean(force) < 0 and -np.min(force) > 3.0 * np.max(force)
+            raise InputError(
+                f"measure: the times must be rising over {SMALLEST:g}, in another unit "
+                "if need be"
+            )
+        # A load cell may count pull as negative: then the force alone tells the
+        # direction, unless its sign was turned. A force with its zero well within its
+        # range is without its mean: what is left does not tell it.
+        alone = (
+            not data.attrs.get("flipped")
+            and np.mean(force) < 0
+            and -np.min(force) > 3.0 * np.max(force)
+        )
         sign = -1.0 if (alone if drive is None else np.mean(drive) < 0) else 1.0
-        arrays |= {key: sign * arrays[key] for key in ("force", "X", "velocity", "drive") if key in arrays}
-        time, told = data["time"].attrs, data["spring_force"].attrs
-        rig, contacts = None, data.attrs.get("contacts")
+        arrays |= {
+            key: sign * arrays[key]
+            for key in ("force", "X", "velocity", "drive")
+            if key in arrays
+        }
+        time = data["time"].attrs
+        told = data["spring_force"].attrs
+        rig = None
+        contacts = data.attrs.get("contacts")
         with suppress(InputError):  # not every run says what it was made of
             rig = rig_of(data)
         if rig is not None and isinstance(rig.method, DRAWN):
@@ -125,63 +181,91 @@ class Trace:
             measured=drive is None or "stiffness" in data.attrs,
             time_unit=printable(str(time.get("units", ""))),
             force_unit=printable(str(told.get("units", ""))),
-            quantity="coefficient of friction" if "coefficient" in str(told.get("long_name", "")) else "force",
+            quantity="coefficient of friction"
+            if "coefficient" in str(told.get("long_name", ""))
+            else "force",
         )
 
     @cached_property
     def pace(self) -> Array | None:
-        """Velocity of the slider over the usual one of the drive; None where it is not known."""
+        """Velocity of the slider over the usual one of the drive; None where it is
+        not known.
+        """
         drive = 0.0 if self.drive is None else float(np.median(self.drive))
         return self.velocity / drive if self.velocity is not None and drive else None
 
     @property
     def stuck(self) -> float | None:
-        """Part of the time in which the slider is slower than a quarter of the drive; None where it is not known."""
+        """Part of the time in which the slider is slower than a quarter of the
+        drive; None where it is not known.
+        """
         return None if self.pace is None else float(np.mean(self.pace < RESTS))
 
     @property
     def gaps(self) -> NDArray[np.intp]:
-        """Samples before a gap: a step of more than 16 of those beside it, as many readings as a verdict needs."""
+        """Samples before a gap: a step of more than 16 of those beside it, as many
+        readings as a verdict needs.
+        """
         step = np.diff(self.t)
-        return 1 + np.flatnonzero(step[1:-1] > FEWEST_READINGS * np.maximum(step[:-2], step[2:]))
+        return 1 + np.flatnonzero(
+            step[1:-1] > FEWEST_READINGS * np.maximum(step[:-2], step[2:])
+        )
 
     @property
     def stretches(self) -> list[Self]:
         """What lies between gaps, in turn."""
-        return [self.part(*ends) for ends in pairwise([self.t[0], *self.t[self.gaps + 1], math.inf])]
+        return [
+            self.part(*ends)
+            for ends in pairwise([self.t[0], *self.t[self.gaps + 1], math.inf])
+        ]
 
     def part(self, begin: float, end: float = math.inf) -> Self:
         """What comes from a time on, up to another."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
-        known = {name: values for name in _VARIABLES if (values := getattr(self, name)) is not None}
+        known = {
+            name: values
+            for name in _VARIABLES
+            if (values := getattr(self, name)) is not None
+        }
         return replace(self, **{name: values[inside] for name, values in known.items()})
 
 
 def without_drift(values: Array) -> Array:
-    """Even samples less their line, and what goes through fewer than four cycles: too slow to be told from a drift."""
+    """Even samples less their line, and what goes through fewer than four cycles:
+    too slow to be told from a drift.
+    """
     at = np.arange(0.5, values.size)
     rest = values - values.mean() - slope(values, at) * (at - 0.5 * values.size)
-    before, wave = np.ones(1), (first := np.cos(np.pi / values.size * at))
-    for _ in range(2 * FEWEST_CYCLES - 1):  # cosines, orthogonal to one another, each from the two before
+    before = np.ones(1)
+    wave = (first := np.cos(np.pi / values.size * at))
+    # cosines, orthogonal to one another, each from the two before
+    for _ in range(2 * FEWEST_CYCLES - 1):
         rest -= 2.0 / values.size * float((rest * wave).sum()) * wave
         before, wave = wave, 2.0 * first * wave - before
     return np.asarray(rest)
 
 
 def slope(values: Array, at: Array) -> float:
-    """Slope of the straight line through values. By sums: products of long vectors would wake the threads of BLAS."""
+    """Slope of the straight line through values.
+
+    By sums: products of long vectors would wake the threads of BLAS.
+    """
     at = at - at.mean()
     return float((at * (values - values.mean())).sum()) / float((at * at).sum())
 
 
 def memory(rest: Array) -> float:
-    """How alike neighbouring residuals are, 0 to 1: n are worth n (1 - r)/(1 + r) independent ones (Bartlett)."""
+    """How alike neighbouring residuals are, 0 to 1: n are worth n (1 - r)/(1 + r)
+    independent ones (Bartlett).
+    """
     power = float(rest @ rest)
     return max(float(rest[1:] @ rest[:-1]) / power, 0.0) if power > 0 else 0.0
 
 
 def mean_and_std(values: Array) -> tuple[float, float, float]:
-    """Mean, sample standard deviation and coefficient of variation of the values that are known."""
+    """Mean, sample standard deviation and coefficient of variation of the values
+    that are known.
+    """
     kept = values[np.isfinite(values)]
     mean = float(kept.mean()) if kept.size else math.nan
     std = float(kept.std(ddof=1)) if kept.size > 1 else math.nan

@@ -1,4 +1,6 @@
-"""Effects of the bench on a trace: reciprocating strokes, a saturated sensor, a reversed sign."""
+"""Effects of the bench on a trace: reciprocating strokes, a saturated sensor, a
+reversed sign.
+"""
 
 import itertools
 import math
@@ -12,50 +14,73 @@ from stickslip.measure.arrays import FEWEST_READINGS, Array, Trace
 from stickslip.measure.periods import rises
 from stickslip.measure.slips import resolution, turning_points
 
-LEAST_WAY = 0.5  # of the range of the displacement, or of the force: a stroke goes at least so far
-IN_BETWEEN = 0.08  # largest part of the time that a force between its two plateaus may take
+# of the range of the displacement, or of the force: a stroke goes at least so far
+LEAST_WAY = 0.5
+# largest part of the time that a force between its two plateaus may take
+IN_BETWEEN = 0.08
 SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
 FEW = 0.05  # largest part of the samples that may be faults of the sensor
-FEWEST_FLAT, FLAT_RUN, FLAT_PEAKS = 10, 3, 3  # samples, consecutive samples and peaks that make a saturated sensor
+# samples, consecutive samples and peaks that make a saturated sensor
+FEWEST_FLAT = 10
+FLAT_RUN = 3
+FLAT_PEAKS = 3
 
 
 def find_strokes(trace: Trace) -> list[Trace]:
-    """The strokes of a reciprocating test, each along its own direction and without the reversals; none of another."""
+    """The strokes of a reciprocating test, each along its own direction and without
+    the reversals; none of another.
+    """
     edges = _reversals(trace)
     if len(edges) < 3:
         return []
     strokes = []
     for begin, end in itertools.pairwise(edges):
-        part = trace.part(trace.t[begin], trace.t[end] if end < trace.t.size else np.inf)
+        part = trace.part(
+            trace.t[begin], trace.t[end] if end < trace.t.size else np.inf
+        )
         way = 1.0 if float(np.median(part.force)) >= 0 else -1.0
         there = part.t[way * part.force >= way * np.median(part.force)]
         loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
         if loaded.t.size >= FEWEST_READINGS:
             force = way * loaded.force
-            strokes.append(replace(loaded, force=force, sign=way * trace.sign, largest=float(force.max())))
+            strokes.append(
+                replace(
+                    loaded,
+                    force=force,
+                    sign=way * trace.sign,
+                    largest=float(force.max()),
+                )
+            )
     return strokes if len(strokes) > 1 else []
 
 
 def _reversals(trace: Trace) -> list[int]:
-    """First samples of strokes, and the end of the last: by displacement, or a force with plateaus of either sign."""
+    """First samples of strokes, and the end of the last: by displacement, or a force
+    with plateaus of either sign.
+    """
     size = trace.t.size
     if (way := trace.displacement) is not None:
         least = LEAST_WAY * float(np.ptp(way))
         peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
         return [0, *sorted({*peaks, *troughs} - {0, size - 1}), size]
     low, high = (float(edge) for edge in np.quantile(trace.force, (0.05, 0.95)))
-    middle, level = 0.5 * (high + low), LEAST_WAY * 0.5 * (high - low)
+    middle = 0.5 * (high + low)
+    level = LEAST_WAY * 0.5 * (high - low)
     between = float(np.mean(np.abs(trace.force - middle) < level))
     if not low < 0 < high or abs(middle) > level or between > IN_BETWEEN:
         return []
-    crossed = (rises(trace.t, force, -level, level)[0].tolist() for force in (trace.force, -trace.force))
+    crossed = (
+        rises(trace.t, force, -level, level)[0].tolist()
+        for force in (trace.force, -trace.force)
+    )
     return [0, *sorted(itertools.chain(*crossed)), size]
 
 
 def about_the_sensor(force: Array) -> tuple[str, ...]:
     """What looks like a fault of the sensor."""
     return tuple(
-        f"the {edge}s of the force are flat at {force[int(np.argmax(extreme))]:.4g}: the sensor or its amplifier seems "
+        f"the {edge}s of the force are flat at {force[int(np.argmax(extreme))]:.4g}: "
+        "the sensor or its amplifier seems "
         "to be saturated; drops are larger than what was recorded"
         for extreme, edge in ((force, "top"), (-force, "bottom"))
         if _is_flat(extreme)
@@ -63,7 +88,9 @@ def about_the_sensor(force: Array) -> tuple[str, ...]:
 
 
 def far_outside(force: Array) -> NDArray[np.bool_]:
-    """Samples farther from all others than these ever are from one another: -9999, or a spark."""
+    """Samples farther from all others than these ever are from one another: -9999,
+    or a spark.
+    """
     found = ~np.isfinite(force)
     for side in (1.0, -1.0, 1.0):
         values = side * force[~found]
@@ -74,44 +101,62 @@ def far_outside(force: Array) -> NDArray[np.bool_]:
         below = np.flatnonzero(np.diff(few) > values.max() - few[1:])
         if below.size:
             found |= side * force <= few[below[-1]]
-    inner, known = np.flatnonzero(~found), np.isfinite(force)
+    inner = np.flatnonzero(~found)
+    known = np.isfinite(force)
     for end in (slice(inner[0]), slice(inner[-1] + 1, None)) if inner.size else ():
-        found[end] &= ~_unloaded(force[end], force[inner])  # as a bench is before and after the test
+        # as a bench is before and after the test
+        found[end] &= ~_unloaded(force[end], force[inner])
     return found & known
 
 
 def _unloaded(force: Array, others: Array) -> NDArray[np.bool_]:
-    """Which forces are smaller in size than all others: no load, rather than no reading."""
+    """Which forces are smaller in size than all others: no load, rather than no
+    reading.
+    """
     return np.asarray(np.abs(force) < np.abs(others).min())
 
 
 def spikes(force: Array) -> NDArray[np.bool_]:
-    """Electrical spikes: samples farther from the four beside them than these, as in a slip, from one another."""
-    found, known = np.zeros(force.size, dtype=bool), np.flatnonzero(np.isfinite(force))
+    """Electrical spikes: samples farther from the four beside them than these, as in
+    a slip, from one another.
+    """
+    found = np.zeros(force.size, dtype=bool)
+    known = np.flatnonzero(np.isfinite(force))
     values = force[known]
     bend = float(np.median(np.abs(np.diff(values, 2))))
-    least = SIGMAS * max(1.4826 * bend / math.sqrt(6.0), resolution(values) / math.sqrt(12.0))
-    lowest, highest = (extreme(values, footprint=[1, 1, 0, 1, 1]) for extreme in (minimum_filter, maximum_filter))
+    least = SIGMAS * max(
+        1.4826 * bend / math.sqrt(6.0), resolution(values) / math.sqrt(12.0)
+    )
+    lowest, highest = (
+        extreme(values, footprint=[1, 1, 0, 1, 1])
+        for extreme in (minimum_filter, maximum_filter)
+    )
     apart = np.maximum(lowest - values, values - highest) > highest - lowest
     apart &= np.abs(values - median_filter(values, 5)) > least
     apart[[0, -1]] = False
-    # At an end it is not seen whether a force comes back as a spike does: there it must exceed what slips make of four.
+    # At an end it is not seen whether a force comes back as a spike does: there it must
+    # exceed what slips make of four.
     rest = values[~apart][1:-1]
     least = max(least, float((maximum_filter(rest, 4) - minimum_filter(rest, 4)).max()))
     for at, beside in ((0, rest[:4]), (-1, rest[-4:])):
         off = max(beside.min() - values[at], values[at] - beside.max())
         apart[at] = off > least and not _unloaded(values[at], beside)
-    if np.count_nonzero(apart) <= FEW * values.size:  # where many are so, they are no faults
+    # where many are so, they are no faults
+    if np.count_nonzero(apart) <= FEW * values.size:
         found[known[apart]] = True
     return found
 
 
 def _is_flat(force: Array) -> bool:
-    """Whether a force stays at its largest value again and again, much longer than at values just below."""
+    """Whether a force stays at its largest value again and again, much longer than
+    at values just below.
+    """
     top = float(force.max())
     at = force == top
     runs = np.diff(np.flatnonzero(np.diff(at, prepend=False, append=False)))[::2]
     near = force[~at & (force > top - 0.2 * (top - float(force.min())))]
-    usual = float(np.median(np.unique(near, return_counts=True)[1])) if near.size else 1.0
+    usual = (
+        float(np.median(np.unique(near, return_counts=True)[1])) if near.size else 1.0
+    )
     often = FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size
     return bool(often and np.count_nonzero(runs >= FLAT_RUN) >= FLAT_PEAKS)

@@ -14,43 +14,55 @@ from stickslip.measure.verdict import Regime, judged
 from stickslip.words import prefixed
 
 _DUST = 1e-9  # of a mean: scatter that comes from rounding
-_SIGNED = ("force_before", "force_after", "mu_before", "mu_after")  # by the direction of the drive
+# by the direction of the drive
+_SIGNED = ("force_before", "force_after", "mu_before", "mu_after")
 
 
-def drops(data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None) -> xr.Dataset:
-    """Return one row per slip, a slip being a drop of the driving spring's force that stands out.
+def drops(
+    data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None
+) -> xr.Dataset:
+    """Return one row per slip, a slip being a drop of the driving spring's force that
+    stands out.
 
-    In a sustained oscillation without sticking each drop is one of a cycle, and the attribute ``drops_are`` says so.
-    Every drop, and every rise between two, is at least `minimum_drop`. Drops of the ringing after a slip are joined to
-    it. What the start or the end of the data cuts off is left out and counted in the attribute ``cut``; left out are,
-    in stick-slip, drops slower than 3.5 times the drive, where the velocity is known. The strokes of a reciprocating
-    test are read apart. Raises what `regime` does.
+    In a sustained oscillation without sticking each drop is one of a cycle, and the
+    attribute ``drops_are`` says so. Every drop, and every rise between two, is at least
+    `minimum_drop`. Drops of the ringing after a slip are joined to it. What the start
+    or the end of the data cuts off is left out and counted in the attribute ``cut``;
+    left out are, in stick-slip, drops slower than 3.5 times the drive, where the
+    velocity is known. The strokes of a reciprocating test are read apart. Raises what
+    `regime` does.
 
     Parameters
     ----------
     data : Dataset, DataArray or Series
         As for `regime`.
     minimum_drop : float, optional
-        Smallest drop that counts, in the unit of `spring_force`. By default what noise from sample to sample could show
-        by chance, or a tenth of the typical drop (the median, weighted by the squares of the drops) if that is larger;
-        noise of the contacts then has no slips, and drops before smooth sliding count if they exceed its peak to peak.
-        The attribute ``criterion`` says so.
+        Smallest drop that counts, in the unit of `spring_force`. By default what noise
+        from sample to sample could show by chance, or a tenth of the typical drop (the
+        median, weighted by the squares of the drops) if that is larger; noise of the
+        contacts then has no slips, and drops before smooth sliding count if they exceed
+        its peak to peak. The attribute ``criterion`` says so.
     after : float, optional
         Ignore data before this time, in the unit of `t`.
 
     Returns
     -------
     Dataset
-        Along ``event``: `start` and `end` (the force leaves its peak and reaches its trough, to 5 % of the drop),
-        `force_before`, `force_after` (in a noisy trace by lines through the loading beside a slip: extremes of noise
-        overstate its drop), `drop`, `duration`, `recurrence`, `loading_rate`, and, where the data hold them, `slip`,
-        `peak_velocity`, `mu_before`, `mu_after`, `mu_drop` and `stroke`. Attributes of each: ``mean`` and ``std`` (of a
-        sample); of the table: ``count``, ``drops_are``, ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
+        Along ``event``: `start` and `end` (the force leaves its peak and reaches its
+        trough, to 5 % of the drop), `force_before`, `force_after` (in a noisy trace by
+        lines through the loading beside a slip: extremes of noise overstate its drop),
+        `drop`, `duration`, `recurrence`, `loading_rate`, and, where the data hold them,
+        `slip`, `peak_velocity`, `mu_before`, `mu_after`, `mu_drop` and `stroke`.
+        Attributes of each: ``mean`` and ``std`` (of a sample); of the table: ``count``,
+        ``drops_are``, ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
 
     Examples
     --------
     >>> t = np.arange(0.0, 20.0, 0.01)
-    >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
+    >>> trace = xr.Dataset(
+    ...     {"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})},
+    ...     {"time": t},
+    ... )
     >>> found = ss.drops(trace)
     >>> found.sizes["event"], round(found["drop"].attrs["mean"], 2)
     (13, 2.98)
@@ -63,93 +75,163 @@ def regime_and_drops(
 ) -> tuple[Regime, xr.Dataset]:
     """Return what `regime` and `drops` do, from one look at the data."""
     if minimum_drop is not None:
-        minimum_drop = number("minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force")
+        minimum_drop = number(
+            "minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force"
+        )
     trace, seen = judged(data := dataset_of(data), after)
     parts = (find_strokes(trace) if trace.measured else []) or [trace]
-    tables = [_table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts]
-    whole, along = xr.concat(tables, "event", combine_attrs="override"), 1.0
-    whole = whole.assign_coords(event=("event", np.arange(whole.sizes["event"]), {"long_name": "number of the slip"}))
-    whole.attrs |= {name: sum(table.attrs[name] for table in tables) for name in ("count", "cut")}
+    tables = [
+        _table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts
+    ]
+    whole = xr.concat(tables, "event", combine_attrs="override")
+    along = 1.0
+    whole = whole.assign_coords(
+        event=(
+            "event",
+            np.arange(whole.sizes["event"]),
+            {"long_name": "number of the slip"},
+        )
+    )
+    whole.attrs |= {
+        name: sum(table.attrs[name] for table in tables) for name in ("count", "cut")
+    }
     whole.attrs["drops_are"] = seen.drops_are
     if len(tables) > 1:
-        each = np.repeat(np.arange(len(tables)), [table.sizes["event"] for table in tables])
-        whole = whole.assign(stroke=("event", each, {"units": "1", "long_name": "number of the stroke"}))
+        each = np.repeat(
+            np.arange(len(tables)), [table.sizes["event"] for table in tables]
+        )
+        whole = whole.assign(
+            stroke=("event", each, {"units": "1", "long_name": "number of the stroke"})
+        )
         whole.attrs["criterion"] = f"of the first stroke: {whole.attrs['criterion']}"
         along = np.sign(whole["force_before"].values)
     for name, column in whole.data_vars.items():
         if name not in ("start", "end", "stroke"):
-            values = np.asarray(column.values, dtype=float) * (along if name in _SIGNED else 1.0)
+            values = np.asarray(column.values, dtype=float) * (
+                along if name in _SIGNED else 1.0
+            )
             column.attrs["mean"], column.attrs["std"], _ = mean_and_std(values)
     return seen, whole
 
 
 def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
-    """Drops of a trace; where it ends in smooth sliding, those outside that window, larger than anything in it."""
+    """Drops of a trace; where it ends in smooth sliding, those outside that window,
+    larger than anything in it.
+    """
     found = find_slips(trace, minimum_drop)
     if seen.kind != "smooth sliding" or minimum_drop is not None:
-        return fast_ones(trace, found) if seen.kind == "stick-slip" and minimum_drop is None else found
+        return (
+            fast_ones(trace, found)
+            if seen.kind == "stick-slip" and minimum_drop is None
+            else found
+        )
     begin, end = seen.window
-    kept = ((found.times < begin) | (found.times > end)) & (found.drops > seen.peak_to_peak)
+    kept = ((found.times < begin) | (found.times > end)) & (
+        found.drops > seen.peak_to_peak
+    )
     if not kept.any():
-        return found.only(kept, cut=0, criterion=f"no slips: smooth sliding, {seen.reason}")
+        return found.only(
+            kept, cut=0, criterion=f"no slips: smooth sliding, {seen.reason}"
+        )
     return found.only(kept, criterion=f"{found.criterion}, before smooth sliding")
 
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
-    start, end = found.start, found.end
+    start = found.start
+    end = found.end
     names = ("time", "spring_force", "displacement", "velocity")
-    time, force, way, speed = (str(data[name].attrs.get("units", "")) if name in data else "" for name in names)
-    mu, rate = "coefficient of friction", f"{force or 1}/{time}" if time else ""
+    time, force, way, speed = (
+        str(data[name].attrs.get("units", "")) if name in data else "" for name in names
+    )
+    mu = "coefficient of friction"
+    rate = f"{force or 1}/{time}" if time else ""
     name = mu if force == "1" else "force"
     recurrence, loading = np.full((2, start.size), math.nan)
     recurrence[1:] = np.diff(trace.t[start])
-    loading[1:] = (found.before[1:] - found.after[:-1]) / (trace.t[start[1:]] - trace.t[end[:-1]])
-    beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))  # the first slip after a gap
+    loading[1:] = (found.before[1:] - found.after[:-1]) / (
+        trace.t[start[1:]] - trace.t[end[:-1]]
+    )
+    # the first slip after a gap
+    beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))
     recurrence[beyond] = loading[beyond] = math.nan
     columns: dict[str, tuple[Array, str, str]] = {
         "start": (trace.t[start], time, "time at which the slip starts"),
         "end": (trace.t[end], time, "time at which the slip ends"),
-        "force_before": (trace.sign * found.before, force, f"{name} before the slip (peak)"),
-        "force_after": (trace.sign * found.after, force, f"{name} after the slip (trough)"),
+        "force_before": (
+            trace.sign * found.before,
+            force,
+            f"{name} before the slip (peak)",
+        ),
+        "force_after": (
+            trace.sign * found.after,
+            force,
+            f"{name} after the slip (trough)",
+        ),
         "drop": (found.drops, force, f"drop of the {name} in the slip"),
         "duration": (trace.t[end] - trace.t[start], time, "duration of the slip"),
         "recurrence": (recurrence, time, "time since the start of the slip before"),
-        "loading_rate": (loading, rate, f"rise of the {name} per time since the slip before"),
+        "loading_rate": (
+            loading,
+            rate,
+            f"rise of the {name} per time since the slip before",
+        ),
     }
     if "mu" in data:  # by the load there
         there = data[["mu", "spring_force"]].sel(time=trace.t[np.append(start, end)])
         forces = trace.sign * np.append(found.before, found.after)
-        before, after = np.split((there["mu"] / there["spring_force"]).values * forces, 2)
+        before, after = np.split(
+            (there["mu"] / there["spring_force"]).values * forces, 2
+        )
         columns["mu_before"] = (before, "1", f"{mu} before the slip (static)")
         columns["mu_after"] = (after, "1", f"{mu} after the slip")
         columns["mu_drop"] = (trace.sign * (before - after), "1", f"drop of the {mu}")
     if trace.X is not None:
         columns["slip"] = (trace.X[end] - trace.X[start], way, "distance slipped")
     if trace.velocity is not None:
-        columns["peak_velocity"] = (fastest(trace, found), speed, "largest slider velocity in the slip")
+        columns["peak_velocity"] = (
+            fastest(trace, found),
+            speed,
+            "largest slider velocity in the slip",
+        )
     return xr.Dataset(
-        {key: ("event", values, {"units": unit, "long_name": title}) for key, (values, unit, title) in columns.items()},
+        {
+            key: ("event", values, {"units": unit, "long_name": title})
+            for key, (values, unit, title) in columns.items()
+        },
         attrs={"count": found.size, "minimum_drop": found.smallest}
         | {name: getattr(found, name) for name in ("noise", "criterion", "cut")},
     )
 
 
 def counted(catalogue: xr.Dataset) -> str:
-    """Say how many slips a table of drops holds, or cycles, or drops, if they are none."""
-    name, count = str(catalogue.attrs.get("drops_are", "slips")), catalogue.sizes.get("event", 0)
+    """Say how many slips a table of drops holds, or cycles, or drops, if they are
+    none.
+    """
+    name = str(catalogue.attrs.get("drops_are", "slips"))
+    count = catalogue.sizes.get("event", 0)
     return f"{count} {name if count > 1 else name[:-1]}" if count else "no slips"
 
 
 def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
-    """Return the statistics of a table of drops as a person would read them: name, and mean and standard deviation."""
+    """Return the statistics of a table of drops as a person would read them: name,
+    and mean and standard deviation.
+    """
     lines = []
     for name, column in catalogue.data_vars.items():
-        mean, std = column.attrs.get("mean", math.nan), column.attrs.get("std", math.nan)
+        mean = column.attrs.get("mean", math.nan)
+        std = column.attrs.get("std", math.nan)
         if math.isfinite(mean):
             unit = printable(str(column.attrs.get("units", "")))
             divisor, unit = prefixed(mean, "" if unit == "1" else unit)
             std = 0.0 if std < _DUST * abs(mean) else std
-            scatter = f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
+            scatter = (
+                f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
+            )
             cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
-            lines.append((str(name).replace("_", " "), f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv))
+            lines.append(
+                (
+                    str(name).replace("_", " "),
+                    f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv,
+                )
+            )
     return lines

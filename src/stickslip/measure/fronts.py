@@ -1,4 +1,6 @@
-"""Fronts and events of an elastic slider: where contacts broke, in which order, and how fast that went on."""
+"""Fronts and events of an elastic slider: where contacts broke, in which order, and
+how fast that went on.
+"""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -15,14 +17,22 @@ from stickslip.model import Chain
 from stickslip.simulation import labelled, rig_of
 from stickslip.words import engineering
 
-_WAIT, _BEFORE = 10.0, 20  # a front has stopped where the next wait is so many times the median of so many before
+# a front has stopped where the next wait is so many times the median of so many before
+_WAIT = 10.0
+_BEFORE = 20
 _WINDOW = 2  # blocks on either side from which the speed at a block is read
 _FEWEST = 5  # blocks from which a speed is read
 _FAST = 10.0  # blocks in an event are so many times faster than the drive ...
-_SLOWEST = 0.01  # ... or, where it stands still, faster than this part of the fastest block of the run
-_BREAKING = 0.01  # a block that holds takes part if it breaks more than this part of its contacts while it is fast
-_TOLD, _LARGE = 5, 3  # fronts that are listed, and blocks of the smallest event that is
-_IN_TIME = np.array([[0, 1, 0]] * 3)  # neighbours in time, for tables of samples and blocks
+# ... or, where it stands still, faster than this part of the fastest block of the run
+_SLOWEST = 0.01
+# a block that holds takes part if it breaks more than this part of its contacts while
+# it is fast
+_BREAKING = 0.01
+# fronts that are listed, and blocks of the smallest event that is
+_TOLD = 5
+_LARGE = 3
+# neighbours in time, for tables of samples and blocks
+_IN_TIME = np.array([[0, 1, 0]] * 3)
 _COLUMNS = {
     "first_block": ("1", "block that breaks, or slips, first"),
     "last_block": ("1", "last block that it reaches"),
@@ -42,38 +52,56 @@ Row = tuple[float, ...]
 def fronts(run: xr.Dataset) -> xr.Dataset:
     """Return where and how fast contacts first broke along an elastic slider.
 
-    A front runs from the block that breaks first to either side. It stops where the next block breaks only after ten
-    times what each of the twenty before took (their median); what goes on from there is a front of its own. The `run`
-    is one of a `Chain`, or one row of that of a `Sheet`; else `InputError`.
+    A front runs from the block that breaks first to either side. It stops where the
+    next block breaks only after ten times what each of the twenty before took (their
+    median); what goes on from there is a front of its own. The `run` is one of a
+    `Chain`, or one row of that of a `Sheet`; else `InputError`.
 
     Returns
     -------
     Dataset
-        Along ``block``: `first_break` and `half_detached` (times), and `speed`, blocks per time, from the first breaks
-        of five blocks around. Along ``front``, in order of time: `first_block`, `last_block` (where it stopped, or the
-        end), `blocks`, `start`, `end`, and its mean `front_speed` (NaN below five blocks).
+        Along ``block``: `first_break` and `half_detached` (times), and `speed`, blocks
+        per time, from the first breaks of five blocks around. Along ``front``, in order
+        of time: `first_block`, `last_block` (where it stopped, or the end), `blocks`,
+        `start`, `end`, and its mean `front_speed` (NaN below five blocks).
 
     Examples
     --------
-    >>> stiff = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
+    >>> stiff = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf"))
+    ... )
     >>> bar = ss.Chain(blocks=100, coupling=1.0, mass=1.0, damping=0.0)
-    >>> rig = ss.Rig(stiff, bar, ss.constant(0.0, duration=100), method=ss.Contacts(10),
-    ...              start=ss.Prestressed(stretching=0.7, push=3.0, pushed_blocks=3))
+    >>> rig = ss.Rig(
+    ...     stiff,
+    ...     bar,
+    ...     ss.constant(0.0, duration=100),
+    ...     method=ss.Contacts(10),
+    ...     start=ss.Prestressed(stretching=0.7, push=3.0, pushed_blocks=3),
+    ... )
     >>> found = ss.measure.fronts(ss.simulate(rig))
     >>> int(found.blocks[0])
     100
     """
     units = _checked(run, "fronts", "first_break")
     time = np.asarray(run["first_break"].values, dtype=float)
-    speed, rows = np.full(time.size, np.nan), list[Row]()
+    speed = np.full(time.size, np.nan)
+    rows = list[Row]()
     for block in range(_WINDOW, time.size - _WINDOW):
         speed[block] = _speed(time[block - _WINDOW : block + _WINDOW + 1])
     if np.isfinite(time).any():
         origin = int(np.nanargmin(time))
         rows = [*_pieces(time, origin, 1), *_pieces(time, origin, -1)]
-    found = _table("front", "first_block last_block blocks start end front_speed", rows, units)
-    along = labelled("speed of the front, in blocks", "block", speed, f"1/{units['time']}")
-    kept = run[["first_break", "half_detached"]].reset_coords(drop=True).drop_attrs(deep=False)
+    found = _table(
+        "front", "first_block last_block blocks start end front_speed", rows, units
+    )
+    along = labelled(
+        "speed of the front, in blocks", "block", speed, f"1/{units['time']}"
+    )
+    kept = (
+        run[["first_break", "half_detached"]]
+        .reset_coords(drop=True)
+        .drop_attrs(deep=False)
+    )
     return kept.assign(found | {"speed": along})
 
 
@@ -87,47 +115,76 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
     """Fronts that run one way from a block."""
     line = time[origin::way]
     line = line[: int(np.append(np.isnan(line), True).argmax())]
-    waits, starts, rows = np.diff(line), [0], list[Row]()
+    waits = np.diff(line)
+    starts = [0]
+    rows = list[Row]()
     for i in range(1, waits.size):
         before = np.abs(waits[max(starts[-1], i - _BEFORE) : i])
         if before.size >= _FEWEST and waits[i] > _WAIT * float(np.median(before)):
             starts.append(i + 1)
     for start, beyond in itertools.pairwise([*starts, line.size]):
-        end, count = beyond - 1, beyond - start
-        if way > 0 or end > 0:  # else the front that runs the other way holds this block
-            under_way = line[start + (count - 1) // 5 : beyond]  # the first fifth is still getting under way
+        end = beyond - 1
+        count = beyond - start
+        # else the front that runs the other way holds this block
+        if way > 0 or end > 0:
+            # the first fifth is still getting under way
+            under_way = line[start + (count - 1) // 5 : beyond]
             speed = _speed(under_way) if count >= _FEWEST else np.nan
-            rows.append((origin + way * start, origin + way * end, count, line[start], line[end], speed))
+            rows.append(
+                (
+                    origin + way * start,
+                    origin + way * end,
+                    count,
+                    line[start],
+                    line[end],
+                    speed,
+                )
+            )
     return rows
 
 
 def events(run: xr.Dataset) -> xr.Dataset:
-    """Return one row per event of an elastic slider: a slip of neighbouring blocks, together or one after the other.
+    """Return one row per event of an elastic slider: a slip of neighbouring blocks,
+    together or one after the other.
 
-    A block slips while it moves ten times as fast as the drive at its fastest, or, if that stands still, faster than a
-    hundredth of the fastest block, and its contacts break, or most of them are detached. It takes part if it then
-    breaks at least half of its contacts, or had been detached before; an event has at least one block that breaks.
-    Times are those of samples: record the run, of a `Chain` or a `Sheet` (else `InputError`), often enough.
+    A block slips while it moves ten times as fast as the drive at its fastest, or, if
+    that stands still, faster than a hundredth of the fastest block, and its contacts
+    break, or most of them are detached. It takes part if it then breaks at least half
+    of its contacts, or had been detached before; an event has at least one block that
+    breaks. Times are those of samples: record the run, of a `Chain` or a `Sheet` (else
+    `InputError`), often enough.
 
     Returns
     -------
     Dataset
-        Along ``event``, in order of time: `start`, `end`, `first_block`, `blocks`, `moment` (slip summed over blocks),
-        `drop` of the spring force, `peak_velocity` of a block, and `front_speed`, blocks per time (NaN below five
-        blocks; from a chain only).
+        Along ``event``, in order of time: `start`, `end`, `first_block`, `blocks`,
+        `moment` (slip summed over blocks), `drop` of the spring force, `peak_velocity`
+        of a block, and `front_speed`, blocks per time (NaN below five blocks; from a
+        chain only).
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.05), delay=ss.Delay(100.0), sliding_force=0.425)
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.05),
+    ...     delay=ss.Delay(100.0),
+    ...     sliding_force=0.425,
+    ... )
     >>> bar = ss.Chain(blocks=40, coupling=4.0, mass=1.0, damping=0.1, side=4.0)
-    >>> rig = ss.Rig(interface, bar, ss.constant(2e-3, duration=2e4), method=ss.QuasiStatic(50, seed=1))
+    >>> rig = ss.Rig(
+    ...     interface,
+    ...     bar,
+    ...     ss.constant(2e-3, duration=2e4),
+    ...     method=ss.QuasiStatic(50, seed=1),
+    ... )
     >>> ss.measure.events(ss.simulate(rig)).sizes["event"] > 3
     True
     """
     units = _checked(run, "events", "broken")
     time = np.asarray(run["time"].values, dtype=float)
     if time.size < 3:
-        raise InputError("events: needs a run of at least three samples; record it more often")
+        raise InputError(
+            "events: needs a run of at least three samples; record it more often"
+        )
     broken, X, V, force, attached = (
         np.asarray(run[name].values, dtype=float)
         for name in ("broken", "displacement", "velocity", "spring_force", "attached")
@@ -135,41 +192,85 @@ def events(run: xr.Dataset) -> xr.Dataset:
     speed = np.abs(np.diff(X, axis=0)) / np.diff(time)[:, None]
     drive = float(np.abs(run["drive_velocity"].values).max())
     velocity = _FAST * drive if drive > 0 else _SLOWEST * float(speed.max(initial=0.0))
-    # Whether a block takes part is asked of the whole time that it is fast, however finely that is sampled.
+    # Whether a block takes part is asked of the whole time that it is fast, however
+    # finely that is sampled.
     spells, many = ndimage.label(speed > velocity, _IN_TIME)
     breaks = np.bincount(spells.ravel(), np.diff(broken, axis=0).ravel()) > _BREAKING
-    hangs = np.bincount(spells[np.minimum(attached[1:], attached[:-1]) < 0.5], minlength=many + 1) > 0
+    hangs = (
+        np.bincount(
+            spells[np.minimum(attached[1:], attached[:-1]) < 0.5], minlength=many + 1
+        )
+        > 0
+    )
     active = (breaks | hangs)[spells] & (spells > 0)
-    # What lies within a sample and a block of each other, in its row or in the next, is one event.
+    # What lies within a sample and a block of each other, in its row or in the next, is
+    # one event.
     along = int(run["along"].max()) + 1 if "along" in run.coords else run.sizes["block"]
     grid = active.reshape(time.size - 1, -1, along)
     about = np.ones((3, 3, 3), np.int64)
     labels, count = ndimage.label(ndimage.binary_dilation(grid, about), about)
-    labels, rows = np.where(active, np.asarray(labels).reshape(active.shape), 0), list[Row]()
+    labels = np.where(active, np.asarray(labels).reshape(active.shape), 0)
+    rows = list[Row]()
     for label, where in enumerate(ndimage.find_objects(labels, count), start=1):
-        first, last = where[0].start, where[0].stop
+        first = where[0].start
+        last = where[0].stop
         mine = labels[first:last] == label
         gone = (np.diff(broken[first : last + 1], axis=0) * mine).sum(axis=0)
         if not (gone >= 0.5).any():
             continue
-        part = np.flatnonzero(mine.any(axis=0) & ((gone >= 0.5) | (attached[first] < 0.5)))
+        part = np.flatnonzero(
+            mine.any(axis=0) & ((gone >= 0.5) | (attached[first] < 0.5))
+        )
         during = slice(first, last + 1)
         arrival = _half_times(time[during], X[during, part])
         origin = int(np.argmin(arrival))
-        side = max((arrival[origin:], arrival[origin::-1]), key=len)  # on which more blocks follow
+        # on which more blocks follow
+        side = max((arrival[origin:], arrival[origin::-1]), key=len)
         runs = grid.shape[1] == 1 and side.size >= _FEWEST and side[-1] > side[0]
-        moment, drop = (X[last] - X[first])[part].sum(), force[first] - force[last]
-        fastest, front = np.abs(V[during, part]).max(), _speed(side) if runs else np.nan
-        rows.append((time[first], time[last], part[origin], part.size, moment, drop, fastest, front))
-    found = _table("event", "start end first_block blocks moment drop peak_velocity front_speed", rows, units)
-    return xr.Dataset(found, {"event": np.arange(len(rows))}, {"count": len(rows), "velocity": velocity})
+        moment = (X[last] - X[first])[part].sum()
+        drop = force[first] - force[last]
+        fastest = np.abs(V[during, part]).max()
+        front = _speed(side) if runs else np.nan
+        rows.append(
+            (
+                time[first],
+                time[last],
+                part[origin],
+                part.size,
+                moment,
+                drop,
+                fastest,
+                front,
+            )
+        )
+    found = _table(
+        "event",
+        "start end first_block blocks moment drop peak_velocity front_speed",
+        rows,
+        units,
+    )
+    return xr.Dataset(
+        found,
+        {"event": np.arange(len(rows))},
+        {"count": len(rows), "velocity": velocity},
+    )
 
 
-def _table(along: str, names: str, rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Any]:
+def _table(
+    along: str, names: str, rows: Sequence[Row], units: Mapping[str, str]
+) -> dict[str, Any]:
     """The variables of a table, in order of time; blocks are counted."""
     frame = pd.DataFrame(rows, columns=names.split()).sort_values("start")
-    of = {name: values.to_numpy(dtype=int if "block" in name else float) for name, values in frame.items()}
-    return {name: labelled(_COLUMNS[name][1], along, of[name], _COLUMNS[name][0].format_map(units)) for name in of}
+    of = {
+        name: values.to_numpy(dtype=int if "block" in name else float)
+        for name, values in frame.items()
+    }
+    return {
+        name: labelled(
+            _COLUMNS[name][1], along, of[name], _COLUMNS[name][0].format_map(units)
+        )
+        for name in of
+    }
 
 
 def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
@@ -177,78 +278,133 @@ def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
     instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
     if needed not in run or "block" not in run[needed].dims:
         raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")
-    return {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
+    return {
+        str(name): str(variable.attrs.get("units", ""))
+        for name, variable in run.variables.items()
+    }
 
 
 def _half_times(time: Array, X: Array) -> Array:
     """When each block has gone half of its way."""
-    level, block = 0.5 * (X[0] + X[-1]), np.arange(X.shape[1])
+    level = 0.5 * (X[0] + X[-1])
+    block = np.arange(X.shape[1])
     after = np.maximum(np.argmax((X - level) * (X[-1] - X[0]) >= 0, axis=0), 1)
-    low, rise = X[after - 1, block], X[after, block] - X[after - 1, block]
+    low = X[after - 1, block]
+    rise = X[after, block] - X[after - 1, block]
     part = np.divide(level - low, rise, out=np.ones_like(rise), where=rise != 0.0)
     return np.asarray(time[after - 1] + part * (time[after] - time[after - 1]))
 
 
 def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Means, of a velocity largest sizes, over at most so many times and places of blocks; and the edges of these."""
-    values, fast = np.asarray(field.values, dtype=float), field.name == "velocity"
-    edges = [np.unique(np.linspace(0, *each).astype(int)) for each in zip(values.shape, np.add(most, 1), strict=True)]
+    """Means, of a velocity largest sizes, over at most so many times and places of
+    blocks; and the edges of these.
+    """
+    values = np.asarray(field.values, dtype=float)
+    fast = field.name == "velocity"
+    edges = [
+        np.unique(np.linspace(0, *each).astype(int))
+        for each in zip(values.shape, np.add(most, 1), strict=True)
+    ]
     for axis, edge in enumerate(edges):
-        parts = (np.maximum if fast else np.add).reduceat(np.abs(values) if fast else values, edge[:-1], axis=axis)
+        parts = (np.maximum if fast else np.add).reduceat(
+            np.abs(values) if fast else values, edge[:-1], axis=axis
+        )
         values = parts if fast else parts / np.expand_dims(np.diff(edge), 1 - axis)
-    time, block = (np.asarray(field[name].values, dtype=float) for name in ("time", "block"))
-    return values, np.append(time, time[-1])[edges[0]], np.append(block, block[-1] + 1)[edges[1]] - 0.5
+    time, block = (
+        np.asarray(field[name].values, dtype=float) for name in ("time", "block")
+    )
+    return (
+        values,
+        np.append(time, time[-1])[edges[0]],
+        np.append(block, block[-1] + 1)[edges[1]] - 0.5,
+    )
 
 
 def in_words(run: xr.Dataset) -> list[str]:
-    """Say the fronts and events of an elastic slider in a line each; nothing of other data."""
+    """Say the fronts and events of an elastic slider in a line each; nothing of
+    other data.
+    """
     if "first_break" not in run:
         return []
     from stickslip.elastic.precursors import distance_to_the_first_break
 
-    rig, unit, last, said = rig_of(run), str(run["time"].attrs.get("units", "")), run.sizes["block"] - 1, []
+    rig = rig_of(run)
+    unit = str(run["time"].attrs.get("units", ""))
+    last = run.sizes["block"] - 1
+    said = []
     body = rig.natural.slider
-    for row in rows(fronts(run), "front", most=_TOLD) if isinstance(body, Chain) else []:
+    for row in (
+        rows(fronts(run), "front", most=_TOLD) if isinstance(body, Chain) else []
+    ):
         if np.isfinite(natural := row["front_speed"] / rig.unit("1/time")):
             stop = "arrested there" if 0 < row["last_block"] < last else "the end"
             speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
             if body.spacing is not None:
-                speed = f"{rig.in_units(natural * body.spacing, 'velocity', 3)} ({speed})"
+                speed = (
+                    f"{rig.in_units(natural * body.spacing, 'velocity', 3)} ({speed})"
+                )
             said.append(
-                f"front from t = {engineering(row['start'], unit)}: blocks {row['first_block']} to {row['last_block']}"
-                f", {stop}; {speed}, {natural / body.sound_speed:.3g} of the speed of sound"
+                f"front from t = {engineering(row['start'], unit)}: blocks "
+                f"{row['first_block']} to {row['last_block']}"
+                f", {stop}; {speed}, {natural / body.sound_speed:.3g} of the speed of "
+                "sound"
             )
-    large = [row for row in rows(events(run), "event", most=run.sizes["time"]) if row["blocks"] >= _LARGE]
+    large = [
+        row
+        for row in rows(events(run), "event", most=run.sizes["time"])
+        if row["blocks"] >= _LARGE
+    ]
     text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_LARGE} blocks"
     if large:
         longest = max(large, key=lambda row: float(row["blocks"]))
         text += (
-            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = {engineering(longest['start'], unit)}, "
-            f"force drop {engineering(longest['drop'], run['spring_force'].attrs.get('units', ''), 3)}"
+            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = "
+            f"{engineering(longest['start'], unit)}, "
+            "force drop "
+            f"{engineering(longest['drop'], run['spring_force'].attrs.get('units', ''), 3)}"  # noqa: E501
         )
     elif (distance := distance_to_the_first_break(rig)) is not None:
-        text += f"; the first block breaks loose when the drive has gone about {rig.in_units(distance, 'length', 3)}"
+        text += (
+            "; the first block breaks loose when the drive has gone about "
+            f"{rig.in_units(distance, 'length', 3)}"
+        )
     return [*said, text]
 
 
 def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
-    """One dict for each row of a table, at most so many; the longest ones if there are more."""
-    frame = table[[name for name, column in table.data_vars.items() if column.dims == (along,)]].to_dataframe()
-    chosen: list[dict[str, Any]] = frame.nlargest(most, "blocks").sort_index().to_dict("records")
+    """One dict for each row of a table, at most so many; the longest ones if there
+    are more.
+    """
+    frame = table[
+        [name for name, column in table.data_vars.items() if column.dims == (along,)]
+    ].to_dataframe()
+    chosen: list[dict[str, Any]] = (
+        frame.nlargest(most, "blocks").sort_index().to_dict("records")
+    )
     return chosen
 
 
 def is_of_a_chain(run: xr.Dataset, name: str = "velocity") -> bool:
-    """Whether a Dataset has a variable of each block of a chain, or of one row of a sheet, at two times or more."""
+    """Whether a Dataset has a variable of each block of a chain, or of one row of a
+    sheet, at two times or more.
+    """
     across = run.coords.get("across", np.zeros(1))
     along = name in run and set(run[name].dims) == {"time", "block"}
     return along and run.sizes["time"] > 1 and bool(across.min() == across.max())
 
 
 def on_blocks(run: xr.Dataset, name: str, who: str) -> xr.DataArray:
-    """Take a variable of each block along time, or complain; the message begins with `who`."""
+    """Take a variable of each block along time, or complain; the message begins with
+    `who`.
+    """
     if not is_of_a_chain(run, name):
-        remedy = "give a run of a Chain, or one row of that of a Sheet: run.isel(block=run.across == 0)"
-        raise InputError(f"{who}: this Dataset has no {name} of each block at two times or more; {remedy}")
+        remedy = (
+            "give a run of a Chain, or one row of that of a Sheet: "
+            "run.isel(block=run.across == 0)"
+        )
+        raise InputError(
+            f"{who}: this Dataset has no {name} of each block at two times or more; "
+            f"{remedy}"
+        )
     check_numbers(who, run[name])
     return run[name].transpose("time", "block")

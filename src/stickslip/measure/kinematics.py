@@ -1,4 +1,6 @@
-"""The motion of a slider by the slope of its force: a slider that is held loads the spring at a full, known rate."""
+"""The motion of a slider by the slope of its force: a slider that is held loads the
+spring at a full, known rate.
+"""
 
 import math
 from dataclasses import dataclass
@@ -16,31 +18,47 @@ from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
 from stickslip.words import engineering
 
-SLOPE_ERROR = 0.1  # error of a slope, over that of the loading: its window is as long as that takes, and no longer
-HALF = 0.5  # of the time, and times the drive: a slider that sticks and slips is stuck, and off the drive, by more
+# error of a slope, over that of the loading: its window is as long as that takes, and
+# no longer
+SLOPE_ERROR = 0.1
+# of the time, and times the drive: a slider that sticks and slips is stuck, and off the
+# drive, by more
+HALF = 0.5
 _STEADY = 1e-3  # relative change of a rate that is none
-_EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi  # part of half a cycle between the edges of a drop
+# part of half a cycle between the edges of a drop
+_EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi
 
 
 def slopes(force: Array, step: float, noise: float, rate: float) -> Array:
-    """Slopes by least squares over as many samples as tell a rate to a tenth; none if that takes over a twelfth."""
-    from scipy.signal import oaconvolve, savgol_coeffs  # slow to load, and not needed where the motion is known
+    """Slopes by least squares over as many samples as tell a rate to a tenth; none
+    if that takes over a twelfth.
+    """
+    # slow to load, and not needed where the motion is known
+    from scipy.signal import oaconvolve, savgol_coeffs
 
-    width = max(math.ceil((12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)) | 1, 3)
+    width = max(
+        math.ceil((12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)) | 1, 3
+    )
     if 12 * width > force.size:
         return np.empty(0)
-    padded = np.pad(force - force.mean(), width // 2, "reflect", reflect_type="odd")  # a line goes on as a line
-    return np.asarray(oaconvolve(padded, savgol_coeffs(width, 1, deriv=1, delta=step), "valid"))
+    # a line goes on as a line
+    padded = np.pad(force - force.mean(), width // 2, "reflect", reflect_type="odd")
+    return np.asarray(
+        oaconvolve(padded, savgol_coeffs(width, 1, deriv=1, delta=step), "valid")
+    )
 
 
 def loading(force: Array, step: float, noise: float) -> tuple[float, float]:
-    """Rate at which a force rises at its fullest, the upper mode of slopes, and for which part of the time; or NaN."""
+    """Rate at which a force rises at its fullest, the upper mode of slopes, and for
+    which part of the time; or NaN.
+    """
     rate = math.inf
     for _ in range(20):
         found = slopes(force, step, noise, rate)
         if not found.size or not (top := float(np.quantile(found, 0.9))) > 0:
             return math.nan, math.nan
-        settled, rate = abs(top - rate) <= _STEADY * top, top
+        settled = abs(top - rate) <= _STEADY * top
+        rate = top
         if settled:
             break
     for _ in range(20):
@@ -50,62 +68,102 @@ def loading(force: Array, step: float, noise: float) -> tuple[float, float]:
 
 
 def motion(
-    data: xr.Dataset, *, stiffness: float | str, velocity: float | str, contacts: int | None = None
+    data: xr.Dataset,
+    *,
+    stiffness: float | str,
+    velocity: float | str,
+    contacts: int | None = None,
 ) -> xr.Dataset:
-    """Return a measured trace with the motion of its slider, which the force of a known spring tells.
+    """Return a measured trace with the motion of its slider, which the force of a known
+    spring tells.
 
-    With a drive at velocity ``V`` and a spring of stiffness ``K`` the slider is at ``X = V t - F/K`` (`displacement`,
-    in m), its velocity ``V - (dF/dt)/K`` (`velocity`, beside `drive_velocity`, in m/s). Slopes are read by least
-    squares over as many samples as tell the velocity to a tenth of the drive's, so that faster motion is smoothed.
-    `regime`, `drops` and pictures then know how fast the slider moves, as they do of a run. Raises `InputError` if the
-    data know the motion already, or the force is no force, or its noise hides the motion.
+    With a drive at velocity ``V`` and a spring of stiffness ``K`` the slider is at
+    ``X = V t - F/K`` (`displacement`, in m), its velocity ``V - (dF/dt)/K``
+    (`velocity`, beside `drive_velocity`, in m/s). Slopes are read by least squares over
+    as many samples as tell the velocity to a tenth of the drive's, so that faster
+    motion is smoothed. `regime`, `drops` and pictures then know how fast the slider
+    moves, as they do of a run. Raises `InputError` if the data know the motion already,
+    or the force is no force, or its noise hides the motion.
 
     Parameters
     ----------
     data : Dataset
         A measured trace, in units of force and time.
     stiffness, velocity : float or str
-        Of all that gives way before the slider moves (the driving spring, machine and sensor, contacts that are held),
-        and of the drive: in N/m and m/s, or texts with a unit.
+        Of all that gives way before the slider moves (the driving spring, machine and
+        sensor, contacts that are held), and of the drive: in N/m and m/s, or texts with
+        a unit.
     contacts : int, optional
         How many there are: what is no more than their noise is no oscillation.
 
     Examples
     --------
     >>> t = np.arange(0.0, 20.0, 0.01)
-    >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
+    >>> trace = xr.Dataset(
+    ...     {"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})},
+    ...     {"time": t},
+    ... )
     >>> moving = ss.measure.motion(trace, stiffness="20 N/mm", velocity="0.1 mm/s")
     >>> round(float(moving["velocity"].median()), 6)  # held, most of the time
     0.0
     """
     trace = Trace.of(data)
     if trace.drive is not None or trace.velocity is not None:
-        raise InputError("motion: the data know the motion of the slider: leave out stiffness and velocity")
+        raise InputError(
+            "motion: the data know the motion of the slider: leave out stiffness and "
+            "velocity"
+        )
     K = read_value("stiffness", stiffness, "N/m", "350 N/m")
     V = read_value("velocity", velocity, "m/s", "0.1 mm/s")
-    newton, second = (ratio(unit or si, si) for unit, si in ((trace.force_unit, "N"), (trace.time_unit, "s")))
+    newton, second = (
+        ratio(unit or si, si)
+        for unit, si in ((trace.force_unit, "N"), (trace.time_unit, "s"))
+    )
     if not newton or not second:
-        given = f"spring_force is in {trace.force_unit!r} and time in {trace.time_unit!r}"
-        raise InputError(f"motion: {given}: must be units of force and of time; read the force, not a coefficient")
+        given = (
+            f"spring_force is in {trace.force_unit!r} and time in {trace.time_unit!r}"
+        )
+        raise InputError(
+            f"motion: {given}: must be units of force and of time; read the force, not "
+            "a coefficient"
+        )
     step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
-    even, rate = trace.t[0] + step * np.arange(trace.t.size), K * V * second / newton
+    even = trace.t[0] + step * np.arange(trace.t.size)
+    rate = K * V * second / newton
     noise = white_noise(trace.force)
     slope = slopes(np.interp(even, trace.t, trace.force), step, noise, rate)
     if not slope.size:
-        told = f"noise of {noise:.3g} {trace.force_unit or 'N'} hides the loading by {1e6 * V:.4g} um/s"
-        raise InputError(f"motion: {told} for a twelfth of the record; record longer, or with less noise")
+        told = (
+            f"noise of {noise:.3g} {trace.force_unit or 'N'} hides the loading by "
+            f"{1e6 * V:.4g} um/s"
+        )
+        raise InputError(
+            f"motion: {told} for a twelfth of the record; record longer, or with less "
+            "noise"
+        )
     v = trace.sign * V * (1.0 - np.interp(trace.t, even, slope) / rate)
-    X = trace.sign * (V * second * (trace.t - trace.t[0]) - (trace.force - trace.force[0]) * newton / K)
-    known = {} if contacts is None else {"contacts": whole("contacts", contacts, at_least=1)}
+    X = trace.sign * (
+        V * second * (trace.t - trace.t[0])
+        - (trace.force - trace.force[0]) * newton / K
+    )
+    known = (
+        {}
+        if contacts is None
+        else {"contacts": whole("contacts", contacts, at_least=1)}
+    )
     return data.assign_attrs(stiffness=K, **known).assign(
         displacement=labelled("displacement of the slider", "time", X, "m"),
         velocity=labelled("velocity of the slider", "time", v, "m/s"),
-        drive_velocity=labelled("velocity of the drive", "time", np.full_like(v, trace.sign * V), "m/s"),
+        drive_velocity=labelled(
+            "velocity of the drive", "time", np.full_like(v, trace.sign * V), "m/s"
+        ),
     )
 
 
 def strays_by(trace: Trace) -> float:
-    """Velocity of the slider of a bench off the drive's (rms), over that, less the error of slopes; NaN if unknown."""
+    """Velocity of the slider of a bench off the drive's (rms), over that, less the
+    error of slopes; NaN if unknown.
+    """
     if trace.pace is None or not trace.measured:
         return math.nan
     return math.sqrt(max(float(np.mean((trace.pace - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
@@ -117,57 +175,112 @@ class Kinematics(Answer):
 
     mass: float  #: what is given, in kg; NaN if nothing is
     motion: str  #: in words
-    stuck: float  #: fraction of the time in which the slider is slower than a quarter of the drive
-    swing: float  #: velocity of the slider less the drive's (rms), over the drive's, less the error of the slopes
-    correlation: float  #: height of the autocorrelation of the velocity at one period; 0 without one
+    #: fraction of the time in which the slider is slower than a quarter of the drive
+    stuck: float
+    #: velocity of the slider less the drive's (rms), over the drive's, less the error
+    #: of the slopes
+    swing: float
+    #: height of the autocorrelation of the velocity at one period; 0 without one
+    correlation: float
     period: float  #: in s; NaN without one
     slips: int  #: number of force drops
     recurrence: float  #: mean time between them in s
     recurrence_variation: float  #: its coefficient of variation
     drop: float  #: mean drop in m (over the stiffness)
     drop_variation: float  #: its coefficient of variation
-    loading: float  #: full rate of the force over stiffness times velocity: 1 of a slider that sticks, .2 if never
-    effective_mass: float  #: in kg: what this spring moves as quickly as slips or oscillation go; NaN if unresolved
+    #: full rate of the force over stiffness times velocity: 1 of a slider that sticks,
+    #: .2 if never
+    loading: float
+    #: in kg: what this spring moves as quickly as slips or oscillation go; NaN if
+    #: unresolved
+    effective_mass: float
     noise: float  #: of the sensor, in m of the spring
-    spikes: int  #: samples that were left out as faults of the sensor, in all of the record
+    #: samples that were left out as faults of the sensor, in all of the record
+    spikes: int
 
     def __str__(self) -> str:
         lines = [f"the slider {self.motion}"]
         if self.slips > 1:
-            drop = f"{engineering(self.drop, 'm', 3)} on average (CV {self.drop_variation:.2g})"
-            wait = f"{engineering(self.recurrence, 's', 3)} (CV {self.recurrence_variation:.2g})"
+            drop = (
+                f"{engineering(self.drop, 'm', 3)} on average (CV "
+                f"{self.drop_variation:.2g})"
+            )
+            wait = (
+                f"{engineering(self.recurrence, 's', 3)} (CV "
+                f"{self.recurrence_variation:.2g})"
+            )
             lines.append(f"{self.slips} drops, slow ones too, of {drop}, every {wait}")
         rate = f"{self.loading:.2g} of stiffness times velocity (1 where it sticks)"
         lines.append(f"at its full rate the force rises at {rate}")
         if math.isfinite(self.effective_mass):
-            of = f", {self.effective_mass / self.mass:.2g} of what it weighs" if math.isfinite(self.mass) else ""
-            lines.append(f"it moves as {engineering(1e3 * self.effective_mass, 'g', 3)} would on this spring{of}")
-        spikes = f"; {self.spikes} spike{'s' * (self.spikes > 1)} left out" if self.spikes else ""
-        return "\n".join([*lines, f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the spring{spikes}"])
+            of = (
+                f", {self.effective_mass / self.mass:.2g} of what it weighs"
+                if math.isfinite(self.mass)
+                else ""
+            )
+            lines.append(
+                f"it moves as {engineering(1e3 * self.effective_mass, 'g', 3)} would "
+                f"on this spring{of}"
+            )
+        spikes = (
+            f"; {self.spikes} spike{'s' * (self.spikes > 1)} left out"
+            if self.spikes
+            else ""
+        )
+        return "\n".join(
+            [
+                *lines,
+                (
+                    f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the "
+                    f"spring{spikes}"
+                ),
+            ]
+        )
 
 
 def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinematics:
-    """Return how a slider moves, from a trace with the motion that `motion` found, or a part of it; else `InputError`.
+    """Return how a slider moves, from a trace with the motion that `motion` found, or a
+    part of it; else `InputError`.
 
-    The `mass` of the slider, in kg, or a text with a unit, is what the effective mass is compared with.
+    The `mass` of the slider, in kg, or a text with a unit, is what the effective mass
+    is compared with.
 
     Examples
     --------
     >>> t = np.arange(0.0, 20.0, 0.01)
-    >>> trace = xr.Dataset({"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})}, {"time": t})
-    >>> seen = ss.measure.kinematics(ss.measure.motion(trace, stiffness="20 N/mm", velocity="0.1 mm/s"))
+    >>> trace = xr.Dataset(
+    ...     {"spring_force": ("time", 3.0 + 2.0 * (t % 1.5), {"units": "N"})},
+    ...     {"time": t},
+    ... )
+    >>> seen = ss.measure.kinematics(
+    ...     ss.measure.motion(trace, stiffness="20 N/mm", velocity="0.1 mm/s")
+    ... )
     >>> seen.motion[:16], round(seen.stuck, 2), round(seen.loading, 2)
     ('sticks and slips', 0.99, 1.0)
     """
     trace = Trace.of(data)
-    pace, stuck, swing = trace.pace, trace.stuck, strays_by(trace)
+    pace = trace.pace
+    stuck = trace.stuck
+    swing = strays_by(trace)
     if pace is None or stuck is None or trace.drive is None or math.isnan(swing):
-        raise InputError("kinematics: needs a trace with the motion of its slider, as motion() returns it")
-    K, V = float(data.attrs["stiffness"]), float(np.median(trace.drive))
-    newton, second = ratio(trace.force_unit or "N", "N") or 1.0, ratio(trace.time_unit or "s", "s") or 1.0
-    found, step = find_slips(trace), (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
-    (wait, _, of_waits), (drop, _, of_drops) = map(mean_and_std, (np.diff(found.times), found.drops))
-    half = weighted_median(trace.t[found.end] - trace.t[found.start], found.drops**2) / _EDGES  # of a free oscillation
+        raise InputError(
+            "kinematics: needs a trace with the motion of its slider, as motion() "
+            "returns it"
+        )
+    K = float(data.attrs["stiffness"])
+    V = float(np.median(trace.drive))
+    newton = ratio(trace.force_unit or "N", "N") or 1.0
+    second = ratio(trace.time_unit or "s", "s") or 1.0
+    found = find_slips(trace)
+    step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
+    (wait, _, of_waits), (drop, _, of_drops) = map(
+        mean_and_std, (np.diff(found.times), found.drops)
+    )
+    # of a free oscillation
+    half = (
+        weighted_median(trace.t[found.end] - trace.t[found.start], found.drops**2)
+        / _EDGES
+    )
     cycles = find_cycles(trace.t, pace)
     words = {
         "sticks and slips": stuck >= HALF and swing >= HALF,
@@ -177,10 +290,12 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
         "moves unevenly, without stops": True,
     }
     word = next(word for word, holds in words.items() if holds)
-    swings = word in ("sticks and slips", "oscillates") and half * RESTS >= 2.0 * step  # a mass known to a quarter
+    # a mass known to a quarter
+    swings = word in ("sticks and slips", "oscillates") and half * RESTS >= 2.0 * step
     return Kinematics(
         mass=math.nan if mass is None else read_value("mass", mass, "kg", "75.6 g"),
-        motion=f"{word}: slower than a quarter of the drive for {100.0 * stuck:.3g} % of the time, {swing:.2g} times "
+        motion=f"{word}: slower than a quarter of the drive for {100.0 * stuck:.3g} % "
+        f"of the time, {swing:.2g} times "
         "the drive's velocity off that (rms)",
         stuck=stuck,
         swing=swing,

@@ -16,74 +16,129 @@ from stickslip.words import engineering
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
 _LONGEST_TRANSIENT = 25  # windows: 50 cycles
-_WAYS = (("up", "speeding up", "v1", "v2"), ("down", "slowing down", "v2_down", "v1_down"))
+_WAYS = (
+    ("up", "speeding up", "v1", "v2"),
+    ("down", "slowing down", "v2_down", "v1_down"),
+)
 """Each way: the velocities at which stick-slip sets in, and at which it ends."""
-_LEVEL, _WINDOW = 0.4, 4.0  # f_s, and x_s where a cycle is not known
+# f_s, and x_s where a cycle is not known
+_LEVEL = 0.4
+_WINDOW = 4.0
 _TIMES = {"begin": "start", "middle": "middle", "end": "end"}
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
-    """Return the velocities at which stick-slip starts and ends while the drive speeds up and slows down.
+    """Return the velocities at which stick-slip starts and ends while the drive speeds
+    up and slows down.
 
-    Stick-slip is where the spring force oscillates by more than `level` (in its unit, by default .4 ``f_s``), peak to
-    peak, over a window of two cycles; it starts at the end of the first such window and ends at the start of the last
-    one. A state shorter than half a window is passed over. An oscillation that is there from the very start may be a
-    transient: it counts if it has grown by `level`, or has lasted for 25 windows. A cycle is the time in which the
-    drive loads spring and contacts by the largest change of the force in the run, and one free oscillation of the
-    slider; of a rig that is not known, or is elastic, a window is 4 ``x_s`` of travel.
+    Stick-slip is where the spring force oscillates by more than `level` (in its unit,
+    by default .4 ``f_s``), peak to peak, over a window of two cycles; it starts at the
+    end of the first such window and ends at the start of the last one. A state shorter
+    than half a window is passed over. An oscillation that is there from the very start
+    may be a transient: it counts if it has grown by `level`, or has lasted for 25
+    windows. A cycle is the time in which the drive loads spring and contacts by the
+    largest change of the force in the run, and one free oscillation of the slider; of a
+    rig that is not known, or is elastic, a window is 4 ``x_s`` of travel.
 
-    A ramp passes the boundary before the oscillation has grown (delayed bifurcation) and noise may set it off
-    early, so the answers depend on the rate of the ramp; they are not the velocities of linear stability.
+    A ramp passes the boundary before the oscillation has grown (delayed bifurcation)
+    and noise may set it off early, so the answers depend on the rate of the ramp; they
+    are not the velocities of linear stability.
 
-    The drive speeds up, or slows down, or first speeds up and then slows down; it may keep its velocity for a while.
-    Raises `InputError` if it turns back or is not known, or the run is in SI units and does not say what rig it was
-    made of; `UndecidedError` if the drive does not change, goes up and down more than once, or travels less than two
-    windows, or there are too few samples in a window.
+    The drive speeds up, or slows down, or first speeds up and then slows down; it may
+    keep its velocity for a while. Raises `InputError` if it turns back or is not known,
+    or the run is in SI units and does not say what rig it was made of; `UndecidedError`
+    if the drive does not change, goes up and down more than once, or travels less than
+    two windows, or there are too few samples in a window.
 
     Returns
     -------
     Dataset
-        `v1`, `v2`: on the way up, the first velocity at which stick-slip sets in, and the last at which it ends after
-        that; `v2_down`, `v1_down` (the paper's ``v2'``, ``v1'``): the same on the way down. Each is NaN where it was
-        not seen; the attribute ``notes`` says why. Along ``travel`` of the drive, at the middle of each window:
-        `peak_to_peak`, `drive_velocity`, and its times `begin`, `middle` and `end`. Along ``velocity``, where the drive
-        goes up and then down: `up` and `down`, the peak to peak on either way. Attributes: ``level``, ``window``.
+        `v1`, `v2`: on the way up, the first velocity at which stick-slip sets in, and
+        the last at which it ends after that; `v2_down`, `v1_down` (the paper's ``v2'``,
+        ``v1'``): the same on the way down. Each is NaN where it was not seen; the
+        attribute ``notes`` says why. Along ``travel`` of the drive, at the middle of
+        each window: `peak_to_peak`, `drive_velocity`, and its times `begin`, `middle`
+        and `end`. Along ``velocity``, where the drive goes up and then down: `up` and
+        `down`, the peak to peak on either way. Attributes: ``level``, ``window``.
     """
     trace = Trace.of(run)
     if trace.drive is None or np.any(trace.drive < 0):
-        raise InputError("transitions: needs a run with a drive_velocity, in which the drive never turns back")
+        raise InputError(
+            "transitions: needs a run with a drive_velocity, in which the drive never "
+            "turns back"
+        )
     if trace.rig is None and unit_named(trace.force_unit):
-        raise InputError(f"transitions: spring_force is in {trace.force_unit}: the run does not say what f_s is")
+        raise InputError(
+            f"transitions: spring_force is in {trace.force_unit}: the run does not say "
+            "what f_s is"
+        )
     usual = _LEVEL * (trace.rig.unit("f_s") if trace.rig else 1.0)
-    level = usual if level is None else number("level", level, above=0, hint="in the unit of spring_force")
+    level = (
+        usual
+        if level is None
+        else number("level", level, above=0, hint="in the unit of spring_force")
+    )
     top = _turning_time(trace.t, trace.drive)
     seen = _oscillation(run, trace, level)
-    height, begin, middle, end = (seen[name].values for name in ("peak_to_peak", *_TIMES))
-    on = median_filter((height > level).astype(np.int8), _PARTS + 1, mode="nearest").astype(bool)  # none is short
+    height, begin, middle, end = (
+        seen[name].values for name in ("peak_to_peak", *_TIMES)
+    )
+    # none is short
+    on = median_filter(
+        (height > level).astype(np.int8), _PARTS + 1, mode="nearest"
+    ).astype(bool)
     # What the start leaves behind only decays, and within some tens of windows.
     grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
     notes = ["the force oscillates above the level from the start"] if on[0] else []
     if (ends := int(np.argmin(on))) <= min([*grown[:1], _LONGEST_TRANSIENT * _PARTS]):
         on[:ends] = False
     change = np.flatnonzero(on[1:] != on[:-1]) + 1
-    starts, stops = end[change[on[change]]], begin[change[~on[change]] - 1]
-    for (way, _, onset, ending), first, last in zip(_WAYS, (-np.inf, top), (top, np.inf), strict=True):
-        here, there = (times[(times > first) & (times <= last)] for times in (starts, stops))
-        for name, what, at in ((onset, "sets in", here[:1]), (ending, "ends", there[-1:])):
-            velocity = trace.sign * np.interp(at, trace.t, trace.drive).sum() if at.size else np.nan
+    starts = end[change[on[change]]]
+    stops = begin[change[~on[change]] - 1]
+    for (way, _, onset, ending), first, last in zip(
+        _WAYS, (-np.inf, top), (top, np.inf), strict=True
+    ):
+        here, there = (
+            times[(times > first) & (times <= last)] for times in (starts, stops)
+        )
+        for name, what, at in (
+            (onset, "sets in", here[:1]),
+            (ending, "ends", there[-1:]),
+        ):
+            velocity = (
+                trace.sign * np.interp(at, trace.t, trace.drive).sum()
+                if at.size
+                else np.nan
+            )
             title = f"stick-slip {what} on the way {way}"
-            seen[name] = labelled(title, (), velocity, seen["drive_velocity"].attrs["units"])
-        if unseen := [name.replace("_down", "'") for name in (onset, ending) if np.isnan(seen[name])]:
+            seen[name] = labelled(
+                title, (), velocity, seen["drive_velocity"].attrs["units"]
+            )
+        if unseen := [
+            name.replace("_down", "'")
+            for name in (onset, ending)
+            if np.isnan(seen[name])
+        ]:
             inside = on[(middle > first) & (middle <= last)]
             count = f"{np.count_nonzero(inside)} of {inside.size} windows"
-            notes.append(f"{' and '.join(unseen)} not seen: stick-slip in {count} on the way {way}")
+            notes.append(
+                f"{' and '.join(unseen)} not seen: stick-slip in {count} on the way "
+                f"{way}"
+            )
         if here.size > 1:
-            notes.append(f"stick-slip sets in {here.size} times on the way {way}: first onset and last end are given")
-    return seen.assign(_both_ways(seen, top)).assign_attrs(level=level, notes="; ".join(notes))
+            notes.append(
+                f"stick-slip sets in {here.size} times on the way {way}: first onset "
+                "and last end are given"
+            )
+    return seen.assign(_both_ways(seen, top)).assign_attrs(
+        level=level, notes="; ".join(notes)
+    )
 
 
 def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
-    """Peak to peak of the spring force over a moving window of two cycles, or of 4 x_s where they are not known."""
+    """Peak to peak of the spring force over a moving window of two cycles, or of 4
+    x_s where they are not known.
+    """
     assert trace.drive is not None
     rig = trace.rig
     travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
@@ -91,62 +146,131 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     if rig and isinstance(rig.slider, Slider):
         swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
         loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
-        period = 2 * np.pi * np.sqrt(rig.slider.mass / rig.slider.stiffness) * rig.unit("time")
+        period = (
+            2
+            * np.pi
+            * np.sqrt(rig.slider.mass / rig.slider.stiffness)
+            * rig.unit("time")
+        )
         width = 2.0 * (loading + trace.drive * period)
     gone = cumulative_trapezoid(trace.drive / width, trace.t, initial=0)
     said = f"windows of drive travel {width.max():.4g}"
     if gone[-1] < 2:
-        raise UndecidedError(f"transitions: the drive travels {travel[-1]:.4g}, less than 2 {said}: run it longer")
+        raise UndecidedError(
+            f"transitions: the drive travels {travel[-1]:.4g}, less than 2 {said}: run "
+            "it longer"
+        )
     begin = np.arange(min(int(gone[-1] * _PARTS), trace.t.size)) / _PARTS
     begins = np.searchsorted(gone, begin)
     if begin.size == trace.t.size or np.any(np.diff(begins) < 1):
-        raise UndecidedError(f"transitions: fewer than {_PARTS} samples in some {said}: record more often")
+        raise UndecidedError(
+            f"transitions: fewer than {_PARTS} samples in some {said}: record more "
+            "often"
+        )
     high, low = (
-        extreme.reduce(np.lib.stride_tricks.sliding_window_view(extreme.reduceat(trace.force, begins), _PARTS), axis=1)
+        extreme.reduce(
+            np.lib.stride_tricks.sliding_window_view(
+                extreme.reduceat(trace.force, begins), _PARTS
+            ),
+            axis=1,
+        )
         for extreme in (np.maximum, np.minimum)
     )
     begin = begin[: high.size]
-    place, times = ([np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)] for of in (travel, trace.t))
-    units = {str(name): str(variable.attrs.get("units", "")) for name, variable in run.variables.items()}
+    place, times = (
+        [np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)]
+        for of in (travel, trace.t)
+    )
+    units = {
+        str(name): str(variable.attrs.get("units", ""))
+        for name, variable in run.variables.items()
+    }
     columns = (
-        ("peak_to_peak", "peak to peak of the spring force", high - low, "spring_force"),
-        ("drive_velocity", "velocity of the drive", trace.sign * np.interp(times[1], trace.t, trace.drive), "velocity"),
-        *((name, f"{_TIMES[name]} of the window", at, "time") for name, at in zip(_TIMES, times, strict=True)),
+        (
+            "peak_to_peak",
+            "peak to peak of the spring force",
+            high - low,
+            "spring_force",
+        ),
+        (
+            "drive_velocity",
+            "velocity of the drive",
+            trace.sign * np.interp(times[1], trace.t, trace.drive),
+            "velocity",
+        ),
+        *(
+            (name, f"{_TIMES[name]} of the window", at, "time")
+            for name, at in zip(_TIMES, times, strict=True)
+        ),
         ("travel", "travel of the drive", place[1], "displacement"),
     )
-    found = {name: labelled(text, "travel", values, units.get(of, "")) for name, text, values, of in columns}
+    found = {
+        name: labelled(text, "travel", values, units.get(of, ""))
+        for name, text, values, of in columns
+    }
     return xr.Dataset(found, attrs={"window": float(np.max(place[2] - place[0]))})
 
 
 def _turning_time(t: Array, drive: Array) -> float:
-    """Time at which the drive is fastest: its start if it only slows down, its end if it only speeds up."""
+    """Time at which the drive is fastest: its start if it only slows down, its end
+    if it only speeds up.
+    """
     top = float(drive.max())
     loops = len(turning_points(np.pad(drive, 1), 1e-3 * top)[0])
     if loops > 1 or np.ptp(drive) <= CONSTANT_DRIVE * top:
-        seen = f"speeds up and slows down {loops} times" if loops > 1 else "keeps its velocity"
-        raise UndecidedError(f"transitions: the drive {seen}; ramp it, or select one loop: run.sel(time=slice(a, b))")
+        seen = (
+            f"speeds up and slows down {loops} times"
+            if loops > 1
+            else "keeps its velocity"
+        )
+        raise UndecidedError(
+            f"transitions: the drive {seen}; ramp it, or select one loop: "
+            "run.sel(time=slice(a, b))"
+        )
     fastest = t[drive >= (1.0 - 1e-3) * top]
     return float(fastest[0] if fastest[0] == t[0] else fastest[-1])
 
 
 def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
-    """Peak to peak on the way up and on the way down, against the velocity; nothing where the drive goes one way."""
-    speed, force, up = np.abs(seen["drive_velocity"].values), seen["peak_to_peak"], seen["middle"].values <= top
-    curves = [pd.Series(force.values[way], speed[way]).sort_index(kind="stable") for way in (up, ~up)]
-    low, high = np.max([each.index.min() for each in curves]), np.min([each.index.max() for each in curves])
+    """Peak to peak on the way up and on the way down, against the velocity; nothing
+    where the drive goes one way.
+    """
+    speed = np.abs(seen["drive_velocity"].values)
+    force = seen["peak_to_peak"]
+    up = seen["middle"].values <= top
+    curves = [
+        pd.Series(force.values[way], speed[way]).sort_index(kind="stable")
+        for way in (up, ~up)
+    ]
+    low = np.max([each.index.min() for each in curves])
+    high = np.min([each.index.max() for each in curves])
     if not low < high:
         return xr.Dataset()
-    grid, unit = np.linspace(low, high, 201), force.attrs["units"]
+    grid = np.linspace(low, high, 201)
+    unit = force.attrs["units"]
     found = {
-        name: labelled(f"peak to peak of the force, drive {how}", "velocity", np.interp(grid, each.index, each), unit)
+        name: labelled(
+            f"peak to peak of the force, drive {how}",
+            "velocity",
+            np.interp(grid, each.index, each),
+            unit,
+        )
         for (name, how, *_), each in zip(_WAYS, curves, strict=True)
     }
-    return xr.Dataset(found, {"velocity": ("velocity", grid, dict(seen["drive_velocity"].attrs))})
+    return xr.Dataset(
+        found, {"velocity": ("velocity", grid, dict(seen["drive_velocity"].attrs))}
+    )
 
 
 def in_words(run: xr.Dataset) -> str:
-    """Say between which velocities a run on a ramp stick-slips; nothing for another run."""
-    drive = np.abs(np.asarray(run["drive_velocity"].values, dtype=float)) if "drive_velocity" in run else np.zeros(1)
+    """Say between which velocities a run on a ramp stick-slips; nothing for another
+    run.
+    """
+    drive = (
+        np.abs(np.asarray(run["drive_velocity"].values, dtype=float))
+        if "drive_velocity" in run
+        else np.zeros(1)
+    )
     if not np.ptp(drive) > 2.0 * CONSTANT_DRIVE * drive.max():
         return ""
     begin = "the velocity of the drive changes"
@@ -156,10 +280,22 @@ def in_words(run: xr.Dataset) -> str:
         return f"{begin}; {error}"
     said = []
     for way, how, *names in _WAYS:
-        at = {what: found[name] for what, name in zip(("sets in", "ends"), names, strict=True) if found[name].notnull()}
-        turns = sorted(at, key=lambda what: abs(float(at[what])), reverse=way == "down")  # as they come in time
-        told = [f"{what} at {engineering(float(at[what]), at[what].attrs['units'], 3)}" for what in turns]
+        at = {
+            what: found[name]
+            for what, name in zip(("sets in", "ends"), names, strict=True)
+            if found[name].notnull()
+        }
+        # as they come in time
+        turns = sorted(at, key=lambda what: abs(float(at[what])), reverse=way == "down")
+        told = [
+            f"{what} at {engineering(float(at[what]), at[what].attrs['units'], 3)}"
+            for what in turns
+        ]
         told = ["is there from the start"] * (turns[:1] == ["ends"]) + told
         told += ["persists to the end"] * (turns[-1:] == ["sets in"])
         said += [f"{how}, it {', '.join(told[:-1])} and {told[-1]}"] if told else []
-    return f"{begin}; stick-slip: {'; '.join(said)}" if said else f"{begin}; {found.attrs['notes']}"
+    return (
+        f"{begin}; stick-slip: {'; '.join(said)}"
+        if said
+        else f"{begin}; {found.attrs['notes']}"
+    )

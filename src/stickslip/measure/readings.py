@@ -37,28 +37,34 @@ def read_trace(
     delimiter: str | None = None,
     decimal: Literal[".", ","] | None = None,
 ) -> xr.Dataset:
-    r"""Read a measured force trace from a table: text, .xlsx (with openpyxl) or .tdms (with npTDMS).
+    r"""Read a measured force trace from a table: text, .xlsx (with openpyxl) or .tdms
+    (with npTDMS).
 
-    Columns of a text may be separated by tabs, semicolons, commas or blanks. There may be text before the table, names
-    with units in brackets or in a line below, comments (``#``, ``%``, ``//``, ``!``), and one unit in the cells
-    (``0.04 N``). Where rows cannot be read, and at spikes of a single sample, six standard deviations off, the force is
-    interpolated linearly in time, and that is reported; more than 3 unreadable rows, and more than 1 %, are an error,
-    those aside that hold one value far outside the others, which stands for no reading: -9999.
+    Columns of a text may be separated by tabs, semicolons, commas or blanks. There may
+    be text before the table, names with units in brackets or in a line below, comments
+    (``#``, ``%``, ``//``, ``!``), and one unit in the cells (``0.04 N``). Where rows
+    cannot be read, and at spikes of a single sample, six standard deviations off, the
+    force is interpolated linearly in time, and that is reported; more than 3 unreadable
+    rows, and more than 1 %, are an error, those aside that hold one value far outside
+    the others, which stands for no reading: -9999.
 
-    Raises `InputError` if there is no such file, or it is no table of numbers, or no such column; if the choice of the
-    columns or a unit is not clear; if times do not rise; if too many rows are unreadable, or fewer than 16 are left.
+    Raises `InputError` if there is no such file, or it is no table of numbers, or no
+    such column; if the choice of the columns or a unit is not clear; if times do not
+    rise; if too many rows are unreadable, or fewer than 16 are left.
 
     Parameters
     ----------
     path : path
         The file; at most 100 MB.
     force, time, displacement, load : str or int, optional
-        Columns by name or by number, from 1. By default those whose names or units say so; the only column of numbers
-        besides, or the coefficient of friction, is the force. The normal load may be a quantity, too: ``"20 N"``.
+        Columns by name or by number, from 1. By default those whose names or units say
+        so; the only column of numbers besides, or the coefficient of friction, is the
+        force. The normal load may be a quantity, too: ``"20 N"``.
     step : float or str, optional
         Sampling interval, if the table has no time column: in s, or ``"0.5 ms"``.
     flip : bool
-        Change the sign of the force: for a sensor that counts pull as negative, and has an offset.
+        Change the sign of the force: for a sensor that counts pull as negative, and has
+        an offset.
     delimiter : str, optional
         What separates the columns; found out by default.
     decimal : {".", ","}, optional
@@ -67,32 +73,64 @@ def read_trace(
     Returns
     -------
     Dataset
-        Along `time`: `spring_force` (of the unit 1 if it is a coefficient), `filled`, true where it was interpolated,
-        and, where known, `measured_displacement`, `load` and `mu`, the force over the load. Units are those of the
-        file; N and s where it says nothing. Attributes ``source``, ``rows``, ``flipped``, ``spikes`` and ``note``: what
-        was filled in and what was assumed, in words.
+        Along `time`: `spring_force` (of the unit 1 if it is a coefficient), `filled`,
+        true where it was interpolated, and, where known, `measured_displacement`,
+        `load` and `mu`, the force over the load. Units are those of the file; N and s
+        where it says nothing. Attributes ``source``, ``rows``, ``flipped``, ``spikes``
+        and ``note``: what was filled in and what was assumed, in words.
 
     Examples
     --------
     >>> with open("bench.csv", "w") as file:
-    ...     print("Zeit;Kraft", "ms;mN", *(f"{10 * i};{5 + i % 7},5" for i in range(40)), sep="\n", file=file)
+    ...     print(
+    ...         "Zeit;Kraft",
+    ...         "ms;mN",
+    ...         *(f"{10 * i};{5 + i % 7},5" for i in range(40)),
+    ...         sep="\n",
+    ...         file=file,
+    ...     )
     >>> trace = ss.read_trace("bench.csv")
-    >>> trace["spring_force"].attrs["units"], trace["time"].attrs["units"], float(trace["spring_force"].max())
+    >>> (
+    ...     trace["spring_force"].attrs["units"],
+    ...     trace["time"].attrs["units"],
+    ...     float(trace["spring_force"].max()),
+    ... )
     ('mN', 'ms', 11.5)
     """
     if step is not None and time is not None:
-        raise InputError(f"{path}: both step = {step} and time = {time!r} are given; leave one out")
-    seconds = None if step is None else read_value("step", step, "s", "0.5 ms", bare=True)
+        raise InputError(
+            f"{path}: both step = {step} and time = {time!r} are given; leave one out"
+        )
+    seconds = (
+        None if step is None else read_value("step", step, "s", "0.5 ms", bare=True)
+    )
     raw = files.read(path, "force trace", largest=LARGEST_FILE)
     try:
         table = read_table(raw, delimiter, decimal)
         del raw  # and the table, once read: they are as large as the file
-        constant = read_value("load", load, "N", "20 N") if isinstance(load, str) and read_cell(load)[1] else None
-        asked = {"force": force, "time": time, "displacement": displacement, "load": None if constant else load}
+        constant = (
+            read_value("load", load, "N", "20 N")
+            if isinstance(load, str) and read_cell(load)[1]
+            else None
+        )
+        asked = {
+            "force": force,
+            "time": time,
+            "displacement": displacement,
+            "load": None if constant else load,
+        }
         chosen = _choose(table, asked, seconds or table.step)
-        chosen = {name: i for name, i in chosen.items() if not (seconds and name == "time")}
-        units = {"time": "s", "load": "N"} | {name: table.headings[i].unit for name, i in chosen.items()}
-        units |= {"force": "1"} if table.headings[chosen["force"]].quantity == "coefficient" else {}
+        chosen = {
+            name: i for name, i in chosen.items() if not (seconds and name == "time")
+        }
+        units = {"time": "s", "load": "N"} | {
+            name: table.headings[i].unit for name, i in chosen.items()
+        }
+        units |= (
+            {"force": "1"}
+            if table.headings[chosen["force"]].quantity == "coefficient"
+            else {}
+        )
         values, notes = _rows(table, chosen, seconds or table.step or 0.0)
         del table
     except InputError as error:
@@ -101,13 +139,18 @@ def read_trace(
     return _dataset(units, values, notes, flip).assign_attrs(source=Path(path).name)
 
 
-def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[str, Array], list[str]]:
-    """The columns that were chosen, with times, and a note of rows that cannot be read; `InputError` if many cannot."""
+def _rows(
+    table: Table, chosen: Mapping[str, int], step: float
+) -> tuple[dict[str, Array], list[str]]:
+    """The columns that were chosen, with times, and a note of rows that cannot be
+    read; `InputError` if many cannot.
+    """
     columns, lines = table.read(chosen.values())
     values = {name: columns[i] for name, i in chosen.items()}
     force = values["force"]
     outside = far_outside(force)
-    # What a logger writes for no reading is one value, however often it comes; before and after a test may be anything.
+    # What a logger writes for no reading is one value, however often it comes; before
+    # and after a test may be anything.
     first, last = np.flatnonzero(~outside)[[0, -1]]
     within = force[first:last][outside[first:last]]
     none = np.count_nonzero(outside) - (np.unique(within).size > 1) * within.size
@@ -116,25 +159,55 @@ def _rows(table: Table, chosen: Mapping[str, int], step: float) -> tuple[dict[st
     bad = lines[~(np.isfinite(times) & np.isfinite(force))].tolist()
     told = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
     if len(bad) - none > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
-        needed = "each needs a finite number, in the unit of the others and not far outside the rest"
-        raise InputError(f"{len(bad)} of {lines.size} rows cannot be read, first {told[0]}; {needed}")
+        needed = (
+            "each needs a finite number, in the unit of the others and not far "
+            "outside the rest"
+        )
+        raise InputError(
+            f"{len(bad)} of {lines.size} rows cannot be read, first {told[0]}; {needed}"
+        )
     if (left := lines.size - len(bad)) < FEWEST_READINGS:
-        raise InputError(f"{left} readings are too few to judge; at least {FEWEST_READINGS} are needed")
+        raise InputError(
+            f"{left} readings are too few to judge; at least {FEWEST_READINGS} are "
+            "needed"
+        )
     known = np.flatnonzero(np.isfinite(times))
     back = known[1:][np.diff(times[known]) <= 0]
     if back.size:
-        late = f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after that of the row before"
-        raise InputError(f"{late}; times must rise: sort the rows, or give the step instead (--step, or step=)")
+        late = (
+            f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after "
+            "that of the row before"
+        )
+        raise InputError(
+            f"{late}; times must rise: sort the rows, or give the step instead "
+            "(--step, or step=)"
+        )
     told += [f"and {len(bad) - 5} more"] if len(bad) > 5 else []
-    text = f"rows could not be read; the force there is interpolated in time ({'; '.join(told)})"
+    text = (
+        "rows could not be read; the force there is interpolated in time "
+        f"({'; '.join(told)})"
+    )
     return values, [f"{len(bad)} of {lines.size} {text}"] if bad else []
 
 
-def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool) -> xr.Dataset:
+def _dataset(
+    units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool
+) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
-    rows, spiky = pd.DataFrame(values), spikes(values["force"])
+    rows = pd.DataFrame(values)
+    spiky = spikes(values["force"])
     count = int(np.count_nonzero(spiky))
-    notes += [f"{count} spike{'s' * (count > 1)} of a single sample; the force there is interpolated"] if count else []
+    notes += (
+        [
+            (
+                f"{count} spike{'s' * (count > 1)} of a single sample; the force there "
+                "is "
+                "interpolated"
+            )
+        ]
+        if count
+        else []
+    )
     rows.loc[spiky, "force"] = np.nan
     known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
@@ -147,7 +220,10 @@ def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], 
             notes.append(f"the file names no unit of the {name}: {usual} assumed")
     coefficient = units["force"] == "1"
     texts = {
-        "force": ("spring_force", "coefficient of friction" if coefficient else "force"),
+        "force": (
+            "spring_force",
+            "coefficient of friction" if coefficient else "force",
+        ),
         "displacement": ("measured_displacement", "displacement, as measured"),
         "load": ("load", "normal load"),
         "mu": ("mu", "coefficient of friction"),
@@ -155,26 +231,58 @@ def _dataset(units: dict[str, str], values: dict[str, Array], notes: list[str], 
     }
     units["load"] = units["load"] or units["force"]
     if "load" in rows and not coefficient:
-        size = 1.0 if units["force"] == units["load"] else ratio(units["force"], units["load"])
+        size = (
+            1.0
+            if units["force"] == units["load"]
+            else ratio(units["force"], units["load"])
+        )
         if size:
             rows["mu"] = size * rows["force"] / rows["load"].replace(0.0, np.nan)
         else:
-            notes.append(f"no coefficient of friction: the force is in {units['force']}, the load in {units['load']}")
+            notes.append(
+                f"no coefficient of friction: the force is in {units['force']}, the "
+                f"load in {units['load']}"
+            )
     rows["filled"] = missing
-    found = {texts[key][0]: labelled(texts[key][1], "time", rows[key], units.get(key, "1")) for key in rows}
+    found = {
+        texts[key][0]: labelled(texts[key][1], "time", rows[key], units.get(key, "1"))
+        for key in rows
+    }
     time = labelled("time", "time", rows.index, units["time"])
-    attrs = {"rows": values["force"].size, "flipped": int(flip), "spikes": count, "note": "; ".join(notes)}
+    attrs = {
+        "rows": values["force"].size,
+        "flipped": int(flip),
+        "spikes": count,
+        "note": "; ".join(notes),
+    }
     return xr.Dataset(found, {"time": time}, attrs)
 
 
-def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | None) -> dict[str, int]:
-    """Columns that were asked for, and those that the headings tell; the times may be told by a step."""
-    chosen = {name: _column(table, name, wanted) for name, wanted in asked.items() if wanted is not None}
+def _choose(
+    table: Table, asked: Mapping[str, str | int | None], step: float | None
+) -> dict[str, int]:
+    """Columns that were asked for, and those that the headings tell; the times may
+    be told by a step.
+    """
+    chosen = {
+        name: _column(table, name, wanted)
+        for name, wanted in asked.items()
+        if wanted is not None
+    }
     for one, other in combinations(chosen, 2):
         if chosen[one] == chosen[other]:
-            raise InputError(f"column {chosen[one] + 1} cannot be both {one} and {other}; there are {table.listed()}")
-    for name in [each for each in ("time", "force", "displacement", "load") if each not in chosen]:
-        free = {i: table.headings[i].quantity for i in table.numeric if i not in chosen.values()}
+            raise InputError(
+                f"column {chosen[one] + 1} cannot be both {one} and {other}; there are "
+                f"{table.listed()}"
+            )
+    for name in [
+        each for each in ("time", "force", "displacement", "load") if each not in chosen
+    ]:
+        free = {
+            i: table.headings[i].quantity
+            for i in table.numeric
+            if i not in chosen.values()
+        }
         found = [i for i, quantity in free.items() if quantity == name]
         if name == "force" and not found:
             found = [i for i, quantity in free.items() if quantity == "coefficient"]
@@ -185,7 +293,9 @@ def _choose(table: Table, asked: Mapping[str, str | int | None], step: float | N
         elif name == "force" or (name == "time" and not step):
             given = f"Name it (--{name} on the command line, {name}= in Python)"
             given += ", or give the step (--step, or step=)" if name == "time" else ""
-            raise InputError(f"which column is the {name}? {given}; there are {table.listed()}")
+            raise InputError(
+                f"which column is the {name}? {given}; there are {table.listed()}"
+            )
     return chosen
 
 
@@ -193,10 +303,15 @@ def _column(table: Table, name: str, wanted: str | int) -> int:
     """Index of a column given by name or number."""
     text = str(wanted)
     names = {simple(text), simple(Heading.read(text).name)} - {""}
-    found = [i for i, heading in enumerate(table.headings) if simple(heading.name) in names]
+    found = [
+        i for i, heading in enumerate(table.headings) if simple(heading.name) in names
+    ]
     if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
         found = [int(text) - 1]
     if len(found) != 1 or found[0] not in table.numeric:
-        there = f"no such column of numbers, or several of this name; counted from 1, there are {table.listed()}"
+        there = (
+            "no such column of numbers, or several of this name; counted from 1, "
+            f"there are {table.listed()}"
+        )
         raise InputError(f"{name} = {shown(wanted)}: {there}")
     return found[0]

@@ -15,18 +15,31 @@ from stickslip.measure.periods import Cycles, find_cycles
 
 Peaks = NDArray[np.intp]
 
-SMALLEST_PART_OF_DROP = 0.1  # a drop below this part of the typical drop is no slip of its own
+# a drop below this part of the typical drop is no slip of its own
+SMALLEST_PART_OF_DROP = 0.1
 SLIP_VELOCITY = 3.5
-"""Times the drive that a slip reaches: between 2, of a sine that just comes to rest, and 2 pi, of a slider that is held
-and makes up for it by half a sine in a quarter of the cycle (their geometric mean)."""
+"""Times the drive that a slip reaches: between 2, of a sine that just comes to rest,
+and 2 pi, of a slider that is held and makes up for it by half a sine in a quarter of
+the cycle (their geometric mean).
+"""
 RINGING = 2.0
-"""Times as fast as the loading: the slider's swing back makes more of a rise than the drive; and times the time of the
-drop: between 1, of a swing back, and 3, of a slider that slips for a quarter of the time."""
-EDGE = 0.05  # a slip starts and ends within this part of its drop from the peak and from the trough
-FEWEST_IN_A_DROP = FEWEST_CYCLES  # samples, for the shape and the velocity of a slip to be seen
-CORRECTED = 0.005  # noise over drop above which peaks and troughs are taken from lines through their neighbours
-WHITE = 5.0  # over the root of the samples: what a force that is noise may exceed its scatter by, by chance
-_FOR_NOISE, _FOR_RESOLUTION = 500_000, 50_000  # samples from which noise, and the step of a recording, are read
+"""Times as fast as the loading: the slider's swing back makes more of a rise than the
+drive; and times the time of the drop: between 1, of a swing back, and 3, of a slider
+that slips for a quarter of the time.
+"""
+# a slip starts and ends within this part of its drop from the peak and from the trough
+EDGE = 0.05
+# samples, for the shape and the velocity of a slip to be seen
+FEWEST_IN_A_DROP = FEWEST_CYCLES
+# noise over drop above which peaks and troughs are taken from lines through their
+# neighbours
+CORRECTED = 0.005
+# over the root of the samples: what a force that is noise may exceed its scatter by, by
+# chance
+WHITE = 5.0
+# samples from which noise, and the step of a recording, are read
+_FOR_NOISE = 500_000
+_FOR_RESOLUTION = 50_000
 
 
 @dataclass(frozen=True)
@@ -60,21 +73,31 @@ class Slips:
         """Time in slips over the time from the first peak to the last."""
         if self.size < 2:
             return math.nan
-        return float((trace.t[self.trough] - self.times)[:-1].sum() / np.ptp(self.times))
+        return float(
+            (trace.t[self.trough] - self.times)[:-1].sum() / np.ptp(self.times)
+        )
 
     def only(self, keep: NDArray[np.bool_], **change: Any) -> Self:
         """Return some of the slips."""
         of_each = ("peak", "trough", "start", "end", "times", "before", "after")
-        return replace(self, **{name: getattr(self, name)[keep] for name in of_each}, **change)
+        return replace(
+            self, **{name: getattr(self, name)[keep] for name in of_each}, **change
+        )
 
 
 def weighted_median(values: Array, weights: Array) -> float:
     """Value below which half of the weight lies; not a number if there is none."""
-    return float(np.quantile(values, 0.5, weights=weights, method="inverted_cdf")) if weights.any() else math.nan
+    return (
+        float(np.quantile(values, 0.5, weights=weights, method="inverted_cdf"))
+        if weights.any()
+        else math.nan
+    )
 
 
 def white_noise(force: Array) -> float:
-    """Standard deviation of white noise, from second differences; those that many slips spoil are left out."""
+    """Standard deviation of white noise, from second differences; those that many
+    slips spoil are left out.
+    """
     every = max(1, force.size // _FOR_NOISE)
     bend = np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
     first = noise = float(np.median(bend)) / 0.6745
@@ -82,23 +105,32 @@ def white_noise(force: Array) -> float:
         kept = bend[bend <= 2.0 * noise]
         if kept.size < 0.5 * bend.size:
             break
-        noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)  # 0.6396: median of a half-normal cut at 2
+        # 0.6396: median of a half-normal cut at 2
+        noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)
     return noise / math.sqrt(6.0)
 
 
 def resolution(force: Array) -> float:
-    """Step in which a trace was recorded, interpolated samples left aside; 0 if its values lie on no coarse grid."""
+    """Step in which a trace was recorded, interpolated samples left aside; 0 if its
+    values lie on no coarse grid.
+    """
     values = np.unique(force := force[:: max(1, force.size // _FOR_RESOLUTION)])
-    return float(np.median(np.diff(values))) if 1 < values.size <= force.size // 2 else 0.0
+    return (
+        float(np.median(np.diff(values))) if 1 < values.size <= force.size // 2 else 0.0
+    )
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:
-    """Drop that noise shows between two of so many samples, `within` so many of one another; a tenth is to spare."""
+    """Drop that noise shows between two of so many samples, `within` so many of one
+    another; a tenth is to spare.
+    """
     return 1.1 * noise * math.sqrt(4.0 * math.log(max(0.5 * size * within, 2.0)))
 
 
 def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
-    """A force by a median, which keeps edges, as wide as cycles allow; and the drop its noise may show by chance."""
+    """A force by a median, which keeps edges, as wide as cycles allow; and the drop
+    its noise may show by chance.
+    """
     chance = _chance_drop(force.size, force.size, noise)
     peaks, troughs = turning_points(force, 0.7 * chance)
     drops = force[peaks] - force[troughs]
@@ -107,69 +139,141 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
     cycle = force.size / drops.size
     width = min(int(cycle / 6.0) // 2 * 2 + 1, 15)
     if width > 1:
-        force, noise = median_filter(force, width, mode="nearest"), noise * math.sqrt(0.5 * math.pi / width)
+        force = median_filter(force, width, mode="nearest")
+        noise = noise * math.sqrt(0.5 * math.pi / width)
     return force, _chance_drop(force.size / width, cycle / width, noise)
 
 
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
-    """Drops above the noise and not small beside the typical one, cut off neither by an end nor by a gap."""
-    noise, cycles, t, force = white_noise(trace.force), find_cycles(trace.t, trace.force), trace.t, trace.force
+    """Drops above the noise and not small beside the typical one, cut off neither by
+    an end nor by a gap.
+    """
+    noise = white_noise(trace.force)
+    cycles = find_cycles(trace.t, trace.force)
+    t = trace.t
+    force = trace.force
     smallest = least = minimum_drop or 0.0
     criterion = "drops of at least the minimum_drop given"
     if minimum_drop is None:
-        force, by_chance = _smoothed(force, noise) if trace.measured else (force, _chance_drop(t.size, t.size, noise))
-        by_chance = max(by_chance, 2.5 * resolution(trace.force), 1e-7 * float(np.max(np.abs(force))), 1e-300)
+        force, by_chance = (
+            _smoothed(force, noise)
+            if trace.measured
+            else (force, _chance_drop(t.size, t.size, noise))
+        )
+        by_chance = max(
+            by_chance,
+            2.5 * resolution(trace.force),
+            1e-7 * float(np.max(np.abs(force))),
+            1e-300,
+        )
         peaks, troughs = turning_points(force, by_chance)
-        drops, more = force[peaks] - force[troughs], WHITE / math.sqrt(t.size)
-        white = cycles.correlation <= 2.0 * more and without_drift(trace.force).std() <= (1.0 + more) * noise
-        smallest, least = math.inf, by_chance
+        drops = force[peaks] - force[troughs]
+        more = WHITE / math.sqrt(t.size)
+        white = (
+            cycles.correlation <= 2.0 * more
+            and without_drift(trace.force).std() <= (1.0 + more) * noise
+        )
+        smallest = math.inf
+        least = by_chance
         if drops.size and not white:
-            smallest = least = max(by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2))
+            smallest = least = max(
+                by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2)
+            )
         typical = f"a tenth of the typical one, {by_chance:.2g} by noise ({noise:.2g})"
         criterion = f"drops of at least {smallest:.3g}: {typical}"
-    back = None  # the way of the slider against the drive's direction, less that of the drive
+    # the way of the slider against the drive's direction, less that of the drive
+    back = None
     if trace.X is not None and trace.drive is not None and not trace.measured:
         back = -trace.X - cumulative_trapezoid(np.abs(trace.drive), t, initial=0)
     peaks, troughs = pick(t, force, smallest, back=back)
     across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)
     whole = (peaks > 0) & (troughs < force.size - 1) & ~across
-    peak, trough = peaks[whole], troughs[whole]
-    start, end = _edges(force, peak, trough, noise if force is trace.force else 0.5 * noise)
-    before, after = trace.force[peak], trace.force[trough]
-    if trace.measured and peak.size and noise > CORRECTED * float(np.median(before - after)):
-        # The largest of many noisy samples lies above the force, and the smallest below it, by up to three standard
-        # deviations of the noise: their difference overstates a drop. Lines through the loading beside it do not.
-        most, beside = 3.0 * noise, (np.append(0, end)[:-1] + 1, np.append(start, t.size - 1)[1:])
+    peak = peaks[whole]
+    trough = troughs[whole]
+    start, end = _edges(
+        force, peak, trough, noise if force is trace.force else 0.5 * noise
+    )
+    before = trace.force[peak]
+    after = trace.force[trough]
+    if (
+        trace.measured
+        and peak.size
+        and noise > CORRECTED * float(np.median(before - after))
+    ):
+        # The largest of many noisy samples lies above the force, and the smallest below
+        # it, by up to three standard deviations of the noise: their difference
+        # overstates a drop. Lines through the loading beside it do not.
+        most = 3.0 * noise
+        beside = (np.append(0, end)[:-1] + 1, np.append(start, t.size - 1)[1:])
         before = np.clip(_levels(trace, start, beside[0]), before - most, before + most)
         after = np.clip(_levels(trace, end, beside[1]), after - most, after + most)
     cut = int(np.count_nonzero(~whole))
-    found = Slips(peak, trough, start, end, t[peak], before, after, least, noise, criterion, cycles, cut)
+    found = Slips(
+        peak,
+        trough,
+        start,
+        end,
+        t[peak],
+        before,
+        after,
+        least,
+        noise,
+        criterion,
+        cycles,
+        cut,
+    )
     return found if minimum_drop is None else found.only(found.drops >= minimum_drop)
 
 
 def fastest(trace: Trace, found: Slips) -> Array:
-    """Largest velocity of the slider in each slip; not a number where it is not known."""
-    velocity = np.full(trace.t.size, math.nan) if trace.velocity is None else trace.velocity
-    return np.maximum.reduceat(velocity, np.column_stack([found.peak, found.trough + 1]).ravel())[::2]
+    """Largest velocity of the slider in each slip; not a number where it is not
+    known.
+    """
+    velocity = (
+        np.full(trace.t.size, math.nan) if trace.velocity is None else trace.velocity
+    )
+    return np.maximum.reduceat(
+        velocity, np.column_stack([found.peak, found.trough + 1]).ravel()
+    )[::2]
 
 
 def speeds(trace: Trace, found: Slips) -> Array:
-    """Largest velocity of the slider in each slip over that of the drive; not a number where either is not known."""
-    drive = math.nan if trace.drive is None else np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
+    """Largest velocity of the slider in each slip over that of the drive; not a
+    number where either is not known.
+    """
+    drive = (
+        math.nan
+        if trace.drive is None
+        else np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
+    )
     return fastest(trace, found) / drive
 
 
 def fast_ones(trace: Trace, found: Slips) -> Slips:
-    """Leave out slow drops, where the velocity is known and seen, and typical ones are fast."""
+    """Leave out slow drops, where the velocity is known and seen, and typical ones
+    are fast.
+    """
     speed = speeds(trace, found)
-    fast, usual = speed >= SLIP_VELOCITY, weighted_median(speed, found.drops**2)
-    if fast.all() or not usual >= SLIP_VELOCITY or np.median(found.trough - found.peak) < FEWEST_IN_A_DROP:
+    fast = speed >= SLIP_VELOCITY
+    usual = weighted_median(speed, found.drops**2)
+    if (
+        fast.all()
+        or not usual >= SLIP_VELOCITY
+        or np.median(found.trough - found.peak) < FEWEST_IN_A_DROP
+    ):
         return found
-    return found.only(fast, criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive")
+    return found.only(
+        fast,
+        criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive",
+    )
 
 
-def turning_points(values: Array, drop: float, rise: float | None = None) -> tuple[Peaks, Peaks]:
-    """Peaks (of a flat one, its end), and the troughs after: drops of at least `drop`, rises of `rise` or `drop`."""
+def turning_points(
+    values: Array, drop: float, rise: float | None = None
+) -> tuple[Peaks, Peaks]:
+    """Peaks (of a flat one, its end), and the troughs after: drops of at least
+    `drop`, rises of `rise` or `drop`.
+    """
     values = np.append(values, np.inf)
     peaks, troughs = zigzag(values, drop, drop if rise is None else rise)
     ends = np.flatnonzero(values[1:] != values[:-1])
@@ -177,23 +281,35 @@ def turning_points(values: Array, drop: float, rise: float | None = None) -> tup
 
 
 def pick(
-    t: Array, force: Array, drop: float, least: float | None = None, *, back: Array | None = None
+    t: Array,
+    force: Array,
+    drop: float,
+    least: float | None = None,
+    *,
+    back: Array | None = None,
 ) -> tuple[Peaks, Peaks]:
-    """Peaks and troughs of the slips of a force: drops that stand out, each joined with the ringing that it sets off.
+    """Peaks and troughs of the slips of a force: drops that stand out, each joined with
+    the ringing that it sets off.
 
-    A rise is ringing where it is smaller than the drop before, and the slider's swing back, by `back`, makes more of it
-    than the way of the drive; else where it is twice as fast as the force usually rises, and takes at most twice the
-    samples of the drop before it, as far as that is resolved: a swing back takes as long as a swing.
+    A rise is ringing where it is smaller than the drop before, and the slider's swing
+    back, by `back`, makes more of it than the way of the drive; else where it is twice
+    as fast as the force usually rises, and takes at most twice the samples of the drop
+    before it, as far as that is resolved: a swing back takes as long as a swing.
     """
     peaks, troughs = turning_points(force, drop, least)
     if peaks.size < 2:
         return peaks, troughs
-    rises, took = force[peaks[1:]] - force[troughs[:-1]], t[peaks[1:]] - t[troughs[:-1]]
+    rises = force[peaks[1:]] - force[troughs[:-1]]
+    took = t[peaks[1:]] - t[troughs[:-1]]
     swings = rises > RINGING * weighted_median(rises / took, took) * took
-    swings &= peaks[1:] - troughs[:-1] <= RINGING * np.maximum(troughs[:-1] - peaks[:-1], FEWEST_IN_A_DROP)
+    swings &= peaks[1:] - troughs[:-1] <= RINGING * np.maximum(
+        troughs[:-1] - peaks[:-1], FEWEST_IN_A_DROP
+    )
     swings = swings if back is None else back[peaks[1:]] >= back[troughs[:-1]]
     joined = [[int(peaks[0]), int(troughs[0])]]
-    for peak, trough, rise, swing in zip(peaks[1:].tolist(), troughs[1:].tolist(), rises, swings, strict=True):
+    for peak, trough, rise, swing in zip(
+        peaks[1:].tolist(), troughs[1:].tolist(), rises, swings, strict=True
+    ):
         first, lowest = joined[-1]
         if swing and rise < force[first] - force[lowest]:  # ringing decays
             joined[-1][1] = min(lowest, trough, key=force.__getitem__)
@@ -203,24 +319,38 @@ def pick(
     return whole[:, 0], whole[:, 1]
 
 
-def _edges(force: Array, peaks: Peaks, troughs: Peaks, noise: float) -> tuple[Peaks, Peaks]:
-    """Last sample near each peak and first sample near its trough, to a part of the drop, or within the noise."""
-    start, end = peaks.copy(), troughs.copy()
+def _edges(
+    force: Array, peaks: Peaks, troughs: Peaks, noise: float
+) -> tuple[Peaks, Peaks]:
+    """Last sample near each peak and first sample near its trough, to a part of the
+    drop, or within the noise.
+    """
+    start = peaks.copy()
+    end = troughs.copy()
     for i, peak in enumerate(peaks):
         slip = force[peak : troughs[i] + 1]
         drop = float(slip[0] - slip[-1])
         margin = min(max(EDGE * drop, 2.5 * noise), 0.4 * drop)
         end[i] = peak + int(np.argmax(slip <= slip[-1] + margin))
-        start[i] = peak + int(np.flatnonzero(slip[: end[i] - peak] >= slip[0] - margin)[-1])
+        start[i] = peak + int(
+            np.flatnonzero(slip[: end[i] - peak] >= slip[0] - margin)[-1]
+        )
     return start, end
 
 
 def _levels(trace: Trace, at: Peaks, other: Peaks) -> Array:
-    """Force at samples, by straight lines through a third of the samples from there to others, 3 to 50 of them."""
+    """Force at samples, by straight lines through a third of the samples from there
+    to others, 3 to 50 of them.
+    """
     levels = np.empty(at.size)
     for i, (here, there) in enumerate(zip(at.tolist(), other.tolist(), strict=True)):
         way = 1 if there > here else -1
-        inside = np.arange(here, there + way, way)[: min(max((abs(there - here) + 1) // 3, 3), 50)]
-        t, force = trace.t[inside] - trace.t[here], trace.force[inside]
-        levels[i] = force.mean() - (slope(force, t) * t.mean() if force.size > 2 else 0.0)
+        inside = np.arange(here, there + way, way)[
+            : min(max((abs(there - here) + 1) // 3, 3), 50)
+        ]
+        t = trace.t[inside] - trace.t[here]
+        force = trace.force[inside]
+        levels[i] = force.mean() - (
+            slope(force, t) * t.mean() if force.size > 2 else 0.0
+        )
     return levels

@@ -1,4 +1,6 @@
-"""A table of numbers as instruments write them: its layout by its head and a sample of its rows, then its columns."""
+"""A table of numbers as instruments write them: its layout by its head and a sample
+of its rows, then its columns.
+"""
 
 import csv
 import datetime as dt
@@ -17,7 +19,13 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
 from stickslip.measure.arrays import Array
-from stickslip.measure.headings import Heading, headings_of, ratio, unit_named, with_coefficients
+from stickslip.measure.headings import (
+    Heading,
+    headings_of,
+    ratio,
+    unit_named,
+    with_coefficients,
+)
 from stickslip.model.quantities import unit_size
 
 MOST_COLUMNS = 1000
@@ -32,20 +40,40 @@ _ROW = re.compile(r"\s*(?![#%!]|//)\S")  # neither blank nor a comment
 _NUMBER = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
 )
-_CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,3}):([0-5]\d)(?::([0-5]\d(?:\.\d*)?))?Z?")  # 2024-02-01T12:00:00
+# 2024-02-01T12:00:00
+_CLOCK = re.compile(
+    r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,3}):([0-5]\d)(?::([0-5]\d(?:\.\d*)?))?Z?"
+)
 _BLANKS, _BEFORE_NUMBERS = " ", "  "
-"""What separates columns besides one character: blanks, or only those before a number, where units stand behind it."""
+"""What separates columns besides one character: blanks, or only those before a
+number, where units stand behind it.
+"""
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
 _COMMAS = str.maketrans(".,", ",.")
-_NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none", "-", "--", "---", ""}
+_NO_VALUE = {
+    "nan",
+    "inf",
+    "-inf",
+    "+inf",
+    "na",
+    "n/a",
+    "null",
+    "none",
+    "-",
+    "--",
+    "---",
+    "",
+}
 
 Columns = tuple[dict[int, Array], NDArray[np.int64]]
 
 
 class Table(NamedTuple):
-    """A table whose layout is known: its headings, its columns of numbers, and the step in s where the file says so.
+    """A table whose layout is known: its headings, its columns of numbers, and the step
+    in s where the file says so.
 
-    `read` returns columns as numbers, NaN where a cell holds none, and the line of each row; `line` the text of one.
+    `read` returns columns as numbers, NaN where a cell holds none, and the line of each
+    row; `line` the text of one.
     """
 
     headings: list[Heading]
@@ -56,46 +84,85 @@ class Table(NamedTuple):
 
     def listed(self) -> str:
         """The columns, for a message."""
-        named = [f"{i} '{heading}'" if heading.name else str(i) for i, heading in enumerate(self.headings, start=1)]
-        shown = [each if i in self.numeric else f"{each} (no numbers such as 1234.5)" for i, each in enumerate(named)]
+        named = [
+            f"{i} '{heading}'" if heading.name else str(i)
+            for i, heading in enumerate(self.headings, start=1)
+        ]
+        shown = [
+            each if i in self.numeric else f"{each} (no numbers such as 1234.5)"
+            for i, each in enumerate(named)
+        ]
         return ", ".join(shown[:12] or ["none"]) + (" ..." if len(shown) > 12 else "")
 
 
-def read_table(raw: bytes, delimiter: str | None = None, decimal: str | None = None) -> Table:
+def read_table(
+    raw: bytes, delimiter: str | None = None, decimal: str | None = None
+) -> Table:
     """Find out how a file is laid out; `InputError` if it is no table."""
     for start, reader in _NO_TEXT.items():
         if raw.startswith(start):
             try:
                 return reader(raw)
-            except Exception as error:  # they let errors of zip, XML, struct and their own through
-                remedy = "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, or export it as text"
+            # they let errors of zip, XML, struct and their own through
+            except Exception as error:
+                remedy = (
+                    "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, "
+                    "or export it as text"
+                )
                 raise InputError(f"cannot be read ({error}); {remedy}") from None
     return _of_text(_as_utf8(raw), delimiter, decimal)
 
 
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
-    """Number and unit of a cell, a time of the day as seconds; None and no unit where it holds no finite number."""
+    """Number and unit of a cell, a time of the day as seconds; None and no unit
+    where it holds no finite number.
+    """
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
-    plain = (cell.translate(_COMMAS) if comma else cell) if len(cell) <= _LONGEST_NUMBER else ""
+    plain = (
+        (cell.translate(_COMMAS) if comma else cell)
+        if len(cell) <= _LONGEST_NUMBER
+        else ""
+    )
     if clock := _CLOCK.fullmatch(plain):
         with suppress(ValueError):  # a thirtieth of February
-            days = dt.date.fromisoformat(clock[1] or "2000-01-01").toordinal() - dt.date(2000, 1, 1).toordinal()
-            return 86400.0 * days + 3600.0 * int(clock[2]) + 60.0 * int(clock[3]) + float(clock[4] or 0), "s"
+            days = (
+                dt.date.fromisoformat(clock[1] or "2000-01-01").toordinal()
+                - dt.date(2000, 1, 1).toordinal()
+            )
+            return 86400.0 * days + 3600.0 * int(clock[2]) + 60.0 * int(
+                clock[3]
+            ) + float(clock[4] or 0), "s"
     match = _NUMBER.fullmatch(plain)
-    value, unit = (float(match[1].translate(_FORTRAN)), (match[2] or "").strip()) if match else (math.inf, "")
-    known = not unit or any(unit_named(word) or unit_size(word) for word in unit.split())
+    value, unit = (
+        (float(match[1].translate(_FORTRAN)), (match[2] or "").strip())
+        if match
+        else (math.inf, "")
+    )
+    known = not unit or any(
+        unit_named(word) or unit_size(word) for word in unit.split()
+    )
     return (value, unit) if known and math.isfinite(value) else (None, "")
 
 
 def _numbers(cells: Iterable[str], comma: bool = False, none: float = 0.0) -> float:
-    """Which part of the cells holds numbers, of those that do not say that they have none."""
-    told = [read_cell(cell, comma)[0] is not None for cell in cells if cell.strip().lower() not in _NO_VALUE]
+    """Which part of the cells holds numbers, of those that do not say that they have
+    none.
+    """
+    told = [
+        read_cell(cell, comma)[0] is not None
+        for cell in cells
+        if cell.strip().lower() not in _NO_VALUE
+    ]
     return sum(told) / len(told) if told else none
 
 
 def _split(line: str, mark: str) -> list[str]:
     if mark in (_BLANKS, _BEFORE_NUMBERS):
-        return line.split() if mark == _BLANKS else re.split(r"\s+(?=[-+.\d])", line.strip())
+        return (
+            line.split()
+            if mark == _BLANKS
+            else re.split(r"\s+(?=[-+.\d])", line.strip())
+        )
     return next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])
 
 
@@ -107,10 +174,14 @@ def _as_utf8(raw: bytes) -> bytes:
     try:
         raw.decode()
     except UnicodeDecodeError:
-        raw = raw.decode("latin-1").encode()  # units such as µ, written by older instruments
+        # units such as µ, written by older instruments
+        raw = raw.decode("latin-1").encode()
     raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n").removesuffix(b"\n") + b"\n"
     if len(raw.translate(None, _CONTROLS)) < len(raw):
-        raise InputError("is a binary file, as NetCDF, HDF5, .xls: open a run with load(), save a table as text, .xlsx")
+        raise InputError(
+            "is a binary file, as NetCDF, HDF5, .xls: open a run with load(), save a "
+            "table as text, .xlsx"
+        )
     return raw
 
 
@@ -121,34 +192,64 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     count = begins.size - 1
 
     def line_of(i: int) -> str:
-        return raw[begins[i] : min(begins[i + 1] - 1, begins[i] + _LONGEST_LINE)].decode(errors="replace")
+        return raw[
+            begins[i] : min(begins[i + 1] - 1, begins[i] + _LONGEST_LINE)
+        ].decode(errors="replace")
 
     head = [(i, line) for i in range(min(count, _HEAD)) if (line := line_of(i)).strip()]
-    ends = [k for k, (_, line) in enumerate(head) if line.startswith("***End_of_Header***")]
+    ends = [
+        k for k, (_, line) in enumerate(head) if line.startswith("***End_of_Header***")
+    ]
     labview, head = (head[: ends[-1]], head[ends[-1] + 1 :]) if ends else ([], head)
     begin = (2 * head[0][0] + count) // 3 if head else 0  # text may stand above
     places = np.linspace(begin, count, _SAMPLE if head else 0, endpoint=False)
-    sample = [line for i in np.unique(places.astype(int)).tolist() if _ROW.match(line := line_of(i))]
+    sample = [
+        line
+        for i in np.unique(places.astype(int)).tolist()
+        if _ROW.match(line := line_of(i))
+    ]
     if not sample:
-        raise InputError("is empty, or holds blanks and comments only; it should hold a column of forces")
+        raise InputError(
+            "is empty, or holds blanks and comments only; it should hold a column of "
+            "forces"
+        )
     mark, comma = _layout(sample, delimiter, decimal)
     cells = [_split(line, mark) for line in sample]
     width = mode(len(row) for row in cells)
     if width > MOST_COLUMNS:
-        raise InputError(f"has {width} columns, more than {MOST_COLUMNS}; keep those of time and force")
+        raise InputError(
+            f"has {width} columns, more than {MOST_COLUMNS}; keep those of time and "
+            "force"
+        )
     columns = [[row[i] for row in cells if len(row) == width] for i in range(width)]
     numeric = [i for i, column in enumerate(columns) if _numbers(column, comma) >= 0.5]
     rows = ((i, _split(line, mark)) for i, line in head if numeric and _ROW.match(line))
     full = ((i, [row[k] for k in numeric]) for i, row in rows if len(row) > numeric[-1])
     start = next((i for i, row in full if _numbers(row, comma) == 1.0), None)
     if start is None:
-        wanted = f"no column of numbers that begins by line {head[-1][0] + 1}; it should hold a column of forces"
-        raise InputError(f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found {wanted}")
-    above = (_as_wide(line.lstrip().lstrip("#%/! "), mark, width) for i, line in head if i < start)
+        wanted = (
+            f"no column of numbers that begins by line {head[-1][0] + 1}; it "
+            "should hold a column of forces"
+        )
+        raise InputError(
+            f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found {wanted}"
+        )
+    above = (
+        _as_wide(line.lstrip().lstrip("#%/! "), mark, width)
+        for i, line in head
+        if i < start
+    )
     named = [row for row in above if _numbers(row, none=1.0) < 1.0]
-    if mark == "," and not (comma or named or delimiter or decimal or "." in "".join(sample)):
-        ways = f"{width} columns, or fewer with decimal commas; say decimal=',' or delimiter=',', or export with ';'"
-        raise InputError(f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {ways}")
+    if mark == "," and not (
+        comma or named or delimiter or decimal or "." in "".join(sample)
+    ):
+        ways = (
+            f"{width} columns, or fewer with decimal commas; say decimal=',' or "
+            "delimiter=',', or export with ';'"
+        )
+        raise InputError(
+            f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {ways}"
+        )
     headings = headings_of(named, width)
     step = _labview([line for _, line in labview], headings, numeric, mark, comma)
     units = {i: mode(read_cell(cell, comma)[1] for cell in columns[i]) for i in numeric}
@@ -156,54 +257,133 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     for i in clocks:  # whose heading may hold their form, hh:mm:ss
         headings[i] = Heading(headings[i].name or "time", "s")
     for i, unit in units.items():
-        if unit and not (ratio(unit, headings[i].unit) if headings[i].unit else unit_named(unit)):
-            below = f" below the heading {headings[i].unit!r}" if headings[i].unit else ""
-            raise InputError(f"column {i + 1} holds numbers in {unit!r}{below}; write one known unit, without blanks")
+        if unit and not (
+            ratio(unit, headings[i].unit) if headings[i].unit else unit_named(unit)
+        ):
+            below = (
+                f" below the heading {headings[i].unit!r}" if headings[i].unit else ""
+            )
+            raise InputError(
+                f"column {i + 1} holds numbers in {unit!r}{below}; write one known "
+                "unit, without blanks"
+            )
         headings[i] = headings[i]._replace(unit=unit or headings[i].unit)
 
     def read(asked: Iterable[int]) -> Columns:
-        columns, rows = [*dict.fromkeys(asked)], memoryview(raw)[begins[start] :]
-        cells = _cells(rows, count - start, [*columns, width], mark, comma, quoted='"' in "".join(sample))
-        told = {text: read_cell(str(text), comma)[0] is not None for text in cells[width].cat.categories}
-        surplus = cells[width].isin([text for text in told if told[text] or unit_named(str(text))])
-        values = {i: np.where(surplus, math.nan, _as_numbers(cells.pop(i), units[i], comma)) for i in columns}
+        columns = [*dict.fromkeys(asked)]
+        rows = memoryview(raw)[begins[start] :]
+        cells = _cells(
+            rows,
+            count - start,
+            [*columns, width],
+            mark,
+            comma,
+            quoted='"' in "".join(sample),
+        )
+        told = {
+            text: read_cell(str(text), comma)[0] is not None
+            for text in cells[width].cat.categories
+        }
+        surplus = cells[width].isin(
+            [text for text in told if told[text] or unit_named(str(text))]
+        )
+        values = {
+            i: np.where(surplus, math.nan, _as_numbers(cells.pop(i), units[i], comma))
+            for i in columns
+        }
         keep = np.any([np.isfinite(numbers) for numbers in values.values()], axis=0)
         keep &= ~np.isin(octets[begins[start:-1]], list(b"#%/!"))
-        keep[[row for row in np.flatnonzero(~keep).tolist() if _ROW.match(line_of(start + row))]] = True
+        keep[
+            [
+                row
+                for row in np.flatnonzero(~keep).tolist()
+                if _ROW.match(line_of(start + row))
+            ]
+        ] = True
         kept = {i: numbers[keep] for i, numbers in values.items()}
         for i in {*clocks} & {*kept}:  # since the first, over midnight, too
             days = np.cumsum(np.append(False, np.diff(kept[i]) < -43200.0))
             kept[i] += 86400.0 * days - kept[i][np.isfinite(kept[i])][:1]
         return kept, np.flatnonzero(keep) + start + 1
 
-    return Table(with_coefficients(headings), numeric, read, lambda number: line_of(number - 1).strip(), step)
+    return Table(
+        with_coefficients(headings),
+        numeric,
+        read,
+        lambda number: line_of(number - 1).strip(),
+        step,
+    )
 
 
-def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> tuple[str, bool]:
-    """What separates the columns, and whether the decimal sign is a comma: that by which most cells are numbers."""
+def _layout(
+    sample: list[str], delimiter: str | None, decimal: str | None
+) -> tuple[str, bool]:
+    """What separates the columns, and whether the decimal sign is a comma: that by
+    which most cells are numbers.
+    """
     if decimal not in (None, ".", ","):
         raise InputError(f"decimal = {decimal!r}: must be '.' or ','")
-    if delimiter is not None and (len(delimiter) != 1 or delimiter in ".\"'\r\n" or delimiter == decimal):
-        raise InputError(f"delimiter = {delimiter!r}: must be one character, such as ';', and no decimal sign")
-    marks = [delimiter] if delimiter else ["\t", ";", "|", *(() if decimal == "," else ","), _BLANKS, _BEFORE_NUMBERS]
-    ways = [(mark, comma) for comma in (False, True) for mark in marks if decimal in (None, ".,"[comma])]
+    if delimiter is not None and (
+        len(delimiter) != 1 or delimiter in ".\"'\r\n" or delimiter == decimal
+    ):
+        raise InputError(
+            f"delimiter = {delimiter!r}: must be one character, such as ';', and no "
+            "decimal sign"
+        )
+    marks = (
+        [delimiter]
+        if delimiter
+        else [
+            "\t",
+            ";",
+            "|",
+            *(() if decimal == "," else ","),
+            _BLANKS,
+            _BEFORE_NUMBERS,
+        ]
+    )
+    ways = [
+        (mark, comma)
+        for comma in (False, True)
+        for mark in marks
+        if decimal in (None, ".,"[comma])
+    ]
     some = sample[:: len(sample) // _LOOKED_AT + 1]
-    return max(ways, key=lambda way: _numbers((c for line in some for c in _split(line, way[0])[:_LOOKED_AT]), way[1]))
+    return max(
+        ways,
+        key=lambda way: _numbers(
+            (c for line in some for c in _split(line, way[0])[:_LOOKED_AT]), way[1]
+        ),
+    )
 
 
 def _as_wide(line: str, mark: str, width: int) -> list[str]:
-    """The cells of a line above the table, one to a column; none if they are too few."""
+    """The cells of a line above the table, one to a column; none if they are too
+    few.
+    """
     if mark not in (_BLANKS, _BEFORE_NUMBERS):
-        found = [_split(line, mark)[:width]]  # rows may leave out a last one for remarks, as LabVIEW's do
+        # rows may leave out a last one for remarks, as LabVIEW's do
+        found = [_split(line, mark)[:width]]
     else:  # names may hold blanks: look for other marks first
         found = [_split(line, other) for other in ",;\t" if other in line]
-        found += [re.split(blanks, line.strip()) for blanks in (r"\s{2,}", r"\s+(?![\[(])", r"\s+")]
+        found += [
+            re.split(blanks, line.strip())
+            for blanks in (r"\s{2,}", r"\s+(?![\[(])", r"\s+")
+        ]
     return next((cells for cells in found if len(cells) == width), [])
 
 
-def _labview(head: list[str], headings: list[Heading], numeric: list[int], mark: str, comma: bool) -> float | None:
-    """Time step from the head of a LabVIEW measurement file, which completes the headings, too."""
-    told = {cells[0]: cells[1:] for line in head if (cells := _split(line, "\t" if mark.isspace() else mark))}
+def _labview(
+    head: list[str], headings: list[Heading], numeric: list[int], mark: str, comma: bool
+) -> float | None:
+    """Time step from the head of a LabVIEW measurement file, which completes the
+    headings, too.
+    """
+    told = {
+        cells[0]: cells[1:]
+        for line in head
+        if (cells := _split(line, "\t" if mark.isspace() else mark))
+    }
     if told.get("X_Columns", [])[:1] == ["One"] and not headings[numeric[0]].name:
         headings[numeric[0]] = Heading("X_Value")
     forces = [i for i in numeric if headings[i].quantity != "time"]
@@ -212,14 +392,20 @@ def _labview(head: list[str], headings: list[Heading], numeric: list[int], mark:
     return read_cell("".join(told.get("Delta_X", [])[:1]), comma)[0] or None
 
 
-def _cells(rows: Any, count: int, columns: list[int], mark: str, comma: bool, *, quoted: bool) -> pd.DataFrame:
-    """The cells of columns, a row to each of so many lines; the last column takes what is too much in a row."""
+def _cells(
+    rows: Any, count: int, columns: list[int], mark: str, comma: bool, *, quoted: bool
+) -> pd.DataFrame:
+    """The cells of columns, a row to each of so many lines; the last column takes
+    what is too much in a row.
+    """
     if mark == _BEFORE_NUMBERS:
-        rows, mark = re.sub(rb"(?<=\S)[ \t]+(?=[-+.\d])", b"\t", rows), "\t"
+        rows = re.sub(rb"(?<=\S)[ \t]+(?=[-+.\d])", b"\t", rows)
+        mark = "\t"
     width = columns[-1]
     full = mark.join("0" * (width + 1)) + "\n"  # a row that has them all
     with warnings.catch_warnings(), suppress(pd.errors.ParserError):
-        warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # texts among numbers are reported later
+        # texts among numbers are reported later
+        warnings.simplefilter("ignore", pd.errors.DtypeWarning)
         cells = pd.read_csv(
             io.BytesIO(b"".join([full.encode(), rows])),
             sep=r"\s+" if mark == _BLANKS else mark,
@@ -235,24 +421,43 @@ def _cells(rows: Any, count: int, columns: list[int], mark: str, comma: bool, *,
         )[1:]
         if len(cells) == count:
             return cells
-    raise InputError(f"{count} lines are not as many rows: a quotation mark is not closed, or a row is cut off")
+    raise InputError(
+        f"{count} lines are not as many rows: a quotation mark is not closed, or a row "
+        "is cut off"
+    )
 
 
 def _as_numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
-    """The numbers of a column, NaN where a cell holds none, or one in another unit than usual."""
+    """The numbers of a column, NaN where a cell holds none, or one in another unit
+    than usual.
+    """
     if cells.dtype.kind not in "fiu":  # of some parts pandas makes numbers
-        known = {cell: read_cell(cell, comma) for cell in cells.unique() if isinstance(cell, str)}
-        of_texts = {cell: value if unit in ("", usual) else math.nan for cell, (value, unit) in known.items()}
+        known = {
+            cell: read_cell(cell, comma)
+            for cell in cells.unique()
+            if isinstance(cell, str)
+        }
+        of_texts = {
+            cell: value if unit in ("", usual) else math.nan
+            for cell, (value, unit) in known.items()
+        }
         cells = cells.map(lambda cell: of_texts.get(cell, cell))
     return np.asarray(cells.astype(float).replace([np.inf, -np.inf], np.nan))
 
 
 def _of_spreadsheet(raw: bytes) -> Table:
     """The sheet with most numbers of an .xlsx file, as text separated by tabs."""
-    sheets = pd.read_excel(io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl")
-    sheet = max(sheets.values(), key=lambda sheet: sheet.apply(pd.to_numeric, errors="coerce").count().sum())
+    sheets = pd.read_excel(
+        io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl"
+    )
+    sheet = max(
+        sheets.values(),
+        key=lambda sheet: sheet.apply(pd.to_numeric, errors="coerce").count().sum(),
+    )
     plain = sheet.replace(r"[\t\r\n\"]", " ", regex=True)
-    text: str = plain.to_csv(sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE)
+    text: str = plain.to_csv(
+        sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE
+    )
     return _of_text(text.encode(), "\t", ".")
 
 
@@ -260,22 +465,46 @@ def _of_tdms(raw: bytes) -> Table:
     """The channels of numbers in a TDMS file, of those that are equally long."""
     import nptdms
 
-    channels = [one for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups() for one in group.channels()]
-    channels = [one for one in channels if len(one) and np.issubdtype(one[:].dtype, np.number)]
+    channels = [
+        one
+        for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups()
+        for one in group.channels()
+    ]
+    channels = [
+        one for one in channels if len(one) and np.issubdtype(one[:].dtype, np.number)
+    ]
     length = mode(len(one) for one in channels)
     channels = [one for one in channels if len(one) == length]
     named = [Heading.read(one.name) for one in channels]
-    units = [one.properties.get("unit_string") or one.properties.get("NI_UnitDescription") for one in channels]
-    headings = [Heading(each.name, str(unit or each.unit)) for each, unit in zip(named, units, strict=True)]
+    units = [
+        one.properties.get("unit_string") or one.properties.get("NI_UnitDescription")
+        for one in channels
+    ]
+    headings = [
+        Heading(each.name, str(unit or each.unit))
+        for each, unit in zip(named, units, strict=True)
+    ]
     columns = [np.array(one[:], dtype=float) for one in channels]
-    steps = {float(one.properties.get("wf_increment") or 0.0) for one in channels} - {0.0}
-    rows, step = np.arange(1, length + 1), steps.pop() if len(steps) == 1 else None
+    steps = {float(one.properties.get("wf_increment") or 0.0) for one in channels} - {
+        0.0
+    }
+    rows = np.arange(1, length + 1)
+    step = steps.pop() if len(steps) == 1 else None
 
     def read(asked: Iterable[int]) -> Columns:
         return {i: columns[i] for i in asked}, rows
 
-    return Table(with_coefficients(headings), [*range(len(columns))], read, "sample {}".format, step)
+    return Table(
+        with_coefficients(headings),
+        [*range(len(columns))],
+        read,
+        "sample {}".format,
+        step,
+    )
 
 
-_NO_TEXT: dict[bytes, Callable[[bytes], Table]] = {b"TDSm": _of_tdms, b"PK\x03\x04": _of_spreadsheet}
+_NO_TEXT: dict[bytes, Callable[[bytes], Table]] = {
+    b"TDSm": _of_tdms,
+    b"PK\x03\x04": _of_spreadsheet,
+}
 """Files that are no text, by how they begin, and how they are read."""

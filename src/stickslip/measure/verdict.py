@@ -45,10 +45,26 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("cycles shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
     ("-slips -swing -grows", SMOOTH, "the force {moves} by {size}, peak to peak"),
     ("-drops white small", SMOOTH, "the force shows noise only, {part}"),
-    ("-cycles -even drops", OPEN, "too short: {count} complete cycles that a verdict needs; {more}"),
-    ("-cycles -even white", OPEN, "noise of {part} masks any oscillation, and slips: record more often"),
-    ("-cycles -even", OPEN, "the force still {drift} in the window, and shows no complete slip; {more}"),
-    ("noise slips -small", SLIPS, "irregular and persistent slips of few contacts ({contacts}): {part}"),
+    (
+        "-cycles -even drops",
+        OPEN,
+        "too short: {count} complete cycles that a verdict needs; {more}",
+    ),
+    (
+        "-cycles -even white",
+        OPEN,
+        "noise of {part} masks any oscillation, and slips: record more often",
+    ),
+    (
+        "-cycles -even",
+        OPEN,
+        "the force still {drift} in the window, and shows no complete slip; {more}",
+    ),
+    (
+        "noise slips -small",
+        SLIPS,
+        "irregular and persistent slips of few contacts ({contacts}): {part}",
+    ),
     ("noise slight", SMOOTH, "{ample}: no more than the noise of {contacts} contacts"),
     ("shrinks", OPEN, "{changes}; {more} whether it persists"),
     ("grows -slips", OPEN, "{changes}; {more}"),
@@ -56,66 +72,113 @@ RULES: tuple[tuple[str, Kind, str], ...] = (
     ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
     ("even", SMOOTH, "the slider moves evenly, {strays}"),
     ("moves -contacts", SMOOTH, "the slider moves unevenly, {strays}"),
-    ("moves", OPEN, "the slider moves unevenly, {strays}: by itself, or shaken by its {contacts} contacts"),
-    ("line white", OPEN, "a period of {line} stands out of noise of {part}, which hides slips: record more often"),
+    (
+        "moves",
+        OPEN,
+        (
+            "the slider moves unevenly, {strays}: by itself, or shaken by its "
+            "{contacts} "
+            "contacts"
+        ),
+    ),
+    (
+        "line white",
+        OPEN,
+        (
+            "a period of {line} stands out of noise of {part}, which hides slips: "
+            "record "
+            "more often"
+        ),
+    ),
     ("normal slight", SMOOTH, "{ample}, as slow noise does"),
-    ("", OPEN, "irregular oscillation of {part}, neither slips nor noise; {how}; {more}"),
+    (
+        "",
+        OPEN,
+        "irregular oscillation of {part}, neither slips nor noise; {how}; {more}",
+    ),
 )
-"""What a window shows: facts that hold, or, with a minus, do not; then kind and reason. The first that fits decides."""
+"""What a window shows: facts that hold, or, with a minus, do not; then kind and
+reason. The first that fits decides.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Regime(Answer):
-    """The regime of motion in a stretch of constant driving, with the evidence; it equals its own `kind`."""
+    """The regime of motion in a stretch of constant driving, with the evidence; it
+    equals its own `kind`.
+    """
 
-    #: *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the slider reaches at least 3.5 times
-    #: the velocity of the drive. Where only the force is known: drops take at most a quarter of the time, or it rises
-    #: at its full rate for half of it (without a period, for .35). *Sustained oscillation*: a cycle that persists,
-    #: slower than that; the reason says whether the slider sticks. *Smooth sliding*: no oscillation, or noise of the
-    #: contacts or distributed as noise, or an oscillation below 2 % of the largest force, or one that decays and is
-    #: below 10 %. *Undecided*: the evidence does not suffice; the reason says what would decide it.
+    #: *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the
+    #: slider reaches at least 3.5 times the velocity of the drive. Where only the force
+    #: is known: drops take at most a quarter of the time, or it rises at its full rate
+    #: for half of it (without a period, for .35). *Sustained oscillation*: a cycle that
+    #: persists, slower than that; the reason says whether the slider sticks. *Smooth
+    #: sliding*: no oscillation, or noise of the contacts or distributed as noise, or an
+    #: oscillation below 2 % of the largest force, or one that decays and is below 10 %.
+    #: *Undecided*: the evidence does not suffice; the reason says what would decide it.
     kind: Kind
 
     reason: str  #: why, in plain words
-    window: tuple[float, float]  #: start and end of the stretch that was evaluated, in the unit of `t`
+    #: start and end of the stretch that was evaluated, in the unit of `t`
+    window: tuple[float, float]
     peak_to_peak: float  #: of the force of the driving spring in the window
     mean_force: float  #: of the driving spring in the window
-    static_friction: float  #: largest force in all of the data: what amplitudes are compared with
-    trend: float  #: second half over first, by a line through the logarithms of drops, or of the scatter in eight parts
-    cycles: int  #: complete ones in the window; of a force that is not periodic, complete drops
+    #: largest force in all of the data: what amplitudes are compared with
+    static_friction: float
+    #: second half over first, by a line through the logarithms of drops, or of the
+    #: scatter in eight parts
+    trend: float
+    #: complete ones in the window; of a force that is not periodic, complete drops
+    cycles: int
     period: float  #: mean time of a cycle; NaN with too few cycles
     period_variation: float  #: its coefficient of variation
     drop: float  #: mean force drop
     drop_variation: float  #: its coefficient of variation
-    slip_phase: float  #: fraction of the time in which the force drops: .5 for a sine, near 0 for a sawtooth
+    #: fraction of the time in which the force drops: .5 for a sine, near 0 for a
+    #: sawtooth
+    slip_phase: float
     noise: float  #: standard deviation from sample to sample, in the unit of the force
     drive_velocity: float | None = None  #: mean in the window, where it is known
-    largest_velocity: float | None = None  #: of the slider, over that of the drive, where they are known
-    stuck: float | None = None  #: fraction of the time in which the slider is slower than a quarter of the drive
-    mean_mu: float | None = None  #: with a normal load: the coefficient of friction, on average in the window
+    #: of the slider, over that of the drive, where they are known
+    largest_velocity: float | None = None
+    #: fraction of the time in which the slider is slower than a quarter of the drive
+    stuck: float | None = None
+    #: with a normal load: the coefficient of friction, on average in the window
+    mean_mu: float | None = None
     static_mu: float | None = None  #: the largest in all of the data
     quantity: str = "force"  #: what the force is: or "coefficient of friction"
     time_unit: str = ""  #: of the times above; empty where the data do not say
     force_unit: str = ""  #: of the forces above
-    notes: tuple[str, ...] = ()  #: what a reader should know of the data: a saturated sensor, gaps, a drift
-    segments: tuple["Regime", ...] = ()  #: what lies between steps of level or amplitude; empty without a step
+    #: what a reader should know of the data: a saturated sensor, gaps, a drift
+    notes: tuple[str, ...] = ()
+    #: what lies between steps of level or amplitude; empty without a step
+    segments: tuple["Regime", ...] = ()
     table: tuple[Criterion, ...] = ()  #: the tests that kind and reason are read off
 
     @property
     def drops_are(self) -> Literal["slips", "cycles", "drops"]:
-        """What the drops of the force are: slips, or cycles of an oscillation without sticking, or just drops."""
+        """What the drops of the force are: slips, or cycles of an oscillation
+        without sticking, or just drops.
+        """
         if self.kind == "sustained oscillation":
-            return "slips" if self.stuck is not None and self.stuck >= RESTS else "cycles"
+            return (
+                "slips" if self.stuck is not None and self.stuck >= RESTS else "cycles"
+            )
         return "slips" if self.kind == "stick-slip" else "drops"
 
     @property
     def is_noise(self) -> bool:
         """Whether the force swings by the noise of its contacts, and no more."""
         passed = {row.name: row.passed for row in self.table}
-        return self.kind == SMOOTH and passed.get(SWING, False) and not passed.get(NOISE, True)
+        return (
+            self.kind == SMOOTH
+            and passed.get(SWING, False)
+            and not passed.get(NOISE, True)
+        )
 
     def __eq__(self, other: object) -> bool:
-        alike = isinstance(other, Regime) and repr(vars(self)) == repr(vars(other))  # NaN equals NaN
+        # NaN equals NaN
+        alike = isinstance(other, Regime) and repr(vars(self)) == repr(vars(other))
         return self.kind == other if isinstance(other, str) else alike
 
     def __hash__(self) -> int:
@@ -124,24 +187,53 @@ class Regime(Answer):
     def __str__(self) -> str:
         divisor, unit = prefixed(self.window[1], self.time_unit)
         begin, end = (time / divisor for time in self.window)
-        told = ((self.mean_force, 4), (self.peak_to_peak, 3), (self.noise, 2), (self.drop, 3))
-        mean, swing, noise, drop = (words.engineering(value, self.force_unit, digits) for value, digits in told)
-        over = f"evaluated over t = {words.number(begin)} to {words.engineering(end, unit)}"
-        about = f"{self.quantity} {mean} on average, peak to peak {swing}, noise {noise}"
+        told = (
+            (self.mean_force, 4),
+            (self.peak_to_peak, 3),
+            (self.noise, 2),
+            (self.drop, 3),
+        )
+        mean, swing, noise, drop = (
+            words.engineering(value, self.force_unit, digits) for value, digits in told
+        )
+        over = (
+            f"evaluated over t = {words.number(begin)} to "
+            f"{words.engineering(end, unit)}"
+        )
+        about = (
+            f"{self.quantity} {mean} on average, peak to peak {swing}, noise {noise}"
+        )
         lines = [f"{self.kind}: {self.reason}", f"{over}; {about}"]
         if self.mean_mu is not None and self.static_mu is not None:
-            kinetic, static = (words.number(mu, 3) for mu in (self.mean_mu, self.static_mu))
-            lines.append(f"coefficient of friction {kinetic} on average (kinetic), {static} at most (static)")
+            kinetic, static = (
+                words.number(mu, 3) for mu in (self.mean_mu, self.static_mu)
+            )
+            lines.append(
+                f"coefficient of friction {kinetic} on average (kinetic), {static} at "
+                "most (static)"
+            )
         if self.cycles:
-            period = f", period {words.engineering(self.period, self.time_unit)}{_variation(self.period_variation)}"
-            phase = "" if math.isnan(self.slip_phase) else f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
+            period = (
+                ", period "
+                f"{words.engineering(self.period, self.time_unit)}{_variation(self.period_variation)}"  # noqa: E501
+            )
+            phase = (
+                ""
+                if math.isnan(self.slip_phase)
+                else f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
+            )
             count = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
             drop += _variation(self.drop_variation)
-            lines.append(f"{count}, drop {drop}{period if math.isfinite(self.period) else ''}{phase}")
+            lines.append(
+                f"{count}, drop "
+                f"{drop}{period if math.isfinite(self.period) else ''}{phase}"
+            )
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.largest_velocity is not None:
-            lines.append(f"largest velocity {self.largest_velocity:.3g} times the drive's")
+            lines.append(
+                f"largest velocity {self.largest_velocity:.3g} times the drive's"
+            )
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
 
@@ -149,21 +241,28 @@ def _variation(value: float) -> str:
     return f" (CV {value:.2g})" if math.isfinite(value) else ""
 
 
-def regime(data: xr.Dataset | xr.DataArray | pd.Series, *, after: float | None = None) -> Regime:
-    """Return the regime of motion under a constant drive, with the evidence; "undecided" where that does not suffice.
+def regime(
+    data: xr.Dataset | xr.DataArray | pd.Series, *, after: float | None = None
+) -> Regime:
+    """Return the regime of motion under a constant drive, with the evidence;
+    "undecided" where that does not suffice.
 
-    The verdict is about the window judged: an oscillation that still grows or shrinks there by more than 5 to 10 % from
-    one half to the other is undecided. What lies between gaps, between steps of the level or of the amplitude, and the
-    strokes of a reciprocating test, is judged apart, and told in turn where it differs. Raises `InputError` if the data
-    hold no force, or values that are not finite, or nothing after `after`.
+    The verdict is about the window judged: an oscillation that still grows or shrinks
+    there by more than 5 to 10 % from one half to the other is undecided. What lies
+    between gaps, between steps of the level or of the amplitude, and the strokes of a
+    reciprocating test, is judged apart, and told in turn where it differs. Raises
+    `InputError` if the data hold no force, or values that are not finite, or nothing
+    after `after`.
 
     Parameters
     ----------
     data : Dataset, DataArray or Series
-        A run, a measured trace, or the force alone over its times: coordinate or index, which may be dates.
+        A run, a measured trace, or the force alone over its times: coordinate or index,
+        which may be dates.
     after : float, optional
-        Judge what comes after this time, in the unit of the times. By default the last 40 % of the last stretch of
-        constant driving, or 80 % if that holds fewer than five drops; of a force alone, all after the first loading.
+        Judge what comes after this time, in the unit of the times. By default the last
+        40 % of the last stretch of constant driving, or 80 % if that holds fewer than
+        five drops; of a force alone, all after the first loading.
 
     Examples
     --------
@@ -176,18 +275,27 @@ def regime(data: xr.Dataset | xr.DataArray | pd.Series, *, after: float | None =
 
 
 def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
-    """The trace that data hold, or what comes after a time, and its regime; a coefficient of friction by its size."""
+    """The trace that data hold, or what comes after a time, and its regime; a
+    coefficient of friction by its size.
+    """
     trace = Trace.of(data)
     if after is not None:
-        end, trace = trace.t[-1], trace.part(begin := number("after", after, hint="a time, in the unit of t"))
+        end = trace.t[-1]
+        trace = trace.part(
+            begin := number("after", after, hint="a time, in the unit of t")
+        )
         if trace.t.size < FEWEST_READINGS:
-            given, last = (words.engineering(time, trace.time_unit, 6) for time in (begin, end))
+            given, last = (
+                words.engineering(time, trace.time_unit, 6) for time in (begin, end)
+            )
             least = f"fewer than {FEWEST_READINGS} samples lie after it"
             raise InputError(f"after = {given}: {least}; the data end at t = {last}")
     if trace.drive is None or trace.measured:
         seen = _of_a_bench(trace, whole=after is None)
     else:
-        seen = _together(_apart(*_late(trace, trace.drive)) if after is None else _apart(trace))
+        seen = _together(
+            _apart(*_late(trace, trace.drive)) if after is None else _apart(trace)
+        )
     if "mu" in data and data["mu"].dims == ("time",):
         size = abs(data["mu"])  # it changes sign with the direction
         mean = float(size.sel(time=slice(*seen.window)).mean())
@@ -196,12 +304,17 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
 
 
 def _late(trace: Trace, drive: Array) -> tuple[Trace, Slips | None]:
-    """The last part of the last stretch of constant driving, or twice as much if that holds few drops; its drops."""
-    differs = np.flatnonzero(np.abs(drive - drive[-1]) > CONSTANT_DRIVE * abs(drive[-1]))
+    """The last part of the last stretch of constant driving, or twice as much if
+    that holds few drops; its drops.
+    """
+    differs = np.flatnonzero(
+        np.abs(drive - drive[-1]) > CONSTANT_DRIVE * abs(drive[-1])
+    )
     first = int(differs[-1]) + 1 if differs.size else 0
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
         return trace, None
-    begin, end = trace.t[first], trace.t[-1]
+    begin = trace.t[first]
+    end = trace.t[-1]
     for part in (LATE_PART, 2.0 * LATE_PART):
         late = trace.part(end - part * (end - begin))
         found = find_slips(late)
@@ -211,17 +324,36 @@ def _late(trace: Trace, drive: Array) -> tuple[Trace, Slips | None]:
 
 
 def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
-    """Judge a measured force, once it is loaded: between gaps and steps, and in strokes, each by itself; with notes."""
-    stretches, notes, parts, strokes = trace.stretches, [*about_the_sensor(trace.force)], list[Regime](), 0
+    """Judge a measured force, once it is loaded: between gaps and steps, and in
+    strokes, each by itself; with notes.
+    """
+    stretches = trace.stretches
+    notes = [*about_the_sensor(trace.force)]
+    parts = list[Regime]()
+    strokes = 0
     if len(stretches) > 1:
-        begin, end = words.number(stretches[0].t[-1]), words.number(stretches[1].t[0])
+        begin = words.number(stretches[0].t[-1])
+        end = words.number(stretches[1].t[0])
         more = f", and {len(stretches) - 2} more gaps" if len(stretches) > 2 else ""
-        notes.insert(0, f"no readings from t = {begin} to {end}{more}: each stretch without a gap was judged by itself")
-    for stretch in [each for each in stretches if each.t.size >= FEWEST_READINGS] or [trace]:
+        notes.insert(
+            0,
+            (
+                f"no readings from t = {begin} to {end}{more}: each stretch without a "
+                "gap "
+                "was judged by itself"
+            ),
+        )
+    for stretch in [each for each in stretches if each.t.size >= FEWEST_READINGS] or [
+        trace
+    ]:
         ways = [_judge(stroke) for stroke in find_strokes(stretch)]
         usual = float(np.median(stretch.force[stretch.force.size // 2 :]))
         loaded = float(stretch.t[int(np.argmax(stretch.force >= usual))])
-        late = stretch.part(loaded) if whole and _drift(stretch.part(-math.inf, loaded)) > 0 else stretch
+        late = (
+            stretch.part(loaded)
+            if whole and _drift(stretch.part(-math.inf, loaded)) > 0
+            else stretch
+        )
         parts += ways or _apart(late if late.t.size >= FEWEST_READINGS else stretch)
         strokes += len(ways)
     seen = _together(parts, strokes)
@@ -243,62 +375,100 @@ def _apart(trace: Trace, found: Slips | None = None) -> list[Regime]:
 
 
 def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
-    """The longest part of the kind that lasts longest, if the others agree; else they are told in turn."""
+    """The longest part of the kind that lasts longest, if the others agree; else
+    they are told in turn.
+    """
     lasts = Counter[Kind]()
     for each in parts:
         lasts[each.kind] += np.ptp(each.window)
     kind = max(lasts, key=lambda kind: (kind != OPEN, lasts[kind]))
-    seen = max((each for each in parts if each.kind == kind), key=lambda each: float(np.ptp(each.window)))
-    agree, window = lasts[kind] >= MOST_PARTS * lasts.total(), (parts[0].window[0], parts[-1].window[1])
+    seen = max(
+        (each for each in parts if each.kind == kind),
+        key=lambda each: float(np.ptp(each.window)),
+    )
+    agree = lasts[kind] >= MOST_PARTS * lasts.total()
+    window = (parts[0].window[0], parts[-1].window[1])
     if strokes:
-        told = ", ".join(f"{many} {kind}" for kind, many in Counter(each.kind for each in parts).most_common())
-        reason = f"reciprocating test, {strokes} strokes judged separately ({told}); {seen.reason}"
+        told = ", ".join(
+            f"{many} {kind}"
+            for kind, many in Counter(each.kind for each in parts).most_common()
+        )
+        reason = (
+            f"reciprocating test, {strokes} strokes judged separately ({told}); "
+            f"{seen.reason}"
+        )
         more = "" if agree else "; judge a part of the strokes"
-        return replace(seen, kind=OPEN if more else kind, reason=reason + more, window=window)
+        return replace(
+            seen, kind=OPEN if more else kind, reason=reason + more, window=window
+        )
     if len(parts) == 1 or kind == OPEN:
         return seen
     alike = agree and {*lasts} <= {kind, OPEN}
-    turns, seen = _in_turn(parts, alike=alike), replace(seen, segments=tuple(parts))
+    turns = _in_turn(parts, alike=alike)
+    seen = replace(seen, segments=tuple(parts))
     if not alike:
-        return replace(seen, kind=OPEN, reason=f"{turns}: judge each part by itself", window=window)
+        return replace(
+            seen, kind=OPEN, reason=f"{turns}: judge each part by itself", window=window
+        )
     changes = [f"in {len(parts)} segments: {turns}"] if ", then " in turns else []
     return replace(seen, notes=(*seen.notes, *changes))
 
 
 def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
-    """Say which kinds of motion follow one another, and until when; of those that are alike, drop or mean force."""
+    """Say which kinds of motion follow one another, and until when; of those that
+    are alike, drop or mean force.
+    """
 
     def text(part: Regime) -> str:
         drops = part.cycles and part.kind != SMOOTH
-        name, value = ("drop", part.drop) if drops else (f"mean {part.quantity}", part.mean_force)
-        return f"{name} {words.engineering(value, part.force_unit, 3)}" if alike else part.kind
+        name, value = (
+            ("drop", part.drop) if drops else (f"mean {part.quantity}", part.mean_force)
+        )
+        return (
+            f"{name} {words.engineering(value, part.force_unit, 3)}"
+            if alike
+            else part.kind
+        )
 
     runs = [(said, [*each][-1]) for said, each in itertools.groupby(parts, key=text)]
-    begin, end = parts[0].window[0], parts[-1].window[1]
+    begin = parts[0].window[0]
+    end = parts[-1].window[1]
     digits = 3 + int(math.log10(max(abs(end) / (end - begin), 1.0)) + 0.8)
-    told = [f"{said} to t = {words.engineering(last.window[1], last.time_unit, digits)}" for said, last in runs[:-1]]
+    told = [
+        f"{said} to t = {words.engineering(last.window[1], last.time_unit, digits)}"
+        for said, last in runs[:-1]
+    ]
     return f"{', '.join(told)}, then {runs[-1][0]}" if told else runs[-1][0]
 
 
 def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
-    seen, pace = Window(trace, found or find_slips(trace)), trace.pace
+    seen = Window(trace, found or find_slips(trace))
+    pace = trace.pace
     kind, reason = OPEN, _fault(trace, seen)
     if not reason:
         kind, reason = next(
             (kind, reason.format_map(_in_words(seen)))
             for conditions, kind, reason in RULES
-            if all((name.lstrip("-") in seen.facts) == (name[0] != "-") for name in conditions.split())
+            if all(
+                (name.lstrip("-") in seen.facts) == (name[0] != "-")
+                for name in conditions.split()
+            )
         )
     notes = list[str]()
     if kind != OPEN and trace.measured and (rate := _drift(trace)):
         unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
-        notes.append(f"the force drifts by {words.engineering(trace.sign * rate, unit, 3)}")
+        notes.append(
+            f"the force drifts by {words.engineering(trace.sign * rate, unit, 3)}"
+        )
     slips = fast_ones(trace, seen.found) if kind == SLIPS else seen.found
     drop, _, drop_variation = mean_and_std(slips.drops)
-    count, (period, _, variation) = slips.size, mean_and_std(np.diff(slips.times))
+    count = slips.size
+    period, _, variation = mean_and_std(np.diff(slips.times))
     if seen.cycles and kind != SMOOTH:
-        count, period, variation = seen.cycles.count, seen.cycles.period, seen.cycles.variation
+        count = seen.cycles.count
+        period = seen.cycles.period
+        variation = seen.cycles.variation
     return Regime(
         kind=kind,
         reason=reason,
@@ -314,7 +484,9 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
         noise=seen.found.noise,
-        drive_velocity=None if trace.drive is None else trace.sign * float(trace.drive.mean()),
+        drive_velocity=None
+        if trace.drive is None
+        else trace.sign * float(trace.drive.mean()),
         largest_velocity=None if pace is None else float(pace.max()),
         stuck=trace.stuck,
         quantity=trace.quantity,
@@ -326,45 +498,82 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
 
 
 def _fault(trace: Trace, seen: Window) -> str:
-    """Why a window has no regime: a fault of the sensor, or a drive that is not constant; empty if it may have one."""
+    """Why a window has no regime: a fault of the sensor, or a drive that is not
+    constant; empty if it may have one.
+    """
     if trace.drive is None or trace.measured:
-        other = replace(trace, force=-trace.force, velocity=None)  # which was read off the force as it is
-        if "slips" not in seen.facts and {"slips", "cycles"} <= Window(other, find_slips(other)).facts:
-            return "the force jumps up and falls slowly: its sign seems reversed (--flip on a command line, flip=True)"
-        return "" if np.any(trace.force != trace.largest) else "the force never changes: is the sensor connected?"
+        # which was read off the force as it is
+        other = replace(trace, force=-trace.force, velocity=None)
+        if (
+            "slips" not in seen.facts
+            and {"slips", "cycles"} <= Window(other, find_slips(other)).facts
+        ):
+            return (
+                "the force jumps up and falls slowly: its sign seems reversed "
+                "(--flip on a command line, flip=True)"
+            )
+        return (
+            ""
+            if np.any(trace.force != trace.largest)
+            else "the force never changes: is the sensor connected?"
+        )
     if not trace.drive.any():
         return "the drive stands still"
     changes = np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive))
-    return "the velocity of the drive changes: use transitions(), or data.sel(time=slice(from, to))" if changes else ""
+    return (
+        (
+            "the velocity of the drive changes: use transitions(), or "
+            "data.sel(time=slice(from, to))"
+        )
+        if changes
+        else ""
+    )
 
 
 def _in_words(seen: Window) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
-    trace, span, (trend, _) = seen.trace, float(np.ptp(seen.trace.t)), seen.trend
+    trace = seen.trace
+    span = float(np.ptp(seen.trace.t))
+    trend, _ = seen.trend
     sizes = {
         "part": float(np.ptp(trace.force)) / (abs(trace.largest) or 1.0),
         "size": seen.tests["swing"].statistic,
-        "small": float(np.ptp(trace.force[trace.force.size // 2 :])) / (abs(trace.largest) or 1.0),
+        "small": float(np.ptp(trace.force[trace.force.size // 2 :]))
+        / (abs(trace.largest) or 1.0),
     }
-    said = {name: f"{100 * size:.3g} % of the largest force" for name, size in sizes.items()}
+    said = {
+        name: f"{100 * size:.3g} % of the largest force" for name, size in sizes.items()
+    }
     sticks = "whether the slider sticks, the force alone does not tell"
     if (stuck := trace.stuck) is not None:
-        sticks = f"the slider {f'sticks for {100 * stuck:.0f} % of the time' if stuck >= RESTS else 'never sticks'}"
+        sticks = (
+            "the slider "
+            f"{f'sticks for {100 * stuck:.0f} % of the time' if stuck >= RESTS else 'never sticks'}"  # noqa: E501
+        )
     # So long that there are enough cycles, and a trend shows.
     needed = span * max((FEWEST_CYCLES + 1) / max(seen.count, 1), 2.0)
     drift = slope(trace.force, trace.t) * span
     return said | {
-        "ample": f"the force fluctuates by {said['part']}, with{'out' * (not seen.cycles)} a period",
+        "ample": (
+            f"the force fluctuates by {said['part']}, "
+            f"with{'out' * (not seen.cycles)} a period"
+        ),
         "moves": "oscillates" if seen.cycles else "fluctuates",
         "line": words.engineering(seen.line[0], trace.time_unit, 2),
         "count": f"{seen.count} of the {FEWEST_CYCLES}",
-        "drift": f"{'rises' if drift > 0 else 'falls'}, by {words.engineering(abs(drift), trace.force_unit, 3)}",
+        "drift": (
+            f"{'rises' if drift > 0 else 'falls'}, by "
+            f"{words.engineering(abs(drift), trace.force_unit, 3)}"
+        ),
         "contacts": trace.contacts,
         "manner": "periodic" if seen.cycles else "irregular",
         "how": seen.slips[-1],
         "strays": f"{strays_by(trace):.2g} times the drive's velocity off that (rms)",
         "sticks": sticks,
-        "changes": f"the amplitude {'decays' if trend < 1.0 else 'still grows'}, by a factor {trend:.2g} from one half "
+        "changes": f"the amplitude {'decays' if trend < 1.0 else 'still grows'}, by a "
+        f"factor {trend:.2g} from one half "
         "of the window to the other",
-        "more": f"about {words.engineering(needed, trace.time_unit, 2)} more would decide",
+        "more": (
+            f"about {words.engineering(needed, trace.time_unit, 2)} more would decide"
+        ),
     }

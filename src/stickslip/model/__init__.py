@@ -1,13 +1,27 @@
-"""Records of the model: interface, slider and drive, the rig they make, and how it is simulated.
+"""Records of the model: interface, slider and drive, the rig they make, and how it is
+simulated.
 
-Records only, each validated on construction. Natural units throughout: contact stiffness ``k = 1``, mean threshold
-force ``f_s = 1``, hence stretchings in units of ``x_s = f_s/k``; everything per contact. Time is in any unit.
+Records only, each validated on construction. Natural units throughout: contact
+stiffness ``k = 1``, mean threshold force ``f_s = 1``, hence stretchings in units of
+``x_s = f_s/k``; everything per contact. Time is in any unit.
 """
 
 from stickslip.model.activation import Barrier, Bell, Parabolic
-from stickslip.model.ageing import AgeingModel, ExponentialGrowth, FixedGrowth, Langevin, LogarithmicGrowth
+from stickslip.model.ageing import (
+    AgeingModel,
+    ExponentialGrowth,
+    FixedGrowth,
+    Langevin,
+    LogarithmicGrowth,
+)
 from stickslip.model.body import Chain, ElasticBody, Sheet, Slider
-from stickslip.model.delays import Delay, DelayModel, NegativeDelay, OnArrest, RandomDelay
+from stickslip.model.delays import (
+    Delay,
+    DelayModel,
+    NegativeDelay,
+    OnArrest,
+    RandomDelay,
+)
 from stickslip.model.distributions import (
     Distribution,
     Empirical,
@@ -19,7 +33,15 @@ from stickslip.model.distributions import (
     Uniform,
     Weibull,
 )
-from stickslip.model.drive import Drive, ForceAbove, ForceBelow, Piece, Travel, constant, ramp
+from stickslip.model.drive import (
+    Drive,
+    ForceAbove,
+    ForceBelow,
+    Piece,
+    Travel,
+    constant,
+    ramp,
+)
 from stickslip.model.interface import Interface
 from stickslip.model.methods import (
     Contacts,
@@ -38,9 +60,64 @@ from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Operation, Rig
 from stickslip.model.units import Scales
 
-__all__ = ["AgeingModel", "Barrier", "Bell", "Chain", "Contacts", "Delay", "DelayModel", "Distribution", "Drive"]
-__all__ += ["ElasticBody", "Empirical", "Exponential", "ExponentialGrowth", "FixedGrowth", "ForceAbove", "ForceBelow"]
-__all__ += ["FromRest", "FromSliding", "Gamma", "Gaussian", "Interface", "Langevin", "LogNormal", "LogarithmicGrowth"]
-__all__ += ["MasterEquation", "Method", "NegativeDelay", "OnArrest", "Operation", "Output", "Parabolic", "Parameter"]
-__all__ += ["Piece", "Population", "Prestressed", "QuasiStatic", "RandomDelay", "Renewal", "Rig", "Scales", "Sheet"]
-__all__ += ["Slider", "Start", "SteadyState", "Travel", "Uniform", "Weibull", "constant", "ramp"]
+__all__ = [
+    "AgeingModel",
+    "Barrier",
+    "Bell",
+    "Chain",
+    "Contacts",
+    "Delay",
+    "DelayModel",
+    "Distribution",
+    "Drive",
+]
+__all__ += [
+    "ElasticBody",
+    "Empirical",
+    "Exponential",
+    "ExponentialGrowth",
+    "FixedGrowth",
+    "ForceAbove",
+    "ForceBelow",
+]
+__all__ += [
+    "FromRest",
+    "FromSliding",
+    "Gamma",
+    "Gaussian",
+    "Interface",
+    "Langevin",
+    "LogNormal",
+    "LogarithmicGrowth",
+]
+__all__ += [
+    "MasterEquation",
+    "Method",
+    "NegativeDelay",
+    "OnArrest",
+    "Operation",
+    "Output",
+    "Parabolic",
+    "Parameter",
+]
+__all__ += [
+    "Piece",
+    "Population",
+    "Prestressed",
+    "QuasiStatic",
+    "RandomDelay",
+    "Renewal",
+    "Rig",
+    "Scales",
+    "Sheet",
+]
+__all__ += [
+    "Slider",
+    "Start",
+    "SteadyState",
+    "Travel",
+    "Uniform",
+    "Weibull",
+    "constant",
+    "ramp",
+]

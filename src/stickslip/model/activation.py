@@ -1,7 +1,9 @@
-"""Temperature: contacts that break before their threshold, at a rate set by the barrier that is left.
+"""Temperature: contacts that break before their threshold, at a rate set by the barrier
+that is left.
 
-A contact of threshold ``x_c`` stretched by ``x`` breaks at the rate ``attempts * exp(-barrier(x, x_c)/kT)``, and at
-once where ``|x| = x_c``. The threshold of each contact is its own for its whole life.
+A contact of threshold ``x_c`` stretched by ``x`` breaks at the rate
+``attempts * exp(-barrier(x, x_c)/kT)``, and at once where ``|x| = x_c``. The threshold
+of each contact is its own for its whole life.
 """
 
 from dataclasses import dataclass
@@ -11,31 +13,41 @@ from stickslip.errors import InputError
 from stickslip.model.records import Number, Record, registry
 
 ACTIVATIONS, register = registry("activation")
-"""The kinds of thermal activation that rig files can name; ``@register("bell")`` gives a class its name there."""
+"""The kinds of thermal activation that rig files can name; ``@register("bell")``
+gives a class its name there.
+"""
 
 
 class ActivationModel(Record):
-    """How heat breaks contacts: `Bell`, `Parabolic`, `Barrier`, or a model of the user's own.
+    """How heat breaks contacts: `Bell`, `Parabolic`, `Barrier`, or a model of the
+    user's own.
 
-    A model of one's own derives from this class and is registered under the name that rig files use. Its `form` is one
-    of the three, which alone solvers know, and which an `Interface` keeps in its place.
+    A model of one's own derives from this class and is registered under the name that
+    rig files use. Its `form` is one of the three, which alone solvers know, and which
+    an `Interface` keeps in its place.
     """
 
     def form(self) -> "Activation":
-        """Return the `Bell`, `Parabolic` or `Barrier` with this barrier and rate of attempts."""
-        raise InputError(f"Interface.temperature = {self}: needs a method form() that returns a Bell or a Barrier")
+        """Return the `Bell`, `Parabolic` or `Barrier` with this barrier and rate of
+        attempts.
+        """
+        raise InputError(
+            f"Interface.temperature = {self}: needs a method form() that returns a "
+            "Bell or a Barrier"
+        )
 
 
 @register("bell")
 @dataclass(frozen=True, kw_only=True)
 class Bell(ActivationModel):
-    """Thermal activation after Bell and Eyring: the barrier falls linearly, ``(x_c - x)/width`` in units of ``kT``.
+    """Thermal activation after Bell and Eyring: the barrier falls linearly,
+    ``(x_c - x)/width`` in units of ``kT``.
 
     Parameters
     ----------
     width : float
-        Activation width ``A``, in ``x_s``: ``kT`` over the activation length times the contact's stiffness times
-        ``x_s``. It goes with the temperature.
+        Activation width ``A``, in ``x_s``: ``kT`` over the activation length times the
+        contact's stiffness times ``x_s``. It goes with the temperature.
     attempts : float
         Rate of attempts on the top of the barrier, in 1/time.
     """
@@ -47,7 +59,8 @@ class Bell(ActivationModel):
 @register("parabolic")
 @dataclass(frozen=True, kw_only=True)
 class Parabolic(ActivationModel):
-    """Thermal activation over the elastic energy itself: barrier ``(x_c**2 - x**2)/(2 temperature)``.
+    """Thermal activation over the elastic energy itself: barrier
+    ``(x_c**2 - x**2)/(2 temperature)``.
 
     Parameters
     ----------
@@ -64,7 +77,8 @@ class Parabolic(ActivationModel):
 @register("barrier")
 @dataclass(frozen=True, kw_only=True)
 class Barrier(ActivationModel):
-    """Thermal activation over a barrier of given height: ``height * (1 - x/x_c)**power`` in units of ``kT``.
+    """Thermal activation over a barrier of given height:
+    ``height * (1 - x/x_c)**power`` in units of ``kT``.
 
     Parameters
     ----------

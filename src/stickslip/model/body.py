@@ -1,8 +1,10 @@
-"""Sliding bodies: the rigid slider, or blocks that each rest on contacts of their own, coupled by springs and dashpots.
+"""Sliding bodies: the rigid slider, or blocks that each rest on contacts of their own,
+coupled by springs and dashpots.
 
-An elastic body is masses, a symmetric network of springs, dashpots beside them, and the springs that pull it. `Chain`
-and `Sheet` say so in a few numbers; what solvers and theory ask of either is the same: how many blocks there are
-(`size`), which springs pull them (`pulled`) and which couple them (`links`).
+An elastic body is masses, a symmetric network of springs, dashpots beside them, and the
+springs that pull it. `Chain` and `Sheet` say so in a few numbers; what solvers and
+theory ask of either is the same: how many blocks there are (`size`), which springs pull
+them (`pulled`) and which couple them (`links`).
 """
 
 import math
@@ -17,21 +19,25 @@ from stickslip.arrays import Array
 from stickslip.model.records import Number, Record, registry
 
 Links = tuple[NDArray[np.int64], Array]
-"""Pairs of coupled blocks, shape (links, 2), and the stiffness of each spring, shape (links,)."""
+"""Pairs of coupled blocks, shape (links, 2), and the stiffness of each spring, shape
+(links,).
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Slider(Record):
     """The slider and its driving spring, Eq. (11), per contact.
 
-    As a function it is their mechanical impedance ``Z(s) = M s^2 + M eta s + K``, force over displacement.
+    As a function it is their mechanical impedance ``Z(s) = M s^2 + M eta s + K``, force
+    over displacement.
 
     Parameters
     ----------
     stiffness : float
         Stiffness of the driving spring ``K/N`` in units of ``k``.
     mass : float
-        ``M/N`` in units of ``f_s * time**2 / x_s``. Zero is the massless limit: theory of stability only.
+        ``M/N`` in units of ``f_s * time**2 / x_s``. Zero is the massless limit: theory
+        of stability only.
     damping : float
         ``eta`` in 1/time.
     """
@@ -42,39 +48,65 @@ class Slider(Record):
 
     def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
         """Force over displacement for motion as ``exp(s t)``, at each `s` in 1/time."""
-        return np.asarray(self.stiffness + self.mass * s * (s + self.damping), dtype=complex)
+        return np.asarray(
+            self.stiffness + self.mass * s * (s + self.damping), dtype=complex
+        )
 
     @property
     def frequency(self) -> float:
-        """Angular frequency ``Omega = sqrt(K/M)`` of the slider on its spring alone; infinite without mass."""
+        """Angular frequency ``Omega = sqrt(K/M)`` of the slider on its spring alone;
+        infinite without mass.
+        """
         return math.sqrt(self.stiffness / self.mass) if self.mass > 0 else math.inf
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio ``zeta = eta/(2 Omega)`` of the slider on its spring alone; zero without mass."""
+        """Damping ratio ``zeta = eta/(2 Omega)`` of the slider on its spring alone;
+        zero without mass.
+        """
         return 0.5 * self.damping / self.frequency
 
 
 BODIES, register = registry("body")
-"""The elastic bodies by the name of their table in rig files; ``@register("chain")`` gives a class its name there."""
+"""The elastic bodies by the name of their table in rig files; ``@register("chain")``
+gives a class its name there.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ElasticBody(Record):
-    """Equal blocks, each on contacts of its own; all numbers are per contact of a block. What every body has.
+    """Equal blocks, each on contacts of its own; all numbers are per contact of a
+    block. What every body has.
 
-    A body of the user's own derives from this class, is registered under the name of its table in rig files, and says
-    its `size`, the springs that pull its blocks (`pulled`) and those that couple them (`links`).
+    A body of the user's own derives from this class, is registered under the name of
+    its table in rig files, and says its `size`, the springs that pull its blocks
+    (`pulled`) and those that couple them (`links`).
     """
 
-    coupling: Annotated[float, Number("k", above=0, hint="k_b, between neighbours along the drive, per contact")]
+    coupling: Annotated[
+        float,
+        Number(
+            "k", above=0, hint="k_b, between neighbours along the drive, per contact"
+        ),
+    ]
     mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N of a block")]
     damping: Annotated[float, Number("1/time", at_least=0, hint="eta")]
-    viscosity: Annotated[float, Number("f_s time/x_s", at_least=0, hint="c_b, beside the coupling")] = 0.0
-    leaf: Annotated[float, Number("k", at_least=0, hint="spring from every block to the drive")] = 0.0
-    side: Annotated[float, Number("k", at_least=0, hint="spring from the first block of a row to the drive")] = 0.0
+    viscosity: Annotated[
+        float, Number("f_s time/x_s", at_least=0, hint="c_b, beside the coupling")
+    ] = 0.0
+    leaf: Annotated[
+        float, Number("k", at_least=0, hint="spring from every block to the drive")
+    ] = 0.0
+    side: Annotated[
+        float,
+        Number(
+            "k", at_least=0, hint="spring from the first block of a row to the drive"
+        ),
+    ] = 0.0
     ends: Literal["free", "periodic"] = "free"
-    spacing: Annotated[float | None, Number("x_s", above=0, hint="length of a block")] = None
+    spacing: Annotated[
+        float | None, Number("x_s", above=0, hint="length of a block")
+    ] = None
 
     @property
     def size(self) -> int:
@@ -83,15 +115,22 @@ class ElasticBody(Record):
 
     @property
     def rows(self) -> int:
-        """Number of rows beside each other; blocks are counted along the drive first."""
+        """Number of rows beside each other; blocks are counted along the drive
+        first.
+        """
         return 1
 
     @property
     def links(self) -> Links:
-        """The springs between blocks: along rows, and where the body has several, from row to row."""
+        """The springs between blocks: along rows, and where the body has several,
+        from row to row.
+        """
         block = np.arange(self.size).reshape(self.rows, -1)
-        along, across = self._neighbours(block), self._neighbours(block.T)
-        stiffness = np.repeat([self.coupling, getattr(self, "shear", math.nan)], [len(along), len(across)])
+        along = self._neighbours(block)
+        across = self._neighbours(block.T)
+        stiffness = np.repeat(
+            [self.coupling, getattr(self, "shear", math.nan)], [len(along), len(across)]
+        )
         return np.concatenate([along, across]), stiffness
 
     @property
@@ -103,11 +142,15 @@ class ElasticBody(Record):
 
     @property
     def sound_speed(self) -> float:
-        """Speed ``sqrt(k_b/M)`` of long waves along the free body, in blocks per time."""
+        """Speed ``sqrt(k_b/M)`` of long waves along the free body, in blocks per
+        time.
+        """
         return math.sqrt(self.coupling / self.mass)
 
     def _neighbours(self, block: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Pairs of neighbours in rows of blocks; a ring of two would couple them twice, and is left open."""
+        """Pairs of neighbours in rows of blocks; a ring of two would couple them
+        twice, and is left open.
+        """
         pairs = np.stack([block[:, :-1], block[:, 1:]], axis=-1)
         if self.ends == "periodic" and block.shape[1] > 2:
             pairs = np.concatenate([pairs, block[:, None, [-1, 0]]], axis=1)
@@ -117,14 +160,17 @@ class ElasticBody(Record):
 @register("chain")
 @dataclass(frozen=True, kw_only=True)
 class Chain(ElasticBody):
-    """A bar of equal blocks in a row, each on contacts of its own; all numbers are per contact of a block.
+    """A bar of equal blocks in a row, each on contacts of its own; all numbers are per
+    contact of a block.
 
     Each block moves by
 
-        M X_j'' + M eta X_j' = K_j (D - X_j) + k_b sum (X_l - X_j) + c_b sum (X_l' - X_j') - F_j
+        M X_j'' + M eta X_j' = K_j (D - X_j) + k_b sum (X_l - X_j) + c_b sum (X_l' -
+        X_j') - F_j
 
-    with the sums over its neighbours, ``K_j = leaf`` (and ``+ side`` for block 0), and ``F_j`` the mean force of its
-    contacts. Twice as many blocks for the same bar mean four times the `coupling` and `viscosity`, all else unchanged.
+    with the sums over its neighbours, ``K_j = leaf`` (and ``+ side`` for block 0), and
+    ``F_j`` the mean force of its contacts. Twice as many blocks for the same bar mean
+    four times the `coupling` and `viscosity`, all else unchanged.
 
     Parameters
     ----------
@@ -145,7 +191,8 @@ class Chain(ElasticBody):
     ends : {"free", "periodic"}
         Whether the last block is coupled to the first.
     spacing : float, optional
-        Length of a block along the drive, in units of ``x_s``; the speeds of fronts are then given as velocities.
+        Length of a block along the drive, in units of ``x_s``; the speeds of fronts are
+        then given as velocities.
 
     Examples
     --------
@@ -154,7 +201,9 @@ class Chain(ElasticBody):
     1.0
     """
 
-    blocks: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of blocks")]
+    blocks: Annotated[
+        int, Number(at_least=1, at_most=100_000_000, hint="number of blocks")
+    ]
 
     @property
     def size(self) -> int:
@@ -165,11 +214,13 @@ class Chain(ElasticBody):
 @register("sheet")
 @dataclass(frozen=True, kw_only=True)
 class Sheet(ElasticBody):
-    """A sheet of equal blocks on contacts, seen from above; displacements along the drive only, per contact.
+    """A sheet of equal blocks on contacts, seen from above; displacements along the
+    drive only, per contact.
 
-    Blocks are counted along the drive first: block ``i + along * j`` is the ``i``-th in row ``j``. All numbers but
-    these three are those of a `Chain`, with `coupling` between neighbours in a row, `side` for the first block of every
-    row, and `viscosity` between rows in proportion to their stiffness.
+    Blocks are counted along the drive first: block ``i + along * j`` is the ``i``-th in
+    row ``j``. All numbers but these three are those of a `Chain`, with `coupling`
+    between neighbours in a row, `side` for the first block of every row, and
+    `viscosity` between rows in proportion to their stiffness.
 
     Parameters
     ----------
@@ -182,13 +233,30 @@ class Sheet(ElasticBody):
 
     Examples
     --------
-    >>> ss.model.Sheet(along=64, across=16, coupling=25.0, shear=8.0, mass=25.0, damping=0.2, leaf=0.25).size
+    >>> ss.model.Sheet(
+    ...     along=64,
+    ...     across=16,
+    ...     coupling=25.0,
+    ...     shear=8.0,
+    ...     mass=25.0,
+    ...     damping=0.2,
+    ...     leaf=0.25,
+    ... ).size
     1024
     """
 
-    along: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of blocks along the drive")]
-    across: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of rows")]
-    shear: Annotated[float, Number("k", above=0, hint="between neighbouring rows, per contact")]
+    along: Annotated[
+        int,
+        Number(
+            at_least=1, at_most=100_000_000, hint="number of blocks along the drive"
+        ),
+    ]
+    across: Annotated[
+        int, Number(at_least=1, at_most=100_000_000, hint="number of rows")
+    ]
+    shear: Annotated[
+        float, Number("k", above=0, hint="between neighbouring rows, per contact")
+    ]
 
     @property
     def size(self) -> int:
@@ -204,6 +272,8 @@ class Sheet(ElasticBody):
 def coupling_matrix(body: ElasticBody) -> sparse.csr_array:
     """Stiffness matrix of the springs between the blocks of a body."""
     pairs, springs = body.links
-    net = sparse.coo_array((springs, (pairs[:, 0], pairs[:, 1])), shape=(body.size, body.size))
+    net = sparse.coo_array(
+        (springs, (pairs[:, 0], pairs[:, 1])), shape=(body.size, body.size)
+    )
     net = net + net.T
     return sparse.csr_array(sparse.diags_array(net.sum(axis=0)) - net)

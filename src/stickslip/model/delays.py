@@ -20,9 +20,11 @@ NegativeDelay = Literal["clip", "redraw", "fold"]
 
 
 class DelayModel(Record):
-    """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a distribution of the user's own.
+    """How long a broken contact stays detached: `Delay`, `RandomDelay`, or a
+    distribution of the user's own.
 
-    One of one's own gives `sample`, and `parts` or `quadrature`; the rest follows from these.
+    One of one's own gives `sample`, and `parts` or `quadrature`; the rest follows from
+    these.
     """
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
@@ -30,20 +32,26 @@ class DelayModel(Record):
         raise NotImplementedError
 
     def parts(self) -> Parts:
-        """Given times and their weights, and the distributions of the rest with theirs; by default given times only.
+        """Given times and their weights, and the distributions of the rest with theirs;
+        by default given times only.
 
-        The weight that is missing to 1 is that of contacts that never re-attach in smooth sliding.
+        The weight that is missing to 1 is that of contacts that never re-attach in
+        smooth sliding.
         """
         return self.quadrature(), []
 
     def quadrature(self) -> tuple[Array, Array]:
-        """Rising delays and their weights, for the mean of a smooth function of the delay."""
+        """Rising delays and their weights, for the mean of a smooth function of the
+        delay.
+        """
         (tau, weight), rest = self.parts()
         if not rest:
             return tau, weight
         low, high = np.array([distribution.support for _, distribution in rest]).T
         node, density = nodes_between(low.min(), high.max(), 96)
-        density = density * sum(part * distribution.density(node) for part, distribution in rest)
+        density = density * sum(
+            part * distribution.density(node) for part, distribution in rest
+        )
         density *= sum(part for part, _ in rest) / density.sum()
         return np.append(tau, node), np.append(weight, density)
 
@@ -60,7 +68,9 @@ class DelayModel(Record):
         s = np.asarray(s, dtype=complex)
         (tau, weight), rest = self.parts()
         total = np.exp(-s[..., None] * tau) @ weight
-        return np.asarray(total + sum(part * distribution.laplace(s) for part, distribution in rest))
+        return np.asarray(
+            total + sum(part * distribution.laplace(s) for part, distribution in rest)
+        )
 
     def absence(self, s: ArrayLike) -> ComplexArray:
         """``1 - laplace(s)``, without cancellation at small `s`."""
@@ -85,15 +95,21 @@ class DelayModel(Record):
 
 
 DELAYS, register = registry("delay")
-"""The delays that rig files can name; ``@register("constant rate")`` gives a class its name there."""
+"""The delays that rig files can name; ``@register("constant rate")`` gives a class
+its name there.
+"""
 
 
 @register("fixed")
 @dataclass(frozen=True)
 class Delay(DelayModel):
-    """The same delay time for every broken contact: 0 for none, infinity for contacts that never re-attach."""
+    """The same delay time for every broken contact: 0 for none, infinity for
+    contacts that never re-attach.
+    """
 
-    time: Annotated[float, Number("time", at_least=0, infinite=True, hint="the delay time tau_d")]
+    time: Annotated[
+        float, Number("time", at_least=0, infinite=True, hint="the delay time tau_d")
+    ]
 
     @property
     def mean(self) -> float:
@@ -113,15 +129,21 @@ class Delay(DelayModel):
 
     def absence(self, s: ArrayLike) -> ComplexArray:
         s = np.asarray(s, dtype=complex)
-        return np.ones_like(s) if math.isinf(self.time) else np.asarray(-np.expm1(-s * self.time))
+        return (
+            np.ones_like(s)
+            if math.isinf(self.time)
+            else np.asarray(-np.expm1(-s * self.time))
+        )
 
 
 @register("on arrest")
 @dataclass(frozen=True)
 class OnArrest(DelayModel):
-    """Broken contacts re-attach when the slider next stops, however long that takes: never, in smooth sliding.
+    """Broken contacts re-attach when the slider next stops, however long that takes:
+    never, in smooth sliding.
 
-    The limit of a delay much longer than a slip and much shorter than the interval between slips.
+    The limit of a delay much longer than a slip and much shorter than the interval
+    between slips.
     """
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
@@ -140,10 +162,11 @@ class RandomDelay(DelayModel):
     Parameters
     ----------
     mean, std : float
-        Mean and standard deviation of the Gaussian, before negative draws are dealt with.
+        Mean and standard deviation of the Gaussian, before negative draws are dealt
+        with.
     negative : {"clip", "redraw", "fold"}
-        A negative draw becomes 0, is drawn again, or changes sign. The paper does not say which it used, and its
-        Fig. 7b depends on it.
+        A negative draw becomes 0, is drawn again, or changes sign. The paper does not
+        say which it used, and its Fig. 7b depends on it.
     """
 
     mean: Annotated[float, Number("time", at_least=0)]
@@ -153,23 +176,38 @@ class RandomDelay(DelayModel):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.std < 1e-9 * self.mean:
-            raise InputError(f"RandomDelay.std = {self.std:g}: too small beside {self.mean:g}; use Delay instead")
+            raise InputError(
+                f"RandomDelay.std = {self.std:g}: too small beside {self.mean:g}; use "
+                "Delay instead"
+            )
 
     def with_mean(self, value: float) -> Self:
-        """Return the delays scaled to another mean, the standard deviation in proportion."""
+        """Return the delays scaled to another mean, the standard deviation in
+        proportion.
+        """
         if self.mean == 0:
-            raise InputError(f"{self!r}: cannot be scaled; use Delay(time), or a mean above 0")
+            raise InputError(
+                f"{self!r}: cannot be scaled; use Delay(time), or a mean above 0"
+            )
         return replace(self, mean=value, std=self.std * value / self.mean)
 
     @cached_property
     def _parts(self) -> Parts:
         positive = float(special.ndtr(self.mean / self.std))
-        atom = np.array([1.0 - positive] if self.negative == "clip" and positive < 1.0 else [])
-        halves = [(positive, self.mean), (1.0 - positive, -self.mean)][: 2 if self.negative == "fold" else 1]
-        # A folded tail too thin to matter is also too thin for a distribution of its own.
+        atom = np.array(
+            [1.0 - positive] if self.negative == "clip" and positive < 1.0 else []
+        )
+        halves = [(positive, self.mean), (1.0 - positive, -self.mean)][
+            : 2 if self.negative == "fold" else 1
+        ]
+        # A folded tail too thin to matter is also too thin for a distribution of its
+        # own.
         kept = [(part, mean) for part, mean in halves if part > 2e-6]
         total = sum(part for part, _ in kept) / (1.0 - atom.sum())
-        cut = [(part / total, Gaussian(mean=mean, std=self.std, lower=0.0)) for part, mean in kept]
+        cut = [
+            (part / total, Gaussian(mean=mean, std=self.std, lower=0.0))
+            for part, mean in kept
+        ]
         return (np.zeros_like(atom), atom), list(cut)
 
     def parts(self) -> Parts:

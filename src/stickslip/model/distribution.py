@@ -1,7 +1,8 @@
 """Distributions of stretchings: a density, and all that follows from it.
 
-A class of its own gives `Distribution.density`; everything else has a default by quadrature or root finding, which a
-class that knows better overrides for speed and accuracy. `register` gives it the name that rig files use.
+A class of its own gives `Distribution.density`; everything else has a default by
+quadrature or root finding, which a class that knows better overrides for speed and
+accuracy. `register` gives it the name that rig files use.
 """
 
 import math
@@ -18,14 +19,17 @@ from stickslip.errors import InputError
 from stickslip.model.records import Record, hashable, registry
 
 NEGLIGIBLE = 1e-16
-"""Probability below which the tail of a distribution is left out of a table (double precision of a probability)."""
+"""Probability below which the tail of a distribution is left out of a table (double
+precision of a probability).
+"""
 
 
 class Distribution(Record):
     """A probability distribution on stretchings.
 
-    A new distribution is a frozen dataclass that derives from this class and gives `density`, of integral 1; the places
-    where it jumps belong into `knots`, and those where it bends make it faster there. The rest follows.
+    A new distribution is a frozen dataclass that derives from this class and gives
+    `density`, of integral 1; the places where it jumps belong into `knots`, and those
+    where it bends make it faster there. The rest follows.
     """
 
     def density(self, x: ArrayLike) -> Array:
@@ -34,47 +38,77 @@ class Distribution(Record):
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Stretchings where the density jumps (a solver may have to look at both sides)."""
+        """Stretchings where the density jumps (a solver may have to look at both
+        sides).
+        """
         return ()
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         """Integral of ``y**order`` times the density over ``y > x``."""
         table = table_of(hashable(self))
         low = np.clip(np.asarray(x, dtype=float), table.edges[0], table.edges[-1])
-        panel = np.clip(np.searchsorted(table.edges, low, side="right") - 1, 0, len(table.x) - 1)
-        beyond = np.append(np.cumsum(np.sum(table.weight * table.x**order, axis=1)[::-1])[::-1], 0.0)
+        panel = np.clip(
+            np.searchsorted(table.edges, low, side="right") - 1, 0, len(table.x) - 1
+        )
+        beyond = np.append(
+            np.cumsum(np.sum(table.weight * table.x**order, axis=1)[::-1])[::-1], 0.0
+        )
         y, weight = nodes_between(low, table.edges[panel + 1])
         rest = np.sum(weight * _density(self, y) * y**order, axis=-1) / table.total
-        # Where a panel is entered at its very beginning, the sum over all of it is the same.
+        # Where a panel is entered at its very beginning, the sum over all of it is the
+        # same.
         return np.asarray(rest + beyond[panel + 1])
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        """Stretching exceeded with the given probability; by default by root finding within a panel."""
+        """Stretching exceeded with the given probability; by default by root finding
+        within a panel.
+        """
         table = table_of(hashable(self))
         wanted = np.clip(np.asarray(probability, dtype=float), 0.0, table.survival[0])
-        panel = np.clip(np.searchsorted(-table.survival, -wanted, side="right") - 1, 0, len(table.x) - 1)
-        low, high = table.edges[panel], table.edges[panel + 1]
-        # The sums over panels are rounded differently from those within one: pin both ends to the former.
-        top, bottom = table.survival[panel], table.survival[panel + 1]
+        panel = np.clip(
+            np.searchsorted(-table.survival, -wanted, side="right") - 1,
+            0,
+            len(table.x) - 1,
+        )
+        low = table.edges[panel]
+        high = table.edges[panel + 1]
+        # The sums over panels are rounded differently from those within one: pin both
+        # ends to the former.
+        top = table.survival[panel]
+        bottom = table.survival[panel + 1]
 
-        def lacking(x: Array, p: Array, a: Array, b: Array, s: Array, t: Array) -> Array:
+        def lacking(
+            x: Array, p: Array, a: Array, b: Array, s: Array, t: Array
+        ) -> Array:
             inside = np.clip(Distribution.partial_moment(self, x, 0), t, s)
             return np.where(x <= a, s, np.where(x >= b, t, inside)) - p
 
-        return np.asarray(elementwise.find_root(lacking, (low, high), args=(wanted, low, high, top, bottom)).x)
+        return np.asarray(
+            elementwise.find_root(
+                lacking, (low, high), args=(wanted, low, high, top, bottom)
+            ).x
+        )
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not far below 0.
+        """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not
+        far below 0.
 
         By default on panels as fine as `q` needs them.
         """
-        flat, result = q.ravel(), np.empty((2, q.size), dtype=complex)
+        flat = q.ravel()
+        result = np.empty((2, q.size), dtype=complex)
         scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
         for power in np.unique(scale).tolist():
             own = np.flatnonzero(scale == power)
             # A bound of which there are few different ones: the nodes are kept.
-            least = math.floor(4.0 * float(np.min(flat[own].real)) / 2.0**power) * 2.0**power / 4.0
-            result[:, own] = _sums(flat[own], *_fine_nodes(hashable(self), power, least))
+            least = (
+                math.floor(4.0 * float(np.min(flat[own].real)) / 2.0**power)
+                * 2.0**power
+                / 4.0
+            )
+            result[:, own] = _sums(
+                flat[own], *_fine_nodes(hashable(self), power, least)
+            )
         mean, slope = result.reshape(2, *q.shape)
         return mean, slope
 
@@ -86,8 +120,8 @@ class Distribution(Record):
     def leftmost(self) -> float:
         """Abscissa of convergence: `laplace` exists to the right of it.
 
-        By default read off the density: minus infinity where it ends, 0 where it decays ever more slowly, else minus
-        the rate at which its tail decays.
+        By default read off the density: minus infinity where it ends, 0 where it decays
+        ever more slowly, else minus the rate at which its tail decays.
         """
         near, far = self.inverse_survival(np.array([1e-8, 1e-13]))
         if float(self.density(2.0 * far + 1.0)) == 0.0:
@@ -100,7 +134,8 @@ class Distribution(Record):
         above = float(self.survival(0.0))
         if above < 1e-6:
             raise InputError(
-                f"{self}: less than one value in a million lies above 0, where thresholds are; give larger ones"
+                f"{self}: less than one value in a million lies above 0, where "
+                "thresholds are; give larger ones"
             )
         return self if above > 1.0 - 1e-15 else Positive(whole=self)
 
@@ -109,10 +144,15 @@ class Distribution(Record):
         return self.partial_moment(x, 0)
 
     def hazard(self, x: ArrayLike) -> Array:
-        """Breaking rate per unit stretching ``P(x) = P_c(x)/J_c(x)``, Eq. (3); infinite beyond the support."""
-        density, survival = self.density(x), self.survival(x)
+        """Breaking rate per unit stretching ``P(x) = P_c(x)/J_c(x)``, Eq. (3);
+        infinite beyond the support.
+        """
+        density = self.density(x)
+        survival = self.survival(x)
         unbounded = np.full_like(density, np.inf)
-        return np.asarray(np.divide(density, survival, out=unbounded, where=survival > 0), dtype=float)
+        return np.asarray(
+            np.divide(density, survival, out=unbounded, where=survival > 0), dtype=float
+        )
 
     def moment(self, order: int) -> float:
         """Mean of ``x**order``."""
@@ -136,26 +176,35 @@ class Distribution(Record):
         """Draw one value for each entry of `bound`, conditioned on exceeding it."""
         bound = np.asarray(bound, dtype=float)
         uniform = 1.0 - rng.random(bound.shape)
-        return np.asarray(np.maximum(self.inverse_survival(uniform * self.survival(bound)), bound))
+        return np.asarray(
+            np.maximum(self.inverse_survival(uniform * self.survival(bound)), bound)
+        )
 
     @property
     def support(self) -> tuple[float, float]:
-        """Interval that holds all but a negligible part of the probability on each side."""
+        """Interval that holds all but a negligible part of the probability on each
+        side.
+        """
         low, high = self.inverse_survival(np.array([1.0 - NEGLIGIBLE, NEGLIGIBLE]))
         return float(low), float(high)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Positive(Distribution):
-    """The positive part of another distribution, or its part beyond the size of a stretching, counted from there."""
+    """The positive part of another distribution, or its part beyond the size of a
+    stretching, counted from there.
+    """
 
     whole: Distribution
     stretching: float = 0.0
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""
-        y, begin = np.asarray(x, dtype=float) + self.stretching, abs(self.stretching)
-        return np.where(y > begin, self.whole.density(y) / self.whole.survival(begin), 0.0)
+        y = np.asarray(x, dtype=float) + self.stretching
+        begin = abs(self.stretching)
+        return np.where(
+            y > begin, self.whole.density(y) / self.whole.survival(begin), 0.0
+        )
 
     @property
     def leftmost(self) -> float:
@@ -166,30 +215,42 @@ class Positive(Distribution):
     def knots(self) -> tuple[float, ...]:
         """Where it begins, and what jumps there are above."""
         begin = abs(self.stretching)
-        return (begin - self.stretching, *(knot - self.stretching for knot in self.whole.knots if knot > begin))
+        return (
+            begin - self.stretching,
+            *(knot - self.stretching for knot in self.whole.knots if knot > begin),
+        )
 
 
 DISTRIBUTIONS, register = registry("distribution")
-"""The distributions that rig files can name; ``@register("triangular")`` gives a class its name there."""
+"""The distributions that rig files can name; ``@register("triangular")`` gives a
+class its name there.
+"""
 
 
 def check_density(thresholds: Distribution) -> None:
-    """Raise `InputError` for thresholds without a density, or so close to each other that none resolves them."""
+    """Raise `InputError` for thresholds without a density, or so close to each other
+    that none resolves them.
+    """
     thresholds.density(0.0)
     if thresholds.single:
         raise InputError(
-            f"Interface.thresholds = {thresholds}: all thresholds are next to equal, and no density resolves them; "
+            f"Interface.thresholds = {thresholds}: all thresholds are next to equal, "
+            "and no density resolves them; "
             "give them a larger standard deviation, or use the method Contacts"
         )
 
 
 def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
-    """Mean of ``max(x_s - x, 0)**order / order!``: the survival function integrated `order` times from above."""
+    """Mean of ``max(x_s - x, 0)**order / order!``: the survival function integrated
+    `order` times from above.
+    """
     x = np.asarray(x, dtype=float)
     total = np.zeros_like(x)
     for power in range(order + 1):
         factor = math.comb(order, power) / math.factorial(order)
-        total += factor * (-x) ** (order - power) * distribution.partial_moment(x, power)
+        total += (
+            factor * (-x) ** (order - power) * distribution.partial_moment(x, power)
+        )
     return total
 
 
@@ -197,14 +258,18 @@ _legendre = lru_cache(np.polynomial.legendre.leggauss)
 
 
 def nodes_between(left: Array, right: Array, count: int = 16) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss-Legendre quadrature between pairs of edges, shapes (..., count)."""
+    """Nodes and weights of Gauss-Legendre quadrature between pairs of edges, shapes
+    (..., count).
+    """
     node, weight = _legendre(count)
     half = 0.5 * (right - left)[..., None]
     return left[..., None] + half * (1.0 + node), half * weight
 
 
 class Table(NamedTuple):
-    """The density of a distribution on panels on each of which Gauss-Legendre quadrature is exact to rounding."""
+    """The density of a distribution on panels on each of which Gauss-Legendre
+    quadrature is exact to rounding.
+    """
 
     edges: Array  #: ends of the panels, shape (n + 1,)
     x: Array  #: nodes, shape (n, 16)
@@ -213,16 +278,23 @@ class Table(NamedTuple):
     total: float  #: integral of the density as it was given: 1 to within a millionth
 
 
-_OCTAVES = np.ldexp(1.0, np.arange(-60, 41))  # up to the largest stretching there may be
-_FIRST = np.unique(np.concatenate([_OCTAVES[:-1, None] * np.linspace(1, 2, 9), [_OCTAVES[-1:].repeat(9)]]))
+# up to the largest stretching there may be
+_OCTAVES = np.ldexp(1.0, np.arange(-60, 41))
+_FIRST = np.unique(
+    np.concatenate(
+        [_OCTAVES[:-1, None] * np.linspace(1, 2, 9), [_OCTAVES[-1:].repeat(9)]]
+    )
+)
 
 
 @lru_cache(maxsize=64)
 def table_of(distribution: Distribution) -> Table:
-    """Return the table of a distribution, its panels halved until halving changes nothing.
+    """Return the table of a distribution, its panels halved until halving changes
+    nothing.
 
-    Raises `InputError` if the density is negative or no number somewhere, or its integral is not 1: peaks narrower than
-    a hundredth of their place may be missed unless they are among the `knots`.
+    Raises `InputError` if the density is negative or no number somewhere, or its
+    integral is not 1: peaks narrower than a hundredth of their place may be missed
+    unless they are among the `knots`.
     """
 
     def integral(left: Array, right: Array) -> Array:
@@ -231,7 +303,8 @@ def table_of(distribution: Distribution) -> Table:
 
     knots = np.array([knot for knot in distribution.knots if math.isfinite(knot)])
     edges = np.union1d(np.concatenate([-_FIRST, [0.0], _FIRST]), knots)
-    left, right = edges[:-1], edges[1:]
+    left = edges[:-1]
+    right = edges[1:]
     kept: list[Array] = []
     for _ in range(64):
         middle = 0.5 * (left + right)
@@ -240,7 +313,8 @@ def table_of(distribution: Distribution) -> Table:
         coarse = np.abs(halves - integral(left, right)) > 1e-13 * np.abs(halves) + 1e-25
         coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
         kept.append(left[~coarse])
-        left, right = np.r_[left[coarse], middle[coarse]], np.r_[middle[coarse], right[coarse]]
+        left = np.r_[left[coarse], middle[coarse]]
+        right = np.r_[middle[coarse], right[coarse]]
         if not left.size:
             break
     edges = np.append(np.sort(np.concatenate([*kept, left])), edges[-1])
@@ -250,7 +324,8 @@ def table_of(distribution: Distribution) -> Table:
     total = float(weight.sum())
     if not abs(total - 1.0) < 1e-6:
         raise InputError(
-            f"{distribution}: the integral of its density is {total:.8g}, must be 1; normalise it, or give the "
+            f"{distribution}: the integral of its density is {total:.8g}, must be 1; "
+            "normalise it, or give the "
             "places of narrow peaks and jumps as its knots"
         )
     part = slice(held[0], held[-1] + 1)
@@ -266,55 +341,81 @@ def _density(distribution: Distribution, x: Array) -> Array:
     if wrong.any():
         at = np.unravel_index(int(np.argmax(wrong)), wrong.shape)
         raise InputError(
-            f"{distribution}: its density is {density[at]:g} at x = {x[at]:g}; it must be a number of 0 or above, "
+            f"{distribution}: its density is {density[at]:g} at x = {x[at]:g}; it must "
+            "be a number of 0 or above, "
             "0 where there are no contacts"
         )
     return density
 
 
-_TURN = 8.0  # phase of ``exp(-q x)`` across a panel: sixteen nodes are then exact to rounding
+# phase of ``exp(-q x)`` across a panel: sixteen nodes are then exact to rounding
+_TURN = 8.0
 _NODES = 1 << 20  # most nodes of a transform
-TRAPEZOID = 0.17  # its width over that of the strip on either side in which an integrand is bounded: exp(-2 pi/.17)
+# its width over that of the strip on either side in which an integrand is bounded:
+# exp(-2 pi/.17)
+TRAPEZOID = 0.17
 
 
-def _sums(q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray) -> ComplexArray:
-    """Sums of ``exp(-q x)`` and of ``x exp(-q x)`` over weighted nodes, shape (2, q.size)."""
+def _sums(
+    q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray
+) -> ComplexArray:
+    """Sums of ``exp(-q x)`` and of ``x exp(-q x)`` over weighted nodes, shape (2,
+    q.size).
+    """
     found = np.empty((2, q.size), dtype=complex)
-    with np.errstate(over="ignore", invalid="ignore"):  # not a number too far left, as for closed forms
+    # not a number too far left, as for closed forms
+    with np.errstate(over="ignore", invalid="ignore"):
         for part in np.array_split(np.arange(q.size), max(q.size // 128, 1)):
-            each = weight * np.exp(-np.multiply.outer(q[part], x))  # no product of matrices: its threads would spin
+            # no product of matrices: its threads would spin
+            each = weight * np.exp(-np.multiply.outer(q[part], x))
             found[:, part] = each.sum(axis=1), (each * x).sum(axis=1)
     return found
 
 
 @lru_cache(maxsize=64)
-def _fine_nodes(distribution: Distribution, power: float, least: float) -> tuple[Array, Array]:
+def _fine_nodes(
+    distribution: Distribution, power: float, least: float
+) -> tuple[Array, Array]:
     """Nodes and weights for ``|q|`` up to 2 to the `power` and ``Re q >= least``."""
     table = table_of(hashable(distribution))
     with np.errstate(over="ignore", invalid="ignore"):
-        part = table.weight.sum(axis=1) * np.exp(-least * (table.edges[:-1] - table.edges[0]))
-    kept = ~(part <= 1e-20 * part.max())  # what is left out is below rounding: tails, and all that has decayed
-    left, right = table.edges[:-1][kept], table.edges[1:][kept]
+        part = table.weight.sum(axis=1) * np.exp(
+            -least * (table.edges[:-1] - table.edges[0])
+        )
+    # what is left out is below rounding: tails, and all that has decayed
+    kept = ~(part <= 1e-20 * part.max())
+    left = table.edges[:-1][kept]
+    right = table.edges[1:][kept]
     pieces = np.maximum(np.ceil((right - left) * 2.0**power / _TURN), 1.0)
     if pieces.sum() * 16 > _NODES:
         raise InputError(
-            f"{distribution}: its transform at |q| of {2.0**power:.3g} takes more than {_NODES} nodes; give the "
+            f"{distribution}: its transform at |q| of {2.0**power:.3g} takes more than "
+            f"{_NODES} nodes; give the "
             "distribution a method transform(q) of its own"
         )
     count = pieces.astype(int)
     step = np.repeat((right - left) / pieces, count)
     number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    x, weight = nodes_between(np.repeat(left, count) + number * step, np.repeat(left, count) + (number + 1) * step)
+    x, weight = nodes_between(
+        np.repeat(left, count) + number * step,
+        np.repeat(left, count) + (number + 1) * step,
+    )
     return x.ravel(), (weight * _density(distribution, x) / table.total).ravel()
 
 
-def transforms_on_a_path(q: ComplexArray, x: ComplexArray, weight: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Transforms of orders 0 and 1 on a path turned off the real axis, for densities without a closed form.
+def transforms_on_a_path(
+    q: ComplexArray, x: ComplexArray, weight: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Transforms of orders 0 and 1 on a path turned off the real axis, for densities
+    without a closed form.
 
-    There ``exp(-q x)`` decays instead of oscillating, and the same few hundred nodes do for all `q` with
-    ``Im q >= 0``. The trapezoidal rule converges exponentially.
+    There ``exp(-q x)`` decays instead of oscillating, and the same few hundred nodes do
+    for all `q` with ``Im q >= 0``. The trapezoidal rule converges exponentially.
     """
-    # The path is turned for Im q > 0; below the real axis the transform is the conjugate of its mirror image.
+    # The path is turned for Im q > 0; below the real axis the transform is the
+    # conjugate of its mirror image.
     below = q.imag < 0
-    mean, slope = _sums(np.where(below, np.conj(q), q).ravel(), x, weight).reshape(2, *q.shape)
+    mean, slope = _sums(np.where(below, np.conj(q), q).ravel(), x, weight).reshape(
+        2, *q.shape
+    )
     return np.where(below, np.conj(mean), mean), np.where(below, np.conj(slope), slope)

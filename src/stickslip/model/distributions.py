@@ -1,6 +1,8 @@
-"""The distributions that come with the package, for the thresholds of contacts and for their initial stretchings.
+"""The distributions that come with the package, for the thresholds of contacts and for
+their initial stretchings.
 
-A threshold is a stretching at which a contact breaks: of a distribution that reaches below zero, its positive part.
+A threshold is a stretching at which a contact breaks: of a distribution that reaches
+below zero, its positive part.
 """
 
 import math
@@ -36,13 +38,14 @@ Above0 = Annotated[float, Number(above=0, at_most=LARGEST_STRETCHING, hint="in x
 @register("gaussian")
 @dataclass(frozen=True)
 class Gaussian(Distribution):
-    """Gaussian distribution, optionally cut off from below; with a standard deviation of 0 all values are the mean.
+    """Gaussian distribution, optionally cut off from below; with a standard deviation
+    of 0 all values are the mean.
 
     Parameters
     ----------
     mean, std : float
-        Centre and standard deviation before the cut, in units of ``x_s``. The paper's ``Delta f_s/f_s`` and
-        ``Delta f_0/f_s`` are standard deviations.
+        Centre and standard deviation before the cut, in units of ``x_s``. The paper's
+        ``Delta f_s/f_s`` and ``Delta f_0/f_s`` are standard deviations.
     lower : float
         Values at or below it are drawn again.
     """
@@ -56,8 +59,10 @@ class Gaussian(Distribution):
         super().__post_init__()
         if self._beyond_lower() < 1e-6:
             raise InputError(
-                f"Gaussian.lower = {self.lower:g}: less than one value in a million lies above it; "
-                f"raise the mean ({self.mean:g}) or the standard deviation ({self.std:g})"
+                f"Gaussian.lower = {self.lower:g}: less than one value in a million "
+                "lies above it; "
+                f"raise the mean ({self.mean:g}) or the standard deviation "
+                f"({self.std:g})"
             )
 
     def _z(self, x: ArrayLike) -> Array:
@@ -70,7 +75,8 @@ class Gaussian(Distribution):
     def density(self, x: ArrayLike) -> Array:
         if self.std == 0:
             raise InputError(
-                "Gaussian.std = 0: a distribution with all its values at one point has no density; "
+                "Gaussian.std = 0: a distribution with all its values at one point has "
+                "no density; "
                 "give a standard deviation above 0, or use the method Contacts"
             )
         x = np.asarray(x, dtype=float)
@@ -79,12 +85,15 @@ class Gaussian(Distribution):
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         low = np.maximum(np.asarray(x, dtype=float), self.lower)
-        z, finite = self._z(low), np.where(np.isfinite(low), low, 0.0)
+        z = self._z(low)
+        finite = np.where(np.isfinite(low), low, 0.0)
         edge = self.std * np.exp(-0.5 * z**2) / math.sqrt(2 * math.pi)
         moments = [special.ndtr(-z)]
         for n in range(1, order + 1):
             earlier = (n - 1) * self.std**2 * moments[n - 2] if n > 1 else 0.0
-            moments.append(self.mean * moments[n - 1] + earlier + finite ** (n - 1) * edge)
+            moments.append(
+                self.mean * moments[n - 1] + earlier + finite ** (n - 1) * edge
+            )
         return np.asarray(moments[order] / self._beyond_lower())
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
@@ -102,15 +111,22 @@ class Gaussian(Distribution):
         if math.isinf(self.lower) or variance == 0:
             mean = np.exp(-q * self.mean + 0.5 * q * q * variance)
             return mean, np.asarray((self.mean - q * variance) * mean)
-        # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of the cut.
+        # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of
+        # the cut.
         z = (self.lower - self.mean + q * variance) / (self.std * math.sqrt(2))
         at_cut = np.exp(-q * self.lower - 0.5 * float(self._z(self.lower)) ** 2)
         right = z.real >= 0
         part = 0.5 * at_cut * special.erfcx(np.where(right, z, -z))
         left = np.where(right, 0.0, q)
-        kept = np.where(right, part, np.exp(-left * self.mean + 0.5 * left * left * variance) - part)
-        slope = (self.mean - q * variance) * kept + at_cut / math.sqrt(2 * math.pi) * self.std
-        return np.asarray(kept / self._beyond_lower()), np.asarray(slope / self._beyond_lower())
+        kept = np.where(
+            right, part, np.exp(-left * self.mean + 0.5 * left * left * variance) - part
+        )
+        slope = (self.mean - q * variance) * kept + at_cut / math.sqrt(
+            2 * math.pi
+        ) * self.std
+        return np.asarray(kept / self._beyond_lower()), np.asarray(
+            slope / self._beyond_lower()
+        )
 
     leftmost = -math.inf
 
@@ -123,7 +139,8 @@ class Gaussian(Distribution):
 
     @property
     def support(self) -> tuple[float, float]:
-        low, high = special.ndtri(NEGLIGIBLE / 2), special.ndtri(NEGLIGIBLE / 2 * self._beyond_lower())
+        low = special.ndtri(NEGLIGIBLE / 2)
+        high = special.ndtri(NEGLIGIBLE / 2 * self._beyond_lower())
         return max(self.lower, self.mean + low * self.std), self.mean - high * self.std
 
 
@@ -141,8 +158,11 @@ class _Histogram(Distribution):
         return self.standard_deviation()
 
     def with_std(self, value: float) -> Self:
-        """Return the distribution stretched about its mean to another standard deviation."""
-        mean, ratio = self.moment(1), value / self.standard_deviation()
+        """Return the distribution stretched about its mean to another standard
+        deviation.
+        """
+        mean = self.moment(1)
+        ratio = value / self.standard_deviation()
         return self._with((mean + ratio * (self._bins[0] - mean)).tolist())
 
     def _with(self, edges: Sequence[float]) -> Self:
@@ -162,22 +182,30 @@ class _Histogram(Distribution):
         low = np.clip(np.asarray(x, dtype=float), edges[0], edges[-1])
         powers = edges ** (order + 1) / (order + 1)
         beyond = np.append(np.cumsum((heights * np.diff(powers))[::-1])[::-1], 0.0)
-        bin_ = np.clip(np.searchsorted(edges, low, side="right") - 1, 0, weights.size - 1)
+        bin_ = np.clip(
+            np.searchsorted(edges, low, side="right") - 1, 0, weights.size - 1
+        )
         rest = heights[bin_] * (powers[bin_ + 1] - low ** (order + 1) / (order + 1))
         return np.asarray(rest + beyond[bin_ + 1])
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
         edges, weights = self._bins
         survival = np.append(np.cumsum(weights[::-1])[::-1], 0.0)
-        return np.asarray(np.interp(np.asarray(probability, dtype=float), survival[::-1], edges[::-1]))
+        return np.asarray(
+            np.interp(np.asarray(probability, dtype=float), survival[::-1], edges[::-1])
+        )
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         edges, weights = self._bins
-        q, centre, half = q[..., None], 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+        q = q[..., None]
+        centre = 0.5 * (edges[1:] + edges[:-1])
+        half = 0.5 * np.diff(edges)
         z = np.where(q * half == 0, 1e-30, q * half)
-        # exp(-q c) sinh(z)/z and its like: modified Bessel functions of half a whole order, which do not overflow.
+        # exp(-q c) sinh(z)/z and its like: modified Bessel functions of half a whole
+        # order, which do not overflow.
         scale = weights * np.sqrt(0.5 * np.pi / z) * np.exp(np.abs(z.real) - q * centre)
-        even, odd = scale * special.ive(0.5, z), scale * special.ive(1.5, z)
+        even = scale * special.ive(0.5, z)
+        odd = scale * special.ive(1.5, z)
         return np.sum(even, axis=-1), np.sum(centre * even - half * odd, axis=-1)
 
     leftmost = -math.inf
@@ -217,7 +245,9 @@ def _above_0(x: ArrayLike) -> Array:
 
 
 class _PowerOfGamma(Distribution):
-    """Values ``scale t**(1/power)``, `t` of a gamma distribution of the given shape and the scale 1."""
+    """Values ``scale t**(1/power)``, `t` of a gamma distribution of the given shape
+    and the scale 1.
+    """
 
     @property
     def _form(self) -> tuple[float, float, float]:
@@ -236,10 +266,15 @@ class _PowerOfGamma(Distribution):
         with np.errstate(over="ignore"):  # beyond all numbers nothing is left
             t = (np.maximum(np.asarray(x, dtype=float), 0.0) / scale) ** power
         more = order / power
-        return np.asarray(scale**order * special.poch(shape, more) * special.gammaincc(shape + more, t))
+        return np.asarray(
+            scale**order
+            * special.poch(shape, more)
+            * special.gammaincc(shape + more, t)
+        )
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
-        (scale, shape, power), p = self._form, np.asarray(probability, dtype=float)
+        scale, shape, power = self._form
+        p = np.asarray(probability, dtype=float)
         t = -np.log(p) if shape == 1 else special.gammainccinv(shape, p)
         return np.asarray(scale * t ** (1.0 / power))
 
@@ -255,7 +290,9 @@ class _PowerOfGamma(Distribution):
         turn = 0.7 * min(1.0, power)  # off the real axis
         t = np.exp(np.arange(-40.0, 4.8, TRAPEZOID * turn) - 1j * turn)
         weight = t**shape * np.exp(-t)
-        return transforms_on_a_path(q, scale * t ** (1.0 / power), weight / weight.sum())
+        return transforms_on_a_path(
+            q, scale * t ** (1.0 / power), weight / weight.sum()
+        )
 
     @property
     def leftmost(self) -> float:
@@ -293,7 +330,9 @@ class Gamma(_PowerOfGamma):
 @register("lognormal")
 @dataclass(frozen=True)
 class LogNormal(Distribution):
-    """Log-normal distribution with the given mean and standard deviation (of the stretching, not of its logarithm)."""
+    """Log-normal distribution with the given mean and standard deviation (of the
+    stretching, not of its logarithm).
+    """
 
     mean: Above0
     std: Above0
@@ -309,7 +348,9 @@ class LogNormal(Distribution):
         return math.log(self.mean) - 0.5 * self.log_std**2
 
     def _log(self, order: int = 0) -> Gaussian:
-        """The distribution of the logarithm, of values that count by their power of this order."""
+        """The distribution of the logarithm, of values that count by their power of
+        this order.
+        """
         return Gaussian(self.log_mean + order * self.log_std**2, self.log_std)
 
     def density(self, x: ArrayLike) -> Array:
@@ -317,8 +358,11 @@ class LogNormal(Distribution):
         return self._log().density(np.log(above)) / above
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
-        with np.errstate(over="ignore"):  # a wide distribution has high moments beyond any number
-            all_of_it = np.exp(order * self.log_mean + 0.5 * (order * self.log_std) ** 2)
+        # a wide distribution has high moments beyond any number
+        with np.errstate(over="ignore"):
+            all_of_it = np.exp(
+                order * self.log_mean + 0.5 * (order * self.log_std) ** 2
+            )
         return np.asarray(all_of_it * self._log(order).survival(np.log(_above_0(x))))
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
@@ -328,10 +372,12 @@ class LogNormal(Distribution):
         return rng.lognormal(self.log_mean, self.log_std, size)
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        # x = exp(log_mean + log_std (z - i turn)): the density grows by exp(turn^2/2), at most 90.
+        # x = exp(log_mean + log_std (z - i turn)): the density grows by exp(turn^2/2),
+        # at most 90.
         turn = min(3.0, 0.7 / self.log_std)
         z = np.arange(-9.0, 9.0, TRAPEZOID * turn) - 1j * turn
-        x, weight = np.exp(self.log_mean + self.log_std * z), np.exp(-0.5 * z * z)
+        x = np.exp(self.log_mean + self.log_std * z)
+        weight = np.exp(-0.5 * z * z)
         return transforms_on_a_path(q, x, weight / weight.sum())
 
     leftmost = 0.0
@@ -340,7 +386,9 @@ class LogNormal(Distribution):
 @register("weibull")
 @dataclass(frozen=True)
 class Weibull(_PowerOfGamma):
-    """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of many."""
+    """Weibull distribution: ``J_c(x) = exp(-(x/scale)**shape)``, the weakest link of
+    many.
+    """
 
     scale: Above0
     shape: Annotated[float, Number(at_least=0.1)]
@@ -368,10 +416,12 @@ class Empirical(_Histogram):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        edges, weights = self.edges, self.weights
+        edges = self.edges
+        weights = self.weights
         if len(edges) != len(weights) + 1 or len(weights) == 0:
             raise InputError(
-                f"Empirical: {len(edges)} edges and {len(weights)} weights: must be one edge more than weights"
+                f"Empirical: {len(edges)} edges and {len(weights)} weights: must be "
+                "one edge more than weights"
             )
         if any(right <= left for left, right in pairwise(edges)):
             raise InputError("Empirical.edges: must rise from each edge to the next")
@@ -379,22 +429,33 @@ class Empirical(_Histogram):
         if total <= 0:
             raise InputError("Empirical.weights: must have a positive sum")
         if abs(total - 1.0) <= 4e-16:
-            total = 1.0  # normalised already: a distribution made again from its fields is the same distribution
+            # normalised already: a distribution made again from its fields is the same
+            # distribution
+            total = 1.0
         object.__setattr__(self, "weights", tuple(w / total for w in weights))
 
     @classmethod
     def from_samples(cls, samples: ArrayLike, bins: int | None = None) -> Self:
-        """Make the histogram of measured values: at least two different finite ones, else `InputError`.
+        """Make the histogram of measured values: at least two different finite ones,
+        else `InputError`.
 
-        The `bins` are equal; by default there are as many as numpy's rule ``"auto"`` says.
+        The `bins` are equal; by default there are as many as numpy's rule ``"auto"``
+        says.
         """
         values = np.ravel(numbers("Empirical.from_samples", samples))
         if np.ptp(values) == 0:
-            raise InputError("Empirical.from_samples: needs at least two different values, all finite")
+            raise InputError(
+                "Empirical.from_samples: needs at least two different values, all "
+                "finite"
+            )
         if bins is not None:
-            bins = whole("Empirical.from_samples: bins", bins, at_least=1, at_most=10_000_000)
+            bins = whole(
+                "Empirical.from_samples: bins", bins, at_least=1, at_most=10_000_000
+            )
         counts, edges = np.histogram(values, bins="auto" if bins is None else bins)
-        return cls(edges=tuple(edges.tolist()), weights=tuple(counts.astype(float).tolist()))
+        return cls(
+            edges=tuple(edges.tolist()), weights=tuple(counts.astype(float).tolist())
+        )
 
     @property
     def _bins(self) -> tuple[Array, Array]:
@@ -407,13 +468,16 @@ class Empirical(_Histogram):
 @register("steady state")
 @dataclass(frozen=True, kw_only=True)
 class SteadyState(Distribution):
-    """Stretchings of smooth sliding without delay: ``Q_s(x) = J_c(x)/<x_s>``, the fixed point of Eq. (1).
+    """Stretchings of smooth sliding without delay: ``Q_s(x) = J_c(x)/<x_s>``, the fixed
+    point of Eq. (1).
 
-    Used as ``initial=``, with the `thresholds` of the same interface, it makes the interface start in the state it ends
-    in: the force stays at ``F_k``.
+    Used as ``initial=``, with the `thresholds` of the same interface, it makes the
+    interface start in the state it ends in: the force stays at ``F_k``.
     """
 
-    thresholds: Annotated[Distribution, Part("a distribution, such as Gaussian(mean=1.0, std=0.1)")]
+    thresholds: Annotated[
+        Distribution, Part("a distribution, such as Gaussian(mean=1.0, std=0.1)")
+    ]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -421,13 +485,24 @@ class SteadyState(Distribution):
 
     def density(self, x: ArrayLike) -> Array:
         x = np.asarray(x, dtype=float)
-        return np.where(x >= 0, self.thresholds.survival(np.maximum(x, 0.0)) / self.thresholds.moment(1), 0.0)
+        return np.where(
+            x >= 0,
+            self.thresholds.survival(np.maximum(x, 0.0)) / self.thresholds.moment(1),
+            0.0,
+        )
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         x = np.maximum(np.asarray(x, dtype=float), 0.0)
-        distribution, n = self.thresholds, order + 1
-        beyond = np.where(np.isfinite(x), np.where(np.isfinite(x), x, 0.0) ** n * distribution.survival(x), 0.0)
-        return np.asarray((distribution.partial_moment(x, n) - beyond) / (n * distribution.moment(1)))
+        distribution = self.thresholds
+        n = order + 1
+        beyond = np.where(
+            np.isfinite(x),
+            np.where(np.isfinite(x), x, 0.0) ** n * distribution.survival(x),
+            0.0,
+        )
+        return np.asarray(
+            (distribution.partial_moment(x, n) - beyond) / (n * distribution.moment(1))
+        )
 
     knots = (0.0,)
 

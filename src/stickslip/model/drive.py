@@ -1,4 +1,5 @@
-"""The drive: the far end of the driving spring, moved at a velocity that is piecewise linear in time.
+"""The drive: the far end of the driving spring, moved at a velocity that is piecewise
+linear in time.
 
 Drives are values: comparable, printable, joined by `Drive.then`.
 
@@ -18,7 +19,9 @@ from stickslip.model.records import Number, Part, Record, converted
 
 @dataclass(frozen=True)
 class Travel(Record):
-    """Condition: the slider has moved this far (either way) since the piece of the drive began."""
+    """Condition: the slider has moved this far (either way) since the piece of the
+    drive began.
+    """
 
     distance: Annotated[float, Number("x_s", above=0, hint="in x_s")]
 
@@ -42,15 +45,19 @@ Condition = Travel | ForceAbove | ForceBelow
 
 @dataclass(frozen=True, kw_only=True)
 class Piece(Record):
-    """A stretch of time in which the drive's velocity goes linearly from `start` to `end`.
+    """A stretch of time in which the drive's velocity goes linearly from `start` to
+    `end`.
 
-    `until`, if given, ends the piece early, at the first sample of the run where the condition holds.
+    `until`, if given, ends the piece early, at the first sample of the run where the
+    condition holds.
     """
 
     start: Annotated[float, Number("x_s/time", place="drive velocity")]
     end: Annotated[float, Number("x_s/time", place="drive velocity")]
     duration: Annotated[float, Number("time", above=0, place="drive duration")]
-    until: Annotated[Condition | None, Part("Travel, ForceAbove or ForceBelow", place="drive until")] = None
+    until: Annotated[
+        Condition | None, Part("Travel, ForceAbove or ForceBelow", place="drive until")
+    ] = None
 
     @property
     def acceleration(self) -> float:
@@ -65,16 +72,30 @@ class Drive:
     pieces: tuple[Piece, ...]
 
     def __post_init__(self) -> None:
-        instance("Drive.pieces", self.pieces, tuple, "a tuple of pieces; make a drive with constant() or ramp()")
+        instance(
+            "Drive.pieces",
+            self.pieces,
+            tuple,
+            "a tuple of pieces; make a drive with constant() or ramp()",
+        )
         for i, piece in enumerate(self.pieces):
-            instance(f"Drive.pieces[{i}]", piece, Piece, "a piece; make a drive with constant() or ramp()")
+            instance(
+                f"Drive.pieces[{i}]",
+                piece,
+                Piece,
+                "a piece; make a drive with constant() or ramp()",
+            )
         if not self.pieces:
-            raise InputError("Drive.pieces: must hold at least one piece; make one with constant() or ramp()")
+            raise InputError(
+                "Drive.pieces: must hold at least one piece; make one with constant() "
+                "or ramp()"
+            )
 
     @property
     def duration(self) -> float:
         """Time the whole drive lasts if no condition ends a piece early."""
-        *_, total = accumulate(piece.duration for piece in self.pieces)  # in order, as a run adds them up
+        # in order, as a run adds them up
+        *_, total = accumulate(piece.duration for piece in self.pieces)
         return total
 
     def then(self, other: "Drive") -> "Drive":
@@ -83,22 +104,34 @@ class Drive:
         return Drive(self.pieces + other.pieces)
 
     def until(self, condition: Condition) -> "Drive":
-        """Return the drive with its last piece ended early, at the first sample where the condition holds."""
+        """Return the drive with its last piece ended early, at the first sample
+        where the condition holds.
+        """
         return Drive((*self.pieces[:-1], replace(self.pieces[-1], until=condition)))
 
     def faster(self, factor: float) -> Self:
-        """Return the same path at velocities that are larger by a factor, in as much less time."""
-        return converted(self, lambda value, unit: value * {"x_s/time": factor, "time": 1.0 / factor}.get(unit, 1.0))
+        """Return the same path at velocities that are larger by a factor, in as much
+        less time.
+        """
+        return converted(
+            self,
+            lambda value, unit: (
+                value * {"x_s/time": factor, "time": 1.0 / factor}.get(unit, 1.0)
+            ),
+        )
 
 
 USUAL_DISTANCE = 120.0
-"""Default distance of a drive at constant velocity, in ``x_s``: most transients have decayed by then."""
+"""Default distance of a drive at constant velocity, in ``x_s``: most transients have
+decayed by then.
+"""
 
 
 def constant(velocity: float, duration: float | None = None) -> Drive:
     """Pull at a constant velocity (in ``x_s`` per time) for a time.
 
-    By default until the drive has gone 120 ``x_s``. Zero velocity for a time is a *hold*, as in slide-hold-slide.
+    By default until the drive has gone 120 ``x_s``. Zero velocity for a time is a
+    *hold*, as in slide-hold-slide.
 
     >>> constant(2.0).duration
     60.0

@@ -1,4 +1,6 @@
-"""How a rig is simulated: the method, what is recorded, and the state that a run starts from."""
+"""How a rig is simulated: the method, what is recorded, and the state that a run
+starts from.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -6,7 +8,9 @@ from typing import Annotated
 from stickslip.model.records import Number, Record, registry
 
 METHODS, register = registry("method")
-"""The methods that rig files can name; ``@register("contacts")`` gives a class its name there."""
+"""The methods that rig files can name; ``@register("contacts")`` gives a class its
+name there.
+"""
 
 
 @register("contacts")
@@ -19,104 +23,136 @@ class Contacts(Record):
     count : int
         Number of contacts ``N``; of an elastic slider, those of each block.
     seed : int
-        The same seed gives the same run, bit for bit, whatever is recorded. (With thresholds that age, other times
-        of recording may be other steps, and give another run of the same distribution.)
+        The same seed gives the same run, bit for bit, whatever is recorded. (With
+        thresholds that age, other times of recording may be other steps, and give
+        another run of the same distribution.)
     """
 
     # 1e8 contacts take some 15 GB.
-    count: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of contacts N")] = 10_000
+    count: Annotated[
+        int, Number(at_least=1, at_most=100_000_000, hint="number of contacts N")
+    ] = 10_000
     seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
 
 
 @register("master equation")
 @dataclass(frozen=True, kw_only=True)
 class MasterEquation(Record):
-    """Method: the master equation, Eqs. (1)-(4): the limit of infinitely many contacts, to a given error.
+    """Method: the master equation, Eqs. (1)-(4): the limit of infinitely many contacts,
+    to a given error.
 
     Parameters
     ----------
     rtol : float
-        Error of the forces, in ``f_s`` per contact: root mean square over some cycles, within a factor of 10. Steps of
-        time follow from it. With thresholds that age by `Langevin` it is the kinetic equation that is solved, at a
-        resolution whose error in the steady force is ten times that, up to ``velocity = rate**2`` (default: 0.1 %,
-        peaks to 0.5 %). By `Barrier`, `Parabolic` with growth, and `Bell` with `ExponentialGrowth`, no step is longer
-        than four times the stretching over which the rate of breaking grows by e, that of 6e-3: more costs as much.
+        Error of the forces, in ``f_s`` per contact: root mean square over some cycles,
+        within a factor of 10. Steps of time follow from it. With thresholds that age by
+        `Langevin` it is the kinetic equation that is solved, at a resolution whose
+        error in the steady force is ten times that, up to ``velocity = rate**2``
+        (default: 0.1 %, peaks to 0.5 %). By `Barrier`, `Parabolic` with growth, and
+        `Bell` with `ExponentialGrowth`, no step is longer than four times the
+        stretching over which the rate of breaking grows by e, that of 6e-3: more costs
+        as much.
     memoryless : bool
-        Use the paper's approximation, Eq. (10), for the detached contacts in place of the true delay. It has no
-        memory and gives an oscillation of its own; for comparison only.
+        Use the paper's approximation, Eq. (10), for the detached contacts in place of
+        the true delay. It has no memory and gives an oscillation of its own; for
+        comparison only.
     """
 
-    rtol: Annotated[float, Number(at_least=1e-10, at_most=0.1, hint="error of the force")] = 1e-4
+    rtol: Annotated[
+        float, Number(at_least=1e-10, at_most=0.1, hint="error of the force")
+    ] = 1e-4
     memoryless: bool = False
 
 
 @register("population")
 @dataclass(frozen=True)
 class Population(Record):
-    """Method: any number of contacts, counted by cohorts, at a cost that does not depend on their number.
+    """Method: any number of contacts, counted by cohorts, at a cost that does not
+    depend on their number.
 
-    Contacts that attached together are one cohort, and how many of them break is drawn: binomial numbers, from the
-    distribution of thresholds. Mean, variance, spectrum and cycles are those of `Contacts`, to the tolerance; single
-    contacts are not tracked.
+    Contacts that attached together are one cohort, and how many of them break is drawn:
+    binomial numbers, from the distribution of thresholds. Mean, variance, spectrum and
+    cycles are those of `Contacts`, to the tolerance; single contacts are not tracked.
 
     Parameters
     ----------
     count : int
         Number of contacts ``N``; of an elastic slider, those of each block.
     seed : int
-        The same seed gives the same run, bit for bit, whatever is recorded. (Where a piece of the drive ends on a
-        condition, other times of recording may give another run of the same distribution.)
+        The same seed gives the same run, bit for bit, whatever is recorded. (Where a
+        piece of the drive ends on a condition, other times of recording may give
+        another run of the same distribution.)
     rtol : float
-        Error of the mean motion, as for `MasterEquation`. At most a fraction ``.02 sqrt(rtol/1e-4)`` of the contacts
-        breaks in a step. Fluctuations faster than some steps are too weak: by 7 % at 1e-4 while the slider goes .1
-        ``x_s``, by a third of that at 1e-5.
+        Error of the mean motion, as for `MasterEquation`. At most a fraction
+        ``.02 sqrt(rtol/1e-4)`` of the contacts breaks in a step. Fluctuations faster
+        than some steps are too weak: by 7 % at 1e-4 while the slider goes .1 ``x_s``,
+        by a third of that at 1e-5.
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
     >>> slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
-    >>> run = ss.simulate(ss.Rig(interface, slider, ss.constant(1.0, duration=1.0)), method=ss.Population(1_000_000))
+    >>> run = ss.simulate(
+    ...     ss.Rig(interface, slider, ss.constant(1.0, duration=1.0)),
+    ...     method=ss.Population(1_000_000),
+    ... )
     >>> float(run.attached[0])
     1.0
     """
 
-    # Beyond, a double no longer counts, and the survival of thresholds is not known to one contact.
-    count: Annotated[int, Number(at_least=1, at_most=1_000_000_000, hint="number of contacts N")] = 1_000_000
+    # Beyond, a double no longer counts, and the survival of thresholds is not known to
+    # one contact.
+    count: Annotated[
+        int, Number(at_least=1, at_most=1_000_000_000, hint="number of contacts N")
+    ] = 1_000_000
     seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
-    rtol: Annotated[float, Number(at_least=1e-6, at_most=0.1, hint="error of the force")] = 1e-4
+    rtol: Annotated[
+        float, Number(at_least=1e-6, at_most=0.1, hint="error of the force")
+    ] = 1e-4
 
 
 @register("quasi-static")
 @dataclass(frozen=True)
 class QuasiStatic(Record):
-    """Method: `count` contacts on each block of an elastic slider, event by event, in balance all the time.
+    """Method: `count` contacts on each block of an elastic slider, event by event, in
+    balance all the time.
 
-    Without inertia and damping: between events the body stands still but for the drive, and a slip is a cascade of
-    breaks in no time. Right where the drive is slow against everything else; hundreds of times faster there.
+    Without inertia and damping: between events the body stands still but for the drive,
+    and a slip is a cascade of breaks in no time. Right where the drive is slow against
+    everything else; hundreds of times faster there.
 
     Parameters
     ----------
     count : int
         Number of contacts of each block.
     seed : int
-        The same seed gives the same run, bit for bit, and the same contacts as `Contacts`.
+        The same seed gives the same run, bit for bit, and the same contacts as
+        `Contacts`.
     """
 
-    count: Annotated[int, Number(at_least=1, at_most=100_000_000, hint="number of contacts of a block")] = 100
+    count: Annotated[
+        int,
+        Number(at_least=1, at_most=100_000_000, hint="number of contacts of a block"),
+    ] = 100
     seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
 
 
 @dataclass(frozen=True)
 class Renewal(Record):
-    """Method of `rigid_slide`: the master equation as a renewal equation, solved by fast convolution.
+    """Method of `rigid_slide`: the master equation as a renewal equation, solved by
+    fast convolution.
 
-    The grid of positions has so many intervals; the error falls as ``points**-6`` for smooth distributions.
+    The grid of positions has so many intervals; the error falls as ``points**-6`` for
+    smooth distributions.
     """
 
     points: Annotated[int, Number(at_least=8, at_most=10_000_000)] = 4096
 
 
-DRAWN = (Contacts, Population, QuasiStatic)  # the methods with a number of contacts and a seed
+# the methods with a number of contacts and a seed
+DRAWN = (Contacts, Population, QuasiStatic)
 
 Method = Contacts | MasterEquation | Population | QuasiStatic
 
@@ -128,7 +164,8 @@ class Output(Record):
     Parameters
     ----------
     interval : float, optional
-        Time between samples; by default some fine fraction of the run that resolves the oscillation of the slider.
+        Time between samples; by default some fine fraction of the run that resolves the
+        oscillation of the slider.
     snapshots : tuple of float
         Times at which to record the distribution of stretchings ``Q(x)``.
     bins : int
@@ -136,7 +173,10 @@ class Output(Record):
     """
 
     interval: Annotated[float | None, Number("time", above=0)] = None
-    snapshots: tuple[Annotated[float, Number("time", at_least=0, hint="times, such as (1.0, 2.5)")], ...] = ()
+    snapshots: tuple[
+        Annotated[float, Number("time", at_least=0, hint="times, such as (1.0, 2.5)")],
+        ...,
+    ] = ()
     bins: Annotated[int, Number(at_least=1, at_most=100_000)] = 200
 
     def __post_init__(self) -> None:
@@ -144,26 +184,33 @@ class Output(Record):
         object.__setattr__(self, "snapshots", tuple(sorted(self.snapshots)))
 
 
-Profile = Annotated[float | tuple[float, ...], Number(hint="a number, or one for each block")]
+Profile = Annotated[
+    float | tuple[float, ...], Number(hint="a number, or one for each block")
+]
 
 
 @dataclass(frozen=True)
 class FromRest:
-    """Start: slider at rest, spring unstretched, contacts with the interface's initial distribution."""
+    """Start: slider at rest, spring unstretched, contacts with the interface's
+    initial distribution.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
 class FromSliding(Record):
-    """Start: steady smooth sliding at the drive's first velocity, contacts detached as they then are on average.
+    """Start: steady smooth sliding at the drive's first velocity, contacts detached as
+    they then are on average.
 
     Parameters
     ----------
     perturbation : float or tuple of float
-        Added to the slider's velocity, as a fraction of it: whether it decays or grows shows the stability. For an
-        elastic slider one number for all blocks, or one for each.
+        Added to the slider's velocity, as a fraction of it: whether it decays or grows
+        shows the stability. For an elastic slider one number for all blocks, or one for
+        each.
     at_rest : int
-        Of an elastic slider, how many of the first blocks are at rest instead, in balance, their contacts with the
-        interface's initial distribution: stick-slip and smooth sliding side by side.
+        Of an elastic slider, how many of the first blocks are at rest instead, in
+        balance, their contacts with the interface's initial distribution: stick-slip
+        and smooth sliding side by side.
     """
 
     perturbation: Profile = 0.0
@@ -172,10 +219,12 @@ class FromSliding(Record):
 
 @dataclass(frozen=True, kw_only=True)
 class Prestressed(Record):
-    """Start: an elastic slider at rest on stretched contacts, in balance, and a push that sets it off.
+    """Start: an elastic slider at rest on stretched contacts, in balance, and a push
+    that sets it off.
 
-    All contacts of a block have the same stretching, whatever the interface's initial distribution. Driving springs
-    balance them with the drive at 0; a block without one is balanced by a constant force.
+    All contacts of a block have the same stretching, whatever the interface's initial
+    distribution. Driving springs balance them with the drive at 0; a block without one
+    is balanced by a constant force.
 
     Parameters
     ----------
@@ -193,8 +242,12 @@ class Prestressed(Record):
     """
 
     stretching: Profile
-    push: Annotated[float, Number("f_s", hint="force on each pushed block, per contact")] = 0.0
-    pushed_blocks: Annotated[int, Number(at_least=1, hint="number of pushed blocks")] = 1
+    push: Annotated[
+        float, Number("f_s", hint="force on each pushed block, per contact")
+    ] = 0.0
+    pushed_blocks: Annotated[
+        int, Number(at_least=1, hint="number of pushed blocks")
+    ] = 1
 
 
 Start = FromRest | FromSliding | Prestressed

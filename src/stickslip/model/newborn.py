@@ -14,20 +14,35 @@ from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.interface import Interface
 
 
-def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer: int = 1) -> tuple[Array, Array]:
-    """Quadrature nodes of stretchings below the largest threshold, between jumps, and their weights of sum 1.
+def stretching_nodes(
+    distribution: Distribution, thresholds: Distribution, finer: int = 1
+) -> tuple[Array, Array]:
+    """Quadrature nodes of stretchings below the largest threshold, between jumps, and
+    their weights of sum 1.
 
-    Sixteen nodes for every four standard deviations do for distributions without jumps, and `finer` times as many may
-    be asked for.
+    Sixteen nodes for every four standard deviations do for distributions without jumps,
+    and `finer` times as many may be asked for.
     """
     std = distribution.standard_deviation()
     if std == 0:
         return np.array([distribution.moment(1)]), np.ones(1)
     largest = thresholds.support[1]
-    low, high = max(distribution.support[0], -largest), min(distribution.support[1], largest)
-    ends = [low, *(knot for knot in sorted({*distribution.knots, *thresholds.knots}) if low < knot < high), high]
+    low = max(distribution.support[0], -largest)
+    high = min(distribution.support[1], largest)
+    ends = [
+        low,
+        *(
+            knot
+            for knot in sorted({*distribution.knots, *thresholds.knots})
+            if low < knot < high
+        ),
+        high,
+    ]
     width = 4.0 * min(std, max(thresholds.standard_deviation(), 1e-3 * std))
-    parts = [np.linspace(a, b, math.ceil(finer * (b - a) / width), endpoint=False) for a, b in pairwise(ends)]
+    parts = [
+        np.linspace(a, b, math.ceil(finer * (b - a) / width), endpoint=False)
+        for a, b in pairwise(ends)
+    ]
     edges = np.append(np.concatenate(parts), high)
     x, weight = (part.ravel() for part in nodes_between(edges[:-1], edges[1:]))
     weight = weight * distribution.density(x)
@@ -36,64 +51,87 @@ def stretching_nodes(distribution: Distribution, thresholds: Distribution, finer
 
 
 def mean_life(interface: Interface) -> tuple[float, float]:
-    """Distance of the slider and work of a contact from birth to break, on average in steady sliding.
+    """Distance of the slider and work of a contact from birth to break, on average in
+    steady sliding.
 
-    They are ``<x_s - x_0>``, the mean threshold where newborns are unstretched, and ``<x_s^2 - x_0^2>/2``; newborns
-    have the stretchings of `Interface.newborn`, and hold beyond them.
+    They are ``<x_s - x_0>``, the mean threshold where newborns are unstretched, and
+    ``<x_s^2 - x_0^2>/2``; newborns have the stretchings of `Interface.newborn`, and
+    hold beyond them.
     """
     thresholds = interface.threshold_distribution
     if interface.newborn is None:
         return thresholds.moment(1), 0.5 * thresholds.moment(2)
     x, weight = stretching_nodes(interface.newborn, thresholds)
     held = thresholds.survival(np.abs(x))
-    first, second = (thresholds.partial_moment(np.abs(x), order) / held for order in (1, 2))
+    first, second = (
+        thresholds.partial_moment(np.abs(x), order) / held for order in (1, 2)
+    )
     return float(weight @ (first - x)), 0.5 * float(weight @ (second - x * x))
 
 
 def half_distance(interface: Interface) -> float:
-    """Return the distance slid within the mean delay at the speed at which the friction of slow sliding has halved.
+    """Return the distance slid within the mean delay at the speed at which the friction
+    of slow sliding has halved.
 
     Raises `InputError` if it never halves.
     """
-    (path, work), force = mean_life(interface), interface.sliding_force
+    path, work = mean_life(interface)
+    force = interface.sliding_force
     slow = work / path
     if force >= 0.5 * slow:
         raise InputError(
-            f"the friction never halves: it falls from {slow:.3g} to the sliding force, {force:.3g} of the contact "
+            f"the friction never halves: it falls from {slow:.3g} to the sliding "
+            f"force, {force:.3g} of the contact "
             "strength; give the delay"
         )
     return path if force == 0 else path / (1.0 - 2.0 * force / slow)
 
 
 def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
-    """Return thresholds and sliding force of unstretched newborns that answer perturbations of steady sliding alike.
+    """Return thresholds and sliding force of unstretched newborns that answer
+    perturbations of steady sliding alike.
 
     Newborn contacts are all stretched alike.
     """
-    thresholds, newborn = interface.threshold_distribution, interface.newborn
+    thresholds = interface.threshold_distribution
+    newborn = interface.newborn
     if newborn is None:
         return thresholds, interface.sliding_force
     x = newborn.moment(1)
     # Contacts that re-attach as they slide: a difference by rounding is not a force.
-    force = 0.0 if math.isclose(interface.sliding_force, x, rel_tol=1e-12) else interface.sliding_force - x
+    force = (
+        0.0
+        if math.isclose(interface.sliding_force, x, rel_tol=1e-12)
+        else interface.sliding_force - x
+    )
     if isinstance(thresholds, Gaussian) and x >= 0 and thresholds.std > 0:
-        return replace(thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)), force
+        return replace(
+            thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)
+        ), force
     return Positive(whole=thresholds, stretching=x), force
 
 
 def thresholds_beyond(
-    thresholds: Distribution, rng: np.random.Generator, stretching: ArrayLike, factor: float = 1.0
+    thresholds: Distribution,
+    rng: np.random.Generator,
+    stretching: ArrayLike,
+    factor: float = 1.0,
 ) -> Array:
-    """Draw thresholds, `factor` times those of the distribution, that hold contacts of these stretchings.
+    """Draw thresholds, `factor` times those of the distribution, that hold contacts of
+    these stretchings.
 
     A contact stretched so far that no threshold would hold it has just its stretching.
     """
     reach = np.abs(np.asarray(stretching, dtype=float))
-    drawn = factor * thresholds.sample_beyond(rng, np.minimum(reach / factor, thresholds.support[1]))
+    drawn = factor * thresholds.sample_beyond(
+        rng, np.minimum(reach / factor, thresholds.support[1])
+    )
     return np.asarray(np.maximum(drawn, reach))
 
 
-def stretchings_within(distribution: Distribution, rng: np.random.Generator, size: int, largest: float) -> Array:
+def stretchings_within(
+    distribution: Distribution, rng: np.random.Generator, size: int, largest: float
+) -> Array:
     """Draw stretchings; those beyond the largest threshold are drawn again."""
     x = distribution.sample(rng, size)
     while (again := np.flatnonzero(np.abs(x) >= largest)).size:

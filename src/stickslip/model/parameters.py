@@ -23,30 +23,51 @@ class Parameter:
     unit: str  #: natural unit, ``"x_s/time"``, or the quantity it measures
     title: str = ""  #: what it is, in words
     zero: bool = False  #: whether it may be 0
-    rescales: bool = False  #: whether it is a unit of the rig's own: varying it changes all that is measured in it
-    holds: str = ""  #: name of a parameter that stays, though what a file may give in its place does not
-    get: Callable[[Rig], float] = field(repr=False)  #: the value in a rig in natural units
-    set: Callable[[Rig, float], Rig] = field(repr=False)  #: the same rig with another value
+    #: whether it is a unit of the rig's own: varying it changes all that is measured in
+    #: it
+    rescales: bool = False
+    #: name of a parameter that stays, though what a file may give in its place does not
+    holds: str = ""
+    #: the value in a rig in natural units
+    get: Callable[[Rig], float] = field(repr=False)
+    #: the same rig with another value
+    set: Callable[[Rig, float], Rig] = field(repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "unit", natural_unit(self.unit))
 
 
-def _of(name: str, unit: str, title: str, part: str = "slider", field: str = "", **more: Any) -> Parameter:
-    """Parameter of the slider or of a part of the interface: a field, or what it has by this name and sets `with_`."""
+def _of(
+    name: str, unit: str, title: str, part: str = "slider", field: str = "", **more: Any
+) -> Parameter:
+    """Parameter of the slider or of a part of the interface: a field, or what it has
+    by this name and sets `with_`.
+    """
     field = field or name
 
     def held(rig: Rig) -> Any:
         found = rig.slider if part == "slider" else getattr(rig.interface, part)
         if not hasattr(found, field):
             where = "Rig" if part == "slider" else "Interface"
-            raise InputError(f"{where}.{part} = {found!r}: has no {name} to vary; give a Parameter of your own")
+            raise InputError(
+                f"{where}.{part} = {found!r}: has no {name} to vary; give a Parameter "
+                "of your own"
+            )
         return found
 
     def set_(rig: Rig, new: float) -> Rig:
         found = held(rig)
-        changes = {part: getattr(found, f"with_{field}", lambda value: replace(found, **{field: value}))(new)}
-        return replace(rig, **changes if part == "slider" else {"interface": replace(rig.interface, **changes)})
+        changes = {
+            part: getattr(
+                found, f"with_{field}", lambda value: replace(found, **{field: value})
+            )(new)
+        }
+        return replace(
+            rig,
+            **changes
+            if part == "slider"
+            else {"interface": replace(rig.interface, **changes)},
+        )
 
     def get(rig: Rig) -> float:
         return float(getattr(held(rig), field))
@@ -55,14 +76,25 @@ def _of(name: str, unit: str, title: str, part: str = "slider", field: str = "",
 
 
 def _set_velocity(rig: Rig, value: float) -> Rig:
-    """The same path of the drive at another speed; from rest a constant velocity, for as long."""
-    before, duration = VELOCITY.get(rig), rig.drive.duration
+    """The same path of the drive at another speed; from rest a constant velocity,
+    for as long.
+    """
+    before = VELOCITY.get(rig)
+    duration = rig.drive.duration
     if before == 0:
         return replace(rig, drive=constant(value, duration))
     if rig.drive.pieces == constant(before, duration).pieces:
-        return replace(rig, drive=constant(value, duration * abs(before / value) if value else duration))
+        return replace(
+            rig,
+            drive=constant(
+                value, duration * abs(before / value) if value else duration
+            ),
+        )
     if value * before < 0:
-        raise InputError(f"velocity = {value:g}: the drive begins with {before:g}, the other way; give another drive")
+        raise InputError(
+            f"velocity = {value:g}: the drive begins with {before:g}, the other way; "
+            "give another drive"
+        )
     return replace(rig, drive=rig.drive.faster(value / before))
 
 
@@ -73,49 +105,87 @@ MASS = _of("mass", "f_s time^2/x_s", "mass of the slider", zero=True, holds="dam
 DAMPING = _of("damping", "1/time", "damping eta", zero=True)
 """``eta`` of Eq. (11)."""
 VELOCITY = Parameter(
-    name="velocity", unit="x_s/time", title="speed", get=lambda rig: rig.drive.pieces[0].start, set=_set_velocity
+    name="velocity",
+    unit="x_s/time",
+    title="speed",
+    get=lambda rig: rig.drive.pieces[0].start,
+    set=_set_velocity,
 )
 """Velocity of the drive at its beginning; the path of the drive stays."""
 DELAY = _of("delay", "time", "delay of re-attachment", "delay", "mean", zero=True)
-"""Delay time; for a `RandomDelay` its mean, the standard deviation kept in proportion."""
+"""Delay time; for a `RandomDelay` its mean, the standard deviation kept in
+proportion.
+"""
 STD = _of("std", "1", "standard deviation of the thresholds", "thresholds")
-"""Standard deviation of the thresholds at constant mean: the distribution's own ``std``, else as it is."""
+"""Standard deviation of the thresholds at constant mean: the distribution's own
+``std``, else as it is.
+"""
 AGEING = _of("ageing", "time", "time of ageing of the thresholds", "ageing", "time")
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
 
-def _unit_of_the_rig(name: str, unit: str, title: str, force: int, length: int, holds: str = "") -> Parameter:
-    """Parameter that is a unit of the rig: 1 in natural units; force and length follow it with these powers."""
+def _unit_of_the_rig(
+    name: str, unit: str, title: str, force: int, length: int, holds: str = ""
+) -> Parameter:
+    """Parameter that is a unit of the rig: 1 in natural units; force and length
+    follow it with these powers.
+    """
 
     def set_(rig: Rig, value: float) -> Rig:
         STIFFNESS.get(rig)  # an impedance has no unit to rescale
         factor = value / BY_NAME[name].get(rig)
-        larger, scales = Scales(force=factor**force, stretching=factor**length), rig.scales
-        kept: Any = {"normal_load": rig.operation.normal_load} if name == "load" else {}  # that of each contact
+        larger = Scales(force=factor**force, stretching=factor**length)
+        scales = rig.scales
+        # that of each contact
+        kept: Any = {"normal_load": rig.operation.normal_load} if name == "load" else {}
         ranges = converted_ranges(rig.operation.feasible, larger.natural)
         return replace(
             rig,
             slider=converted(rig.slider, larger.natural),
             drive=converted(rig.drive, larger.natural),
-            operation=replace(converted(rig.operation, larger.natural), feasible=ranges, **kept),
+            operation=replace(
+                converted(rig.operation, larger.natural), feasible=ranges, **kept
+            ),
             scales=scales
-            and replace(scales, force=scales.si(larger.force, "f_s"), stretching=scales.si(larger.stretching, "x_s")),
+            and replace(
+                scales,
+                force=scales.si(larger.force, "f_s"),
+                stretching=scales.si(larger.stretching, "x_s"),
+            ),
         )
 
     def get(rig: Rig) -> float:
         return (name == "load" and rig.operation.normal_load) or 1.0
 
-    return Parameter(name=name, unit=unit, title=title, rescales=True, holds=holds, get=get, set=set_)
+    return Parameter(
+        name=name, unit=unit, title=title, rescales=True, holds=holds, get=get, set=set_
+    )
 
 
 LOAD = _unit_of_the_rig("load", "f_s", "normal load or contact strength", 1, 0)
-"""Number of contacts, as it goes with the normal load: that where it is known, else the contact strength."""
+"""Number of contacts, as it goes with the normal load: that where it is known, else
+the contact strength.
+"""
 FRICTION = _unit_of_the_rig("friction", "f_s", "level of friction", 1, 1, "delay")
-"""Strength of each contact at constant stiffness: it breaks at a displacement as much larger."""
-CONTACT_STIFFNESS = _unit_of_the_rig("contact_stiffness", "k", "stiffness of the contacts (lining)", 0, -1, "delay")
-"""Stiffness of each contact at constant strength: it breaks at a displacement as much smaller."""
+"""Strength of each contact at constant stiffness: it breaks at a displacement as
+much larger.
+"""
+CONTACT_STIFFNESS = _unit_of_the_rig(
+    "contact_stiffness", "k", "stiffness of the contacts (lining)", 0, -1, "delay"
+)
+"""Stiffness of each contact at constant strength: it breaks at a displacement as
+much smaller.
+"""
 
-PARAMETERS: tuple[Parameter, ...] = (STIFFNESS, VELOCITY, MASS, DAMPING, DELAY, STD, AGEING)
+PARAMETERS: tuple[Parameter, ...] = (
+    STIFFNESS,
+    VELOCITY,
+    MASS,
+    DAMPING,
+    DELAY,
+    STD,
+    AGEING,
+)
 """The parameters that come with the package."""
 
 UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
@@ -124,7 +194,12 @@ UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
 _OF_BODIES = (
     _of("coupling", "k", "coupling of neighbouring blocks"),
     _of("leaf", "k", "stiffness of the spring from each block to the drive", zero=True),
-    _of("side", "k", "stiffness of the spring from the first block to the drive", zero=True),
+    _of(
+        "side",
+        "k",
+        "stiffness of the spring from the first block to the drive",
+        zero=True,
+    ),
 )
 _SHIPPED = (*PARAMETERS, *_OF_BODIES, *UNITS_OF_A_RIG)
 
@@ -133,12 +208,16 @@ BY_NAME = {parameter.name: parameter for parameter in _SHIPPED}
 
 
 def register(parameter: Parameter) -> Parameter:
-    """Make a parameter known by its name, to `Rig.replace`, `critical` and all that vary parameters.
+    """Make a parameter known by its name, to `Rig.replace`, `critical` and all that
+    vary parameters.
 
     Raises `InputError` if the name is that of a parameter that comes with the package.
     """
     if any(parameter.name == known.name for known in _SHIPPED):
-        raise InputError(f"Parameter.name = {shown(parameter.name)}: comes with the package; choose another name")
+        raise InputError(
+            f"Parameter.name = {shown(parameter.name)}: comes with the package; choose "
+            "another name"
+        )
     BY_NAME[parameter.name] = parameter
     return parameter
 
@@ -162,4 +241,7 @@ def converted_ranges(
 ) -> tuple[tuple[str, float, float], ...]:
     """Return ranges of parameters by name with both ends changed, as in `converted`."""
     units = {name: parameter_named(name).unit for name, *_ in ranges}
-    return tuple((name, change(low, units[name]), change(high, units[name])) for name, low, high in ranges)
+    return tuple(
+        (name, change(low, units[name]), change(high, units[name]))
+        for name, low, high in ranges
+    )

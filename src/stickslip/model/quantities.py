@@ -1,6 +1,8 @@
-"""Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar, and units with exact sizes.
+"""Quantities in text: one number and a unit, ``"4 MN/m"``, by one strict grammar, and
+units with exact sizes.
 
-A library of units would take a third of a second to load, and reads more than is meant: ``mPas`` as millipascals.
+A library of units would take a third of a second to load, and reads more than is meant:
+``mPas`` as millipascals.
 """
 
 import re
@@ -15,22 +17,32 @@ from stickslip.words import PREFIXES
 
 LONGEST_QUANTITY = 64  # characters of a quantity; longer texts are refused unread
 
-_BLANKS = "[ \u00a0\u202f]*"  # typesetting puts the narrow ones between a number and its unit
+# typesetting puts the narrow ones between a number and its unit
+_BLANKS = "[ \u00a0\u202f]*"
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?"
 _NAME = "[A-Za-zµμÅ\u212b]+"
 _POWER = rf"{_NAME}(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³])?"
 _PRODUCT = f"{_POWER}(?: *[*·⋅] *{_POWER})*"
 _GROUP = rf"\( *{_PRODUCT} *\)"
-# One "/" at most, and one factor after it unless there are parentheses: "N/m*s" would be read in two ways.
-_UNIT = f"(?:{_PRODUCT}|{_GROUP})(?: */ *(?:{_POWER}|{_GROUP}))?|1? */ *(?:{_POWER}|{_GROUP})"
+# One "/" at most, and one factor after it unless there are parentheses: "N/m*s" would
+# be read in two ways.
+_UNIT = (
+    f"(?:{_PRODUCT}|{_GROUP})(?: */ *(?:{_POWER}|{_GROUP}))?|1? */ "
+    f"*(?:{_POWER}|{_GROUP})"
+)
 _QUANTITY = re.compile(f"{_BLANKS}({_NUMBER}){_BLANKS}({_UNIT})?{_BLANKS}")
 _FACTOR = re.compile(rf"({_NAME})(?:(?:\^|\*\*)(-?[1-9])|(⁻?[¹²³]))?")
 _RAISED = str.maketrans("⁻¹²³", "-123")
 
-_STANDARD_GRAVITY, _POUND = Fraction("9.80665"), Fraction("0.45359237")
-_FOOT, _YEAR = Fraction("0.3048"), Fraction("365.25") * 86400
-_LENGTH, _MASS, _TIME = {"m": 1}, {"kg": 1}, {"s": 1}
-_FORCE, _PRESSURE = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
+_STANDARD_GRAVITY = Fraction("9.80665")
+_POUND = Fraction("0.45359237")
+_FOOT = Fraction("0.3048")
+_YEAR = Fraction("365.25") * 86400
+_LENGTH = {"m": 1}
+_MASS = {"kg": 1}
+_TIME = {"s": 1}
+_FORCE = {"kg": 1, "m": 1, "s": -2}
+_PRESSURE = {"kg": 1, "m": -1, "s": -2}
 _ENERGY = {"kg": 1, "m": 2, "s": -2}
 _UNITS: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("m", "meter metre", 1, _LENGTH),
@@ -57,10 +69,14 @@ _UNITS: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
     ("lbf", "", _POUND * _STANDARD_GRAVITY, _FORCE),
     ("psi", "", _POUND * _STANDARD_GRAVITY / (_FOOT / 12) ** 2, _PRESSURE),
 )
-"""Units: symbols, names, which have a plural, sizes in SI units, and the exponents of these."""
+"""Units: symbols, names, which have a plural, sizes in SI units, and the exponents
+of these.
+"""
 _PREFIXED = 10  # how many of them, the first ones, take a prefix
 _UNCLEAR = {
-    **dict.fromkeys(("ton", "tons"), "differs between countries; write 't' for 1000 kg"),
+    **dict.fromkeys(
+        ("ton", "tons"), "differs between countries; write 't' for 1000 kg"
+    ),
     **dict.fromkeys(("pound", "pounds"), "is a mass or a force; write 'lb' or 'lbf'"),
     **dict.fromkeys(("mil", "mils"), "has several meanings; write it in 'um'"),
     "kt": "may be knots or kilotonnes; write 'm/s' or 'Gg'",
@@ -70,11 +86,13 @@ _UNCLEAR = {
 
 
 def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> float:
-    """Read a quantity such as ``"4 MN/m"``, one number with a decimal point and its unit, as a number in `unit`.
+    """Read a quantity such as ``"4 MN/m"``, one number with a decimal point and its
+    unit, as a number in `unit`.
 
-    A unit is made of the names of units, ``*`` or ``·``, one ``/``, and whole exponents: ``N*s/m``, ``N s`` never;
-    ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``, ``s^-1``. With `bare` a number without a unit is taken, too. The value is
-    the double nearest to the exact one. Errors show `example`, and do not name the place.
+    A unit is made of the names of units, ``*`` or ``·``, one ``/``, and whole
+    exponents: ``N*s/m``, ``N s`` never; ``m^2``, ``m**2``, ``m²``; ``1/(m*s)``,
+    ``s^-1``. With `bare` a number without a unit is taken, too. The value is the double
+    nearest to the exact one. Errors show `example`, and do not name the place.
 
     >>> read_quantity("2 um", "m", "2 um")
     2e-06
@@ -87,7 +105,10 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
         raise InputError(f"is longer than {LONGEST_QUANTITY} characters; {as_in}")
     found = _QUANTITY.fullmatch(text)
     if found is None:
-        general = f"cannot be read as a quantity, one number with a decimal point and its unit; {as_in}"
+        general = (
+            "cannot be read as a quantity, one number with a decimal point and "
+            f"its unit; {as_in}"
+        )
         raise InputError(_remedy(text) or general)
     if found[2] is None:
         if bare:
@@ -96,17 +117,23 @@ def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> 
     size, dimensions = _size_of(found[2])
     wanted, kind = _size_of(unit)
     if dimensions == _size_of(f"kg {unit}")[1]:
-        raise InputError(f"is {unit!r} times a mass; divide it by the mass, and {as_in}")
+        raise InputError(
+            f"is {unit!r} times a mass; divide it by the mass, and {as_in}"
+        )
     if dimensions != kind:
         raise InputError(f"is not in a unit of {unit!r}; {as_in}")
     return _nearest(Fraction(found[1]) * size / wanted)
 
 
 def read_number(text: str) -> float:
-    """Read a plain number with a decimal point, as it stands on a command line; errors do not name the place."""
+    """Read a plain number with a decimal point, as it stands on a command line;
+    errors do not name the place.
+    """
     found = _QUANTITY.fullmatch(text) if len(text) <= LONGEST_QUANTITY else None
     if found is None or found[2]:
-        raise InputError((_remedy(text) if found is None else "") or "must be a number, such as 0.5")
+        raise InputError(
+            (_remedy(text) if found is None else "") or "must be a number, such as 0.5"
+        )
     return _nearest(Fraction(found[1]))
 
 
@@ -120,13 +147,21 @@ def read_value(
     above: float | None = 0,
     at_least: float | None = None,
 ) -> float:
-    """Return a value, above 0, given as a number in `unit` or as a text with a unit; errors name the place."""
+    """Return a value, above 0, given as a number in `unit` or as a text with a unit;
+    errors name the place.
+    """
     if isinstance(value, str):
         try:
             value = read_quantity(value, unit, example, bare=bare)
         except InputError as error:
             raise InputError(f"{place} = {shown(value)}: {error}", place) from None
-    return number(place, value, above=above, at_least=at_least, hint="" if unit == "1" else f"in {unit}")
+    return number(
+        place,
+        value,
+        above=above,
+        at_least=at_least,
+        hint="" if unit == "1" else f"in {unit}",
+    )
 
 
 def _nearest(value: Fraction) -> float:
@@ -135,14 +170,17 @@ def _nearest(value: Fraction) -> float:
     except OverflowError:
         raise InputError("must be finite") from None
     if value and abs(result) < sys.float_info.min:
-        raise InputError(f"is too small for double precision ({sys.float_info.min:.1e})")
+        raise InputError(
+            f"is too small for double precision ({sys.float_info.min:.1e})"
+        )
     return result
 
 
 @lru_cache(maxsize=256)
 def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
     """Size of a unit in SI base units, exactly, and the exponents of these."""
-    size, dimensions = Fraction(1), Counter[str]()
+    size = Fraction(1)
+    dimensions = Counter[str]()
     above, _, below = unit.partition("/")
     for side, sign in ((above, 1), (below, -1)):
         for name, power, raised in _FACTOR.findall(side):
@@ -150,7 +188,9 @@ def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
             if name in _UNCLEAR:
                 raise InputError(f"the unit {name!r} {_UNCLEAR[name]}")
             if name not in _known():
-                raise InputError(f"unknown unit {name!r}; units are case-sensitive, as MN and mN")
+                raise InputError(
+                    f"unknown unit {name!r}; units are case-sensitive, as MN and mN"
+                )
             factor, parts = _known()[name]
             size *= factor**exponent
             dimensions.update({base: exponent * count for base, count in parts.items()})
@@ -159,7 +199,9 @@ def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
 
 @lru_cache(maxsize=256)
 def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
-    """Size of a unit in SI base units and the exponents of these; None if it is not known here."""
+    """Size of a unit in SI base units and the exponents of these; None if it is not
+    known here.
+    """
     with suppress(InputError):
         if re.fullmatch(_UNIT, unit):
             size, dimensions = _size_of(unit)
@@ -169,36 +211,61 @@ def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
 
 @lru_cache(maxsize=1)
 def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
-    """Every spelling of one unit, with its size and the exponents of the SI base units."""
+    """Every spelling of one unit, with its size and the exponents of the SI base
+    units.
+    """
     spellings: dict[str, tuple[Fraction, dict[str, int]]] = {}
-    for symbol, (name, power) in {**PREFIXES, "": ("", 0)}.items():  # without a prefix last: "ft" is not a femtotonne
+    # without a prefix last: "ft" is not a femtotonne
+    for symbol, (name, power) in {**PREFIXES, "": ("", 0)}.items():
         for symbols, names, size, parts in _UNITS[:_PREFIXED] if symbol else _UNITS:
             words = [name + own for own in names.split()]
-            for spelling in (*(symbol + own for own in symbols.split()), *words, *(f"{word}s" for word in words)):
+            for spelling in (
+                *(symbol + own for own in symbols.split()),
+                *words,
+                *(f"{word}s" for word in words),
+            ):
                 spellings[spelling] = Fraction(10) ** power * size, parts
     return spellings
 
 
 _SLIPS = (
-    (re.compile("[\u2212\u2010-\u2014]"), "-", "the minus sign is the '-' of the keyboard"),
+    (
+        re.compile("[\u2212\u2010-\u2014]"),
+        "-",
+        "the minus sign is the '-' of the keyboard",
+    ),
     (re.compile(r"(?<=\d),(?=\d{3}(?:,\d{3})*\.)"), "", "no separators of thousands"),
     (re.compile(r"(?<=\d)\.(?=\d{3}(?:\.\d{3})*,)"), "", "no separators of thousands"),
-    (re.compile(r"(?<=\d)[ \u00a0\u2009\u202f'’_](?=\d{3}(?!\d))"), "", "no blanks or marks inside a number"),
-    (re.compile(r"(?<=\d),(?=\d)(?!\d{3}(?!\d))"), ".", "decimal point, not comma"),  # 1,200 may be either
-    (re.compile(r"(?<=[A-Za-zµμÅ])(?<![\d. ][eE])(-?[1-9])"), r"^\1", "'^' before an exponent"),
+    (
+        re.compile(r"(?<=\d)[ \u00a0\u2009\u202f'’_](?=\d{3}(?!\d))"),
+        "",
+        "no blanks or marks inside a number",
+    ),
+    # 1,200 may be either
+    (re.compile(r"(?<=\d),(?=\d)(?!\d{3}(?!\d))"), ".", "decimal point, not comma"),
+    (
+        re.compile(r"(?<=[A-Za-zµμÅ])(?<![\d. ][eE])(-?[1-9])"),
+        r"^\1",
+        "'^' before an exponent",
+    ),
     (re.compile(r"(?<=[A-Za-zµμÅ¹²³]) +(?=[A-Za-zµμÅ])"), "*", "'*' between units"),
 )
 """Ways of writing that are plain enough to say what would be right."""
 
 
 def _remedy(text: str) -> str:
-    """Say how to write what can only have meant one thing; empty if that is not clear."""
+    """Say how to write what can only have meant one thing; empty if that is not
+    clear.
+    """
     if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):
         return "must be finite"
     if len(text) > LONGEST_QUANTITY:
         return ""
     if re.search(r"/.*[/*·⋅]", text) and "(" not in text and "**" not in text:
-        return "may be read in two ways; after '/' put one unit, or parentheses, as in '3 N/(m*s)'"
+        return (
+            "may be read in two ways; after '/' put one unit, or parentheses, as in "
+            "'3 N/(m*s)'"
+        )
     reasons = []
     for slip, right, reason in _SLIPS:
         text, count = slip.subn(right, text)

@@ -1,4 +1,6 @@
-"""Records: what their numbers may be and are measured in, said once, where the field is declared; tables of them."""
+"""Records: what their numbers may be and are measured in, said once, where the field
+is declared; tables of them.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -15,7 +17,9 @@ Change = Callable[[float, str], float]
 
 
 class Record:
-    """A frozen dataclass whose fields are checked on construction, as they are declared."""
+    """A frozen dataclass whose fields are checked on construction, as they are
+    declared.
+    """
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -24,9 +28,11 @@ class Record:
 
 @dataclass(frozen=True)
 class Number:
-    """Bounds and natural unit of a number of a record, ``Annotated[float, Number("k", above=0)]``.
+    """Bounds and natural unit of a number of a record,
+    ``Annotated[float, Number("k", above=0)]``.
 
-    An error names `place` in place of record and field, and `hint` as what the number means.
+    An error names `place` in place of record and field, and `hint` as what the number
+    means.
     """
 
     unit: str = "1"
@@ -40,7 +46,9 @@ class Number:
 
 @dataclass(frozen=True)
 class Part:
-    """A record within a record, ``Annotated[Delay, Part("a delay, such as Delay(0.2)")]``; `place` as above."""
+    """A record within a record, ``Annotated[Delay, Part("a delay, such as
+    Delay(0.2)")]``; `place` as above.
+    """
 
     hint: str
     place: str = ""
@@ -48,29 +56,46 @@ class Part:
 
 @lru_cache(maxsize=256)
 def declared(record: type) -> Mapping[str, tuple[Any, Number | Part | None]]:
-    """Each field of a record, with its type and what is declared of it, or of the numbers in it; None if nothing is."""
+    """Each field of a record, with its type and what is declared of it, or of the
+    numbers in it; None if nothing is.
+    """
     hints = get_type_hints(record, include_extras=True)
     kinds = {field.name: hints[field.name] for field in fields(record)}
-    bare = {name: kind.__origin__ if hasattr(kind, "__metadata__") else kind for name, kind in kinds.items()}
-    return {name: (bare[name], next(_marks(kind), None)) for name, kind in kinds.items()}
+    bare = {
+        name: kind.__origin__ if hasattr(kind, "__metadata__") else kind
+        for name, kind in kinds.items()
+    }
+    return {
+        name: (bare[name], next(_marks(kind), None)) for name, kind in kinds.items()
+    }
 
 
 def _marks(kind: Any) -> Iterator[Number | Part]:
     """The marks of a type, or of the numbers in a tuple or a union."""
-    yield from (mark for mark in getattr(kind, "__metadata__", ()) if isinstance(mark, Number | Part))
+    yield from (
+        mark
+        for mark in getattr(kind, "__metadata__", ())
+        if isinstance(mark, Number | Part)
+    )
     for inner in get_args(kind):
         yield from _marks(inner)
 
 
 def check(record: Any) -> None:
-    """Check every number, choice and part of a record on construction, and keep numbers as Python numbers."""
+    """Check every number, choice and part of a record on construction, and keep
+    numbers as Python numbers.
+    """
     record_type: Any = type(record)
     for name, (kind, mark) in declared(record_type).items():
-        value, place = getattr(record, name), getattr(mark, "place", "") or f"{record_type.__name__}.{name}"
+        value = getattr(record, name)
+        place = getattr(mark, "place", "") or f"{record_type.__name__}.{name}"
         if value is None and type(None) in get_args(kind):
             continue
         if (choices := choices_of(kind)) and value not in choices:
-            raise InputError(f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}", place)
+            raise InputError(
+                f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}",
+                place,
+            )
         if kind is bool and not isinstance(value, bool):
             raise InputError(f"{place} = {shown(value)}: must be True or False", place)
         if isinstance(mark, Part):
@@ -79,9 +104,15 @@ def check(record: Any) -> None:
             object.__setattr__(record, name, _numbers(kind, place, value, mark))
 
 
-def _numbers(kind: Any, place: str, value: object, mark: Number) -> float | tuple[float, ...]:
-    """A number within the bounds declared, or as many as are given where there may be several."""
-    several = kind is not float and any(get_origin(each) is tuple for each in (kind, *get_args(kind)))
+def _numbers(
+    kind: Any, place: str, value: object, mark: Number
+) -> float | tuple[float, ...]:
+    """A number within the bounds declared, or as many as are given where there may
+    be several.
+    """
+    several = kind is not float and any(
+        get_origin(each) is tuple for each in (kind, *get_args(kind))
+    )
     if not several or (float in get_args(kind) and isinstance(value, Real)):
         return _number(kind, place, value, mark)
     items = enumerate(sequence(place, value, mark.hint))
@@ -91,10 +122,17 @@ def _numbers(kind: Any, place: str, value: object, mark: Number) -> float | tupl
 def _number(kind: Any, place: str, value: object, mark: Number) -> float:
     """A number within the bounds declared."""
     hint = mark.hint
-    if isinstance(value, str) and value[:1].isdigit() and value[-1].isalpha() and not hint.startswith("in "):
+    if (
+        isinstance(value, str)
+        and value[:1].isdigit()
+        and value[-1].isalpha()
+        and not hint.startswith("in ")
+    ):
         hint = f"{hint or 'in natural units'}; give SI to read_rig or Rig.replace"
     if kind is int:
-        return whole(place, value, at_least=mark.at_least or 0, at_most=mark.at_most, hint=hint)
+        return whole(
+            place, value, at_least=mark.at_least or 0, at_most=mark.at_most, hint=hint
+        )
     bounds = {"above": mark.above, "at_least": mark.at_least, "at_most": mark.at_most}
     return number(place, value, **bounds, infinite=mark.infinite, hint=hint)
 
@@ -102,18 +140,29 @@ def _number(kind: Any, place: str, value: object, mark: Number) -> float:
 @lru_cache(maxsize=256)
 def choices_of(kind: Any) -> tuple[str, ...]:
     """All that a field may be, if its type says so."""
-    return next((get_args(each) for each in (kind, *get_args(kind)) if get_origin(each) is Literal), ())
+    return next(
+        (
+            get_args(each)
+            for each in (kind, *get_args(kind))
+            if get_origin(each) is Literal
+        ),
+        (),
+    )
 
 
 def converted(record: AnyRecord, change: Change) -> AnyRecord:
-    """Return a record with every number that has a unit changed, those of records within it, too."""
+    """Return a record with every number that has a unit changed, those of records
+    within it, too.
+    """
 
     def changed(value: Any, unit: str) -> Any:
         if isinstance(value, tuple):
             return tuple(changed(item, unit) for item in value)
         if is_dataclass(value):
             return converted(value, change)
-        return change(value, unit) if isinstance(value, float) and unit != "1" else value
+        return (
+            change(value, unit) if isinstance(value, float) and unit != "1" else value
+        )
 
     record_type: Any = type(record)
     changes = {
@@ -128,14 +177,20 @@ def hashable(record: object) -> Any:
     try:
         hash(record)
     except TypeError as error:
-        raise InputError(f"{record!r}: a distribution must be hashable; make it a frozen dataclass") from error
+        raise InputError(
+            f"{record!r}: a distribution must be hashable; make it a frozen dataclass"
+        ) from error
     return record
 
 
-def registry(what: str) -> tuple[dict[str, type], Callable[[str], Callable[[Kind], Kind]]]:
-    """Return a table of frozen dataclasses by name, and the decorator that enters one; `what` it holds, in words.
+def registry(
+    what: str,
+) -> tuple[dict[str, type], Callable[[str], Callable[[Kind], Kind]]]:
+    """Return a table of frozen dataclasses by name, and the decorator that enters one;
+    `what` it holds, in words.
 
-    The decorator raises `InputError` if the class is no frozen dataclass, or if another class has the name.
+    The decorator raises `InputError` if the class is no frozen dataclass, or if another
+    class has the name.
     """
     table: dict[str, type] = {}
     return table, lambda name: partial(_enter, table, f"{what} {shown(name)}", name)
@@ -147,6 +202,8 @@ def _enter(table: dict[str, type], place: str, name: str, kind: Kind) -> Kind:
     known = table.setdefault(name, kind)
     # The same class once more is a notebook's cell run again.
     if (known.__module__, known.__qualname__) != (kind.__module__, kind.__qualname__):
-        raise InputError(f"{place}: {known.__qualname__} has this name already; choose another one")
+        raise InputError(
+            f"{place}: {known.__qualname__} has this name already; choose another one"
+        )
     table[name] = kind
     return kind

@@ -1,4 +1,6 @@
-"""The rig: an interface, the slider on it and its drive, with the units of its numbers."""
+"""The rig: an interface, the slider on it and its drive, with the units of its
+numbers.
+"""
 
 import sys
 from collections.abc import Mapping
@@ -10,7 +12,14 @@ from stickslip.errors import InputError, instance, number, sequence, shown
 from stickslip.model.body import ElasticBody
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
-from stickslip.model.methods import METHODS, FromRest, MasterEquation, Method, Output, Start
+from stickslip.model.methods import (
+    METHODS,
+    FromRest,
+    MasterEquation,
+    Method,
+    Output,
+    Start,
+)
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_number, read_value
 from stickslip.model.records import Number, Part, Record, check, converted
@@ -20,51 +29,81 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Ends = tuple[float | str, float | str]
-"""Both ends of a range of a parameter: numbers in the rig's own unit, or texts with a unit."""
+"""Both ends of a range of a parameter: numbers in the rig's own unit, or texts with
+a unit.
+"""
 
 USUAL_RANGE = 30.0
-"""Factor by which a parameter is varied up and down from its value in a rig where no range is given."""
+"""Factor by which a parameter is varied up and down from its value in a rig where no
+range is given.
+"""
 
-_Speeds = tuple[Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")], ...]
+_Speeds = tuple[
+    Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")],
+    ...,
+]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Operation(Record):
-    """How a rig is used; it changes no run, only what is asked of it. Ranges increase, and all is above 0."""
+    """How a rig is used; it changes no run, only what is asked of it.
+
+    Ranges increase, and all is above 0.
+    """
 
     speeds: _Speeds = ()  #: speeds at which it works, that of its drive first
     between: _Speeds | None = None  #: in place of single speeds, a range of them
-    normal_load: Annotated[float | None, Number("f_s", above=0)] = None  #: if it is known; `load` is that then
-    feasible: tuple[tuple[str, float, float], ...] = ()  #: parameters, each with the range that could be built or set
+    #: if it is known; `load` is that then
+    normal_load: Annotated[float | None, Number("f_s", above=0)] = None
+    #: parameters, each with the range that could be built or set
+    feasible: tuple[tuple[str, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         ranges = {f"feasible[{name}]": ends for name, *ends in self.feasible}
         for name, ends in (ranges | {"between": self.between or (1.0, 2.0)}).items():
-            low, high = (number(f"Operation.{name}[{i}]", end, above=0) for i, end in enumerate(ends))
+            low, high = (
+                number(f"Operation.{name}[{i}]", end, above=0)
+                for i, end in enumerate(ends)
+            )
             if high < low or (high == low and name == "between"):
-                raise InputError(f"Operation.{name} = ({low:g}, {high:g}): must increase", f"Operation.{name}")
+                raise InputError(
+                    f"Operation.{name} = ({low:g}, {high:g}): must increase",
+                    f"Operation.{name}",
+                )
 
     def range_of(self, parameter: str) -> tuple[float, float] | None:
-        """Return the range of a parameter that could be built; None if nothing is said of it."""
-        return next(((low, high) for name, low, high in self.feasible if name == parameter), None)
+        """Return the range of a parameter that could be built; None if nothing is
+        said of it.
+        """
+        return next(
+            ((low, high) for name, low, high in self.feasible if name == parameter),
+            None,
+        )
 
 
 @dataclass(frozen=True)
 class Assumption:
-    """A value of a rig that was not measured; in words, the value and how to measure it."""
+    """A value of a rig that was not measured; in words, the value and how to measure
+    it.
+    """
 
     value: str  # as it stands in the rig's file; empty if the file does not say
     how: str
     default: bool = False  # whether it was taken because the file said nothing
-    between: tuple[Any, ...] = ()  # where it may lie, as it stands in the file, if that says so
+    # where it may lie, as it stands in the file, if that says so
+    between: tuple[Any, ...] = ()
     factors: tuple[float, ...] = ()  # and over the value
 
     @property
     def said(self) -> str:
         """The value, whether it is a default, and where it may lie."""
         value = f"{self.value} (default)" if self.default else self.value
-        return f"{value}, between {' and '.join(map(str, self.between))}" if self.between else value
+        return (
+            f"{value}, between {' and '.join(map(str, self.between))}"
+            if self.between
+            else value
+        )
 
     def __str__(self) -> str:
         return "; ".join(part for part in (self.said, self.how) if part)
@@ -76,8 +115,11 @@ class Fitted:
 
     value: str  # as it stands in the rig's file
     interval: str  # of 90 %, in words
-    how: str  # what the trace says of it: identified, weak, not identified, at a bound, or assumed, and why
-    draws: tuple[float, ...] = ()  # equally likely values in SI units; those of all keys belong together, in order
+    # what the trace says of it: identified, weak, not identified, at a bound, or
+    # assumed, and why
+    how: str
+    # equally likely values in SI units; those of all keys belong together, in order
+    draws: tuple[float, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.value} ({self.interval}); {self.how}"
@@ -85,22 +127,26 @@ class Fitted:
 
 @dataclass(frozen=True, repr=False)
 class Rig(Answer):
-    """A slider on an interface, pulled by a drive through a spring: the noun of this package, which verbs take first.
+    """A slider on an interface, pulled by a drive through a spring: the noun of this
+    package, which verbs take first.
 
-    Its records are in natural units. What goes into and comes out of the functions that take a rig is in the rig's own
-    units: SI if it has `scales`, as a rig from a file has, else natural.
+    Its records are in natural units. What goes into and comes out of the functions that
+    take a rig is in the rig's own units: SI if it has `scales`, as a rig from a file
+    has, else natural.
 
     Parameters
     ----------
     interface : Interface
         The contacts.
     slider : Slider, Chain, Sheet or impedance
-        What the contacts hold, on its driving spring or springs; a `Chain` or a `Sheet` is elastic. For the linear
-        stability of smooth sliding any mechanical impedance of `stickslip.stability` will do.
+        What the contacts hold, on its driving spring or springs; a `Chain` or a `Sheet`
+        is elastic. For the linear stability of smooth sliding any mechanical impedance
+        of `stickslip.stability` will do.
     drive : Drive
         How the far end of the spring moves.
     method : Contacts, MasterEquation, Population or QuasiStatic
-        How the rig is simulated, unless `simulate` is given another one; so with `start` and `output`.
+        How the rig is simulated, unless `simulate` is given another one; so with
+        `start` and `output`.
     start : FromRest, FromSliding or Prestressed
         The state that a run starts from.
     output : Output
@@ -108,7 +154,8 @@ class Rig(Answer):
     scales : Scales, optional
         The rig's force, length and time in SI units; none for a rig in natural units.
     operation : Operation
-        The speeds it works at, and what of it could be built otherwise, in natural units; for `predict`.
+        The speeds it works at, and what of it could be built otherwise, in natural
+        units; for `predict`.
     name : str
         What to call it.
     assumed : mapping of str to Assumption
@@ -120,8 +167,14 @@ class Rig(Answer):
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
-    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.constant(velocity=1.0))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2)
+    ... )
+    >>> rig = ss.Rig(
+    ...     interface,
+    ...     ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+    ...     ss.constant(velocity=1.0),
+    ... )
     >>> rig.replace(stiffness=5.0).slider.stiffness
     5.0
     """
@@ -131,9 +184,13 @@ class Rig(Answer):
     drive: Annotated[Drive, Part("a drive, made with constant() or ramp()")]
     _: KW_ONLY
     method: Method = MasterEquation()
-    start: Annotated[Start, Part("FromRest(), FromSliding() or Prestressed(...)")] = FromRest()
+    start: Annotated[Start, Part("FromRest(), FromSliding() or Prestressed(...)")] = (
+        FromRest()
+    )
     output: Annotated[Output, Part("an Output")] = Output()
-    scales: Annotated[Scales | None, Part("Scales(...), or None for natural units")] = None
+    scales: Annotated[Scales | None, Part("Scales(...), or None for natural units")] = (
+        None
+    )
     operation: Annotated[Operation, Part("an Operation(...)")] = Operation()
     name: str = "rig"
     assumed: Mapping[str, Assumption] = field(default_factory=dict, compare=False)
@@ -143,12 +200,22 @@ class Rig(Answer):
     def __post_init__(self) -> None:
         instance("Rig.name", self.name, str, "a text")
         check(self)
-        known = hasattr(self.slider, "stiffness") or callable(self.slider) or isinstance(self.slider, ElasticBody)
+        known = (
+            hasattr(self.slider, "stiffness")
+            or callable(self.slider)
+            or isinstance(self.slider, ElasticBody)
+        )
         if isinstance(self.slider, type) or not known:
             raise InputError(
-                f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, or an impedance: a function of s"
+                f"Rig.slider = {self.slider!r}: must be a Slider, a Chain or a Sheet, "
+                "or an impedance: a function of s"
             )
-        instance("Rig.method", self.method, tuple(METHODS.values()), "Contacts(...) or MasterEquation(...)")
+        instance(
+            "Rig.method",
+            self.method,
+            tuple(METHODS.values()),
+            "Contacts(...) or MasterEquation(...)",
+        )
 
     @property
     def natural(self) -> Self:
@@ -161,12 +228,15 @@ class Rig(Answer):
         return self.value("velocity")
 
     def value(self, parameter: Parameter | str) -> float:
-        """Return the value of a parameter, such as ``"stiffness"``, in the rig's own units."""
+        """Return the value of a parameter, such as ``"stiffness"``, in the rig's own
+        units.
+        """
         known = parameter_named(parameter)
         return known.get(self) * self.unit(known.unit)
 
     def unit(self, natural: str) -> float:
-        """Size in the rig's own units of a natural unit: ``"x_s/time"``, or ``"velocity"``, the quantity it measures.
+        """Size in the rig's own units of a natural unit: ``"x_s/time"``, or
+        ``"velocity"``, the quantity it measures.
 
         Raises `InputError` if there is no such unit or quantity.
         """
@@ -174,14 +244,19 @@ class Rig(Answer):
         return 1.0 if self.scales is None else self.scales.unit(unit)
 
     def unit_name(self, natural: str) -> str:
-        """Name of the rig's own unit for a natural unit or a quantity, as in `unit`: ``"m/s"``."""
+        """Name of the rig's own unit for a natural unit or a quantity, as in `unit`:
+        ``"m/s"``.
+        """
         return natural_unit(natural) if self.scales is None else si_unit(natural)
 
     if not TYPE_CHECKING:  # to a checker of types it has just the names that stand here
 
         def __getattr__(self, name: str) -> Any:
             verb = not name.startswith("_") and name in dir(sys.modules["stickslip"])
-            raise AttributeError(f"Rig has no {name!r}" + (f"; write stickslip.{name}(rig)" if verb else ""))
+            raise AttributeError(
+                f"Rig has no {name!r}"
+                + (f"; write stickslip.{name}(rig)" if verb else "")
+            )
 
     def replace(self, **changes: Any) -> "Rig":
         """Return the rig with some of its parts or parameters changed.
@@ -189,8 +264,9 @@ class Rig(Answer):
         Parameters
         ----------
         **changes
-            A field of this record (`drive` and `output` in the rig's own units), or a parameter by name, in the
-            rig's own units: ``velocity``, ``stiffness``, ``mass``, ``damping``, ``delay``, ``std``, ``ageing``.
+            A field of this record (`drive` and `output` in the rig's own units), or a
+            parameter by name, in the rig's own units: ``velocity``, ``stiffness``,
+            ``mass``, ``damping``, ``delay``, ``std``, ``ageing``.
 
         Raises
         ------
@@ -203,41 +279,69 @@ class Rig(Answer):
         >>> round(rig.replace(velocity="50 mm/s").velocity, 3)
         0.05
         """
-        fields = {name: value for name, value in changes.items() if name in self.__dataclass_fields__}
+        fields = {
+            name: value
+            for name, value in changes.items()
+            if name in self.__dataclass_fields__
+        }
         for name, kind in (("drive", Drive), ("output", Output)):
             if isinstance(fields.get(name), kind) and self.scales is not None:
                 fields[name] = converted(fields[name], self.scales.natural)
         changed = replace(self, **fields)
         for name in [name for name in changes if name not in fields]:
             known = parameter_named(name, place="replace")
-            changed = known.set(changed, changed.read(name, changes[name], known.unit, above=None, at_least=0))
+            changed = known.set(
+                changed,
+                changed.read(name, changes[name], known.unit, above=None, at_least=0),
+            )
         return changed
 
     def read(self, place: str, value: object, natural: str, **bounds: Any) -> float:
-        """Return a number in the rig's own unit, or a text with a unit, in the natural unit; errors name the place."""
+        """Return a number in the rig's own unit, or a text with a unit, in the
+        natural unit; errors name the place.
+        """
         unit = self.unit_name(natural)
         if isinstance(value, str) and self.scales is None:
             try:
                 value = read_number(value)  # as a command line gives it
             except InputError:
-                told = f"{place} = {value!r}: must be a plain number, as the rig is in natural units"
+                told = (
+                    f"{place} = {value!r}: must be a plain number, as the rig is in "
+                    "natural units"
+                )
                 raise InputError(told) from None
-        return read_value(place, value, unit, f"2 {unit}", **bounds) / self.unit(natural)
+        return read_value(place, value, unit, f"2 {unit}", **bounds) / self.unit(
+            natural
+        )
 
     def around(self, parameter: Parameter) -> tuple[float, float]:
-        """Return the range of a factor `USUAL_RANGE` above and below the value in the rig, in natural units."""
+        """Return the range of a factor `USUAL_RANGE` above and below the value in
+        the rig, in natural units.
+        """
         here = parameter.get(self.natural)
         if here <= 0:
-            raise InputError(f"between: {parameter.name} is {here:g}, so give a range, such as (0.1, 10)")
+            raise InputError(
+                f"between: {parameter.name} is {here:g}, so give a range, such as "
+                "(0.1, 10)"
+            )
         return here / USUAL_RANGE, here * USUAL_RANGE
 
-    def span(self, parameter: Parameter, between: Ends, place: str = "between") -> tuple[float, float]:
+    def span(
+        self, parameter: Parameter, between: Ends, place: str = "between"
+    ) -> tuple[float, float]:
         """Return a range of a parameter, given as in `Ends`, in its natural unit."""
         ends = sequence(place, between, "two values, such as (0.1, 10)")
         if len(ends) != 2:
-            raise InputError(f"{place} = {shown(between)}: must be two values, such as (0.1, 10)")
+            raise InputError(
+                f"{place} = {shown(between)}: must be two values, such as (0.1, 10)"
+            )
         low = self.read(f"{place}[0]", ends[0], parameter.unit, above=0)
-        high = self.read(f"{place}[1]", ends[1], parameter.unit, above=low * self.unit(parameter.unit))
+        high = self.read(
+            f"{place}[1]",
+            ends[1],
+            parameter.unit,
+            above=low * self.unit(parameter.unit),
+        )
         return low, high
 
     def __str__(self) -> str:
@@ -248,7 +352,9 @@ class Rig(Answer):
                 value = parameter.get(self.natural)
             except InputError:  # the rig has no such parameter
                 continue
-            lines.append(f"{parameter.title or parameter.name:<48}{self.in_units(value, parameter.unit)}")
+            lines.append(
+                f"{parameter.title or parameter.name:<48}{self.in_units(value, parameter.unit)}"  # noqa: E501
+            )
         lines.append(f"{'thresholds':<48}{self.interface.thresholds}")
         lines.append(f"{'method':<48}{self.method}")
         return "\n".join(lines)
@@ -258,5 +364,7 @@ class Rig(Answer):
         return result if self.scales is None else in_si(result, self.scales)
 
     def in_units(self, value: float, unit: str, digits: int = 4) -> str:
-        """Say a natural value in words, its unit named as in `unit`: in SI units with a prefix, or in natural units."""
+        """Say a natural value in words, its unit named as in `unit`: in SI units
+        with a prefix, or in natural units.
+        """
         return in_words(value, unit, self.scales, digits)

@@ -1,4 +1,6 @@
-"""The only place where SI units exist: three independent scales turn a rig into natural units and results back."""
+"""The only place where SI units exist: three independent scales turn a rig into
+natural units and results back.
+"""
 
 import re
 from dataclasses import dataclass
@@ -16,19 +18,28 @@ if TYPE_CHECKING:
 class Scales(Record):
     """The three scales of a rig in SI units."""
 
-    force: Annotated[float, Number(above=0, hint="in N")]  #: sum of the mean threshold forces, ``N f_s``
-    stretching: Annotated[float, Number(above=0, hint="in m")]  #: mean breaking displacement of a contact, ``x_s``
+    #: sum of the mean threshold forces, ``N f_s``
+    force: Annotated[float, Number(above=0, hint="in N")]
+    #: mean breaking displacement of a contact, ``x_s``
+    stretching: Annotated[float, Number(above=0, hint="in m")]
     time: Annotated[float, Number(above=0, hint="in s")] = 1.0  #: the unit of time
 
     def unit(self, name: str) -> float:
-        """Size in SI units of one natural unit: ``"x_s/time"``, or ``"velocity"``, the quantity that it measures.
+        """Size in SI units of one natural unit: ``"x_s/time"``, or ``"velocity"``, the
+        quantity that it measures.
 
-        A force in natural units is per contact and in ``f_s``: multiplied by ``N f_s`` it is the force of the whole
-        interface; stiffness, mass and energy likewise. Raises `InputError` if there is no such unit or quantity.
+        A force in natural units is per contact and in ``f_s``: multiplied by ``N f_s``
+        it is the force of the whole interface; stiffness, mass and energy likewise.
+        Raises `InputError` if there is no such unit or quantity.
         """
         above = below = 1.0
-        for scale, power in zip((self.force, self.stretching, self.time), _UNITS[natural_unit(name)][:3], strict=True):
-            above, below = above * scale ** max(power, 0), below * scale ** max(-power, 0)
+        for scale, power in zip(
+            (self.force, self.stretching, self.time),
+            _UNITS[natural_unit(name)][:3],
+            strict=True,
+        ):
+            above = above * scale ** max(power, 0)
+            below = below * scale ** max(-power, 0)
         return above / below
 
     def natural(self, value: float, name: str) -> float:
@@ -56,10 +67,13 @@ _UNITS: dict[str, tuple[float, float, float, str, str]] = {
     "1/x_s": (0, -1, 0, "1/m", ""),
     "1/time^(1/2)": (0, 0, -0.5, "1/s^(1/2)", ""),
 }
-"""Natural units, as records declare them and results carry them: powers of force, length and time, the SI unit, and
-the quantity."""
-UNITS = {unit: si for unit, (*_, si, _) in _UNITS.items()}  # SI unit of each natural unit
-QUANTITIES = {quantity: unit for unit, (*_, quantity) in _UNITS.items() if quantity}  # natural unit of each quantity
+"""Natural units, as records declare them and results carry them: powers of force,
+length and time, the SI unit, and the quantity.
+"""
+# SI unit of each natural unit
+UNITS = {unit: si for unit, (*_, si, _) in _UNITS.items()}
+# natural unit of each quantity
+QUANTITIES = {quantity: unit for unit, (*_, quantity) in _UNITS.items() if quantity}
 
 
 def natural_unit(name: object) -> str:
@@ -69,34 +83,51 @@ def natural_unit(name: object) -> str:
     """
     unit = QUANTITIES.get(name, name) if isinstance(name, str) else ""
     if unit not in UNITS:
-        raise InputError(f"unit = {shown(name)}: must be one of {', '.join(UNITS)}, or {', '.join(QUANTITIES)}")
+        raise InputError(
+            f"unit = {shown(name)}: must be one of {', '.join(UNITS)}, or "
+            f"{', '.join(QUANTITIES)}"
+        )
     return unit
 
 
 def si_unit(name: str) -> str:
-    """Return the SI unit of a natural unit or a quantity: ``"m/s"``; errors as in `natural_unit`."""
+    """Return the SI unit of a natural unit or a quantity: ``"m/s"``; errors as in
+    `natural_unit`.
+    """
     return UNITS[natural_unit(name)]
 
 
 def in_si(data: "xr.Dataset", scales: Scales) -> "xr.Dataset":
-    """Return a result in SI units: each variable scaled by its ``units``, and labelled anew.
+    """Return a result in SI units: each variable scaled by its ``units``, and labelled
+    anew.
 
-    Forces, energies and stiffnesses, per contact in natural units, become those of the whole interface. The
-    provenance stays as it is: it describes the run in natural units.
+    Forces, energies and stiffnesses, per contact in natural units, become those of the
+    whole interface. The provenance stays as it is: it describes the run in natural
+    units.
     """
     converted = data.copy()
     for name, variable in data.variables.items():
         units = str(variable.attrs.get("units"))
         if units in UNITS and units != "1" and variable.dtype.kind in "fiu":
-            title = re.sub(",? per contact", "", str(variable.attrs.get("long_name", name)))
+            title = re.sub(
+                ",? per contact", "", str(variable.attrs.get("long_name", name))
+            )
             values = variable.to_numpy() * scales.unit(units)
-            converted[name] = (variable.dims, values, {"units": si_unit(units), "long_name": title})
+            converted[name] = (
+                variable.dims,
+                values,
+                {"units": si_unit(units), "long_name": title},
+            )
     return converted
 
 
 def in_words(value: float, unit: str, scales: Scales | None, digits: int = 4) -> str:
-    """Say a natural value in words: in SI units with a prefix, or in natural units where there are no scales."""
+    """Say a natural value in words: in SI units with a prefix, or in natural units
+    where there are no scales.
+    """
     if scales is None:
         natural = natural_unit(unit)
-        return engineering(value, "" if natural == "f_s time^2/x_s" else natural, digits)
+        return engineering(
+            value, "" if natural == "f_s time^2/x_s" else natural, digits
+        )
     return engineering(scales.si(value, unit), si_unit(unit), digits)

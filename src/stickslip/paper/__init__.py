@@ -1,4 +1,5 @@
-"""The figures of the paper: data, picture, and the claims that the data must satisfy, with verdicts.
+"""The figures of the paper: data, picture, and the claims that the data must satisfy,
+with verdicts.
 
 >>> from stickslip.paper import FIGURES
 >>> figure = FIGURES["fig2"]
@@ -10,19 +11,46 @@ True
 
 from stickslip.errors import InputError
 from stickslip.paper import ageing, delay, instability, ramps
-from stickslip.paper.figure import Claim, Figure, Format, Measured, Reproduction, Verdict, places, reproduce
+from stickslip.paper.figure import (
+    Claim,
+    Figure,
+    Format,
+    Measured,
+    Reproduction,
+    Verdict,
+    places,
+    reproduce,
+)
 
-__all__ = ["Claim", "Figure", "Format", "Measured", "Reproduction", "Verdict", "places", "reproduce"]
+__all__ = [
+    "Claim",
+    "Figure",
+    "Format",
+    "Measured",
+    "Reproduction",
+    "Verdict",
+    "places",
+    "reproduce",
+]
 
-_FIGURES = [figure for room in (instability, delay, ageing, ramps) for figure in room.FIGURES]
-FIGURES = {figure.name: figure for figure in sorted(_FIGURES, key=lambda figure: int(figure.name[3:]))}
+_FIGURES = [
+    figure for room in (instability, delay, ageing, ramps) for figure in room.FIGURES
+]
+FIGURES = {
+    figure.name: figure
+    for figure in sorted(_FIGURES, key=lambda figure: int(figure.name[3:]))
+}
 """The figures by name, ``"fig1"`` and on, in the order of the paper."""
 
 
 def figures_named(name: str) -> tuple[Figure, ...]:
-    """Return one figure, or every one for ``"all"``; `InputError` if there is no such figure."""
+    """Return one figure, or every one for ``"all"``; `InputError` if there is no
+    such figure.
+    """
     if name == "all":
         return tuple(FIGURES.values())
     if name not in FIGURES:
-        raise InputError(f"{name}: no such figure; there are {', '.join(FIGURES)}, or all")
+        raise InputError(
+            f"{name}: no such figure; there are {', '.join(FIGURES)}, or all"
+        )
     return (FIGURES[name],)

@@ -4,7 +4,16 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from stickslip.model import Delay, Gaussian, Interface, Langevin, Rig, Slider, SteadyState, constant
+from stickslip.model import (
+    Delay,
+    Gaussian,
+    Interface,
+    Langevin,
+    Rig,
+    Slider,
+    SteadyState,
+    constant,
+)
 
 
 @dataclass(frozen=True)
@@ -23,22 +32,36 @@ class PaperCase:
 
 
 CRITICAL_STIFFNESS, CRITICAL_STIFFNESS_NEVER = 2.989, 3.548
-"""``K*/N`` of the interface of Figs. 4 to 7 by Eq. (8): contacts re-attach at once, or never."""
+"""``K*/N`` of the interface of Figs. 4 to 7 by Eq. (8): contacts re-attach at once,
+or never.
+"""
 PERIOD = 1.487  # of stick-slip in Fig. 4, K = 2 k, delay .2
 V1, V1_FREQUENCY = 1.388221, 7.265139
-"""Fig. 7a: where smooth sliding loses stability, and the angular frequency of its mode there."""
+"""Fig. 7a: where smooth sliding loses stability, and the angular frequency of its
+mode there.
+"""
 
 
-def interface(initial: float | None = 0.01, threshold: float = 0.1, **mechanisms: Any) -> Interface:
-    """By the standard deviations of initial forces (None: the steady state of sliding) and of thresholds."""
+def interface(
+    initial: float | None = 0.01, threshold: float = 0.1, **mechanisms: Any
+) -> Interface:
+    """By the standard deviations of initial forces (None: the steady state of
+    sliding) and of thresholds.
+    """
     thresholds = Gaussian(mean=1.0, std=threshold)
-    start = SteadyState(thresholds=thresholds) if initial is None else Gaussian(mean=0.0, std=initial)
+    start = (
+        SteadyState(thresholds=thresholds)
+        if initial is None
+        else Gaussian(mean=0.0, std=initial)
+    )
     return Interface(thresholds=thresholds, initial=start, **mechanisms)
 
 
 def slider(stiffness: float, ratio: float, mass: float = 1e-4) -> Slider:
     """A slider whose damping is a ratio of its Omega."""
-    return Slider(stiffness=stiffness, mass=mass, damping=ratio * math.sqrt(stiffness / mass))
+    return Slider(
+        stiffness=stiffness, mass=mass, damping=ratio * math.sqrt(stiffness / mass)
+    )
 
 
 _DAMPED = Slider(stiffness=2.0, mass=1e-4, damping=200.0)
@@ -48,10 +71,14 @@ FIG4 = PaperCase(interface(delay=Delay(0.2)), _DAMPED, 10_000)
 FIG5 = PaperCase(interface(delay=Delay(math.inf)), _DAMPED, 10_000)
 FIG6 = PaperCase(interface(delay=Delay(0.2)), slider(2.0, 0.3), 10_000)
 FIG7 = PaperCase(interface(delay=Delay(0.1)), slider(2.0, 0.3), 10_000)
-FIG8 = FIG9 = FIG10 = PaperCase(interface(ageing=Langevin(rate=1.5)), slider(1.0, 0.1), 2_000)
+FIG8 = FIG9 = FIG10 = PaperCase(
+    interface(ageing=Langevin(rate=1.5)), slider(1.0, 0.1), 2_000
+)
 FIG11 = PaperCase(interface(ageing=Langevin(rate=1.0)), slider(1.0, 0.1), 2_000)
 
 
 def aged(case: PaperCase, rate: float) -> Rig:
     """The rig of a figure with another rate of ageing."""
-    return case.rig.replace(interface=replace(case.interface, ageing=Langevin(rate=rate)))
+    return case.rig.replace(
+        interface=replace(case.interface, ageing=Langevin(rate=rate))
+    )

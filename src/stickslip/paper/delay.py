@@ -1,4 +1,6 @@
-"""Figures 4 and 6: stick-slip of contacts that re-attach after a delay, and the shortest delay that sustains it."""
+"""Figures 4 and 6: stick-slip of contacts that re-attach after a delay, and the
+shortest delay that sustains it.
+"""
 
 import functools
 import itertools
@@ -15,17 +17,41 @@ import stickslip as ss
 from stickslip import plot, theory
 from stickslip.model import Method
 from stickslip.paper.cases import FIG4, FIG6, PERIOD, slider
-from stickslip.paper.figure import Claim, Figure, Measured, at_least, at_most, between, near, weighed
-from stickslip.paper.kit import Array, Picture, Progress, dataset, grid, panel, portions, power, second_axis, table
+from stickslip.paper.figure import (
+    Claim,
+    Figure,
+    Measured,
+    at_least,
+    at_most,
+    between,
+    near,
+    weighed,
+)
+from stickslip.paper.kit import (
+    Array,
+    Picture,
+    Progress,
+    dataset,
+    grid,
+    panel,
+    portions,
+    power,
+    second_axis,
+    table,
+)
 
 STIFFNESSES = (5.0, 2.0)
 _SHOWN_DELAYS = (0.0, 0.09, 0.1, 0.2)
 _DELAYS = (0.0, 0.085, 0.09, 0.1, 0.105, 0.2, 0.3)
 
 _SHOWN = 20.0
-_BEGIN, _END = 60.0, 120.0  # what is evaluated; early windows tell how fast a transient decays
+# what is evaluated; early windows tell how fast a transient decays
+_BEGIN = 60.0
+_END = 120.0
 _EARLY = (20.0, 40.0, 60.0)
-_PERIODIC = 1e-4  # variation of the period left to a solver's steps; a thousand contacts have 40 times as much
+# variation of the period left to a solver's steps; a thousand contacts have 40 times as
+# much
+_PERIODIC = 1e-4
 
 _TRACES = ["spring_force", "velocity", "displacement"]
 _LATE = {  # what a `Regime` says, by its names for it, and one thing more
@@ -45,22 +71,35 @@ def _data_4(progress: Progress, quick: bool) -> xr.Dataset:
         "master equation": ss.MasterEquation(rtol=1e-4 if quick else 1e-5),
     }
     counts = (1_000, 4_000) if quick else (1_000, 4_000, 16_000)
-    first, second = portions(progress, len(methods) * len(STIFFNESSES) * len(_DELAYS), len(counts))
+    first, second = portions(
+        progress, len(methods) * len(STIFFNESSES) * len(_DELAYS), len(counts)
+    )
     output = ss.Output(interval=0.002)
 
-    def run(solver: str, stiffness: float, delay: float, progress: Progress) -> dict[Any, Any]:
+    def run(
+        solver: str, stiffness: float, delay: float, progress: Progress
+    ) -> dict[Any, Any]:
         drive = ss.constant(FIG4.velocity, 90.0 if quick else _END)
         rig = FIG4.rig.replace(stiffness=stiffness, delay=delay, drive=drive)
-        made = ss.simulate(rig, method=methods[solver], output=output, progress=progress)
-        late, force = ss.regime(made, after=_BEGIN), made["spring_force"]
-        begin, later = (np.ptp(force.sel(time=slice(*pair)).to_numpy()) for pair in itertools.pairwise(_EARLY))
+        made = ss.simulate(
+            rig, method=methods[solver], output=output, progress=progress
+        )
+        late = ss.regime(made, after=_BEGIN)
+        force = made["spring_force"]
+        begin, later = (
+            np.ptp(force.sel(time=slice(*pair)).to_numpy())
+            for pair in itertools.pairwise(_EARLY)
+        )
         shown = made[_TRACES].sel(time=slice(0.0, _SHOWN))
         said = {name: getattr(late, name, None) for name in _LATE}
         return said | {"decay": begin / later} | dict(shown)
 
     def scatter(count: int, progress: Progress) -> dict[str, float]:
-        rig = FIG4.rig.replace(drive=ss.constant(FIG4.velocity, 2.0 * _END))  # K = 2 k, delay .2
-        made = ss.simulate(rig, method=ss.Contacts(count, seed=9), output=output, progress=progress)
+        # K = 2 k, delay .2
+        rig = FIG4.rig.replace(drive=ss.constant(FIG4.velocity, 2.0 * _END))
+        made = ss.simulate(
+            rig, method=ss.Contacts(count, seed=9), output=output, progress=progress
+        )
         return {"scatter": ss.regime(made, after=_BEGIN).period_variation}
 
     def smooth(stiffness: float, delay: float) -> float:
@@ -76,10 +115,21 @@ def _data_4(progress: Progress, quick: bool) -> xr.Dataset:
         | {name: (seen[name], words) for name, words in _LATE.items()}
         | {
             "velocity": (traces["velocity"], "velocity of the slider [v_d]"),
-            "mean_force_smooth": (smoothly, "mean force in smooth sliding, closed form, per contact [f_s]"),
-            "period_scatter": (scattered, "coefficient of variation of the period, K = 2 k, delay .2 [1]"),
+            "mean_force_smooth": (
+                smoothly,
+                "mean force in smooth sliding, closed form, per contact [f_s]",
+            ),
+            "period_scatter": (
+                scattered,
+                "coefficient of variation of the period, K = 2 k, delay .2 [1]",
+            ),
         },
-        {"stiffness": (STIFFNESSES, "stiffness of the driving spring, per contact [k]")},
+        {
+            "stiffness": (
+                STIFFNESSES,
+                "stiffness of the driving spring, per contact [k]",
+            )
+        },
         count=FIG4.contacts,
     )
 
@@ -88,7 +138,10 @@ def _late_numbers(data: xr.Dataset) -> Iterator[Measured]:
     """The settled numbers of the two stiffnesses, by each solver."""
     exact = data["mean_force_smooth"].sel(delay=0.0).to_series()
     # Contacts add their noise to the largest and the smallest value.
-    for solver, noise, of_mean in (("contacts", 0.03, 0.004), ("master equation", 0.015, 1e-4)):
+    for solver, noise, of_mean in (
+        ("contacts", 0.03, 0.004),
+        ("master equation", 0.015, 1e-4),
+    ):
         for name, stiffness, delay, low, high in (
             ("peak_to_peak", 2.0, 0.0, -math.inf, 0.05),
             ("peak_to_peak", 2.0, 0.085, -math.inf, 0.05),
@@ -102,34 +155,61 @@ def _late_numbers(data: xr.Dataset) -> Iterator[Measured]:
             ("peak_to_peak", 5.0, 0.3, 0.635 - noise, 0.635 + noise),
             ("period", 5.0, 0.3, 1.37, 1.39),
             ("largest_velocity", 5.0, 0.3, -math.inf, 3.0),
-            *(("mean_force", K, 0.0, F - of_mean, F + of_mean) for K, F in exact.items()),
+            *(
+                ("mean_force", K, 0.0, F - of_mean, F + of_mean)
+                for K, F in exact.items()
+            ),
         ):
             value = data[name].sel(solver=solver, stiffness=stiffness, delay=delay)
-            words, unit = value.attrs["long_name"].partition(",")[0], value.attrs["units"].replace("1", "")
-            yield between(f"{words}, K {stiffness:g}, delay {delay:g}, {solver}", value, low, high, unit)
+            words = value.attrs["long_name"].partition(",")[0]
+            unit = value.attrs["units"].replace("1", "")
+            yield between(
+                f"{words}, K {stiffness:g}, delay {delay:g}, {solver}",
+                value,
+                low,
+                high,
+                unit,
+            )
 
 
 def _claims_4(data: xr.Dataset) -> Iterator[Claim]:
     def all_are(kind: str, stiffness: float, *delays: float) -> bool:
-        return bool((data["kind"].sel(stiffness=stiffness, delay=list(delays)) == kind).all())
+        return bool(
+            (data["kind"].sel(stiffness=stiffness, delay=list(delays)) == kind).all()
+        )
 
-    soft = all_are("smooth sliding", 2.0, 0.0, 0.085, 0.09) and all_are("stick-slip", 2.0, 0.1, 0.105, 0.2)
+    soft = all_are("smooth sliding", 2.0, 0.0, 0.085, 0.09) and all_are(
+        "stick-slip", 2.0, 0.1, 0.105, 0.2
+    )
     stiff = all_are("smooth sliding", 5.0, 0.0, 0.09, 0.1, 0.2)
-    # As printed, K = 5 k would be smooth at once; at a delay of .2 the oscillation of the start outlasts the picture.
+    # As printed, K = 5 k would be smooth at once; at a delay of .2 the oscillation of
+    # the start outlasts the picture.
     at_once = float(data["decay"].sel(stiffness=5.0, delay=0.2).max()) > 10.0
     yield weighed(
         7,
-        "at K = 2 k delays up to .09 give smooth sliding and .1 and .2 stick-slip; at K = 5 k all are smooth",
+        (
+            "at K = 2 k delays up to .09 give smooth sliding and .1 and .2 stick-slip; "
+            "at "
+            "K = 5 k all are smooth"
+        ),
         *_late_numbers(data),
         printed=soft and stiff and at_once,
         read=soft and stiff,
-        reading=f"the regime is that after the transient (x > {_BEGIN:g} x_s): at K = 5 k and a delay of .2 the "
-        "initial oscillation decays slowly. K > K* does not forbid oscillation: a delay of .3 sustains a small one",
-        evidence=f"{data.attrs['count']} contacts and the master equation, {len(_DELAYS)} delays at each stiffness",
+        reading=f"the regime is that after the transient (x > {_BEGIN:g} x_s): at K = "
+        "5 k and a delay of .2 the "
+        "initial oscillation decays slowly. K > K* does not forbid oscillation: a "
+        "delay of .3 sustains a small one",
+        evidence=(
+            f"{data.attrs['count']} contacts and the master equation, "
+            f"{len(_DELAYS)} delays at each stiffness"
+        ),
     )
 
-    exact = data["period_variation"].sel(solver="master equation", stiffness=2.0, delay=0.2)
-    count, scatter = data["contacts"].to_numpy(), data["period_scatter"].to_numpy()
+    exact = data["period_variation"].sel(
+        solver="master equation", stiffness=2.0, delay=0.2
+    )
+    count = data["contacts"].to_numpy()
+    scatter = data["period_scatter"].to_numpy()
     # A scatter over n periods is known to 1/sqrt(2 n); here n is about 120.
     error = float(np.sqrt(2.0) / np.sqrt(2.0 * 120.0) / np.log(count[-1] / count[0]))
     name = "coefficient of variation of the period"
@@ -137,10 +217,21 @@ def _claims_4(data: xr.Dataset) -> Iterator[Claim]:
         11,
         "stick-slip is strictly periodic",
         at_most(f"{name}, master equation", exact, _PERIODIC),
-        near("power of N in that of N contacts", power(count, scatter), -0.5, 3.0 * error + 0.05),
-        *(Measured(name=f"{name}, {n} contacts", value=float(v)) for n, v in zip(count, scatter, strict=True)),
+        near(
+            "power of N in that of N contacts",
+            power(count, scatter),
+            -0.5,
+            3.0 * error + 0.05,
+        ),
+        *(
+            Measured(name=f"{name}, {n} contacts", value=float(v))
+            for n, v in zip(count, scatter, strict=True)
+        ),
         printed=bool(scatter.max() < _PERIODIC),
-        reading="for infinitely many contacts; the period of N contacts scatters as N^(-1/2)",
+        reading=(
+            "for infinitely many contacts; the period of N contacts scatters as "
+            "N^(-1/2)"
+        ),
         evidence=f"K = 2 k, delay .2, periods after t = {_BEGIN:g}",
     )
 
@@ -148,10 +239,13 @@ def _claims_4(data: xr.Dataset) -> Iterator[Claim]:
 def _drawing_4(picture: Picture, data: xr.Dataset) -> None:
     """Spring force with and without delay.
 
-    Spring force against displacement without delay (a, with the velocity of the slider dotted), and against time on a
-    soft (b) and a stiff spring (c) for several delays. Each panel names the regime after the transient.
+    Spring force against displacement without delay (a, with the velocity of the slider
+    dotted), and against time on a soft (b) and a stiff spring (c) for several delays.
+    Each panel names the regime after the transient.
     """
-    upper, lower = picture.subfigures(2, 1, height_ratios=(1.0, 2.0), squeeze=False)[:, 0]
+    upper, lower = picture.subfigures(2, 1, height_ratios=(1.0, 2.0), squeeze=False)[
+        :, 0
+    ]
     pair = upper.subplots(1, 2, sharey=True)
     for ax, stiffness in zip(pair, STIFFNESSES, strict=True):
         run = data.sel(stiffness=stiffness, delay=0.0)
@@ -161,59 +255,109 @@ def _drawing_4(picture: Picture, data: xr.Dataset) -> None:
         ax.tick_params(axis="y", colors=plot.BLUE)
         title = rf"(a) $K$ = {stiffness:g} $k$,  $\tau_\mathrm{{d}}$ = 0"
         panel(ax, title, X, xlim=(0, 6), ylim=(0, 0.95))
-        second = second_axis(ax, X, early["velocity"], (0, 12), [0, 4, 8, 12], linestyle=":")
+        second = second_axis(
+            ax, X, early["velocity"], (0, 12), [0, 4, 8, 12], linestyle=":"
+        )
         second.tick_params(labelright=ax is pair[1])
     pair[0].set_ylabel(plot.label(data["spring_force"]), color=plot.BLUE)
     second.set_ylabel(plot.label(data["velocity"]), color=plot.VERMILLION)
 
-    panels = lower.subplots(len(_SHOWN_DELAYS), len(STIFFNESSES), sharex=True, sharey=True)
-    for (i, delay), (j, stiffness) in itertools.product(enumerate(_SHOWN_DELAYS), enumerate(STIFFNESSES)):
-        ax, case = panels[i, j], data.sel(stiffness=stiffness, delay=delay, solver="contacts")
+    panels = lower.subplots(
+        len(_SHOWN_DELAYS), len(STIFFNESSES), sharex=True, sharey=True
+    )
+    for (i, delay), (j, stiffness) in itertools.product(
+        enumerate(_SHOWN_DELAYS), enumerate(STIFFNESSES)
+    ):
+        ax = panels[i, j]
+        case = data.sel(stiffness=stiffness, delay=delay, solver="contacts")
         ax.plot(case["time"], case["spring_force"], color=plot.BLUE, linewidth=0.9)
         words = rf"$\tau_\mathrm{{d}}$ = {delay:g},  {case['kind'].item()} at the end"
-        ax.text(1.0, 1.0, words, transform=ax.transAxes, ha="right", va="bottom", fontsize=8)
+        ax.text(
+            1.0, 1.0, words, transform=ax.transAxes, ha="right", va="bottom", fontsize=8
+        )
         title = "" if i else f"({'bc'[j]}) $K$ = {stiffness:g} $k$"
-        panel(ax, title, data["time"], xlim=(0, _SHOWN), ylim=(0, 0.95), yticks=[0.0, 0.4, 0.8])
+        panel(
+            ax,
+            title,
+            data["time"],
+            xlim=(0, _SHOWN),
+            ylim=(0, 0.95),
+            yticks=[0.0, 0.4, 0.8],
+        )
         ax.label_outer()
     lower.supylabel(plot.label(data["spring_force"]), fontsize=9)
 
 
 _MASS = FIG6.slider.mass
 _FITTED = 1e-3 * (1 + 1e-9)  # largest M v^2 in the fit, and what rounding adds
-# About where tau* v is expected, to start the search: A1 + A2 (M v^2)^(1/3). The answer does not depend on it.
+# About where tau* v is expected, to start the search: A1 + A2 (M v^2)^(1/3). The answer
+# does not depend on it.
 _EXPECTED = (0.05, 0.55)
-_A1, _A2 = (0.047, 0.054), (0.47, 0.57)
+_A1 = (0.047, 0.054)
+_A2 = (0.47, 0.57)
 
 
 @functools.cache  # some cases are in several panels
-def _delays(mass: float, velocity: float, ratio: float, tolerance: float) -> dict[str, float]:
+def _delays(
+    mass: float, velocity: float, ratio: float, tolerance: float
+) -> dict[str, float]:
     """Sustained (nonlinear) and linear critical delay."""
     guess = (_EXPECTED[0] + _EXPECTED[1] * math.cbrt(mass * velocity**2)) / velocity
-    rig = ss.Rig(FIG6.interface, slider(FIG6.slider.stiffness, ratio, mass), ss.constant(velocity))
+    rig = ss.Rig(
+        FIG6.interface,
+        slider(FIG6.slider.stiffness, ratio, mass),
+        ss.constant(velocity),
+    )
     linear = ss.stability.onset(rig, "delay", between=(1e-3 / velocity, 1e2 / velocity))
-    (window,) = ss.sustained(rig, "delay", between=(0.7 * guess, min(4 * guess, 1.01 * linear)), tolerance=tolerance)
+    (window,) = ss.sustained(
+        rig,
+        "delay",
+        between=(0.7 * guess, min(4 * guess, 1.01 * linear)),
+        tolerance=tolerance,
+    )
     return {"sustained": window.low.value, "linear": linear}
 
 
 def _data_6(progress: Progress, quick: bool) -> xr.Dataset:
     tolerance = 5e-3 if quick else 1e-3
-    masses = (1e-6, _MASS, 1e-3) if quick else (1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+    masses = (
+        (1e-6, _MASS, 1e-3)
+        if quick
+        else (1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+    )
     velocities = (1.0, 3.0) if quick else (0.1, 0.2, 0.4, 0.7, 1.0, 1.7, 3.0, 5.0, 10.0)
     rows = [
         *(("mass", mass, 1.0, 0.3) for mass in masses),
         *(("velocity", _MASS, v, 0.3) for v in velocities),
         *(("M v^2", _MASS * v**2, 1.0, 0.3) for v in velocities),
-        *(("ratio", _MASS, 1.0, ratio) for ratio in ((0.3, 1.0) if quick else (0.1, 0.3, 1.0, 2.0))),
+        *(
+            ("ratio", _MASS, 1.0, ratio)
+            for ratio in ((0.3, 1.0) if quick else (0.1, 0.3, 1.0, 2.0))
+        ),
         ("eta 200", _MASS, 1.0, 200.0 / FIG4.slider.frequency),
     ]
-    found = grid(lambda case, _: _delays(*rows[case][1:], tolerance), progress, case=range(len(rows)))
+    found = grid(
+        lambda case, _: _delays(*rows[case][1:], tolerance),
+        progress,
+        case=range(len(rows)),
+    )
     varied, mass, velocity, ratio = zip(*rows, strict=True)
     return dataset(
         {
-            "sustained": (found["sustained"], "critical delay tau*: stick-slip persists, nonlinear [time]"),
-            "linear": (found["linear"], "linear critical delay: smooth sliding is unstable [time]"),
+            "sustained": (
+                found["sustained"],
+                "critical delay tau*: stick-slip persists, nonlinear [time]",
+            ),
+            "linear": (
+                found["linear"],
+                "linear critical delay: smooth sliding is unstable [time]",
+            ),
             "varied": ("case", list(varied), "what is varied"),
-            "mass": ("case", list(mass), "mass of the slider, per contact [f_s time^2/x_s]"),
+            "mass": (
+                "case",
+                list(mass),
+                "mass of the slider, per contact [f_s time^2/x_s]",
+            ),
             "velocity": ("case", list(velocity), "velocity of the drive [x_s/time]"),
             "ratio": ("case", list(ratio), "damping over Omega [1]"),
         },
@@ -222,24 +366,36 @@ def _data_6(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _fit(curve: pd.DataFrame, kind: str = "sustained") -> Array:
-    """Coefficients of ``tau v = A1 + A2 (M v^2)^(1/3)``, to what is fitted of a curve."""
+    """Coefficients of ``tau v = A1 + A2 (M v^2)^(1/3)``, to what is fitted of a
+    curve.
+    """
     M_v2 = curve["mass"] * curve["velocity"] ** 2
     kept = M_v2 <= _FITTED
-    return np.polyfit(np.cbrt(M_v2[kept]), (curve[kind] * curve["velocity"])[kept], 1)[::-1]
+    return np.polyfit(np.cbrt(M_v2[kept]), (curve[kind] * curve["velocity"])[kept], 1)[
+        ::-1
+    ]
 
 
 def _claims_6(data: xr.Dataset) -> Iterator[Claim]:
     curves = dict(list(data.to_dataframe().groupby("varied")))
-    by_mass, by_velocity, by_ratio = curves["mass"], curves["velocity"], curves["ratio"]
-    (A1, A2), (A3, A4) = _fit(by_mass), _fit(by_velocity)
+    by_mass = curves["mass"]
+    by_velocity = curves["velocity"]
+    by_ratio = curves["ratio"]
+    A1, A2 = _fit(by_mass)
+    A3, A4 = _fit(by_velocity)
     fitted = by_mass[by_mass["mass"] <= _FITTED]
     misfit = abs((A1 + A2 * np.cbrt(fitted["mass"])) / fitted["sustained"] - 1).max()
-    kinds, at_paper, linear = ["sustained", "linear"], by_ratio.set_index("ratio").loc[0.3], by_mass["linear"]
+    kinds = ["sustained", "linear"]
+    at_paper = by_ratio.set_index("ratio").loc[0.3]
+    linear = by_mass["linear"]
     scaled = by_velocity[kinds].mul(by_velocity["velocity"], axis=0)
-    apart, linear_apart = abs(scaled.to_numpy() / curves["M v^2"][kinds].to_numpy() - 1).max(axis=0)
+    apart, linear_apart = abs(
+        scaled.to_numpy() / curves["M v^2"][kinds].to_numpy() - 1
+    ).max(axis=0)
     yield weighed(
         9,
-        "the critical delay goes as A1 + A2 M^(1/3) with the mass and as A3/v + A4 v^(-1/3) with the "
+        "the critical delay goes as A1 + A2 M^(1/3) with the mass and as A3/v + A4 "
+        "v^(-1/3) with the "
         "velocity, and grows with the damping",
         near("tau*, M 1e-4, v 1, eta .3 Omega", at_paper["sustained"], 0.0755, 0.003),
         near("tau*, eta 200", curves["eta 200"]["sustained"].item(), 0.098, 0.002),
@@ -250,16 +406,30 @@ def _claims_6(data: xr.Dataset) -> Iterator[Claim]:
         at_most("largest relative misfit of A1 + A2 M^(1/3)", misfit, 0.03),
         at_most("largest relative difference of tau* v at equal M v^2", apart, 0.02),
         at_most("the same for the linear critical delay", linear_apart, 1e-6),
-        at_least("smallest rise of tau* from one damping to the next", by_ratio["sustained"].diff().min(), 0.0),
+        at_least(
+            "smallest rise of tau* from one damping to the next",
+            by_ratio["sustained"].diff().min(),
+            0.0,
+        ),
         near("linear critical delay, M 1e-4, v 1", at_paper["linear"], 0.138218, 1e-6),
-        Measured(name="linear critical delay, largest over smallest of all masses", value=linear.max() / linear.min()),
+        Measured(
+            name="linear critical delay, largest over smallest of all masses",
+            value=linear.max() / linear.min(),
+        ),
         # As printed it would go so whichever of the two delays is meant.
-        printed=all(low <= A <= high for A, (low, high) in zip(_fit(by_mass, "linear"), (_A1, _A2), strict=True)),
-        reading="tau* is the shortest delay with which stick-slip persists from a narrow start, damping is a fixed "
-        f"fraction of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on M v^2 alone: A3 = A1 and "
-        "A4 = A2 M^(1/3). The linear critical delay is another thing, nearly the same for all masses; tau* does "
+        printed=all(
+            low <= A <= high
+            for A, (low, high) in zip(_fit(by_mass, "linear"), (_A1, _A2), strict=True)
+        ),
+        reading="tau* is the shortest delay with which stick-slip persists from a "
+        "narrow start, damping is a fixed "
+        f"fraction of Omega, and M v^2 is at most {_FITTED:g}. Then tau* v depends on "
+        "M v^2 alone: A3 = A1 and "
+        "A4 = A2 M^(1/3). The linear critical delay is another thing, nearly the same "
+        "for all masses; tau* does "
         "not exceed it",
-        evidence="bisection over runs of the master equation from rest, each followed until its oscillation "
+        evidence="bisection over runs of the master equation from rest, each followed "
+        "until its oscillation "
         f"settles or decays; brackets to {data.attrs['tolerance']:g}",
     )
 
@@ -267,9 +437,10 @@ def _claims_6(data: xr.Dataset) -> Iterator[Claim]:
 def _drawing_6(picture: Picture, data: xr.Dataset) -> None:
     """Critical delay.
 
-    Critical delay against the mass of the slider (a), the velocity of the drive (b) and the damping (d). Circles:
-    stick-slip persists from a narrow start (nonlinear). Squares: smooth sliding is unstable (linear). Blue lines are
-    fits, dotted outside the range fitted; in (c) the two fits are one curve of M v^2.
+    Critical delay against the mass of the slider (a), the velocity of the drive (b) and
+    the damping (d). Circles: stick-slip persists from a narrow start (nonlinear).
+    Squares: smooth sliding is unstable (linear). Blue lines are fits, dotted outside
+    the range fitted; in (c) the two fits are one curve of M v^2.
     """
     (by_mass, by_velocity), (collapse, by_ratio) = picture.subplots(2, 2)
     curves = dict(list(data.to_dataframe().groupby("varied")))
@@ -278,41 +449,105 @@ def _drawing_6(picture: Picture, data: xr.Dataset) -> None:
 
     for ax, name, label in (
         (by_mass, "mass", rf"{A1:.3f} + {A2:.2f} $M^{{1/3}}$"),
-        (by_velocity, "velocity", rf"{A1:.3f} $v^{{-1}}$ + {A2 * math.cbrt(_MASS):.4f} $v^{{-1/3}}$"),
+        (
+            by_velocity,
+            "velocity",
+            rf"{A1:.3f} $v^{{-1}}$ + {A2 * math.cbrt(_MASS):.4f} $v^{{-1/3}}$",
+        ),
     ):
         ends = curves[name][name]
-        fine: dict[str, Any] = {"mass": _MASS, "velocity": 1.0} | {name: np.geomspace(ends.min(), ends.max(), 401)}
+        fine: dict[str, Any] = {"mass": _MASS, "velocity": 1.0} | {
+            name: np.geomspace(ends.min(), ends.max(), 401)
+        }
         M_v2 = fine["mass"] * fine["velocity"] ** 2
-        _draw_fit(ax, fine[name], M_v2, (A1 + A2 * np.cbrt(M_v2)) / fine["velocity"], label)
+        _draw_fit(
+            ax, fine[name], M_v2, (A1 + A2 * np.cbrt(M_v2)) / fine["velocity"], label
+        )
         _draw_delays(ax, ends, curves[name])
     words = r"mass of the slider $M/N$ ($f_\mathrm{s}$ time$^2$/$x_\mathrm{s}$)"
-    panel(by_mass, "(a) $v_d$ = 1", words, delay, "lower right", xscale="log", ylim=(0, 0.2))
+    panel(
+        by_mass,
+        "(a) $v_d$ = 1",
+        words,
+        delay,
+        "lower right",
+        xscale="log",
+        ylim=(0, 0.2),
+    )
     title = "(b) $M$ = 10$^{-4}$"
-    panel(by_velocity, title, data["velocity"], delay, "lower left", xscale="log", yscale="log")
+    panel(
+        by_velocity,
+        title,
+        data["velocity"],
+        delay,
+        "lower left",
+        xscale="log",
+        yscale="log",
+    )
 
-    at, curve = np.cbrt(curves["mass"]["mass"]), curves["velocity"]
+    at = np.cbrt(curves["mass"]["mass"])
+    curve = curves["velocity"]
     line = np.linspace(0.0, at.max(), 401)
     _draw_fit(collapse, line, line**3, A1 + A2 * line, None)
     _draw_delays(collapse, at, curves["mass"], label="from (a)")
-    cube, scaled = np.cbrt(curve["mass"] * curve["velocity"] ** 2), curve["sustained"] * curve["velocity"]
+    cube = np.cbrt(curve["mass"] * curve["velocity"] ** 2)
+    scaled = curve["sustained"] * curve["velocity"]
     collapse.plot(cube, scaled, "x", color=plot.BLACK, markersize=6, label="from (b)")
-    x, y = r"$(M v_d^2)^{1/3}$", r"$\tau^* v_d$ ($x_\mathrm{s}$)"
-    panel(collapse, "(c) one curve", x, y, "lower right", xlim=(0, line[-1] * 1.02), ylim=(0, 0.2))
+    x = r"$(M v_d^2)^{1/3}$"
+    y = r"$\tau^* v_d$ ($x_\mathrm{s}$)"
+    panel(
+        collapse,
+        "(c) one curve",
+        x,
+        y,
+        "lower right",
+        xlim=(0, line[-1] * 1.02),
+        ylim=(0, 0.2),
+    )
 
     _draw_delays(by_ratio, curves["ratio"]["ratio"], curves["ratio"], "o-")
-    title, words = r"(d) $v_d$ = 1, $M$ = 10$^{-4}$", r"damping $\eta/\Omega$"
+    title = r"(d) $v_d$ = 1, $M$ = 10$^{-4}$"
+    words = r"damping $\eta/\Omega$"
     panel(by_ratio, title, words, delay, "lower right", xscale="log", ylim=(0, 0.2))
 
 
-def _draw_delays(ax: Axes, x: Any, curve: Any, style: str = "o", label: str = r"sustained: $\tau^*$") -> None:
-    ax.plot(x, curve["sustained"], style, color=plot.BLUE, markersize=4, linewidth=0.9, label=label)
-    ax.plot(x, curve["linear"], "s-", color=plot.VERMILLION, markersize=3, linewidth=0.9, label="linear")
+def _draw_delays(
+    ax: Axes, x: Any, curve: Any, style: str = "o", label: str = r"sustained: $\tau^*$"
+) -> None:
+    ax.plot(
+        x,
+        curve["sustained"],
+        style,
+        color=plot.BLUE,
+        markersize=4,
+        linewidth=0.9,
+        label=label,
+    )
+    ax.plot(
+        x,
+        curve["linear"],
+        "s-",
+        color=plot.VERMILLION,
+        markersize=3,
+        linewidth=0.9,
+        label="linear",
+    )
 
 
 def _draw_fit(ax: Axes, x: Array, M_v2: Array, y: Array, label: str | None) -> None:
     """A line, dotted where it was not fitted."""
     for kept, style in ((M_v2 <= _FITTED, "-"), (M_v2 >= _FITTED, ":")):
-        ax.plot(x[kept], y[kept], style, color=plot.BLUE, linewidth=0.9, label=label if style == "-" else None)
+        ax.plot(
+            x[kept],
+            y[kept],
+            style,
+            color=plot.BLUE,
+            linewidth=0.9,
+            label=label if style == "-" else None,
+        )
 
 
-FIGURES = (Figure("fig4", 7.2, _data_4, _claims_4, _drawing_4), Figure("fig6", 5.4, _data_6, _claims_6, _drawing_6))
+FIGURES = (
+    Figure("fig4", 7.2, _data_4, _claims_4, _drawing_4),
+    Figure("fig6", 5.4, _data_6, _claims_6, _drawing_6),
+)

@@ -1,4 +1,6 @@
-"""A figure of the paper: data, a picture, claims that the data must satisfy, and the files of all three."""
+"""A figure of the paper: data, a picture, claims that the data must satisfy, and the
+files of all three.
+"""
 
 import json
 import math
@@ -27,7 +29,9 @@ _NOT: Verdict = "not reproduced"
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A number that a claim rests on, and the band it must lie in: the settled number and its tolerance."""
+    """A number that a claim rests on, and the band it must lie in: the settled
+    number and its tolerance.
+    """
 
     name: str
     value: float
@@ -43,19 +47,34 @@ class Measured:
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
         bounds = {"at least": self.low, "at most": self.high}
-        band = [f"{words} {bound:.6g}" for words, bound in bounds.items() if math.isfinite(bound)]
+        band = [
+            f"{words} {bound:.6g}"
+            for words, bound in bounds.items()
+            if math.isfinite(bound)
+        ]
         if len(band) == 2:
-            band = [f"{0.5 * (self.low + self.high):.6g} ± {0.5 * (self.high - self.low):.2g}"]
+            band = [
+                (
+                    f"{0.5 * (self.low + self.high):.6g} ± "
+                    f"{0.5 * (self.high - self.low):.2g}"
+                )
+            ]
         said = f"{self.name} = {self.value:.6g}{unit} ({''.join(band) or 'no bound'}"
         return f"{said})" if self.ok else f"{said}: NOT MET)"
 
 
-def between(name: str, value: SupportsFloat, low: float, high: float, unit: str = "") -> Measured:
+def between(
+    name: str, value: SupportsFloat, low: float, high: float, unit: str = ""
+) -> Measured:
     """A number that must lie in a band."""
-    return Measured(name=name, value=float(value), low=float(low), high=float(high), unit=unit)
+    return Measured(
+        name=name, value=float(value), low=float(low), high=float(high), unit=unit
+    )
 
 
-def near(name: str, value: SupportsFloat, exact: float, tolerance: float, unit: str = "") -> Measured:
+def near(
+    name: str, value: SupportsFloat, exact: float, tolerance: float, unit: str = ""
+) -> Measured:
     """A number that must be within a tolerance of the settled one."""
     return between(name, value, exact - tolerance, exact + tolerance, unit)
 
@@ -70,24 +89,33 @@ def at_least(name: str, value: SupportsFloat, bound: float, unit: str = "") -> M
     return between(name, value, bound, math.inf, unit)
 
 
-def extremes(name: str, values: xr.DataArray, low: float, high: float, unit: str = "") -> list[Measured]:
+def extremes(
+    name: str, values: xr.DataArray, low: float, high: float, unit: str = ""
+) -> list[Measured]:
     """The smallest and the largest of several numbers, which must all lie in a band."""
     found = {"smallest": values.min(skipna=False), "largest": values.max(skipna=False)}
-    return [between(f"{name}, {which}", value, low, high, unit) for which, value in found.items()]
+    return [
+        between(f"{name}, {which}", value, low, high, unit)
+        for which, value in found.items()
+    ]
 
 
 @dataclass(frozen=True)
 class Claim:
     """A claim of the paper, what it rests on, and our verdict."""
 
-    number: int | None  #: in the list of the paper's claims that are checked, 1 to 18; None for one outside it
+    #: in the list of the paper's claims that are checked, 1 to 18; None for one outside
+    #: it
+    number: int | None
     statement: str  #: the claim in our words
     measured: tuple[Measured, ...]
     _: KW_ONLY
     evidence: str  #: how it was checked
-    printed: bool | None = None  #: whether it holds as printed; by default if every number lies in its band
+    #: whether it holds as printed; by default if every number lies in its band
+    printed: bool | None = None
     read: bool = True  #: whether it holds under the reading
-    reading: str = ""  #: reading or range in which the claim holds; empty where it holds as printed
+    #: reading or range in which the claim holds; empty where it holds as printed
+    reading: str = ""
     exact: str = ""  #: the correct statement, of a claim that does not hold
 
     @property
@@ -100,7 +128,9 @@ class Claim:
 
     @property
     def settled(self) -> Verdict:
-        """The verdict that an independent study of the model has settled; another one is an error of ours."""
+        """The verdict that an independent study of the model has settled; another
+        one is an error of ours.
+        """
         return _NOT if self.exact else _READ if self.reading else _PRINTED
 
     @property
@@ -111,30 +141,59 @@ class Claim:
     @property
     def title(self) -> str:
         """Number and statement in one line."""
-        return self.statement if self.number is None else f"claim {self.number}: {self.statement}"
+        return (
+            self.statement
+            if self.number is None
+            else f"claim {self.number}: {self.statement}"
+        )
 
     def __str__(self) -> str:
         wrong = "" if self.verdict == self.settled else f" (expected: {self.settled})"
         expected = "as expected: " if self.verdict == self.settled == _NOT else ""
-        said = [f"{name}: {words}" for name in ("reading", "exact") if (words := getattr(self, name))]
-        said = [f"{expected}{self.verdict}{wrong}", *said, *map(str, self.measured), f"evidence: {self.evidence}"]
+        said = [
+            f"{name}: {words}"
+            for name in ("reading", "exact")
+            if (words := getattr(self, name))
+        ]
+        said = [
+            f"{expected}{self.verdict}{wrong}",
+            *said,
+            *map(str, self.measured),
+            f"evidence: {self.evidence}",
+        ]
         return "\n    ".join([f"{'ok' if self.ok else 'FAILED'}  {self.title}", *said])
 
     def plain(self) -> dict[str, object]:
-        """Return what JSON can hold; None stands for a missing bound and for a value that is not a number."""
-        names = ("number", "statement", "verdict", "settled", "reading", "exact", "evidence", "ok")
+        """Return what JSON can hold; None stands for a missing bound and for a value
+        that is not a number.
+        """
+        names = (
+            "number",
+            "statement",
+            "verdict",
+            "settled",
+            "reading",
+            "exact",
+            "evidence",
+            "ok",
+        )
         measured = [plain(m) | {"ok": m.ok} for m in self.measured]
-        found: dict[str, object] = plain({name: getattr(self, name) for name in names} | {"measured": measured})
+        found: dict[str, object] = plain(
+            {name: getattr(self, name) for name in names} | {"measured": measured}
+        )
         return found
 
 
-def weighed(number: int | None, statement: str, *measured: Measured, **said: Any) -> Claim:
+def weighed(
+    number: int | None, statement: str, *measured: Measured, **said: Any
+) -> Claim:
     """A claim by its numbers; what else `Claim` takes follows by name."""
     return Claim(number, statement, measured, **said)
 
 
 class Figure:
-    """A figure of the paper: `compute` its data, `draw` them, and `check` the paper's claims on them.
+    """A figure of the paper: `compute` its data, `draw` them, and `check` the paper's
+    claims on them.
 
     It has a name such as ``"fig4"``, a title, and a caption of its panels.
     """
@@ -147,25 +206,39 @@ class Figure:
         claims: Callable[[xr.Dataset], Iterable[Claim]],
         drawing: Callable[[Picture, xr.Dataset], None],
     ) -> None:
-        # The drawing's docstring says the title in its first line, then the caption; the height is in inches.
+        # The drawing's docstring says the title in its first line, then the caption;
+        # the height is in inches.
         title, text, *_ = (drawing.__doc__ or "").split("\n\n")
-        self.name, self.title, self.caption = name, title.removesuffix("."), " ".join(text.split())
-        self._height, self._data, self._claims, self._drawing = height, data, claims, drawing
+        self.name = name
+        self.title = title.removesuffix(".")
+        self.caption = " ".join(text.split())
+        self._height = height
+        self._data = data
+        self._claims = claims
+        self._drawing = drawing
 
-    def compute(self, progress: Progress | None = None, quick: bool = False) -> xr.Dataset:
-        """Compute the data of the figure; if `quick`, coarser, for tests: the verdicts are the same.
+    def compute(
+        self, progress: Progress | None = None, quick: bool = False
+    ) -> xr.Dataset:
+        """Compute the data of the figure; if `quick`, coarser, for tests: the verdicts
+        are the same.
 
-        `progress` is called with the fraction of the work that is done. `stickslip.io.datasets.save` writes the data.
+        `progress` is called with the fraction of the work that is done.
+        `stickslip.io.datasets.save` writes the data.
         """
         report = progress or (lambda _: None)
         data = self._data(report, quick)
         report(1.0)
         arguments = {"figure": self.name} | ({"quick": True} if quick else {})
         made_by = {"provenance": store.provenance("paper", arguments)}
-        return data.assign_attrs(title=f"{self.name}: {self.title}", caption=self.caption, **made_by)
+        return data.assign_attrs(
+            title=f"{self.name}: {self.title}", caption=self.caption, **made_by
+        )
 
     def draw(self, data: xr.Dataset) -> Picture:
-        """Draw the data that `compute` gave; `stickslip.plot.save` writes the picture."""
+        """Draw the data that `compute` gave; `stickslip.plot.save` writes the
+        picture.
+        """
         self._check(data)
         with house_style():
             picture = new_figure(PAGE, self._height)
@@ -179,8 +252,14 @@ class Figure:
 
     def _check(self, data: xr.Dataset) -> None:
         made_by = store.read_provenance(data)
-        if made_by["call"] != "paper" or made_by["arguments"].get("figure") != self.name:
-            raise InputError(f"{self.name}: these are other data (made by {json.dumps(made_by['arguments'])[:80]})")
+        if (
+            made_by["call"] != "paper"
+            or made_by["arguments"].get("figure") != self.name
+        ):
+            raise InputError(
+                f"{self.name}: these are other data (made by "
+                f"{json.dumps(made_by['arguments'])[:80]})"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,29 +278,51 @@ class Reproduction:
 
     def __str__(self) -> str:
         parts = [f"{self.figure.name}: {self.figure.title}. {self.figure.caption}\n"]
-        parts += [*(f"{claim}\n" for claim in self.claims), *(f"picture: {picture}" for picture in self.pictures)]
+        parts += [
+            *(f"{claim}\n" for claim in self.claims),
+            *(f"picture: {picture}" for picture in self.pictures),
+        ]
         parts.append(f"data: {self.data}")
         if failed := sum(not claim.ok for claim in self.claims):
-            parts.append(f"{failed} of {len(self.claims)} claims did not come out as expected")
+            parts.append(
+                f"{failed} of {len(self.claims)} claims did not come out as expected"
+            )
         return "\n".join(parts)
 
     def to_dict(self) -> dict[str, object]:
         """Return what JSON can hold."""
-        said = {"figure": self.figure.name, "title": self.figure.title, "caption": self.figure.caption}
+        said = {
+            "figure": self.figure.name,
+            "title": self.figure.title,
+            "caption": self.figure.caption,
+        }
         files = {"pictures": list(map(str, self.pictures)), "data": str(self.data)}
-        return said | files | {"claims": [claim.plain() for claim in self.claims], "ok": self.ok}
+        return (
+            said
+            | files
+            | {"claims": [claim.plain() for claim in self.claims], "ok": self.ok}
+        )
 
 
 def places(
-    figure: Figure, directory: str | os.PathLike[str], formats: Sequence[Format] = ("png",)
+    figure: Figure,
+    directory: str | os.PathLike[str],
+    formats: Sequence[Format] = ("png",),
 ) -> tuple[Path, tuple[Path, ...]]:
-    """Return where data and pictures of a figure go; the directory is made, or `InputError` says what is wrong."""
+    """Return where data and pictures of a figure go; the directory is made, or
+    `InputError` says what is wrong.
+    """
     folder = Path(directory)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made a directory ({error.strerror}); choose another place") from None
-    data, *pictures = (folder / f"{figure.name}.{suffix}" for suffix in ("nc", *formats))
+        raise InputError(
+            f"{folder}: cannot be made a directory ({error.strerror}); choose another "
+            "place"
+        ) from None
+    data, *pictures = (
+        folder / f"{figure.name}.{suffix}" for suffix in ("nc", *formats)
+    )
     for place in (data, *pictures):
         files.target(place)
     for picture in pictures:
@@ -238,7 +339,8 @@ def reproduce(
     quick: bool = False,
     progress: Progress | None = None,
 ) -> Reproduction:
-    """Compute a figure, write data and pictures, and weigh the claims on the data read back from the file.
+    """Compute a figure, write data and pictures, and weigh the claims on the data read
+    back from the file.
 
     Raises `InputError` if nothing can be written there; before anything is computed.
 
@@ -256,4 +358,9 @@ def reproduce(
     drawn = figure.draw(data)
     for picture in pictures:
         save(drawn, picture)
-    return Reproduction(figure=figure, data=file, pictures=pictures, claims=figure.check(data) if check else ())
+    return Reproduction(
+        figure=figure,
+        data=file,
+        pictures=pictures,
+        claims=figure.check(data) if check else (),
+    )

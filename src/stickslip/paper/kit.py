@@ -1,4 +1,6 @@
-"""Tools for the data and pictures of the figures: cases of a grid, labelled Datasets, panels with their words."""
+"""Tools for the data and pictures of the figures: cases of a grid, labelled
+Datasets, panels with their words.
+"""
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -29,14 +31,18 @@ _WORDS = {  # for variables of several figures
 
 
 def dataset(
-    variables: Mapping[Any, Any], coordinates: Mapping[str, Any] | None = None, **attributes: object
+    variables: Mapping[Any, Any],
+    coordinates: Mapping[str, Any] | None = None,
+    **attributes: object,
 ) -> xr.Dataset:
     """Return a labelled Dataset.
 
-    A variable is an array with coordinates of its own, or ``("dimension", values)``; ``"words [unit]"`` follow where it
-    has none, as those of a run have. A coordinate is given by its values, or ``(values, words)``.
+    A variable is an array with coordinates of its own, or ``("dimension", values)``;
+    ``"words [unit]"`` follow where it has none, as those of a run have. A coordinate is
+    given by its values, or ``(values, words)``.
     """
-    words, given = dict(_WORDS), dict(variables) | dict(coordinates or {})
+    words = dict(_WORDS)
+    given = dict(variables) | dict(coordinates or {})
     for name, values in given.items():
         if isinstance(values, tuple) and isinstance(values[-1], str):
             words[name] = values[-1]
@@ -45,8 +51,12 @@ def dataset(
     data = xr.Dataset(given, places, attributes)
     for name, variable in data.variables.items():
         if name in words or not variable.attrs:
-            long_name, _, unit = words.get(str(name), str(name)).removesuffix("]").partition(" [")
-            variable.attrs = {"long_name": long_name} | ({"units": unit} if unit else {})
+            long_name, _, unit = (
+                words.get(str(name), str(name)).removesuffix("]").partition(" [")
+            )
+            variable.attrs = {"long_name": long_name} | (
+                {"units": unit} if unit else {}
+            )
     return data
 
 
@@ -57,21 +67,39 @@ def portions(progress: Progress, *lengths: float) -> Iterator[Progress]:
 
 
 def grid(
-    run: Callable[..., Mapping[Any, Any]], progress: Progress | None = None, /, **axes: Iterable[Any]
+    run: Callable[..., Mapping[Any, Any]],
+    progress: Progress | None = None,
+    /,
+    **axes: Iterable[Any],
 ) -> xr.Dataset:
-    """Run every case of a grid as ``run(*case)``, or ``run(*case, progress)`` if it reports its progress.
+    """Run every case of a grid as ``run(*case)``, or ``run(*case, progress)`` if it
+    reports its progress.
 
     What a run gives by name stands along the axes, then along dimensions of its own.
     """
     coordinates = {name: list(values) for name, values in axes.items()}
-    cases, found = list(itertools.product(*coordinates.values())), []
-    for case, report in zip(cases, portions(progress or (lambda _: None), *[1.0] * len(cases)), strict=True):
+    cases = list(itertools.product(*coordinates.values()))
+    found = []
+    for case, report in zip(
+        cases, portions(progress or (lambda _: None), *[1.0] * len(cases)), strict=True
+    ):
         found.append(xr.Dataset(dict(run(*case, *([report] if progress else [])))))
         report(1.0)
-    rows = xr.concat(found, "case", data_vars="all", coords="minimal", compat="override", join="override")
+    rows = xr.concat(
+        found,
+        "case",
+        data_vars="all",
+        coords="minimal",
+        compat="override",
+        join="override",
+    )
     shape = [len(values) for values in coordinates.values()]
     shaped = {
-        name: ([*axes, *row.dims[1:]], row.to_numpy().reshape(*shape, *row.shape[1:]), row.attrs)
+        name: (
+            [*axes, *row.dims[1:]],
+            row.to_numpy().reshape(*shape, *row.shape[1:]),
+            row.attrs,
+        )
         for name, row in rows.data_vars.items()
     }
     return xr.Dataset(shaped, dict(rows.coords) | coordinates)
@@ -89,14 +117,21 @@ def power(x: Any, y: Any) -> float:
 
 
 def shade(ax: Axes, ends: Iterable[SupportsFloat], words: str, height: float) -> None:
-    """Shade a range along the axis to the right in grey, and say what it is above a height."""
+    """Shade a range along the axis to the right in grey, and say what it is above a
+    height.
+    """
     low, high = map(float, ends)
     ax.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
     ax.text(0.5 * (low + high), height, words, ha="center", va="bottom", fontsize=8)
 
 
 def second_axis(
-    ax: Axes, x: xr.DataArray, y: xr.DataArray, limits: tuple[float, float], ticks: Sequence[float], **style: Any
+    ax: Axes,
+    x: xr.DataArray,
+    y: xr.DataArray,
+    limits: tuple[float, float],
+    ticks: Sequence[float],
+    **style: Any,
 ) -> Axes:
     """Draw a red line against a red axis on the right of a panel, and return that."""
     right = ax.twinx()

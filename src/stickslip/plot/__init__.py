@@ -1,18 +1,24 @@
 """Pictures: a Dataset in, matplotlib Axes out.
 
-Every function draws what the Dataset holds, a run of the model or a measured trace, in its own units: labels come from
-``long_name`` and ``units`` of the variables. Without `ax` a function makes a figure of its own; write it with `save`:
+Every function draws what the Dataset holds, a run of the model or a measured trace, in
+its own units: labels come from ``long_name`` and ``units`` of the variables. Without
+`ax` a function makes a figure of its own; write it with `save`:
 
 >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
->>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0), ss.constant(1.0, duration=3))
+>>> rig = ss.Rig(
+...     interface,
+...     ss.Slider(stiffness=2.0, mass=1e-3, damping=20.0),
+...     ss.constant(1.0, duration=3),
+... )
 >>> run = ss.simulate(rig)
 >>> from stickslip.plot import overview, save
 >>> save(overview(run), "run.png").name
 'run.png'
 
-Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing to close, no window system needed.
-The module itself can be called: ``ss.plot(run)`` is ``ss.plot.overview(run)``, and ``ss.plot(answer)`` the picture of
-a prediction, a chart, a fit or any other answer that has one.
+Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing to
+close, no window system needed. The module itself can be called: ``ss.plot(run)`` is
+``ss.plot.overview(run)``, and ``ss.plot(answer)`` the picture of a prediction, a chart,
+a fit or any other answer that has one.
 """
 
 import sys
@@ -35,16 +41,87 @@ from stickslip.plot.elastic import (
 from stickslip.plot.film import contacts, sound
 from stickslip.plot.fits import fitted, peaks_after_holds, slips, velocity_step
 from stickslip.plot.maps import chart, sweep_picture
-from stickslip.plot.palette import BLACK, BLUE, COLUMN, GREEN, GREY, ORANGE, PAGE, PALETTE, SKY, VERMILLION
+from stickslip.plot.palette import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAGE,
+    PALETTE,
+    SKY,
+    VERMILLION,
+)
 from stickslip.plot.prediction import prediction, waves
-from stickslip.plot.runs import attached, energy, force_trace, overview, phase_portrait, side_by_side, velocity
-from stickslip.plot.style import drawn, house_style, label, legend_above, new_figure, save, unit_text
+from stickslip.plot.runs import (
+    attached,
+    energy,
+    force_trace,
+    overview,
+    phase_portrait,
+    side_by_side,
+    velocity,
+)
+from stickslip.plot.style import (
+    drawn,
+    house_style,
+    label,
+    legend_above,
+    new_figure,
+    save,
+    unit_text,
+)
 
-__all__ = ["BLACK", "BLUE", "COLUMN", "GREEN", "GREY", "ORANGE", "PAGE", "PALETTE", "SKY", "VERMILLION", "attached"]
-__all__ += ["chart", "contacts", "drawn", "elastic_overview", "energy", "fitted", "force_trace"]
-__all__ += ["front_curve", "fronts", "house_style", "label", "legend_above", "new_figure", "overview"]
-__all__ += ["peaks_after_holds", "phase_portrait", "precursor_lengths", "precursors", "prediction", "save"]
-__all__ += ["side_by_side", "slip_profiles", "slips", "sound", "spacetime", "sweep_picture", "unit_text", "velocity"]
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "COLUMN",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "PAGE",
+    "PALETTE",
+    "SKY",
+    "VERMILLION",
+    "attached",
+]
+__all__ += [
+    "chart",
+    "contacts",
+    "drawn",
+    "elastic_overview",
+    "energy",
+    "fitted",
+    "force_trace",
+]
+__all__ += [
+    "front_curve",
+    "fronts",
+    "house_style",
+    "label",
+    "legend_above",
+    "new_figure",
+    "overview",
+]
+__all__ += [
+    "peaks_after_holds",
+    "phase_portrait",
+    "precursor_lengths",
+    "precursors",
+    "prediction",
+    "save",
+]
+__all__ += [
+    "side_by_side",
+    "slip_profiles",
+    "slips",
+    "sound",
+    "spacetime",
+    "sweep_picture",
+    "unit_text",
+    "velocity",
+]
 __all__ += ["velocity_step", "waves"]
 
 
@@ -52,13 +129,18 @@ class _Plot(ModuleType):
     """A module that draws what it is called with: what a notebook tries first."""
 
     def __call__(self, what: object) -> Figure:
-        """Draw a run, a measured trace or a sweep at a glance, or the picture of an answer."""
+        """Draw a run, a measured trace or a sweep at a glance, or the picture of an
+        answer.
+        """
         if isinstance(what, xr.Dataset):
             return sweep_picture(what) if "regime" in what else overview(what)
         if isinstance(what, Answer) and hasattr(what, "plot"):
             figure: Figure = what.plot()
             return figure
-        raise InputError(f"plot: of {type(what).__name__} there is no picture: give a run, trace, sweep or answer")
+        raise InputError(
+            f"plot: of {type(what).__name__} there is no picture: give a run, trace, "
+            "sweep or answer"
+        )
 
 
 sys.modules[__name__].__class__ = _Plot

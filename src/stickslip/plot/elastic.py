@@ -1,4 +1,6 @@
-"""Pictures of elastic sliders: fronts in space and time, their speed, and the precursors of sliding."""
+"""Pictures of elastic sliders: fronts in space and time, their speed, and the
+precursors of sliding.
+"""
 
 import contextlib
 import math
@@ -19,7 +21,16 @@ from stickslip.errors import InputError
 from stickslip.measure.fronts import on_blocks, pixels
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
 from stickslip.plot import palette, style
-from stickslip.plot.style import along_time, dress, house_style, label, legend_above, new_axes, panel, variable
+from stickslip.plot.style import (
+    along_time,
+    dress,
+    house_style,
+    label,
+    legend_above,
+    new_axes,
+    panel,
+    variable,
+)
 from stickslip.simulation import rig_of
 
 What = Literal["attached", "velocity", "force"]
@@ -31,17 +42,24 @@ _DECADES = 4.0  # of slip velocity in a picture, below the largest
 
 
 @house_style()
-def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, *, upright: bool = True) -> Axes:
-    """Draw what happens on each block of an elastic slider, blocks to the right and time upwards.
+def spacetime(
+    run: xr.Dataset,
+    what: What = "attached",
+    ax: Axes | None = None,
+    *,
+    upright: bool = True,
+) -> Axes:
+    """Draw what happens on each block of an elastic slider, blocks to the right and
+    time upwards.
 
     Parameters
     ----------
     run : Dataset
-        A run of a `Chain`, or one row of a `Sheet`; select a time first to see one event: ``run.sel(time=slice(0,
-        200))``.
+        A run of a `Chain`, or one row of a `Sheet`; select a time first to see one
+        event: ``run.sel(time=slice(0, 200))``.
     what : {"attached", "velocity", "force"}
-        Fraction of attached contacts, relative to that of each block at the beginning of what is drawn; velocity of
-        the blocks, in decades; or friction force.
+        Fraction of attached contacts, relative to that of each block at the beginning
+        of what is drawn; velocity of the blocks, in decades; or friction force.
     ax : Axes, optional
         Where to draw; by default a new figure.
     upright : bool
@@ -49,18 +67,29 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
 
     Examples
     --------
-    >>> stiff = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf")))
+    >>> stiff = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.0), delay=ss.Delay(float("inf"))
+    ... )
     >>> bar = ss.Chain(blocks=100, coupling=1.0, mass=1.0, damping=0.0)
     >>> push = ss.Prestressed(stretching=0.7, push=3.0, pushed_blocks=3)
-    >>> rig = ss.Rig(stiff, bar, ss.constant(0.0, duration=100), method=ss.Contacts(10), start=push)
+    >>> rig = ss.Rig(
+    ...     stiff,
+    ...     bar,
+    ...     ss.constant(0.0, duration=100),
+    ...     method=ss.Contacts(10),
+    ...     start=push,
+    ... )
     >>> ss.plot.spacetime(ss.simulate(rig)).get_xlabel()
     'block'
     """
     field = on_blocks(run, "friction_force" if what == "force" else what, "plot")
     drawn, time, block = pixels(field, (_MOST_ROWS, field.sizes["block"]))
-    text, scale, cmap = label(field, most=32), Normalize, "cividis"
+    text = label(field, most=32)
+    scale = Normalize
+    cmap = "cividis"
     if what == "velocity":
-        scale, cmap = LogNorm, "inferno"
+        scale = LogNorm
+        cmap = "inferno"
         drawn = np.maximum(drawn, (float(drawn.max()) or 1.0) / 10.0**_DECADES)
     elif what == "attached":
         text = "attached, relative to before"
@@ -78,7 +107,9 @@ def spacetime(run: xr.Dataset, what: What = "attached", ax: Axes | None = None, 
 
 @house_style()
 def elastic_overview(run: xr.Dataset) -> Figure:
-    """Draw a run of a `Chain`, or a row of a `Sheet`: driving force with its events, velocity of all blocks in time."""
+    """Draw a run of a `Chain`, or a row of a `Sheet`: driving force with its events,
+    velocity of all blocks in time.
+    """
     figure = style.new_figure(palette.PAGE, 4.8)
     upper, lower = figure.subplots(2, 1, sharex=True)
     precursors(run, upper)
@@ -90,69 +121,134 @@ def elastic_overview(run: xr.Dataset) -> Figure:
 
 @house_style()
 def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw how fast contacts first broke along a `Chain` in a run, with the speed of sound."""
+    """Draw how fast contacts first broke along a `Chain` in a run, with the speed of
+    sound.
+    """
     found = measure.fronts(run)
     speed = found["speed"].where(found["speed"] > 0)
     ax = new_axes() if ax is None else ax
-    ax.semilogy(speed["block"], speed, ".", color=palette.BLUE, markersize=3, label="first breaks")
+    ax.semilogy(
+        speed["block"],
+        speed,
+        ".",
+        color=palette.BLUE,
+        markersize=3,
+        label="first breaks",
+    )
     _dress_speed(ax, rig_of(run))
     low, high = ax.get_ylim()
     if high < 10.0 * low:
-        ax.set_ylim(10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)))
+        ax.set_ylim(
+            10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
+        )
     stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
     for i, end in enumerate(stops["last_block"].values[:-1]):
-        ax.axvline(end, color=palette.VERMILLION, linewidth=0.8, label=None if i else "arrest")
+        ax.axvline(
+            end, color=palette.VERMILLION, linewidth=0.8, label=None if i else "arrest"
+        )
     panel(ax, "", "block", None, "above", xlim=(-0.5, run.sizes["block"] - 0.5))
     return ax
 
 
 @house_style()
 def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
-    """Draw the speed of fronts against the prestress ahead of them: theory, and what a run with a profile of it met.
+    """Draw the speed of fronts against the prestress ahead of them: theory, and what a
+    run with a profile of it met.
 
-    Of a run of a `Chain` from a `Prestressed` start, local speeds against the local prestress, with the exact curve; of
-    a rig, the curve alone.
+    Of a run of a `Chain` from a `Prestressed` start, local speeds against the local
+    prestress, with the exact curve; of a rig, the curve alone.
     """
     rig = data if isinstance(data, Rig) else rig_of(data)
     ax = new_axes() if ax is None else ax
-    if isinstance(data, xr.Dataset):  # on each block that the first front passes, away from its ends
-        start, interface, chain = rig.start, rig.natural.interface, _chain(rig)
+    # on each block that the first front passes, away from its ends
+    if isinstance(data, xr.Dataset):
+        start = rig.start
+        interface = rig.natural.interface
+        chain = _chain(rig)
         if not isinstance(start, Prestressed):
-            raise InputError(f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed start, or a rig")
-        sliding, strength = interface.sliding_force, interface.threshold_distribution.moment(1)
-        local = (np.broadcast_to(start.stretching, chain.blocks) - sliding) / (strength - sliding)
+            raise InputError(
+                f"front_curve: Rig.start = {start!r}: needs a run from a Prestressed "
+                "start, or a rig"
+            )
+        sliding = interface.sliding_force
+        strength = interface.threshold_distribution.moment(1)
+        local = (np.broadcast_to(start.stretching, chain.blocks) - sliding) / (
+            strength - sliding
+        )
         found = measure.fronts(data)
-        inside = slice(start.pushed_blocks + 11, max(int(found["last_block"][0]) - 10, 0))
-        ax.plot(local[inside], found["speed"][inside], ".", color=palette.BLUE, markersize=3, label="along the run")
-    least, theory = front_threshold(rig), list[Front]()
-    with contextlib.suppress(InputError):  # from some prestress on contacts give way by themselves
+        inside = slice(
+            start.pushed_blocks + 11, max(int(found["last_block"][0]) - 10, 0)
+        )
+        ax.plot(
+            local[inside],
+            found["speed"][inside],
+            ".",
+            color=palette.BLUE,
+            markersize=3,
+            label="along the run",
+        )
+    least = front_threshold(rig)
+    theory = list[Front]()
+    # from some prestress on contacts give way by themselves
+    with contextlib.suppress(InputError):
         for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
             theory.append(front_speed(rig, prestress=float(tau)))
     if not theory:
-        raise InputError(f"front_curve: Interface.thresholds = {rig.interface.thresholds}: no prestress has a front")
+        raise InputError(
+            f"front_curve: Interface.thresholds = {rig.interface.thresholds}: no "
+            "prestress has a front"
+        )
     moving = [(front.prestress, front.speed) for front in theory if front.speed > 0]
-    ax.plot(*np.transpose(moving), color=palette.BLACK, label=f"theory ({theory[0].blocks})")
+    ax.plot(
+        *np.transpose(moving), color=palette.BLACK, label=f"theory ({theory[0].blocks})"
+    )
     _dress_speed(ax, rig)
     ax.axvline(least, color=palette.ORANGE, linewidth=0.9, label="threshold")
-    ax.set(xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None))
+    ax.set(
+        xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None)
+    )
     legend_above(ax, columns=2)
     return ax
 
 
 @house_style()
 def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the driving force of a `Chain` pulled at one end, each precursor a dot with the blocks that it reaches."""
+    """Draw the driving force of a `Chain` pulled at one end, each precursor a dot
+    with the blocks that it reaches.
+    """
     ax, _ = along_time(run, "spring_force", ax, 2.6, color=palette.GREY, linewidth=0.9)
     found = _events(run).sortby("reach", ascending=False)
     whole = found["blocks"] >= run.sizes["block"]
     partial = (~whole, palette.BLUE, "precursor, with its length")
-    for kind, colour, text in (partial, (whole, palette.VERMILLION, "slip of all blocks")):
+    for kind, colour, text in (
+        partial,
+        (whole, palette.VERMILLION, "slip of all blocks"),
+    ):
         if kind.any():
-            ax.plot(found["start"][kind], found["force_before"][kind], "o", color=colour, markersize=3.5, label=text)
+            ax.plot(
+                found["start"][kind],
+                found["force_before"][kind],
+                "o",
+                color=colour,
+                markersize=3.5,
+                label=text,
+            )
     written: list[float] = []  # of events close together, the longest
-    for x, y, reach in found[["start", "force_before", "reach"]].isel(event=~whole.values).to_array().values.T:
+    for x, y, reach in (
+        found[["start", "force_before", "reach"]]
+        .isel(event=~whole.values)
+        .to_array()
+        .values.T
+    ):
         if all(abs(x - other) > _APART * float(run["time"][-1]) for other in written):
-            ax.annotate(f"{reach:.0f}", (x, y), (0, 4), textcoords="offset points", ha="center", fontsize=7)
+            ax.annotate(
+                f"{reach:.0f}",
+                (x, y),
+                (0, 4),
+                textcoords="offset points",
+                ha="center",
+                fontsize=7,
+            )
             written.append(x)
     legend_above(ax)
     return ax
@@ -160,33 +256,70 @@ def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw how far each precursor ran against the driving force at which it did, with the exact curve.
+    """Draw how far each precursor ran against the driving force at which it did, with
+    the exact curve.
 
-    The run is of a `Chain` pulled at one end, the curve that of a first slow pull, all thresholds at their mean and
-    without re-attachment.
+    The run is of a `Chain` pulled at one end, the curve that of a first slow pull, all
+    thresholds at their mean and without re-attachment.
     """
-    found, rig = _events(run), rig_of(run)
+    found = _events(run)
+    rig = rig_of(run)
     ax = new_axes() if ax is None else ax
-    ax.plot(found["force_before"], found["reach"], "o", color=palette.BLUE, markersize=3.5, label="events of the run")
+    ax.plot(
+        found["force_before"],
+        found["reach"],
+        "o",
+        color=palette.BLUE,
+        markersize=3.5,
+        label="events of the run",
+    )
     thresholds = rig.interface.threshold_distribution
-    alike = replace(rig.interface, thresholds=Gaussian(mean=thresholds.moment(1), std=0.0), delay=Delay(float("inf")))
+    alike = replace(
+        rig.interface,
+        thresholds=Gaussian(mean=thresholds.moment(1), std=0.0),
+        delay=Delay(float("inf")),
+    )
     exact = precursor_force(replace(rig, interface=alike))
     rising = slice(0, int(exact.values.argmax()) + 1)
-    ax.plot(exact.values[rising], exact["tip"].values[rising], color=palette.BLACK, label="theory")
-    panel(ax, "", run["spring_force"], "blocks that slip", "above", ylim=(0, run.sizes["block"] * 1.03))
+    ax.plot(
+        exact.values[rising],
+        exact["tip"].values[rising],
+        color=palette.BLACK,
+        label="theory",
+    )
+    panel(
+        ax,
+        "",
+        run["spring_force"],
+        "blocks that slip",
+        "above",
+        ylim=(0, run.sizes["block"] * 1.03),
+    )
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     return ax
 
 
 @house_style()
 def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw how far each block of a `Chain` slipped in each event, early events dark and late ones bright."""
-    moved, found = on_blocks(run, "displacement", "plot"), _events(run)
+    """Draw how far each block of a `Chain` slipped in each event, early events dark
+    and late ones bright.
+    """
+    moved = on_blocks(run, "displacement", "plot")
+    found = _events(run)
     if found.sizes["event"] == 0:
-        raise InputError(f"slip_profiles: the run holds no event of {_FEWEST} blocks or more; run it for longer")
+        raise InputError(
+            f"slip_profiles: the run holds no event of {_FEWEST} blocks or more; run "
+            "it for longer"
+        )
     ax = new_axes() if ax is None else ax
-    slips = _gone(moved, found).assign_attrs(moved.attrs | {"long_name": "slip in an event"})
-    for slip, colour in zip(slips, mpl.colormaps["cividis"](np.linspace(0.0, 0.9, found.sizes["event"])), strict=True):
+    slips = _gone(moved, found).assign_attrs(
+        moved.attrs | {"long_name": "slip in an event"}
+    )
+    for slip, colour in zip(
+        slips,
+        mpl.colormaps["cividis"](np.linspace(0.0, 0.9, found.sizes["event"])),
+        strict=True,
+    ):
         ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
     panel(ax, "", "block", slips, xlim=(0, run.sizes["block"] - 1), ylim=(0, None))
     return ax
@@ -194,15 +327,21 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 def _gone(values: xr.DataArray, events: xr.Dataset) -> xr.DataArray:
     """How much larger the values of the blocks are after each event than before."""
-    return values.sel(time=events["end"], method="nearest") - values.sel(time=events["start"], method="nearest")
+    return values.sel(time=events["end"], method="nearest") - values.sel(
+        time=events["start"], method="nearest"
+    )
 
 
 def _events(run: xr.Dataset) -> xr.Dataset:
-    """Events of some blocks; `reach`: up to which block, from 1, contacts broke; `force_before` it."""
+    """Events of some blocks; `reach`: up to which block, from 1, contacts broke;
+    `force_before` it.
+    """
     found = measure.events(run)
     found = found.isel(event=np.flatnonzero(found["blocks"].values >= _FEWEST))
     broken = on_blocks(run, "broken", "plot")
-    reach = ((_gone(broken, found) >= 0.5) * (np.arange(run.sizes["block"]) + 1)).max("block")
+    reach = ((_gone(broken, found) >= 0.5) * (np.arange(run.sizes["block"]) + 1)).max(
+        "block"
+    )
     before = np.interp(found["start"], run["time"], variable(run, "spring_force"))
     return found.assign(reach=reach, force_before=("event", before))
 
@@ -210,8 +349,16 @@ def _events(run: xr.Dataset) -> xr.Dataset:
 def _dress_speed(ax: Axes, rig: Rig) -> None:
     """Label an axis of front speeds, and mark that of sound."""
     sound = _chain(rig).sound_speed * rig.unit("1/time")
-    ax.axhline(sound, color=palette.GREY, linewidth=0.9, linestyle=palette.DASHED, label="sound")
-    ax.set_ylabel(f"front speed (blocks per {'time unit' if rig.scales is None else 's'})")
+    ax.axhline(
+        sound,
+        color=palette.GREY,
+        linewidth=0.9,
+        linestyle=palette.DASHED,
+        label="sound",
+    )
+    ax.set_ylabel(
+        f"front speed (blocks per {'time unit' if rig.scales is None else 's'})"
+    )
 
 
 def _chain(rig: Rig) -> Chain:

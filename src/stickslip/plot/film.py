@@ -26,26 +26,35 @@ _FRAMES = 200  # 10 s
 _RATE = 44_100  # samples a second, as on a compact disc
 _AUDIBLE = (20.0, 20_000.0)  # Hz: the range of human hearing, as textbooks give it
 _LOUD = 0.9  # of the largest sample that there is
-_PITCH, _HIGH, _REACH = 0.64, 2.1, 9.0  # in x_s: from contact to contact, their height, room for the spring
+# in x_s: from contact to contact, their height, room for the spring
+_PITCH = 0.64
+_HIGH = 2.1
+_REACH = 9.0
 
 
 @house_style()
 def contacts(run: xr.Dataset) -> FuncAnimation:
-    """Film the slider on some of its contacts that stretch, break and re-attach, in step with the force, as it ends.
+    """Film the slider on some of its contacts that stretch, break and re-attach, in
+    step with the force, as it ends.
 
-    The run, of one rigid slider, is made again by its provenance, and each contact that is shown was computed; of a
-    solver that follows no contacts one by one, contacts of the same rig are shown. Frames lie closer together where the
-    slider is fast, so that it slows down through the slips. Write it with `save`, as GIF. Raises `InputError` if it is
-    no such run, or its drive has pieces that end on a condition.
+    The run, of one rigid slider, is made again by its provenance, and each contact that
+    is shown was computed; of a solver that follows no contacts one by one, contacts of
+    the same rig are shown. Frames lie closer together where the slider is fast, so that
+    it slows down through the slips. Write it with `save`, as GIF. Raises `InputError`
+    if it is no such run, or its drive has pieces that end on a condition.
     """
     rig = rig_of(run)
     if not isinstance(rig.slider, Slider):
-        raise InputError("contacts: a film is of one rigid slider; of a chain, draw spacetime")
+        raise InputError(
+            "contacts: a film is of one rigid slider; of a chain, draw spacetime"
+        )
     seen = frames(rig, 1.0, _FRAMES, lambda _share: None)
     figure = new_figure(palette.PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
     own = run.sel(time=slice(*seen.times[[0, -1]]))
-    line = (own["time"], own["spring_force"]) if seen.exact else (seen.times, seen.force)
+    line = (
+        (own["time"], own["spring_force"]) if seen.exact else (seen.times, seen.force)
+    )
     below.plot(*line, color=palette.BLUE)
     panel(below, "", run["time"], run["spring_force"], xlim=seen.times[[0, -1]])
     (cursor,) = below.plot([], [], "o", color=palette.VERMILLION, markersize=6)
@@ -53,12 +62,17 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     lengths = seen.drive - seen.slider
     shortest = min(float(lengths.min()), 0.0)
     scale = min(1.0, _REACH / (max(float(lengths.max()), 1.0) - shortest))
-    right = -1.5 - scale * (lengths - shortest)  # the end of the slider; the drive stays in its place, at 0
-    wide, high = _PITCH * seen.flags.shape[1], 1.6 * _HIGH
+    # the end of the slider; the drive stays in its place, at 0
+    right = -1.5 - scale * (lengths - shortest)
+    wide = _PITCH * seen.flags.shape[1]
+    high = 1.6 * _HIGH
     feet = right[:, None] - wide + _PITCH * (np.arange(seen.flags.shape[1]) + 0.5)
-    held, renewed = (seen.flags & ATTACHED) > 0, (seen.flags & RENEWED) > 0
+    held = (seen.flags & ATTACHED) > 0
+    renewed = (seen.flags & RENEWED) > 0
     broke = np.vstack([np.zeros_like(held[:1]), held[:-1] & (~held[1:] | renewed[1:])])
-    colours = LinearSegmentedColormap.from_list("stretched", [palette.BLUE, palette.VERMILLION])
+    colours = LinearSegmentedColormap.from_list(
+        "stretched", [palette.BLUE, palette.VERMILLION]
+    )
     look: Any = {"edgecolor": palette.BLACK, "facecolor": "#F4F5F7", "linewidth": 1.2}
     block = above.add_patch(Rectangle((0, _HIGH), wide, high, **look))
     bristles = above.add_collection(LineCollection([], linewidths=1.8))
@@ -67,21 +81,50 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     (flashes,) = above.plot([], [], "o", color=palette.ORANGE, markersize=7, alpha=0.8)
     above.axhline(0.0, color=palette.GREY, linewidth=0.8)
     above.plot([0, 0], [_HIGH, _HIGH + high], color=palette.BLACK, linewidth=4)
-    words = above.text(0, _HIGH + 0.5 * high, f"{feet.shape[1]} of {seen.contacts} contacts", va="center", ha="center")
-    above.set(xlim=(right.min() - wide - 1, 0.6), ylim=(-1.0, _HIGH + high + 0.3), aspect="equal")
+    words = above.text(
+        0,
+        _HIGH + 0.5 * high,
+        f"{feet.shape[1]} of {seen.contacts} contacts",
+        va="center",
+        ha="center",
+    )
+    above.set(
+        xlim=(right.min() - wide - 1, 0.6),
+        ylim=(-1.0, _HIGH + high + 0.3),
+        aspect="equal",
+    )
     above.axis("off")
 
     def show(i: int) -> None:
         x = seen.stretching[i]
-        tips = np.stack([feet[i] - np.where(held[i], x, 0.0), np.where(held[i], 0.0, 0.5 * _HIGH)], axis=1)
-        bristles.set_segments(list(np.stack([np.stack([feet[i], np.full(x.size, _HIGH)], axis=1), tips], axis=1)))
-        bristles.set_color(np.where(held[i, :, None], colours(np.abs(x) / 1.2), to_rgba(palette.GREY)))
+        tips = np.stack(
+            [feet[i] - np.where(held[i], x, 0.0), np.where(held[i], 0.0, 0.5 * _HIGH)],
+            axis=1,
+        )
+        bristles.set_segments(
+            list(
+                np.stack(
+                    [np.stack([feet[i], np.full(x.size, _HIGH)], axis=1), tips], axis=1
+                )
+            )
+        )
+        bristles.set_color(
+            np.where(held[i, :, None], colours(np.abs(x) / 1.2), to_rgba(palette.GREY))
+        )
         block.set_x(right[i] - wide)
         words.set_x(right[i] - 0.5 * wide)
         coil = np.linspace(right[i], 0.0, 22)
-        spring.set_data(coil, _HIGH + 0.5 * high + np.r_[0, 0, np.tile([0.5, -0.5], 9), 0, 0])
-        marks = np.arange(right.min() - wide - 4, 3, 2.0) + (right[i] - seen.slider[i]) % 2.0
-        ground.set_data(np.ravel([marks, marks - 0.6, marks * np.nan], "F"), np.tile([0.0, -0.8, np.nan], marks.size))
+        spring.set_data(
+            coil, _HIGH + 0.5 * high + np.r_[0, 0, np.tile([0.5, -0.5], 9), 0, 0]
+        )
+        marks = (
+            np.arange(right.min() - wide - 4, 3, 2.0)
+            + (right[i] - seen.slider[i]) % 2.0
+        )
+        ground.set_data(
+            np.ravel([marks, marks - 0.6, marks * np.nan], "F"),
+            np.tile([0.0, -0.8, np.nan], marks.size),
+        )
         lately = broke[max(i - 2, 0) : i + 1].any(axis=0)
         flashes.set_data(feet[i][lately], np.full(int(lately.sum()), 0.4 * _HIGH))
         cursor.set_data([seen.times[i]], [seen.force[i]])
@@ -89,18 +132,23 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     show(0)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # else it is looked for in each frame
-    return FuncAnimation(figure, show, len(seen.times), interval=1000 / style.PER_SECOND)
+    return FuncAnimation(
+        figure, show, len(seen.times), interval=1000 / style.PER_SECOND
+    )
 
 
 def sound(run: xr.Dataset) -> tuple[int, Array]:
-    """Return a run or a measured trace as it sounds: the spring force about its mean, at its own pace.
+    """Return a run or a measured trace as it sounds: the spring force about its mean,
+    at its own pace.
 
-    Write it with `save`, as WAV; in a notebook, ``IPython.display.Audio(samples, rate=rate)``.
+    Write it with `save`, as WAV; in a notebook,
+    ``IPython.display.Audio(samples, rate=rate)``.
 
     Parameters
     ----------
     run : Dataset
-        A force along time, in units of SI, with an oscillation that can be heard: from 20 Hz to 20 kHz.
+        A force along time, in units of SI, with an oscillation that can be heard: from
+        20 Hz to 20 kHz.
 
     Returns
     -------
@@ -118,17 +166,38 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
     >>> rate, len(samples)  # of 0.2 s
     (44100, 8819)
     """
-    force, seen = variable(run, "spring_force"), regime(run)
+    force = variable(run, "spring_force")
+    seen = regime(run)
     if not (seconds := ratio(seen.time_unit, "s")):
-        raise InputError(f"sound: times are in {seen.time_unit or 'no unit'}: give the rig in SI units, or the unit")
-    if seen.kind == "smooth sliding" or not math.isfinite(seen.period):  # through speeds, it is undecided as a whole
-        raise InputError(f"sound: there is none: {seen.kind}, no oscillation with a period")
+        raise InputError(
+            f"sound: times are in {seen.time_unit or 'no unit'}: give the rig in SI "
+            "units, or the unit"
+        )
+    # through speeds, it is undecided as a whole
+    if seen.kind == "smooth sliding" or not math.isfinite(seen.period):
+        raise InputError(
+            f"sound: there is none: {seen.kind}, no oscillation with a period"
+        )
     frequency = 1.0 / (seconds * seen.period)
     if not _AUDIBLE[0] <= frequency <= _AUDIBLE[1]:
-        remedy = "see a run as a film, --kind contacts as .gif; a stiffer spring or a lighter slider change its pitch"
-        raise InputError(f"sound: {engineering(frequency, 'Hz', 3)} is not heard, as 20 Hz to 20 kHz are; {remedy}")
-    t, F = seconds * force["time"].to_numpy(), force.to_numpy()
-    # Each sample is the mean over its time: of a run with more samples nothing is heard at a wrong pitch.
-    way = np.interp(np.arange(t[0], t[-1], 1.0 / _RATE), t, cumulative_trapezoid(F - F.mean(), t, initial=0))
+        remedy = (
+            "see a run as a film, --kind contacts as .gif; a stiffer spring or a "
+            "lighter slider change its pitch"
+        )
+        raise InputError(
+            f"sound: {engineering(frequency, 'Hz', 3)} is not heard, as 20 Hz to 20 "
+            f"kHz are; {remedy}"
+        )
+    t = seconds * force["time"].to_numpy()
+    F = force.to_numpy()
+    # Each sample is the mean over its time: of a run with more samples nothing is heard
+    # at a wrong pitch.
+    way = np.interp(
+        np.arange(t[0], t[-1], 1.0 / _RATE),
+        t,
+        cumulative_trapezoid(F - F.mean(), t, initial=0),
+    )
     heard = np.diff(way)
-    return _RATE, np.asarray(32_767 * _LOUD * heard / np.abs(heard).max(), dtype=np.int16)
+    return _RATE, np.asarray(
+        32_767 * _LOUD * heard / np.abs(heard).max(), dtype=np.int16
+    )

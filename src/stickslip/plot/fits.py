@@ -1,4 +1,6 @@
-"""Pictures of fits: the slips of a trace and its statistics among those of the draws; velocity steps and holds."""
+"""Pictures of fits: the slips of a trace and its statistics among those of the
+draws; velocity steps and holds.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,52 +14,102 @@ from matplotlib.ticker import LogLocator
 from stickslip.plot import palette
 from stickslip.plot.style import envelope, house_style, legend_above, new_figure, panel
 
-Fit = Any  # `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures, which take attributes
+# `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures,
+# which take attributes
+Fit = Any
 Step = Any  # `stickslip.rate_state.Step`
-_WIDEST, _LOW, _SHOWN = 4.0, 0.02, 12
+_WIDEST = 4.0
+_LOW = 0.02
+_SHOWN = 12
 
 
 @house_style()
 def slips(data: xr.Dataset) -> Figure:
-    """Draw what `Events.to_dataset` returns: trace and slips, drops, peaks against troughs, and the loading rate."""
+    """Draw what `Events.to_dataset` returns: trace and slips, drops, peaks against
+    troughs, and the loading rate.
+    """
     figure = new_figure(palette.PAGE, 4.6)
     (trace, drops), (pairs, rate) = figure.subplots(2, 2)
-    trace.plot(*envelope(data["time"].values, data["spring_force"].values), color=palette.GREY, linewidth=0.6)
-    for name, colour, text in (("peak", palette.VERMILLION, "before a slip"), ("trough", palette.BLUE, "after it")):
-        trace.plot(data[f"{name}_time"], data[name], ".", color=colour, markersize=3, label=text)
+    trace.plot(
+        *envelope(data["time"].values, data["spring_force"].values),
+        color=palette.GREY,
+        linewidth=0.6,
+    )
+    for name, colour, text in (
+        ("peak", palette.VERMILLION, "before a slip"),
+        ("trough", palette.BLUE, "after it"),
+    ):
+        trace.plot(
+            data[f"{name}_time"],
+            data[name],
+            ".",
+            color=colour,
+            markersize=3,
+            label=text,
+        )
     legend_above(trace)
     drops.ecdf(data["drop"].values, color=palette.BLACK)
-    drops.axvline(data.attrs["smallest"], color=palette.GREY, linestyle=palette.DASHED, linewidth=0.9)
+    drops.axvline(
+        data.attrs["smallest"],
+        color=palette.GREY,
+        linestyle=palette.DASHED,
+        linewidth=0.9,
+    )
     drops.set(ylim=(0, 1), ylabel="fraction of slips up to it")
     pairs.plot(data["peak"], data["trough"], ".", color=palette.BLACK, markersize=3)
-    rate.plot(data["peak_time"], data["loading_rate"], ".", color=palette.BLACK, markersize=3)
-    known, when = data["loading_rate"].values[1:], data["peak_time"].values[1:]
+    rate.plot(
+        data["peak_time"], data["loading_rate"], ".", color=palette.BLACK, markersize=3
+    )
+    known = data["loading_rate"].values[1:]
+    when = data["peak_time"].values[1:]
     third = max(known.size // 3, 1)
     for part in (slice(0, third), slice(-third, None)):
-        rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=palette.VERMILLION)
+        rate.plot(
+            when[part][[0, -1]], [np.median(known[part])] * 2, color=palette.VERMILLION
+        )
     rate.set_ylim(0, 2.0 * float(np.median(known)))
-    named = (("time", "spring_force"), ("drop", ""), ("peak", "trough"), ("peak_time", "loading_rate"))
-    for ax, name, (across, up) in zip((trace, drops, pairs, rate), "abcd", named, strict=True):
+    named = (
+        ("time", "spring_force"),
+        ("drop", ""),
+        ("peak", "trough"),
+        ("peak_time", "loading_rate"),
+    )
+    for ax, name, (across, up) in zip(
+        (trace, drops, pairs, rate), "abcd", named, strict=True
+    ):
         panel(ax, f"({name})", data[across], data.get(up))
     return figure
 
 
 @house_style()
 def fitted(found: Fit) -> Figure:
-    """Draw a `fit`: slips of the trace above simulated ones, the test of its statistics, and the intervals."""
+    """Draw a `fit`: slips of the trace above simulated ones, the test of its
+    statistics, and the intervals.
+    """
     figure = new_figure(palette.PAGE, 6.6)
-    measured, simulated, test, parameters = figure.subplot_mosaic("aa;bb;cd", height_ratios=(1, 1, 4)).values()
+    measured, simulated, test, parameters = figure.subplot_mosaic(
+        "aa;bb;cd", height_ratios=(1, 1, 4)
+    ).values()
     simulated.sharex(measured)
     simulated.sharey(measured)
-    # A dozen slips of the trace from its middle, and as long a part of a simulated one, to the same scales.
-    events, made = found.events, found.simulated()
-    begin, lasts = events.time[events.peak_at[len(events) // 2]], _SHOWN * events.recurrence
+    # A dozen slips of the trace from its middle, and as long a part of a simulated one,
+    # to the same scales.
+    events = found.events
+    made = found.simulated()
+    begin = events.time[events.peak_at[len(events) // 2]]
+    lasts = _SHOWN * events.recurrence
     time = made["time"].values - 0.4 * float(made["time"][-1])
     units = {"time": events.time_unit, "force": events.force_unit}
-    along = [name if unit in ("", "1") else f"{name} ({unit})" for name, unit in units.items()]
+    along = [
+        name if unit in ("", "1") else f"{name} ({unit})"
+        for name, unit in units.items()
+    ]
     closest = "simulated, the draw nearest to the medians"
     shown = (measured, events.time - begin, events.force, palette.BLACK, "measured")
-    for ax, t, force, colour, title in (shown, (simulated, time, made["spring_force"].values, palette.BLUE, closest)):
+    for ax, t, force, colour, title in (
+        shown,
+        (simulated, time, made["spring_force"].values, palette.BLUE, closest),
+    ):
         inside = (t >= 0.0) & (t <= lasts)
         ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
         panel(ax, title, *along)
@@ -68,16 +120,21 @@ def fitted(found: Fit) -> Figure:
 
 
 def _draw_test(ax: Axes, found: Fit) -> None:
-    """The statistics of the trace among those of series of the draws, in standard deviations of the latter."""
+    """The statistics of the trace among those of series of the draws, in standard
+    deviations of the latter.
+    """
     for row, one in enumerate(found.test.reset_index().itertuples()):
         at = -row - (0.0 if one.fitted else 0.6)
         colour = palette.VERMILLION if one.p < _LOW else palette.BLACK
         ax.plot([one.low, one.high], [at, at], color=palette.SKY, linewidth=4)
-        ax.plot(np.clip(one.here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4)
+        ax.plot(
+            np.clip(one.here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4
+        )
         text: Any = {"va": "center", "fontsize": 7, "annotation_clip": False}
         ax.annotate(one.name, (-_WIDEST - 0.2, at), ha="right", **text)
         ax.annotate(f"{one.p:.2g}", (_WIDEST + 0.2, at), color=colour, **text)
-    words, within = "(value - median) / (range of 95 % / 4)", (-_WIDEST, _WIDEST)
+    words = "(value - median) / (range of 95 % / 4)"
+    within = (-_WIDEST, _WIDEST)
     panel(ax, "trace (dot), draws (bar), p", words, xlim=within, yticks=[])
     ax.spines["left"].set_visible(False)
 
@@ -87,26 +144,44 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
     for row, one in enumerate(found.parameters):
         low, middle, high = one.parts
         for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), palette.BLUE)):
-            ax.plot(ends, [-row, -row], color=colour, linewidth=7, solid_capstyle="butt")
+            ax.plot(
+                ends, [-row, -row], color=colour, linewidth=7, solid_capstyle="butt"
+            )
         ax.plot(middle, -row, "|", color="white", markersize=7)
-        text = f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, {one.verdict}"
+        text = (
+            f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, "
+            f"{one.verdict}"
+        )
         ax.annotate(text, (0, -row + 0.22), fontsize=7, annotation_clip=False)
     ends = -len(found.parameters) + 0.4, 0.7
-    panel(ax, "90 % intervals within the prior", xlim=(0, 1), ylim=ends, xticks=[], yticks=[])
+    panel(
+        ax,
+        "90 % intervals within the prior",
+        xlim=(0, 1),
+        ylim=ends,
+        xticks=[],
+        yticks=[],
+    )
     ax.spines[["left", "bottom"]].set_visible(False)
 
 
 @house_style()
-def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *, length: str = "um") -> Figure:
-    """Draw a velocity step, as `velocity_step_in` cuts it out, the fits to it, and their residuals below.
+def velocity_step(
+    step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *, length: str = "um"
+) -> Figure:
+    """Draw a velocity step, as `velocity_step_in` cuts it out, the fits to it, and
+    their residuals below.
 
-    The `names` of the fits stand in the legend, `length` is the unit of the displacement.
+    The `names` of the fits stand in the legend, `length` is the unit of the
+    displacement.
     """
     figure = new_figure(palette.PAGE, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 1], sharex=True)
     x = np.asarray(step.displacement)
     upper.plot(x, step.friction, ".", color=palette.GREY, markersize=2.5, label="data")
-    for k, (fit, colour) in enumerate(zip(fits, (palette.BLUE, palette.VERMILLION, "black"), strict=False)):
+    for k, (fit, colour) in enumerate(
+        zip(fits, (palette.BLUE, palette.VERMILLION, "black"), strict=False)
+    ):
         name = names[k] if k < len(names) else f"{fit.law} law"
         curve = fit.friction(x)
         upper.plot(x, curve, color=colour, label=name)
@@ -118,20 +193,38 @@ def velocity_step(step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *,
 
 @house_style()
 def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figure:
-    """Draw how far the force of a `slide_hold_slide` run peaks after holds, and relaxes in them, over their times.
+    """Draw how far the force of a `slide_hold_slide` run peaks after holds, and relaxes
+    in them, over their times.
 
-    Growth of the peaks `per_decade` by rate and state, ``b ln 10``, is a line through the last of them.
+    Growth of the peaks `per_decade` by rate and state, ``b ln 10``, is a line through
+    the last of them.
     """
     figure = new_figure(palette.COLUMN, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 2], sharex=True)
     run = run.sortby("hold")
-    hold, peak = run["hold"].to_numpy(), run["peak"].to_numpy()
-    upper.semilogx(hold, peak, "o-", color=palette.BLUE, markersize=3.5, label="contacts")
+    hold = run["hold"].to_numpy()
+    peak = run["peak"].to_numpy()
+    upper.semilogx(
+        hold, peak, "o-", color=palette.BLUE, markersize=3.5, label="contacts"
+    )
     if per_decade is not None:
         line = peak[-1] + per_decade * np.log10(hold / hold[-1])
-        upper.semilogx(hold, line, "--", color=palette.VERMILLION, label="slope by rate and state")
+        upper.semilogx(
+            hold, line, "--", color=palette.VERMILLION, label="slope by rate and state"
+        )
     lower.semilogx(hold, run["relaxation"], "o-", color=palette.BLUE, markersize=3.5)
-    panel(upper, "", None, run["peak"].assign_attrs(long_name="peak above sliding"), "above")
-    panel(lower, "", run["hold"].assign_attrs(spacing="log"), run["relaxation"].assign_attrs(long_name="relaxation"))
+    panel(
+        upper,
+        "",
+        None,
+        run["peak"].assign_attrs(long_name="peak above sliding"),
+        "above",
+    )
+    panel(
+        lower,
+        "",
+        run["hold"].assign_attrs(spacing="log"),
+        run["relaxation"].assign_attrs(long_name="relaxation"),
+    )
     lower.xaxis.set_major_locator(LogLocator())  # decades alone: the picture is narrow
     return figure

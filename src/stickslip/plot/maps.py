@@ -1,4 +1,6 @@
-"""Maps: sweeps over one or two parameters, and the stability map around a rig, with what theory says on top."""
+"""Maps: sweeps over one or two parameters, and the stability map around a rig, with
+what theory says on top.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -29,96 +31,188 @@ REGIMES: dict[str, tuple[str, str, str]] = {
     "failed": ("#FFFFFF", "x", "xxxxxxx"),
     "not run": ("#FFFFFF", "", ""),
 }
-"""Colour, mark and hatching of what a case of a sweep can be; light to dark in print without colour, too."""
+"""Colour, mark and hatching of what a case of a sweep can be; light to dark in print
+without colour, too.
+"""
 _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 _ENTRY = 1.6  # inches of an entry of a legend
-_LINE: Any = {"color": palette.BLACK, "linewidth": 1.6, "path_effects": _HALO, "zorder": 1.9}
+_LINE: Any = {
+    "color": palette.BLACK,
+    "linewidth": 1.6,
+    "path_effects": _HALO,
+    "zorder": 1.9,
+}
 _LINE["label"] = "linear boundary, computed"
-_FOLD: Any = {"color": palette.VERMILLION, "linewidth": 1.4, "linestyle": (0, (4, 1.5)), "path_effects": _HALO}
+_FOLD: Any = {
+    "color": palette.VERMILLION,
+    "linewidth": 1.4,
+    "linestyle": (0, (4, 1.5)),
+    "path_effects": _HALO,
+}
 _FOLD |= {"marker": "o", "markersize": 3, "label": "stick-slip decays (fold), computed"}
-_CHANGES: Any = {"color": palette.VERMILLION, "linestyle": "none", "marker": ".", "markersize": 4, "elinewidth": 1.0}
+_CHANGES: Any = {
+    "color": palette.VERMILLION,
+    "linestyle": "none",
+    "marker": ".",
+    "markersize": 4,
+    "elinewidth": 1.0,
+}
 _WRITTEN: Any = {"fontsize": 7, "ha": "center", "va": "center"}
-_WRITTEN["bbox"] = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
+_WRITTEN["bbox"] = {
+    "boxstyle": "round,pad=0.15",
+    "fc": "white",
+    "ec": "none",
+    "alpha": 0.85,
+}
 EDGE: Any = {"edgecolor": palette.GREY, "linewidth": 0.5}
 """The line about a patch in a legend."""
 
 
 @house_style()
 def sweep_picture(data: xr.Dataset) -> Figure:
-    """Draw a sweep: the regimes in a plane of two axes, or the oscillation of the force along one; starts side by side.
+    """Draw a sweep: the regimes in a plane of two axes, or the oscillation of the force
+    along one; starts side by side.
 
-    It holds its ``regime``, or is a refinement with the regime of its runs; with ``edge_<axis>`` and ``band_<axis>...``
-    what theory says goes on top, see `stickslip.sweep.theory.with_theory`. The first axis goes to the right. Where
-    there are several seeds, a cell has the regime of all. A picture holds one axis or two, beside seed and start.
+    It holds its ``regime``, or is a refinement with the regime of its runs; with
+    ``edge_<axis>`` and ``band_<axis>...`` what theory says goes on top, see
+    `stickslip.sweep.theory.with_theory`. The first axis goes to the right. Where there
+    are several seeds, a cell has the regime of all. A picture holds one axis or two,
+    beside seed and start.
     """
     if "regime" not in data:
         raise InputError("plot: this sweep holds no variable regime; measure it")
     if "run" in data.dims:
-        axes = [str(name)[:-3] for name in data.data_vars if str(name).endswith("_at") and name != "start_at"]
+        axes = [
+            str(name)[:-3]
+            for name in data.data_vars
+            if str(name).endswith("_at") and name != "start_at"
+        ]
         return _plane(data, _draw_runs, *axes)
     varied = [str(dim) for dim in data["regime"].dims if dim != "start"]
     axes = [dim for dim in varied if dim != "seed"] or varied
     if not 0 < len(axes) <= 2:
-        raise InputError(f"plot: this sweep has the axes {', '.join(axes)}: a picture holds two; select the others")
+        raise InputError(
+            f"plot: this sweep has the axes {', '.join(axes)}: a picture holds two; "
+            "select the others"
+        )
     data = data.sortby(varied)
-    return _plane(data, _draw_cells, *axes) if len(axes) == 2 else _amplitude_along(data, *axes)
+    return (
+        _plane(data, _draw_cells, *axes)
+        if len(axes) == 2
+        else _amplitude_along(data, *axes)
+    )
 
 
 def _kinds(data: xr.Dataset) -> xr.DataArray:
     """What became of each case, in words."""
-    regime, status = _words(data["regime"]), _words(data["status"])
+    regime = _words(data["regime"])
+    status = _words(data["status"])
     return regime.where(~status.isin(["failed", "not run"]), status)
 
 
 def _words(codes: xr.DataArray) -> xr.DataArray:
-    words = np.array([word.replace("_", " ") for word in codes.attrs["flag_meanings"].split()], dtype=object)
+    words = np.array(
+        [word.replace("_", " ") for word in codes.attrs["flag_meanings"].split()],
+        dtype=object,
+    )
     return codes.copy(data=words[codes.to_numpy() - codes.attrs["flag_values"][0]])
 
 
 def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
-    """A panel for each start, in which `draw` puts the cases, with what theory says; and one legend."""
-    starts = np.unique(data["start"].to_numpy().astype(str)) if "start" in data and data["start"].ndim else [None]
+    """A panel for each start, in which `draw` puts the cases, with what theory says;
+    and one legend.
+    """
+    starts = (
+        np.unique(data["start"].to_numpy().astype(str))
+        if "start" in data and data["start"].ndim
+        else [None]
+    )
     figure = new_figure(palette.PAGE if len(starts) > 1 else 1.2 * palette.COLUMN, 3.5)
     panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
     for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
         draw(ax, data, across, up, start)
         _draw_theory(ax, data, across, up)
-        panel(ax, "" if start is None else f"({'abc'[i]}) {_STARTS.get(start, start)}", data[across], data[up])
+        panel(
+            ax,
+            "" if start is None else f"({'abc'[i]}) {_STARTS.get(start, start)}",
+            data[across],
+            data[up],
+        )
         ax.label_outer()
     return legend_below(figure)
 
 
-def _draw_cells(ax: Axes, data: xr.Dataset, across: str, up: str, start: str | None) -> None:
+def _draw_cells(
+    ax: Axes, data: xr.Dataset, across: str, up: str, start: str | None
+) -> None:
     kinds = _kinds(data if start is None else data.sel(start=start))
     if "seed" in kinds.dims:
         first = kinds.isel(seed=0, drop=True)
         kinds = first.where((kinds == first).all("seed"), "seeds differ")
-    here, cells = kinds.transpose(up, across).to_numpy(), [_cell_edges(data[name]) for name in (across, up)]
+    here = kinds.transpose(up, across).to_numpy()
+    cells = [_cell_edges(data[name]) for name in (across, up)]
     for kind, (colour, mark, hatch) in REGIMES.items():
         shown = np.ma.masked_array(np.ones(here.shape), here != kind)
         if mark and shown.count():
-            paint: Any = {"cmap": ListedColormap([colour]), "hatch": hatch or None, "edgecolor": palette.GREY}
-            ax.pcolor(*cells, shown, **paint, linewidth=0, zorder=0.5, rasterized=here.size > 10_000)
-            ax.fill([], [], facecolor=colour, hatch=hatch, label=kind, **EDGE)  # for the legend
+            paint: Any = {
+                "cmap": ListedColormap([colour]),
+                "hatch": hatch or None,
+                "edgecolor": palette.GREY,
+            }
+            ax.pcolor(
+                *cells,
+                shown,
+                **paint,
+                linewidth=0,
+                zorder=0.5,
+                rasterized=here.size > 10_000,
+            )
+            # for the legend
+            ax.fill([], [], facecolor=colour, hatch=hatch, label=kind, **EDGE)
     ax.set(xlim=cells[0][[0, -1]], ylim=cells[1][[0, -1]])
 
 
-def _draw_runs(ax: Axes, data: xr.Dataset, across: str, up: str, start: str | None) -> None:
+def _draw_runs(
+    ax: Axes, data: xr.Dataset, across: str, up: str, start: str | None
+) -> None:
     """Mark the runs of a refinement, and where it found the regime to change."""
-    mine = data.isel(run=data["start"].to_numpy() == start, crossing=data["start_at"].to_numpy() == start)
+    mine = data.isel(
+        run=data["start"].to_numpy() == start,
+        crossing=data["start_at"].to_numpy() == start,
+    )
     _draw_marks(ax, _kinds(mine), mine[across], mine[up], size=4)
-    bars: Any = {"xerr": mine[f"{across}_error"], "yerr": mine[f"{up}_error"], "label": "where the regime changes"}
+    bars: Any = {
+        "xerr": mine[f"{across}_error"],
+        "yerr": mine[f"{up}_error"],
+        "label": "where the regime changes",
+    }
     ax.errorbar(mine[f"{across}_at"], mine[f"{up}_at"], **bars, **_CHANGES)
 
 
-def _draw_marks(ax: Axes, kinds: xr.DataArray, x: xr.DataArray, y: xr.DataArray, size: float) -> None:
-    kind_of, x_of, y_of = (each.to_numpy().ravel() for each in xr.broadcast(kinds, x, y))
+def _draw_marks(
+    ax: Axes, kinds: xr.DataArray, x: xr.DataArray, y: xr.DataArray, size: float
+) -> None:
+    kind_of, x_of, y_of = (
+        each.to_numpy().ravel() for each in xr.broadcast(kinds, x, y)
+    )
     for kind, (colour, mark, _) in REGIMES.items():
         here = (kind_of == kind) & np.isfinite(y_of)
         if mark and here.any():
-            look: Any = {"color": colour, "marker": mark, "linestyle": "none", "markeredgecolor": palette.BLACK}
-            ax.plot(x_of[here], y_of[here], **look, markersize=size, markeredgewidth=0.5, label=kind)
+            look: Any = {
+                "color": colour,
+                "marker": mark,
+                "linestyle": "none",
+                "markeredgecolor": palette.BLACK,
+            }
+            ax.plot(
+                x_of[here],
+                y_of[here],
+                **look,
+                markersize=size,
+                markeredgewidth=0.5,
+                label=kind,
+            )
 
 
 def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str = "") -> None:
@@ -130,16 +224,28 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str = "") -> None:
         for name, draw in ((across, ax.axvline), (up, ax.axhline)):
             for value in data.get(f"edge_{name}", []):
                 draw(float(value), **_LINE)
-    for ends in zip(*(data.get(f"band_{across}_{end}", []) for end in ("low", "high")), strict=True):
-        ax.axvspan(*map(float, ends), color=palette.YELLOW, alpha=0.3, linewidth=0, label="both last, computed")
+    for ends in zip(
+        *(data.get(f"band_{across}_{end}", []) for end in ("low", "high")), strict=True
+    ):
+        ax.axvspan(
+            *map(float, ends),
+            color=palette.YELLOW,
+            alpha=0.3,
+            linewidth=0,
+            label="both last, computed",
+        )
     if f"band_{up}_fold" in data and data.sizes["band"]:
         fold = data.sortby(f"band_{across}")
         ax.plot(fold[f"band_{across}"], fold[f"band_{up}_fold"], **_FOLD)
 
 
-def _curves(data: xr.Dataset, across: str, up: str, counted: str) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+def _curves(
+    data: xr.Dataset, across: str, up: str, counted: str
+) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
     """The curves of a boundary, one by one, and which points are of each."""
-    of, x, y = (data[name].to_numpy() for name in (counted, f"edge_{across}", f"edge_{up}"))
+    of, x, y = (
+        data[name].to_numpy() for name in (counted, f"edge_{across}", f"edge_{up}")
+    )
     for curve in np.unique(of):
         yield x[of == curve], y[of == curve], of == curve
 
@@ -147,15 +253,32 @@ def _curves(data: xr.Dataset, across: str, up: str, counted: str) -> Iterator[tu
 def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
     """The oscillation of the force along one parameter, and what theory says."""
     if "peak_to_peak" not in data:
-        raise InputError("plot: this sweep holds no variable peak_to_peak; measure it to draw it along an axis")
+        raise InputError(
+            "plot: this sweep holds no variable peak_to_peak; measure it to draw it "
+            "along an axis"
+        )
     figure = new_figure(1.4 * palette.COLUMN, 3.0)
     ax = figure.add_subplot()
     oscillation = data["peak_to_peak"]
-    middle = oscillation.median("seed") if "seed" in oscillation.dims and axis != "seed" else oscillation
+    middle = (
+        oscillation.median("seed")
+        if "seed" in oscillation.dims and axis != "seed"
+        else oscillation
+    )
     middle = middle if "start" in middle.dims else middle.expand_dims(start=[""])
-    for line, dashes in zip(middle.transpose("start", ...), ("-", palette.DASHED), strict=False):
+    for line, dashes in zip(
+        middle.transpose("start", ...), ("-", palette.DASHED), strict=False
+    ):
         words = _STARTS.get(str(line["start"].item()), "")
-        ax.plot(data[axis], line, color=palette.GREY, linewidth=0.9, linestyle=dashes, zorder=1, label=words)
+        ax.plot(
+            data[axis],
+            line,
+            color=palette.GREY,
+            linewidth=0.9,
+            linestyle=dashes,
+            zorder=1,
+            label=words,
+        )
     _draw_marks(ax, _kinds(data), data[axis], oscillation, size=4.5)
     _draw_theory(ax, data, axis)
     panel(ax, "", data[axis], oscillation, ylim=(0, None))
@@ -164,7 +287,8 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
 
 @house_style()
 def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure:
-    """Draw the stability map of `advise.chart`: growth rate, the boundary with its frequency, and the rig's own point.
+    """Draw the stability map of `advise.chart`: growth rate, the boundary with its
+    frequency, and the rig's own point.
 
     An arrow leads `to` the values of its parameters after a change.
     """
@@ -173,27 +297,69 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
     ax = figure.add_subplot()
     _shade(ax, found, across, up)
     limits = {"xlim": found[across][[0, -1]], "ylim": found[up][[0, -1]]}
-    panel(ax, "", *(found[name].assign_attrs(spacing="log") for name in (across, up)), **limits)
+    panel(
+        ax,
+        "",
+        *(found[name].assign_attrs(spacing="log") for name in (across, up)),
+        **limits,
+    )
     hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
     written: list[Array] = []
     for x, y, mine in _curves(found, across, up, "curve"):
-        ax.plot(x, y, color=palette.BLACK, linewidth=1.6, label="limit of smooth sliding")
+        ax.plot(
+            x, y, color=palette.BLACK, linewidth=1.6, label="limit of smooth sliding"
+        )
         for i in _places(ax, x, y, written):
             frequency = hertz[mine][i]
-            ax.annotate("no oscillation" if np.isinf(frequency) else number(frequency, 3), (x[i], y[i]), **_WRITTEN)
+            ax.annotate(
+                "no oscillation" if np.isinf(frequency) else number(frequency, 3),
+                (x[i], y[i]),
+                **_WRITTEN,
+            )
     if "band" in found.dims and found.sizes["band"]:
         look: Any = {"color": palette.BLUE, "linewidth": 3.0, "alpha": 0.7}
         ends = found[f"band_{up}_low"], found[f"band_{up}_high"]
-        ax.vlines(found[f"band_{across}"], *ends, **look, label="stick-slip persists, too (bistable)")
+        ax.vlines(
+            found[f"band_{across}"],
+            *ends,
+            **look,
+            label="stick-slip persists, too (bistable)",
+        )
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
     ax.plot(*here, "o", ms=8, mfc="white", mec=palette.BLACK, mew=1.5, label="this rig")
     if to is not None:
         goal = to.get(across, here[0]), to.get(up, here[1])
-        ax.annotate("", goal, here, arrowprops={"arrowstyle": "-|>", "color": palette.BLACK, "shrinkA": 5, "lw": 1.4})
-        ax.plot(*goal, "D", color=palette.VERMILLION, mec="white", ms=6, label="after the change (simulated)")
-    unit = "Hz" if found["edge_frequency"].attrs.get("units") == "1/s" else "cycles per time unit"
+        ax.annotate(
+            "",
+            goal,
+            here,
+            arrowprops={
+                "arrowstyle": "-|>",
+                "color": palette.BLACK,
+                "shrinkA": 5,
+                "lw": 1.4,
+            },
+        )
+        ax.plot(
+            *goal,
+            "D",
+            color=palette.VERMILLION,
+            mec="white",
+            ms=6,
+            label="after the change (simulated)",
+        )
+    unit = (
+        "Hz"
+        if found["edge_frequency"].attrs.get("units") == "1/s"
+        else "cycles per time unit"
+    )
     title = str(found.attrs.get("rig", "")).replace("$", r"\$")
-    ax.set_title(f"{title}\nnumbers: frequency at the limit ({unit}); growth above 0: unstable".lstrip())
+    ax.set_title(
+        (
+            f"{title}\nnumbers: frequency at the limit ({unit}); growth above 0: "
+            "unstable"
+        ).lstrip()
+    )
     return legend_below(figure)
 
 
@@ -201,20 +367,35 @@ def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
     """Growth rates as colours about zero, by decades, with their bar."""
     values = np.ma.masked_invalid(found["growth_rate"].transpose(up, across).to_numpy())
     largest = float(np.abs(values).max()) if values.count() else 1.0
-    norm = SymLogNorm(linthresh=max(1e-2 * largest, 1e-300), vmin=-largest, vmax=largest)
-    look: Any = {"cmap": "PuOr_r", "norm": norm, "shading": "gouraud", "rasterized": True}
+    norm = SymLogNorm(
+        linthresh=max(1e-2 * largest, 1e-300), vmin=-largest, vmax=largest
+    )
+    look: Any = {
+        "cmap": "PuOr_r",
+        "norm": norm,
+        "shading": "gouraud",
+        "rasterized": True,
+    }
     shade = ax.pcolormesh(found[across], found[up], values, **look)
     decades = 10.0 ** (np.floor(np.log10(largest)) - np.array([0.0, 1.0]))
-    bar = ax.figure.colorbar(shade, ax=ax, ticks=[*-decades, 0.0, *decades[::-1]], pad=0.02)
+    bar = ax.figure.colorbar(
+        shade, ax=ax, ticks=[*-decades, 0.0, *decades[::-1]], pad=0.02
+    )
     bar.set_label(label(found["growth_rate"]))
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: minus(value)))
     bar.ax.yaxis.set_minor_locator(LogLocator(subs=()))
 
 
 def _places(ax: Axes, x: Array, y: Array, written: list[Array]) -> Iterator[int]:
-    """Where along a curve its frequency is written: on the limit itself, inside the axes, and apart from each other."""
-    places = ax.transAxes.inverted().transform(ax.transData.transform(np.column_stack([x, y])))
-    inside = np.flatnonzero(np.all((places > (0.06, 0.04)) & (places < (0.94, 0.96)), axis=1))
+    """Where along a curve its frequency is written: on the limit itself, inside the
+    axes, and apart from each other.
+    """
+    places = ax.transAxes.inverted().transform(
+        ax.transData.transform(np.column_stack([x, y]))
+    )
+    inside = np.flatnonzero(
+        np.all((places > (0.06, 0.04)) & (places < (0.94, 0.96)), axis=1)
+    )
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
     if inside.size == 0 or length[-1] < 0.2:
         return
@@ -230,17 +411,29 @@ def _cell_edges(axis: xr.DataArray) -> Array:
     values = np.asarray(axis.to_numpy(), dtype=float)
     places = np.log(values) if (log := axis.attrs.get("spacing") == "log") else values
     steps = np.diff(places) if places.size > 1 else np.ones(1)
-    edges = np.append(places - 0.5 * np.append(steps[0], steps)[: places.size], places[-1] + 0.5 * steps[-1])
+    edges = np.append(
+        places - 0.5 * np.append(steps[0], steps)[: places.size],
+        places[-1] + 0.5 * steps[-1],
+    )
     return np.exp(edges) if log else edges
 
 
 def legend_below(figure: Figure, patches: Iterable[Patch] = ()) -> Figure:
-    """Put one legend of all axes below them, where it hides no data, in as many rows as its width asks for."""
-    found: dict[Any, Any] = dict.fromkeys(REGIMES) | {patch.get_label(): patch for patch in patches}
+    """Put one legend of all axes below them, where it hides no data, in as many rows
+    as its width asks for.
+    """
+    found: dict[Any, Any] = dict.fromkeys(REGIMES) | {
+        patch.get_label(): patch for patch in patches
+    }
     for ax in figure.axes:
-        found |= {name: handle for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)}
+        found |= {
+            name: handle
+            for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)
+        }
     handles = [handle for handle in found.values() if handle is not None]
     rows = math.ceil(len(handles) / max(figure.get_figwidth() // _ENTRY, 1))
     columns = math.ceil(len(handles) / max(rows, 1))
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.4)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.4
+    )
     return figure

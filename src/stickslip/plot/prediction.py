@@ -1,4 +1,6 @@
-"""Pictures of a prediction: the motion at each speed, the margins, and the waves of an elastic slider."""
+"""Pictures of a prediction: the motion at each speed, the margins, and the waves of
+an elastic slider.
+"""
 
 import math
 import re
@@ -19,17 +21,29 @@ from stickslip.plot.palette import BLACK, DASHED, GREY, PAGE, VERMILLION
 from stickslip.plot.runs import force_trace
 from stickslip.plot.style import dress, house_style, new_figure
 
-Prediction = Any  # `stickslip.advise.Prediction`: advice stands above pictures, which take it by its attributes alone
+# `stickslip.advise.Prediction`: advice stands above pictures, which take it by its
+# attributes alone
+Prediction = Any
 
 _CYCLES_SHOWN = 12
-_BY_THEORY = {kind: f"{kind} (linear, without noise)" for kind in ("unstable", "stable")} | {"unknown": "not known"}
+_BY_THEORY = {
+    kind: f"{kind} (linear, without noise)" for kind in ("unstable", "stable")
+} | {"unknown": "not known"}
 
 
 @house_style()
 def prediction(answer: Prediction) -> Figure:
-    """Draw what `predict` says: motion at each speed, force at the rig's own, how far each parameter may be varied."""
-    rows, moves = len(answer.margins), len(answer.in_time) > 1
-    heights = [0.45, *([0.3] if moves else []), 2.0, *([0.24 * rows + 0.1] if rows else [])]
+    """Draw what `predict` says: motion at each speed, force at the rig's own, how
+    far each parameter may be varied.
+    """
+    rows = len(answer.margins)
+    moves = len(answer.in_time) > 1
+    heights = [
+        0.45,
+        *([0.3] if moves else []),
+        2.0,
+        *([0.24 * rows + 0.1] if rows else []),
+    ]
     figure = new_figure(PAGE, 2.0 + sum(heights))
     axes = figure.subplots(len(heights), 1, height_ratios=heights)
     figure.suptitle(_title(answer.rig, answer.headline), x=0.01, ha="left", fontsize=9)
@@ -37,7 +51,10 @@ def prediction(answer: Prediction) -> Figure:
     if moves:
         patches += _strip(axes[1], answer.in_time)
         times = {"long_name": "time", "units": answer.rig.unit_name("time")}
-        dress(axes[1].xaxis, xr.DataArray([band.high for band in answer.in_time], attrs=times))
+        dress(
+            axes[1].xaxis,
+            xr.DataArray([band.high for band in answer.in_time], attrs=times),
+        )
         axes[1].set_xlim(0.0, answer.in_time[-1].high)
         axes[1].set_title("motion along its drive, as if each speed lasted", fontsize=8)
     _force_at_its_speed(axes[1 + moves], answer)
@@ -49,14 +66,20 @@ def prediction(answer: Prediction) -> Figure:
 
 def _title(rig: Any, sentence: str) -> str:
     words = re.sub(r"(?<= )u(?=m|s|N)", "µ", f"{rig.name}: {sentence}")
-    words = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", words)  # a number stays with its unit
+    # a number stays with its unit
+    words = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", words)
     return "\n".join(textwrap.wrap(words, 105)).replace("$", r"\$")
 
 
 def _patch(kind: str) -> Patch:
     """A kind of motion in the legend."""
     hatch = "....." if kind == "unknown" else None
-    return Patch(label=_BY_THEORY.get(kind, kind), facecolor=COLOURS.get(kind, "#FFFFFF"), hatch=hatch, **EDGE)
+    return Patch(
+        label=_BY_THEORY.get(kind, kind),
+        facecolor=COLOURS.get(kind, "#FFFFFF"),
+        hatch=hatch,
+        **EDGE,
+    )
 
 
 def _strip(ax: Axes, bands: Any) -> list[Patch]:
@@ -69,7 +92,13 @@ def _strip(ax: Axes, bands: Any) -> list[Patch]:
         if band.bistable:
             look = {"edgecolor": "white", "hatch": "/////"}
             ax.axvspan(band.low, band.high, facecolor="none", linewidth=0, **look)
-            patches.append(Patch(facecolor=GREY, label="... or smooth: bistable (without noise)", **look))
+            patches.append(
+                Patch(
+                    facecolor=GREY,
+                    label="... or smooth: bistable (without noise)",
+                    **look,
+                )
+            )
     ax.set(ylim=(0.0, 1.0), yticks=[])
     ax.spines["left"].set_visible(False)
     return patches
@@ -78,15 +107,29 @@ def _strip(ax: Axes, bands: Any) -> list[Patch]:
 def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
     """Colour the speeds by their motion; mark those of the rig."""
     patches = _strip(ax, answer.bands)
-    speed, upright = answer.rig.velocity, ax.get_xaxis_transform()
+    speed = answer.rig.velocity
+    upright = ax.get_xaxis_transform()
     ax.axvline(speed, color=BLACK, linewidth=1.6)
-    ax.plot(speed, 1.0, "v", color=BLACK, markersize=6, clip_on=False, transform=upright)
+    ax.plot(
+        speed, 1.0, "v", color=BLACK, markersize=6, clip_on=False, transform=upright
+    )
     for speed, _ in answer.at_speeds:
-        ax.plot([speed] * 2, [0.0, 1.0], color=BLACK, linewidth=0.9, linestyle=(0, (3, 2)))
+        ax.plot(
+            [speed] * 2, [0.0, 1.0], color=BLACK, linewidth=0.9, linestyle=(0, (3, 2))
+        )
     if answer.between is not None:
-        ax.plot(answer.between, [1.0, 1.0], color=BLACK, linewidth=3.0, solid_capstyle="butt", clip_on=False)
+        ax.plot(
+            answer.between,
+            [1.0, 1.0],
+            color=BLACK,
+            linewidth=3.0,
+            solid_capstyle="butt",
+            clip_on=False,
+        )
     _axis_of_speeds(ax, answer)
-    others = "; dashed, its other speeds" if len(answer.rig.operation.speeds) > 1 else ""
+    others = (
+        "; dashed, its other speeds" if len(answer.rig.operation.speeds) > 1 else ""
+    )
     others = "; the bar is its range" if answer.between is not None else others
     ax.set_title(f"motion at each speed; the mark is this rig{others}", fontsize=8)
     return patches
@@ -94,41 +137,75 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
 
 def _axis_of_speeds(ax: Axes, answer: Any) -> None:
     """A logarithmic axis of the speeds searched."""
-    look = {"long_name": "speed", "units": answer.rig.unit_name("x_s/time"), "spacing": "log"}
+    look = {
+        "long_name": "speed",
+        "units": answer.rig.unit_name("x_s/time"),
+        "spacing": "log",
+    }
     dress(ax.xaxis, xr.DataArray(np.array(answer.speeds_searched), attrs=look))
     ax.set_xlim(*answer.speeds_searched)
 
 
 def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
-    run, period = answer.run, answer.regime.period
+    run = answer.run
+    period = answer.regime.period
     if math.isfinite(period) and period > 0:
         run = run.sel(time=slice(float(run["time"][-1]) - _CYCLES_SHOWN * period, None))
     force_trace(run, ax)
     ax.axhline(answer.static_friction, color=GREY, linewidth=0.9, linestyle=DASHED)
-    where: Any = {"xycoords": ("axes fraction", "data"), "xytext": (0, 2), "textcoords": "offset points", "ha": "right"}
-    ax.annotate("static friction", (1.0, answer.static_friction), fontsize=8, color=GREY, **where)
+    where: Any = {
+        "xycoords": ("axes fraction", "data"),
+        "xytext": (0, 2),
+        "textcoords": "offset points",
+        "ha": "right",
+    }
+    ax.annotate(
+        "static friction",
+        (1.0, answer.static_friction),
+        fontsize=8,
+        color=GREY,
+        **where,
+    )
     ax.set_title("force at its speed", fontsize=8)
 
 
 def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
     for low, high in ranges:
-        ax.barh(row, high - low, left=low, color=COLOURS[kind], height=0.62, linewidth=0)
+        ax.barh(
+            row, high - low, left=low, color=COLOURS[kind], height=0.62, linewidth=0
+        )
 
 
 def _margins(ax: Axes, answer: Prediction) -> None:
-    """A bar for each parameter, as a factor on its value: where smooth sliding is stable, and what would stop it."""
+    """A bar for each parameter, as a factor on its value: where smooth sliding is
+    stable, and what would stop it.
+    """
     stops = {each.parameter: each.stops / each.value for each in answer.mitigations}
-    names = list(dict.fromkeys([*(margin.parameter for margin in answer.margins), *stops]))
+    names = list(
+        dict.fromkeys([*(margin.parameter for margin in answer.margins), *stops])
+    )
     widest = 1.0
     for k, margin in enumerate(answer.margins):
-        (low, high), *stable = np.array([margin.searched, *margin.stable]) / margin.value
+        (low, high), *stable = (
+            np.array([margin.searched, *margin.stable]) / margin.value
+        )
         _bars(ax, k, [(low, high)], "unstable")
         _bars(ax, k, stable, "smooth sliding")
         widest = max(widest, high, 1.0 / low)
         for edge in (margin.lower, margin.upper):
             if edge is not None:
-                ax.plot([edge / margin.value] * 2, [k - 0.31, k + 0.31], color=BLACK, linewidth=1.4)
-    mark: Any = {"color": VERMILLION, "markersize": 5, "markeredgecolor": "white", "clip_on": False}
+                ax.plot(
+                    [edge / margin.value] * 2,
+                    [k - 0.31, k + 0.31],
+                    color=BLACK,
+                    linewidth=1.4,
+                )
+    mark: Any = {
+        "color": VERMILLION,
+        "markersize": 5,
+        "markeredgecolor": "white",
+        "clip_on": False,
+    }
     for name, factor in stops.items():
         ax.plot(factor, names.index(name), "D", label="mitigation (simulated)", **mark)
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
@@ -139,12 +216,16 @@ def _margins(ax: Axes, answer: Prediction) -> None:
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.invert_yaxis()
     ax.tick_params(axis="y", length=0)
-    ax.set_title("smooth sliding, each parameter varied alone: by this factor", fontsize=8)
+    ax.set_title(
+        "smooth sliding, each parameter varied alone: by this factor", fontsize=8
+    )
 
 
 @house_style()
 def waves(answer: Any) -> Figure:
-    """Draw what `predict` says of a `Chain` or a `Sheet`: at which speeds each wave on it grows."""
+    """Draw what `predict` says of a `Chain` or a `Sheet`: at which speeds each wave
+    on it grows.
+    """
     rows = max(len(answer.waves), 1)
     figure = new_figure(PAGE, 1.4 + 0.3 * rows)
     ax = figure.add_subplot()
@@ -159,4 +240,10 @@ def waves(answer: Any) -> Figure:
     ax.spines["left"].set_visible(False)
     figure.suptitle(_title(answer.rig, answer.verdict), x=0.01, ha="left", fontsize=9)
     named = {"unstable": "grows (linear)", "smooth sliding": "decays"}
-    return legend_below(figure, [Patch(facecolor=COLOURS[kind], label=name, **EDGE) for kind, name in named.items()])
+    return legend_below(
+        figure,
+        [
+            Patch(facecolor=COLOURS[kind], label=name, **EDGE)
+            for kind, name in named.items()
+        ],
+    )

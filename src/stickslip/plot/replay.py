@@ -1,7 +1,9 @@
-"""The contacts of a run, one by one: what a film of them, and the drawing of the explorer, replay.
+"""The contacts of a run, one by one: what a film of them, and the drawing of the
+explorer, replay.
 
-The run is made once more, in steps from frame to frame, and each contact is looked at in each frame. Frames lie closer
-where the slider moves fast, so that shown at an even pace they slow down through the slips.
+The run is made once more, in steps from frame to frame, and each contact is looked at
+in each frame. Frames lie closer where the slider moves fast, so that shown at an even
+pace they slow down through the slips.
 """
 
 import math
@@ -25,23 +27,31 @@ from stickslip.simulation.follow import follow
 SHOWN = 40  # contacts in the drawing; the run may have any number of them
 CYCLES = 5.0  # cycles of loading that the frames span
 ATTACHED, RENEWED = 1, 2
-"""Flags of a contact in a frame: it holds now; it broke and attached again since the frame before."""
-_MOVING = 0.7  # part of the frames that is spread over the way of the slider, the rest over the time
+"""Flags of a contact in a frame: it holds now; it broke and attached again since the
+frame before.
+"""
+# part of the frames that is spread over the way of the slider, the rest over the time
+_MOVING = 0.7
 _SAMPLES = 20_000
 _CONTACTS = 2_000  # contacts that are drawn for a rig whose solver has none
 
 
 class Frames(NamedTuple):
-    """Where everything is in each frame; times and forces in the rig's units, displacements in ``x_s``."""
+    """Where everything is in each frame; times and forces in the rig's units,
+    displacements in ``x_s``.
+    """
 
     times: Array
     force: Array
     slider: Array
     drive: Array
-    stretching: Array  # of the contacts that are shown, along the second axis; 0 of one that is not attached
+    # of the contacts that are shown, along the second axis; 0 of one that is not
+    # attached
+    stretching: Array
     flags: NDArray[np.uint8]  # as many
     contacts: int  # that there are
-    exact: bool  # the very run, not one with other contacts of the same rig, or other chances
+    # the very run, not one with other contacts of the same rig, or other chances
+    exact: bool
     own: bool  # the rig's solver follows contacts itself
 
 
@@ -49,60 +59,111 @@ def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
     """So many frames from a fraction of the drive on."""
     case = rig.natural
     if any(piece.until is not None for piece in case.drive.pieces):
-        raise InputError("drive.pieces: the drawing follows drives whose pieces end at a given time only")
-    method = case.method if isinstance(case.method, Contacts) else Contacts(_CONTACTS, seed=1)
-    own, case = method is case.method, replace(case, method=method)
+        raise InputError(
+            "drive.pieces: the drawing follows drives whose pieces end at a given time "
+            "only"
+        )
+    method = (
+        case.method
+        if isinstance(case.method, Contacts)
+        else Contacts(_CONTACTS, seed=1)
+    )
+    own = method is case.method
+    case = replace(case, method=method)
     begin, end = _window(case, at)
     times = _frame_times(case, begin, end, count, part(watch, 0.0, 0.5))
     slider, drive, stretching, flags = _look(case, method, times, part(watch, 0.5, 1.0))
     force = case.slider.stiffness * (drive - slider) * rig.unit("f_s")
     exact = own and case.interface.ageing is None
-    return Frames(times * rig.unit("time"), force, slider, drive, stretching, flags, method.count, exact, own)
+    return Frames(
+        times * rig.unit("time"),
+        force,
+        slider,
+        drive,
+        stretching,
+        flags,
+        method.count,
+        exact,
+        own,
+    )
 
 
 def lasting(rig: Rig, duration: float) -> Rig:
-    """Return the rig with its drive up to a time; one of constant velocity may go on beyond its end."""
-    first, lasts = rig.drive.pieces[0], rig.drive.duration
+    """Return the rig with its drive up to a time; one of constant velocity may go on
+    beyond its end.
+    """
+    first = rig.drive.pieces[0]
+    lasts = rig.drive.duration
     if abs(duration / lasts - 1.0) < 1e-9:
         return rig
     if duration > lasts:
-        if len(rig.drive.pieces) > 1 or first.start != first.end or first.until is not None:
-            raise InputError(f"duration = {duration:g}: this drive ends after {lasts:g}")
+        if (
+            len(rig.drive.pieces) > 1
+            or first.start != first.end
+            or first.until is not None
+        ):
+            raise InputError(
+                f"duration = {duration:g}: this drive ends after {lasts:g}"
+            )
         return replace(rig, drive=constant(first.start, duration))
-    pieces, left = [], duration
+    pieces = []
+    left = duration
     for piece in rig.drive.pieces:
         if left > 1e-12 * duration:
             part = min(piece.duration, left)
-            pieces.append(replace(piece, end=piece.start + piece.acceleration * part, duration=part))
+            pieces.append(
+                replace(
+                    piece, end=piece.start + piece.acceleration * part, duration=part
+                )
+            )
             left -= part
     return replace(rig, drive=Drive(tuple(pieces)))
 
 
 def _window(rig: Rig, at: float) -> tuple[float, float]:
     """From when to when: some cycles from a little before a time on."""
-    slider, duration = rig.slider, rig.drive.duration
-    stretch = rig.interface.threshold_distribution.moment(1) * (1.0 + 1.0 / slider.stiffness)
-    speed = max(abs(speed) for piece in rig.drive.pieces for speed in (piece.start, piece.end))
+    slider = rig.slider
+    duration = rig.drive.duration
+    stretch = rig.interface.threshold_distribution.moment(1) * (
+        1.0 + 1.0 / slider.stiffness
+    )
+    speed = max(
+        abs(speed) for piece in rig.drive.pieces for speed in (piece.start, piece.end)
+    )
     span = min(CYCLES * stretch / speed, duration) if speed > 0 else duration
-    begin = min(max(number("cursor", at, at_least=0, at_most=1) * duration - 0.1 * span, 0.0), duration - span)
+    begin = min(
+        max(number("cursor", at, at_least=0, at_most=1) * duration - 0.1 * span, 0.0),
+        duration - span,
+    )
     return begin, begin + span
 
 
-def _frame_times(rig: Rig, begin: float, end: float, count: int, watch: Progress) -> Array:
-    """Times of the frames: even in a clock that runs with the time and with the way of the slider."""
+def _frame_times(
+    rig: Rig, begin: float, end: float, count: int, watch: Progress
+) -> Array:
+    """Times of the frames: even in a clock that runs with the time and with the way
+    of the slider.
+    """
     turn = math.sqrt(rig.slider.mass / (rig.slider.stiffness + 1.0))
     interval = min(max((end - begin) / _SAMPLES, 0.1 * turn), (end - begin) / 2_000)
     output = replace(rig.output, interval=interval, snapshots=())
     run = simulate(replace(lasting(rig, end), output=output), progress=watch)
     seen = run["time"].to_numpy() >= begin
-    t, X = run["time"].to_numpy()[seen], run["displacement"].to_numpy()[seen]
+    t = run["time"].to_numpy()[seen]
+    X = run["displacement"].to_numpy()[seen]
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(X)))])
-    clock = (1 - _MOVING) * (t - t[0]) / (t[-1] - t[0]) + _MOVING * way / (way[-1] or 1.0)
+    clock = (1 - _MOVING) * (t - t[0]) / (t[-1] - t[0]) + _MOVING * way / (
+        way[-1] or 1.0
+    )
     return np.asarray(np.interp(np.linspace(0.0, clock[-1], count), clock, t))
 
 
-def _look(rig: Rig, method: Contacts, times: Array, watch: Progress) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
-    """Positions of slider and drive at some times of the run, and stretchings and flags of its contacts there."""
+def _look(
+    rig: Rig, method: Contacts, times: Array, watch: Progress
+) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
+    """Positions of slider and drive at some times of the run, and stretchings and
+    flags of its contacts there.
+    """
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
     engine: Any = engine_of(rig.interface, method)(beginning, method)
     shown = np.unique(np.linspace(0, method.count - 1, SHOWN).astype(int))
@@ -110,21 +171,44 @@ def _look(rig: Rig, method: Contacts, times: Array, watch: Progress) -> tuple[Ar
 
     def sample() -> Array:
         now = engine.individuals()
-        return np.concatenate([[engine.here()[1]], now.stretching[shown], now.attached[shown]])
+        return np.concatenate(
+            [[engine.here()[1]], now.stretching[shown], now.attached[shown]]
+        )
 
     def advance(leg: Leg) -> Advance:  # to the next sample, or to the end of the leg
         end = min([*leg.times[:1], leg.end])
-        over = end <= engine.here()[0] or engine.advance(leg._replace(end=end, times=leg.times[:0])).over
+        over = (
+            end <= engine.here()[0]
+            or engine.advance(leg._replace(end=end, times=leg.times[:0])).over
+        )
         samples = [sample()] if over and leg.times.size else []
-        return Advance(np.array(samples).reshape(-1, 1 + 2 * shown.size), (), over and not leg.times.size)
+        return Advance(
+            np.array(samples).reshape(-1, 1 + 2 * shown.size),
+            (),
+            over and not leg.times.size,
+        )
 
-    first, slider = sample(), engine.slider
-    # What `follow` asks of an engine, whose samples tell of contacts one by one, besides where the slider is.
-    followed: Any = SimpleNamespace(columns=("displacement",), slider=slider, here=engine.here, advance=advance)
+    first = sample()
+    slider = engine.slider
+    # What `follow` asks of an engine, whose samples tell of contacts one by one,
+    # besides where the slider is.
+    followed: Any = SimpleNamespace(
+        columns=("displacement",), slider=slider, here=engine.here, advance=advance
+    )
     track = follow(followed, rig.drive, origin, times, progress=watch)
-    slider, stretching, attached = np.split(np.vstack([first, track.rows]), [1, 1 + shown.size], axis=1)
-    # Where the slider was when a contact attached: elsewhere now, if it broke and attached again since.
+    slider, stretching, attached = np.split(
+        np.vstack([first, track.rows]), [1, 1 + shown.size], axis=1
+    )
+    # Where the slider was when a contact attached: elsewhere now, if it broke and
+    # attached again since.
     place = pd.DataFrame(slider - stretching).where(attached > 0)
-    moved = np.abs(place - place.ffill().shift().fillna(math.inf)) > 1e-9 * (1.0 + np.abs(slider))
+    moved = np.abs(place - place.ffill().shift().fillna(math.inf)) > 1e-9 * (
+        1.0 + np.abs(slider)
+    )
     flags = np.where(attached > 0, ATTACHED, 0) | np.where(moved, RENEWED, 0)
-    return slider[1:, 0], track.drive_position, (stretching * attached)[1:], flags[1:].astype(np.uint8)
+    return (
+        slider[1:, 0],
+        track.drive_position,
+        (stretching * attached)[1:],
+        flags[1:].astype(np.uint8),
+    )

@@ -15,30 +15,59 @@ from stickslip.measure.fronts import is_of_a_chain
 from stickslip.measure.headings import ratio
 from stickslip.plot import palette, style
 from stickslip.plot.elastic import elastic_overview
-from stickslip.plot.style import along_time, dress, house_style, legend_above, new_axes, panel, variable
+from stickslip.plot.style import (
+    along_time,
+    dress,
+    house_style,
+    legend_above,
+    new_axes,
+    panel,
+    variable,
+)
 from stickslip.words import engineering, prefixed
 
 _MANY_SLIPS = 60  # more are marked by smaller dots
 _ZOOM = 6  # slips of a measured trace that are drawn by themselves
-_WIDE_RANGE = 25.0  # a velocity this many times that of the drive asks for a logarithmic axis
+# a velocity this many times that of the drive asks for a logarithmic axis
+_WIDE_RANGE = 25.0
 
 
 @house_style()
 def force_trace(
-    run: xr.Dataset, ax: Axes | None = None, *, events: xr.Dataset | None = None, color: str = palette.BLUE
+    run: xr.Dataset,
+    ax: Axes | None = None,
+    *,
+    events: xr.Dataset | None = None,
+    color: str = palette.BLUE,
 ) -> Axes:
-    """Draw the spring force of a run or a measured trace against time; `events` of `stickslip.drops` are marked."""
+    """Draw the spring force of a run or a measured trace against time; `events` of
+    `stickslip.drops` are marked.
+    """
     ax, force = along_time(run, "spring_force", ax, color=color)
     if events is not None and events.sizes.get("event"):
         _mark_slips(ax, events)
     if "filled" in run and bool(run["filled"].any()):
         gap = force[run["filled"].to_numpy().astype(bool)]
         size = 4.0 if gap.size <= _MANY_SLIPS else 1.5
-        ax.plot(gap["time"], gap, "x", color=palette.BLACK, markersize=size, label=f"{gap.size} filled in")
-    if "mu" in run and "load" in run:  # another scale, or, where the load changes, a line of its own
+        ax.plot(
+            gap["time"],
+            gap,
+            "x",
+            color=palette.BLACK,
+            markersize=size,
+            label=f"{gap.size} filled in",
+        )
+    # another scale, or, where the load changes, a line of its own
+    if "mu" in run and "load" in run:
         right = ax.twinx()
         right.spines["right"].set_visible(True)
-        along_time(run, "mu", right, color=palette.PURPLE, linewidth=0.7 if np.ptp(run["load"].values) else 0.0)
+        along_time(
+            run,
+            "mu",
+            right,
+            color=palette.PURPLE,
+            linewidth=0.7 if np.ptp(run["load"].values) else 0.0,
+        )
     legend_above(ax)
     return ax
 
@@ -47,16 +76,28 @@ def force_trace(
 def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the velocity of the slider, and of the drive, against time.
 
-    Where the slider gets more than 25 times as fast as the drive the axis is logarithmic from the drive's velocity on.
+    Where the slider gets more than 25 times as fast as the drive the axis is
+    logarithmic from the drive's velocity on.
     """
     ax, speed = along_time(run, "velocity", ax, color=palette.GREEN, label="slider")
     if "drive_velocity" in run:
-        look: Any = {"color": palette.GREY, "linewidth": 0.9, "linestyle": palette.DASHED, "label": "drive"}
+        look: Any = {
+            "color": palette.GREY,
+            "linewidth": 0.9,
+            "linestyle": palette.DASHED,
+            "label": "drive",
+        }
         _, drive = along_time(run, "drive_velocity", ax, **look)
-        usual, minus = float(abs(drive).max()), style.minus
+        usual = float(abs(drive).max())
+        minus = style.minus
         if 0.0 < _WIDE_RANGE * usual < float(abs(speed).max()):
-            ax.set_yscale("symlog", linthresh=usual)  # decades within the linear part would crowd around 0
-            ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "" if 0 < abs(value) < usual else minus(value)))
+            # decades within the linear part would crowd around 0
+            ax.set_yscale("symlog", linthresh=usual)
+            ax.yaxis.set_major_formatter(
+                FuncFormatter(
+                    lambda value, _: "" if 0 < abs(value) < usual else minus(value)
+                )
+            )
         dress(ax.yaxis, speed)
         legend_above(ax)
     return ax
@@ -72,13 +113,20 @@ def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the spring force against the velocity of the slider: a point for smooth sliding, a loop for stick-slip.
+    """Draw the spring force against the velocity of the slider: a point for smooth
+    sliding, a loop for stick-slip.
 
     Select of a run what comes after the transient: ``run.sel(time=slice(10, None))``.
     """
     speed, force = (variable(run, name) for name in ("velocity", "spring_force"))
     ax = new_axes() if ax is None else ax
-    ax.plot(speed, force, color=palette.BLUE, linewidth=0.8, rasterized=speed.size > 10 * style.MOST_POINTS)
+    ax.plot(
+        speed,
+        force,
+        color=palette.BLUE,
+        linewidth=0.8,
+        rasterized=speed.size > 10 * style.MOST_POINTS,
+    )
     panel(ax, "", speed, force)
     return ax
 
@@ -94,16 +142,28 @@ _ENERGIES = {
 
 @house_style()
 def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw where the work of the drive has gone: the parts stacked, and the work, which they add up to, on top."""
+    """Draw where the work of the drive has gone: the parts stacked, and the work,
+    which they add up to, on top.
+    """
     # An envelope would not stack; one of each group of samples will do.
-    thin = run.isel(time=slice(None, None, max(1, run.sizes["time"] // style.MOST_POINTS)))
+    thin = run.isel(
+        time=slice(None, None, max(1, run.sizes["time"] // style.MOST_POINTS))
+    )
     parts = [variable(thin, name) for name in _ENERGIES]
     work = variable(thin, "work")
     ax = new_axes(palette.PAGE, 2.6) if ax is None else ax
     names, colours = zip(*_ENERGIES.values(), strict=True)
-    ax.stackplot(thin["time"], *parts, labels=names, colors=colours, alpha=0.75, linewidth=0)
+    ax.stackplot(
+        thin["time"], *parts, labels=names, colors=colours, alpha=0.75, linewidth=0
+    )
     total = work + sum(float(part[0]) for part in parts)
-    ax.plot(thin["time"], total, color=palette.BLACK, linestyle=palette.DASHED, label="work of the drive")
+    ax.plot(
+        thin["time"],
+        total,
+        color=palette.BLACK,
+        linestyle=palette.DASHED,
+        label="work of the drive",
+    )
     words = str(work.attrs.get("long_name", "")).replace("work of the drive", "energy")
     panel(ax, "", thin["time"], total.assign_attrs(work.attrs | {"long_name": words}))
     ax.margins(x=0)
@@ -112,18 +172,23 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 @house_style()
-def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime | None = None) -> Figure:
-    """Draw a run at a glance: force with its slips marked, velocities, attached fraction; whatever of these there is.
+def overview(
+    run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime | None = None
+) -> Figure:
+    """Draw a run at a glance: force with its slips marked, velocities, attached
+    fraction; whatever of these there is.
 
-    Of a chain, the force with its events, and the velocity of every block. Of a measured trace that stick-slips, six of
-    its slips besides, how large drops are, troughs over peaks, and drops over the time before them.
+    Of a chain, the force with its events, and the velocity of every block. Of a
+    measured trace that stick-slips, six of its slips besides, how large drops are,
+    troughs over peaks, and drops over the time before them.
 
     Parameters
     ----------
     run : Dataset
         A run or a measured trace.
     events : Dataset, optional
-        Slips to mark; by default those that `stickslip.drops` finds, where the regime is stick-slip.
+        Slips to mark; by default those that `stickslip.drops` finds, where the regime
+        is stick-slip.
     seen : Regime, optional
         The regime, if it has been judged.
 
@@ -138,9 +203,18 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
     if seen is None:
         seen, found = regime_and_drops(run)
         events = found if events is None and seen.kind == "stick-slip" else events
-    panels = [draw for name, draw in {"velocity": velocity, "attached": attached}.items() if name in run]
-    rows, heights = 1 + len(panels), [2.4, *[1.7] * len(panels)]
-    measured = "attached" not in run and events is not None and events.sizes["event"] > 2 * _ZOOM
+    panels = [
+        draw
+        for name, draw in {"velocity": velocity, "attached": attached}.items()
+        if name in run
+    ]
+    rows = 1 + len(panels)
+    heights = [2.4, *[1.7] * len(panels)]
+    measured = (
+        "attached" not in run
+        and events is not None
+        and events.sizes["event"] > 2 * _ZOOM
+    )
     if measured:
         heights += [2.0, 2.4]
     figure = style.new_figure(palette.PAGE, sum(heights))
@@ -150,8 +224,12 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
     if measured and events is not None:
         begin, end = _zoomed(figure.add_subplot(grid[-2, :]), run, events)
         axes[0].axvspan(begin, end, facecolor=palette.GREY, alpha=0.4, linewidth=0)
-        _draw_drops([figure.add_subplot(grid[-1, column]) for column in range(3)], events)
-    force_trace(run, axes[0], events=None if measured else events).set_title(_title(run, seen))
+        _draw_drops(
+            [figure.add_subplot(grid[-1, column]) for column in range(3)], events
+        )
+    force_trace(run, axes[0], events=None if measured else events).set_title(
+        _title(run, seen)
+    )
     for draw, ax in zip(panels, axes[1:], strict=True):
         draw(run, ax)
     for ax in axes[:-1]:
@@ -163,24 +241,37 @@ def overview(run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime 
 
 @house_style()
 def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
-    """Draw the forces of two runs on one scale, each under its regime and the speed of its drive."""
+    """Draw the forces of two runs on one scale, each under its regime and the speed
+    of its drive.
+    """
     figure = style.new_figure(palette.PAGE, 2.3)
     axes = figure.subplots(1, 2, sharey=True)
     for ax, run in zip(axes, (left, right), strict=True):
         seen = regime(run)
-        force_trace(run, ax, color=palette.GREEN if seen.kind == "smooth sliding" else palette.BLUE)
-        speed = "" if seen.drive_velocity is None else f" at {_speed(seen.drive_velocity, run)}"
+        force_trace(
+            run,
+            ax,
+            color=palette.GREEN if seen.kind == "smooth sliding" else palette.BLUE,
+        )
+        speed = (
+            ""
+            if seen.drive_velocity is None
+            else f" at {_speed(seen.drive_velocity, run)}"
+        )
         ax.set_title(f"{seen.kind}{speed}")
     axes[1].set_ylabel("")
     return figure
 
 
 def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> tuple[float, float]:
-    """Draw six slips from the middle of a trace, and return the times between which they lie."""
+    """Draw six slips from the middle of a trace, and return the times between which
+    they lie.
+    """
     first = events.sizes["event"] // 2 - _ZOOM // 2
     some = events.isel(event=slice(first, first + _ZOOM))
     around = float(np.nanmedian(events["recurrence"]))
-    begin, end = float(some["start"][0]) - around, float(some["end"][-1]) + around
+    begin = float(some["start"][0]) - around
+    end = float(some["end"][-1]) + around
     part = run[["spring_force"]].sel(time=slice(begin, end))
     force_trace(part, ax, events=some.assign_attrs(count=_ZOOM)).set_xlim(begin, end)
     return begin, end
@@ -188,27 +279,47 @@ def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> tuple[float, float
 
 def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
     """How large drops are, troughs over peaks, and drops over the time before them."""
-    titles = {"drop": "drop", "force_before": "peak", "force_after": "trough", "recurrence": "recurrence"}
-    of = {name: events[name].assign_attrs(long_name=title) for name, title in titles.items()}
+    titles = {
+        "drop": "drop",
+        "force_before": "peak",
+        "force_after": "trough",
+        "recurrence": "recurrence",
+    }
+    of = {
+        name: events[name].assign_attrs(long_name=title)
+        for name, title in titles.items()
+    }
     size = 6.0 if events.sizes["event"] <= _MANY_SLIPS else 3.0
     axes[0].hist(events["drop"], bins="auto", color=palette.BLUE)
-    panel(axes[0], "", of["drop"], f"number of {events.attrs.get('drops_are', 'slips')}")
-    for ax, across, up in zip(axes[1:], ("force_before", "recurrence"), ("force_after", "drop"), strict=True):
+    panel(
+        axes[0], "", of["drop"], f"number of {events.attrs.get('drops_are', 'slips')}"
+    )
+    for ax, across, up in zip(
+        axes[1:], ("force_before", "recurrence"), ("force_after", "drop"), strict=True
+    ):
         ax.plot(of[across], of[up], ".", color=palette.BLUE, markersize=size)
         panel(ax, "", of[across], of[up])
 
 
 def _title(run: xr.Dataset, seen: Regime) -> str:
-    """The speeds that a drive goes through, which has no one regime; else that, and how often and how far it drops."""
+    """The speeds that a drive goes through, which has no one regime; else that, and
+    how often and how far it drops.
+    """
     if "drive_velocity" in run:
-        low, high = float(run["drive_velocity"].min()), float(run["drive_velocity"].max())
+        low = float(run["drive_velocity"].min())
+        high = float(run["drive_velocity"].max())
         if high - low > 0.02 * max(-low, high):
             return f"drive from {_speed(low, run)} to {_speed(high, run)}"
     if seen.drops_are == "drops" or not math.isfinite(seen.period):
         return seen.kind
-    seconds, period = ratio(seen.time_unit, "s"), f"period {engineering(seen.period, seen.time_unit, 3)}"
-    how_often = engineering(1.0 / (seconds * seen.period), "Hz", 3) if seconds else period
-    return f"{seen.kind}, {how_often}, drop {engineering(seen.drop, seen.force_unit, 3)}"
+    seconds = ratio(seen.time_unit, "s")
+    period = f"period {engineering(seen.period, seen.time_unit, 3)}"
+    how_often = (
+        engineering(1.0 / (seconds * seen.period), "Hz", 3) if seconds else period
+    )
+    return (
+        f"{seen.kind}, {how_often}, drop {engineering(seen.drop, seen.force_unit, 3)}"
+    )
 
 
 def _speed(value: float, run: xr.Dataset) -> str:
@@ -218,9 +329,32 @@ def _speed(value: float, run: xr.Dataset) -> str:
 
 def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
     """Shade the slips and put a dot on the peak before each."""
-    start, lasts = events["start"].to_numpy(), (events["end"] - events["start"]).to_numpy()
-    shade: Any = {"facecolor": palette.ORANGE, "alpha": 0.3, "linewidth": 0, "zorder": 0.5}
-    shade["label"] = "slipping" if events.attrs.get("drops_are", "slips") == "slips" else "falling"
-    ax.broken_barh(list(zip(start, lasts, strict=True)), (0, 1), transform=ax.get_xaxis_transform(), **shade)
-    dot: Any = {"markersize": 3.5 if start.size <= _MANY_SLIPS else 2.0, "markeredgewidth": 0}
-    ax.plot(start, events["force_before"], "o", color=palette.VERMILLION, label=counted(events), **dot)
+    start = events["start"].to_numpy()
+    lasts = (events["end"] - events["start"]).to_numpy()
+    shade: Any = {
+        "facecolor": palette.ORANGE,
+        "alpha": 0.3,
+        "linewidth": 0,
+        "zorder": 0.5,
+    }
+    shade["label"] = (
+        "slipping" if events.attrs.get("drops_are", "slips") == "slips" else "falling"
+    )
+    ax.broken_barh(
+        list(zip(start, lasts, strict=True)),
+        (0, 1),
+        transform=ax.get_xaxis_transform(),
+        **shade,
+    )
+    dot: Any = {
+        "markersize": 3.5 if start.size <= _MANY_SLIPS else 2.0,
+        "markeredgewidth": 0,
+    }
+    ax.plot(
+        start,
+        events["force_before"],
+        "o",
+        color=palette.VERMILLION,
+        label=counted(events),
+        **dot,
+    )

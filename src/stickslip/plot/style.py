@@ -1,4 +1,6 @@
-"""What all pictures share: the style of the house, labels with units, legends, files."""
+"""What all pictures share: the style of the house, labels with units, legends,
+files.
+"""
 
 import io
 import math
@@ -27,16 +29,24 @@ from stickslip.measure.arrays import check_numbers
 from stickslip.plot.palette import COLUMN, PAGE
 from stickslip.words import prefixed
 
-_STYLE = mpl.rc_params_from_file(Path(__file__).with_name("house.mplstyle"), use_default_template=False)
-_FORMATS = {"": ("picture", "png", "svg", "pdf"), "contacts": ("film", "gif"), "sound": ("sound", "wav")}
+_STYLE = mpl.rc_params_from_file(
+    Path(__file__).with_name("house.mplstyle"), use_default_template=False
+)
+_FORMATS = {
+    "": ("picture", "png", "svg", "pdf"),
+    "contacts": ("film", "gif"),
+    "sound": ("sound", "wav"),
+}
 _FORMATS |= {"page": ("page", "html")}
 PER_SECOND = 20  # frames of a film
-MOST_POINTS = 6_000  # a line of more is drawn by its envelope: the picture is the same, the file is not
+# a line of more is drawn by its envelope: the picture is the same, the file is not
+MOST_POINTS = 6_000
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw in the style of the house within this context; what is set outside it stays as it is.
+    """Draw in the style of the house within this context; what is set outside it stays
+    as it is.
 
     To set it for good: ``matplotlib.style.use("stickslip.plot.house")``.
     """
@@ -56,17 +66,29 @@ def new_axes(width: float = COLUMN, height: float = 2.6) -> Axes:
 
 
 def unit_text(units: str) -> str:
-    """Return a unit as it is printed: ``"x_s/time"`` as "x_s per time unit" with a proper index; "" for none."""
+    """Return a unit as it is printed: ``"x_s/time"`` as "x_s per time unit" with a
+    proper index; "" for none.
+    """
     if units in ("", "1"):
         return ""
     if units == "time":
         return "time units"
-    text = re.sub(r"/time\b", " per time unit", re.sub(r"^u(?=[A-Z]|[msg]\b)", "µ", printable(units)))
-    return re.sub(r"\bk\b", "$k$", re.sub(r"\b([A-Za-z]+)_([A-Za-z]+)\b", r"$\1_{\\mathrm{\2}}$", text))
+    text = re.sub(
+        r"/time\b",
+        " per time unit",
+        re.sub(r"^u(?=[A-Z]|[msg]\b)", "µ", printable(units)),
+    )
+    return re.sub(
+        r"\bk\b",
+        "$k$",
+        re.sub(r"\b([A-Za-z]+)_([A-Za-z]+)\b", r"$\1_{\\mathrm{\2}}$", text),
+    )
 
 
 def _drawable(text: str) -> str:
-    """Return a text with its dollar signs as they are, if it is no formula that can be drawn."""
+    """Return a text with its dollar signs as they are, if it is no formula that can
+    be drawn.
+    """
     try:
         MathTextParser("path").parse(text)
     except ValueError:
@@ -75,16 +97,27 @@ def _drawable(text: str) -> str:
 
 
 def label(variable: xr.DataArray, most: int = 200) -> str:
-    """Return the label of an axis: long name and unit of a variable, in two lines if it has more characters."""
-    name = _drawable(str(variable.attrs.get("long_name", "" if variable.name is None else variable.name)))
+    """Return the label of an axis: long name and unit of a variable, in two lines if
+    it has more characters.
+    """
+    name = _drawable(
+        str(
+            variable.attrs.get(
+                "long_name", "" if variable.name is None else variable.name
+            )
+        )
+    )
     units = str(variable.attrs.get("units", ""))
-    words, lengths = name.split(), [len(word) + 1 for word in name.split()]
+    words = name.split()
+    lengths = [len(word) + 1 for word in name.split()]
     if unit := _drawable(unit_text(units)):
         words.append(f"({unit})")
         lengths.append(len(units) + 3)
     if sum(lengths) - 1 <= most or len(words) < 2:
         return " ".join(words)
-    cut = min(range(1, len(words)), key=lambda i: max(sum(lengths[:i]), sum(lengths[i:])))
+    cut = min(
+        range(1, len(words)), key=lambda i: max(sum(lengths[:i]), sum(lengths[i:]))
+    )
     return f"{' '.join(words[:cut])}\n{' '.join(words[cut:])}"
 
 
@@ -94,31 +127,53 @@ def minus(value: float) -> str:
 
 
 def dress(axis: Axis, variable: xr.DataArray) -> None:
-    """Label an axis with the name and unit of a variable; SI units get the prefix that suits the values.
+    """Label an axis with the name and unit of a variable; SI units get the prefix that
+    suits the values.
 
     An axis of equal ratios (``spacing`` is "log") is logarithmic, with plain numbers.
     """
-    units, log = str(variable.attrs.get("units", "")), variable.attrs.get("spacing") == "log"
-    values, upright = np.abs(np.asarray(variable.values, dtype=float)), isinstance(axis, YAxis)
+    units = str(variable.attrs.get("units", ""))
+    log = variable.attrs.get("spacing") == "log"
+    values = np.abs(np.asarray(variable.values, dtype=float))
+    upright = isinstance(axis, YAxis)
     largest = float(np.nanmax(values, initial=0.0))
     if log:
         (axis.axes.set_yscale if upright else axis.axes.set_xscale)("log")
-        axis.set_major_locator(LogLocator(subs=(1.0,) if largest > 3000 * np.nanmin(values) else (1.0, 2.0, 5.0)))
+        axis.set_major_locator(
+            LogLocator(
+                subs=(1.0,) if largest > 3000 * np.nanmin(values) else (1.0, 2.0, 5.0)
+            )
+        )
         axis.set_minor_formatter(NullFormatter())
-        largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))  # over decades the middle decides
+        # over decades the middle decides
+        largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))
     factor, units = (1.0, units) if 0.5 <= largest < 5e3 else prefixed(largest, units)
-    if factor == 1.0 and not log and largest > 0.0 and not 1e-5 <= largest < 1e6:  # else matplotlib writes it above
+    # else matplotlib writes it above
+    if factor == 1.0 and not log and largest > 0.0 and not 1e-5 <= largest < 1e6:
         power = math.floor(math.log10(largest))
-        factor, units = 10.0**power, f"$10^{{{power}}}$ {'' if units == '1' else units}".strip()
-    axis.set_label_text(label(variable.assign_attrs(units=units), 24 if upright else 200))
+        factor, units = (
+            10.0**power,
+            f"$10^{{{power}}}$ {'' if units == '1' else units}".strip(),
+        )
+    axis.set_label_text(
+        label(variable.assign_attrs(units=units), 24 if upright else 200)
+    )
     if log or factor != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
 
 
 def legend_above(ax: Axes, *, columns: int = 4) -> None:
-    """Put the legend above the axes on the right, where it hides no data, if there is anything to name."""
+    """Put the legend above the axes on the right, where it hides no data, if there
+    is anything to name.
+    """
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
+        ax.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            borderaxespad=0.2,
+            ncols=columns,
+            columnspacing=1.4,
+        )
 
 
 def panel(
@@ -129,7 +184,9 @@ def panel(
     legend: Any = None,
     **properties: Any,
 ) -> None:
-    """Put letter and title above a panel; name its axes, by variables or words; place the legend; set limits."""
+    """Put letter and title above a panel; name its axes, by variables or words;
+    place the legend; set limits.
+    """
     ax.set(**properties)
     for axis, named in ((ax.xaxis, x), (ax.yaxis, y)):
         if isinstance(named, str):
@@ -149,10 +206,14 @@ def variable(data: xr.Dataset, name: str) -> xr.DataArray:
     if name not in data:
         there = ", ".join(map(str, data.data_vars)) or "none"
         raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")
-    if data[name].dims == ("time", "block"):  # of an elastic slider, what its blocks do on average
+    # of an elastic slider, what its blocks do on average
+    if data[name].dims == ("time", "block"):
         return data[name].mean("block", keep_attrs=True)
     if data[name].dims != ("time",):
-        raise InputError(f"plot: {name} has the dimensions {data[name].dims}: must be along time alone; select one")
+        raise InputError(
+            f"plot: {name} has the dimensions {data[name].dims}: must be along time "
+            "alone; select one"
+        )
     if data.sizes["time"] == 0:
         raise InputError(f"plot: {name} is empty")
     check_numbers("plot", data[name])
@@ -163,7 +224,9 @@ def variable(data: xr.Dataset, name: str) -> xr.DataArray:
 def along_time(
     run: xr.Dataset, name: str, ax: Axes | None, height: float = 2.2, **style: Any
 ) -> tuple[Axes, xr.DataArray]:
-    """Draw a variable against time, thinned to its envelope, on new axes unless given; also return the variable."""
+    """Draw a variable against time, thinned to its envelope, on new axes unless
+    given; also return the variable.
+    """
     drawn = variable(run, name)
     ax = new_axes(PAGE, height) if ax is None else ax
     ax.plot(*envelope(run["time"].to_numpy(), drawn.to_numpy()), **style)
@@ -173,20 +236,30 @@ def along_time(
 
 
 def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
-    """Thin out a long line to about so many points: smallest and largest value of each group, in their order."""
+    """Thin out a long line to about so many points: smallest and largest value of
+    each group, in their order.
+    """
     group = y.size // (most // 2)
     if group < 3 or not np.all(np.isfinite(y)):
         return x, y
     whole = y.size // group * group
     blocks = y[:whole].reshape(-1, group)
     first = np.arange(0, whole, group)
-    ends = np.stack([first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1)
-    kept = np.unique(np.concatenate([[0], np.sort(ends, axis=1).ravel(), np.arange(whole, y.size), [y.size - 1]]))
+    ends = np.stack(
+        [first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1
+    )
+    kept = np.unique(
+        np.concatenate(
+            [[0], np.sort(ends, axis=1).ravel(), np.arange(whole, y.size), [y.size - 1]]
+        )
+    )
     return x[kept], y[kept]
 
 
 def format_of(path: str | os.PathLike[str], kind: str = "") -> str:
-    """Return the format of a picture, film, sound or page, by the suffix of its name; else `InputError`."""
+    """Return the format of a picture, film, sound or page, by the suffix of its
+    name; else `InputError`.
+    """
     what, *formats = _FORMATS.get(kind, _FORMATS[""])
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in formats:
@@ -195,8 +268,12 @@ def format_of(path: str | os.PathLike[str], kind: str = "") -> str:
     return suffix
 
 
-def save(shown: Figure | FuncAnimation | tuple[int, Array], path: str | os.PathLike[str]) -> Path:
-    """Write a figure as PNG, SVG or PDF, by suffix, a film as GIF, a sound as WAV; whole or not at all."""
+def save(
+    shown: Figure | FuncAnimation | tuple[int, Array], path: str | os.PathLike[str]
+) -> Path:
+    """Write a figure as PNG, SVG or PDF, by suffix, a film as GIF, a sound as WAV;
+    whole or not at all.
+    """
     files.target(path)
     if isinstance(shown, Figure):
         return files.write(path, drawn(shown, format_of(path)))
@@ -215,8 +292,13 @@ def save(shown: Figure | FuncAnimation | tuple[int, Array], path: str | os.PathL
 
 
 def drawn(figure: Figure, kind: str) -> memoryview:
-    """Return a figure as PNG, SVG or PDF, without a date: the same figure gives the same bytes."""
-    undated: Mapping[str, None] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
+    """Return a figure as PNG, SVG or PDF, without a date: the same figure gives the
+    same bytes.
+    """
+    undated: Mapping[str, None] = {
+        "svg": {"Date": None},
+        "pdf": {"CreationDate": None},
+    }.get(kind, {})
     picture = io.BytesIO()
     with house_style():
         figure.savefig(picture, format=kind, metadata=dict(undated))

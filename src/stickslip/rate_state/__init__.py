@@ -1,16 +1,38 @@
-"""Rate and state out of contacts: the verdict of an interface, fits of measured steps, and files for other programs.
+"""Rate and state out of contacts: the verdict of an interface, fits of measured steps,
+and files for other programs.
 
-Geophysicists describe friction by a direct effect ``a``, an evolution effect ``b`` and a distance ``D``. Contacts with
-temperature and ageing come near to it, others do not; `rate_and_state` says which, and what the parameters get wrong.
+Geophysicists describe friction by a direct effect ``a``, an evolution effect ``b`` and
+a distance ``D``. Contacts with temperature and ageing come near to it, others do not;
+`rate_and_state` says which, and what the parameters get wrong.
 """
 
 from stickslip.rate_state.contacts import finite_step, small_step
 from stickslip.rate_state.experiments import Healing, Step, healing, velocity_step_in
 from stickslip.rate_state.exports import export_rate_and_state
 from stickslip.rate_state.laws import RateAndState
-from stickslip.rate_state.measured import ContactsFit, StepFit, fit_contacts, fit_rate_and_state
+from stickslip.rate_state.measured import (
+    ContactsFit,
+    StepFit,
+    fit_contacts,
+    fit_rate_and_state,
+)
 from stickslip.rate_state.verdict import RateAndStateFit, rate_and_state
 
-__all__ = ["ContactsFit", "Healing", "RateAndState", "RateAndStateFit", "Step", "StepFit", "export_rate_and_state"]
-__all__ += ["finite_step", "fit_contacts", "fit_rate_and_state", "healing", "rate_and_state", "small_step"]
+__all__ = [
+    "ContactsFit",
+    "Healing",
+    "RateAndState",
+    "RateAndStateFit",
+    "Step",
+    "StepFit",
+    "export_rate_and_state",
+]
+__all__ += [
+    "finite_step",
+    "fit_contacts",
+    "fit_rate_and_state",
+    "healing",
+    "rate_and_state",
+    "small_step",
+]
 __all__ += ["velocity_step_in"]

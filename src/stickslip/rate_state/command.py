@@ -1,4 +1,6 @@
-"""``stickslip rsf``: whether a rig is rate-and-state-like, and fits of measured steps."""
+"""``stickslip rsf``: whether a rig is rate-and-state-like, and fits of measured
+steps.
+"""
 
 import json as jsonlib
 from dataclasses import dataclass, replace
@@ -23,26 +25,60 @@ from stickslip.simulation.steps_and_holds import slide_hold_slide
 class Options:
     """What may be asked of a rig, and what is to be known of a measured step."""
 
-    law: Annotated[Literal["best", "ageing", "slip"], Parameter(help="Which law to fit.")] = "best"
-    velocity: Annotated[str | None, Parameter(help="Before the step of a rig; by default its own.")] = None
+    law: Annotated[
+        Literal["best", "ageing", "slip"], Parameter(help="Which law to fit.")
+    ] = "best"
+    velocity: Annotated[
+        str | None, Parameter(help="Before the step of a rig; by default its own.")
+    ] = None
     step: Annotated[str, Parameter(help="Ratio of the velocities.")] = "10"
-    holds: Annotated[str | None, Parameter(help="Also slide and hold, with these times of rest: '1 s, 10 s'.")] = None
-    export: Annotated[Program | None, Parameter(help="Print, or write, the input of another program.")] = None
-    load: Annotated[str | None, Parameter(help="Normal load, for coefficients and the export: '2 kN'.")] = None
-    area: Annotated[str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")] = None
-    output: Annotated[Path | None, Parameter(alias="-o", help="Write the export to a file.")] = None
-    step_at: Annotated[str | None, Parameter(help="Of a trace: about when the step came, '68.7 s'.")] = None
-    from_: Annotated[str | None, Parameter(name="--from", help="Of a trace: velocity before it, '3 um/s'.")] = None
-    to: Annotated[str | None, Parameter(help="Of a trace: velocity after the step.")] = None
-    span: Annotated[str | None, Parameter(help="Of a trace: displacement about it, '5 um, 120 um'.")] = None
-    trend: Annotated[bool, Parameter(help="Of a trace: fit a linear trend in displacement besides.")] = True
-    stiffness: Annotated[str | None, Parameter(help="Of a trace: '0.006 1/um'; fitted by default.")] = None
-    json: Annotated[bool, Parameter(negative="", help="Print JSON for a machine to read.")] = False
-    plot: Annotated[Path | None, Parameter(help="Draw the fit of a trace, or peaks after holds.")] = None
+    holds: Annotated[
+        str | None,
+        Parameter(help="Also slide and hold, with these times of rest: '1 s, 10 s'."),
+    ] = None
+    export: Annotated[
+        Program | None, Parameter(help="Print, or write, the input of another program.")
+    ] = None
+    load: Annotated[
+        str | None,
+        Parameter(help="Normal load, for coefficients and the export: '2 kN'."),
+    ] = None
+    area: Annotated[
+        str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")
+    ] = None
+    output: Annotated[
+        Path | None, Parameter(alias="-o", help="Write the export to a file.")
+    ] = None
+    step_at: Annotated[
+        str | None, Parameter(help="Of a trace: about when the step came, '68.7 s'.")
+    ] = None
+    from_: Annotated[
+        str | None,
+        Parameter(name="--from", help="Of a trace: velocity before it, '3 um/s'."),
+    ] = None
+    to: Annotated[
+        str | None, Parameter(help="Of a trace: velocity after the step.")
+    ] = None
+    span: Annotated[
+        str | None, Parameter(help="Of a trace: displacement about it, '5 um, 120 um'.")
+    ] = None
+    trend: Annotated[
+        bool, Parameter(help="Of a trace: fit a linear trend in displacement besides.")
+    ] = True
+    stiffness: Annotated[
+        str | None, Parameter(help="Of a trace: '0.006 1/um'; fitted by default.")
+    ] = None
+    json: Annotated[
+        bool, Parameter(negative="", help="Print JSON for a machine to read.")
+    ] = False
+    plot: Annotated[
+        Path | None, Parameter(help="Draw the fit of a trace, or peaks after holds.")
+    ] = None
 
 
 def rsf(data: Path, *, given: Options = Options()) -> None:
-    """Say whether a rig is rate-and-state-like, or fit rate and state to a measured velocity step.
+    """Say whether a rig is rate-and-state-like, or fit rate and state to a measured
+    velocity step.
 
     What is not rate-and-state-like ends with exit code 2 and the number that fails.
 
@@ -56,43 +92,74 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
         content, words = _judged(data, given)
     elif given.holds is None:
         found = _fitted(data, given)
-        content, words = found.to_dict(), f"{found}\n"
+        content = found.to_dict()
+        words = f"{found}\n"
     else:
         raise InputError("--holds: is for a rig; a measured trace has its own")
-    print(jsonlib.dumps(content, indent=2) + "\n" if content and given.json else words, end="")
+    print(
+        jsonlib.dumps(content, indent=2) + "\n" if content and given.json else words,
+        end="",
+    )
 
 
 def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     """The verdict on a rig, plain and in words; an export is of words alone."""
     rig = rig_files.read_rig(path)
-    for option, needed in {"plot": "holds", "area": "export", "output": "export", "export": "load"}.items():
+    for option, needed in {
+        "plot": "holds",
+        "area": "export",
+        "output": "export",
+        "export": "load",
+    }.items():
         if (value := getattr(given, option)) and not getattr(given, needed):
             raise InputError(f"--{option} {value}: needs --{needed}")
     if given.holds and given.export:
-        raise InputError("--holds: not together with --export; ask for one after the other")
+        raise InputError(
+            "--holds: not together with --export; ask for one after the other"
+        )
     if given.load and not rig.scales:
-        raise InputError(f"--load {given.load}: {path} is in natural units; a load needs a rig file in SI units")
-    speed = rig.velocity if given.velocity is None else read_value("--velocity", given.velocity, "m/s", "1 um/s")
+        raise InputError(
+            f"--load {given.load}: {path} is in natural units; a load needs a rig file "
+            "in SI units"
+        )
+    speed = (
+        rig.velocity
+        if given.velocity is None
+        else read_value("--velocity", given.velocity, "m/s", "1 um/s")
+    )
     ratio = read_value("--step", given.step, "1", "10", bare=True)
-    fit = rate_and_state(rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=given.law)
+    fit = rate_and_state(
+        rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=given.law
+    )
     if not fit.holds:
         raise InputError(f"{path}: not rate-and-state: {fit.reason}")
     scaled = fit.in_units(rig)
     if given.export and rig.scales:
-        how: dict[str, Any] = {"load": given.load, "area": given.area, "path": given.output}
+        how: dict[str, Any] = {
+            "load": given.load,
+            "area": given.area,
+            "path": given.output,
+        }
         text = export_rate_and_state(scaled, given.export, scales=rig.scales, **how)
         return {}, text if given.output is None else f"{given.export}: {given.output}\n"
-    content, words = scaled.to_dict(), f"{scaled}\n"
+    content = scaled.to_dict()
+    words = f"{scaled}\n"
     if given.load:
         weight = read_value("--load", given.load, "N", "2 kN")
-        mu, a, b = (value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b))
+        mu, a, b = (
+            value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b)
+        )
         content["coefficients"] = {"load": weight, "mu": mu, "a": a, "b": b}
-        words += f"coefficients under {given.load}: mu = {mu:.4g} at this speed, a = {a:.4g}, b = {b:.4g}, "
+        words += (
+            f"coefficients under {given.load}: mu = {mu:.4g} at this speed, a = "
+            f"{a:.4g}, b = {b:.4g}, "
+        )
         words += f"a - b = {a - b:.3g}\n"
     if given.holds is not None:
         unit, example = ("s", "10 s") if rig.scales else ("1", "10")
         times = [
-            read_value("--holds", one.strip(), unit, example, bare=not rig.scales) for one in given.holds.split(",")
+            read_value("--holds", one.strip(), unit, example, bare=not rig.scales)
+            for one in given.holds.split(",")
         ]
         run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
         healed = healing(run, float(scaled.b))
@@ -108,18 +175,35 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
 def _fitted(path: Path, given: Options) -> StepFit:
     """The fit of a measured step, in the units of the trace."""
     if given.step_at is None or given.from_ is None or given.to is None:
-        raise InputError(f"{path}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to '10 um/s'")
-    trace, span, spring = read_trace(path), None, None
+        raise InputError(
+            f"{path}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to "
+            "'10 um/s'"
+        )
+    trace = read_trace(path)
+    span = None
+    spring = None
     clock = str(trace["time"].attrs.get("units", "s"))
-    length = str(trace["measured_displacement"].attrs["units"]) if "measured_displacement" in trace else "m"
+    length = (
+        str(trace["measured_displacement"].attrs["units"])
+        if "measured_displacement" in trace
+        else "m"
+    )
     if given.span is not None:
-        ends = [read_value("--span", end, length, "5 um, 120 um") for end in given.span.split(",")]
+        ends = [
+            read_value("--span", end, length, "5 um, 120 um")
+            for end in given.span.split(",")
+        ]
         if len(ends) != 2:
-            raise InputError(f"--span {shown(given.span)}: must be two displacements, as in '5 um, 120 um'")
+            raise InputError(
+                f"--span {shown(given.span)}: must be two displacements, as in '5 um, "
+                "120 um'"
+            )
         span = (ends[0], ends[1])
     step = velocity_step_in(
         trace,
-        at=read_value("--step-at", given.step_at, clock, "68.7 s", bare=True, above=None),
+        at=read_value(
+            "--step-at", given.step_at, clock, "68.7 s", bare=True, above=None
+        ),
         before=read_value("--from", given.from_, f"{length}/{clock}", "3 um/s"),
         after=read_value("--to", given.to, f"{length}/{clock}", "10 um/s"),
         span=span,
@@ -127,7 +211,12 @@ def _fitted(path: Path, given: Options) -> StepFit:
     if given.stiffness is not None:
         unit = f"{step.friction_unit or 1}/{length}"
         spring = read_value("--stiffness", given.stiffness, unit, f"0.006 {unit}")
-    fit = fit_rate_and_state(replace(step, length_unit=length), law=given.law, stiffness=spring, trend=given.trend)
+    fit = fit_rate_and_state(
+        replace(step, length_unit=length),
+        law=given.law,
+        stiffness=spring,
+        trend=given.trend,
+    )
     if given.plot is not None:
         from stickslip import plot
 

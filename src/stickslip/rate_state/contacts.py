@@ -1,4 +1,6 @@
-"""What contacts do after a step of the velocity: a small one from their linear response, a finite one by cohorts."""
+"""What contacts do after a step of the velocity: a small one from their linear
+response, a finite one by cohorts.
+"""
 
 import math
 from dataclasses import replace
@@ -15,52 +17,81 @@ from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.sliding.response import splined
 
-ROUGH = MasterEquation(rtol=1e-3)  # for a step that is fitted: errs by .1 % of its range, laws by several
+# for a step that is fitted: errs by .1 % of its range, laws by several
+ROUGH = MasterEquation(rtol=1e-3)
 _FINEST = 2e-3  # step of the wave numbers, at least: a grid of ten thousand
-_MISSED = 1.6e-3  # of the response, by a spline of fourth order before it knows a middle: an error of 1e-4 with it
+# of the response, by a spline of fourth order before it knows a middle: an error of
+# 1e-4 with it
+_MISSED = 1.6e-3
 
 
 def small_step(
-    interface: Interface, velocity: float, slip: Array, *, stiffness: float = math.inf, coarse: float = 1.0
+    interface: Interface,
+    velocity: float,
+    slip: Array,
+    *,
+    stiffness: float = math.inf,
+    coarse: float = 1.0,
 ) -> Array:
-    """Force over ``ln`` of the ratio after a small step of the velocity of a load point: ``kappa`` behind a spring.
+    """Force over ``ln`` of the ratio after a small step of the velocity of a load
+    point: ``kappa`` behind a spring.
 
-    The inverse transform of ``kappa(q)/q^2``: the sine transform of ``Im kappa/y^2``, its factor linear between
-    frequencies. It is per contact, in ``f_s``, over the displacement `slip` of the load point, above 0, in ``x_s``. The
-    spring has a `stiffness` per contact; a rigid slider an infinite one. A grid of frequencies that is not `coarse`
-    gives an error of 1e-4.
+    The inverse transform of ``kappa(q)/q^2``: the sine transform of ``Im kappa/y^2``,
+    its factor linear between frequencies. It is per contact, in ``f_s``, over the
+    displacement `slip` of the load point, above 0, in ``x_s``. The spring has a
+    `stiffness` per contact; a rigid slider an infinite one. A grid of frequencies that
+    is not `coarse` gives an error of 1e-4.
     """
     y, kappa = _answer(hashable(interface), velocity, coarse)
     factor = (kappa / (1.0 + kappa / stiffness)).imag / y
     # Below the first frequency the factor is dF/dln v.
-    y, factor = np.append(0.0, y), np.append(factor[0], factor)
+    y = np.append(0.0, y)
+    factor = np.append(factor[0], factor)
     x = slip[:, None]
     inner = special.sici(y * x)[0]
     steep = np.diff(factor) / np.diff(y)
     level = factor[:-1] - steep * y[:-1]
-    found = np.diff(inner, axis=1) @ level - (np.diff(np.cos(y * x), axis=1) / x) @ steep
+    found = (
+        np.diff(inner, axis=1) @ level - (np.diff(np.cos(y * x), axis=1) / x) @ steep
+    )
     return np.asarray(2.0 / math.pi * found)
 
 
 @lru_cache(maxsize=16)
-def _answer(interface: Interface, velocity: float, coarse: float) -> tuple[Array, ComplexArray]:
+def _answer(
+    interface: Interface, velocity: float, coarse: float
+) -> tuple[Array, ComplexArray]:
     """Wave numbers that follow every turn of the response, and ``kappa`` there."""
-    response, thresholds = respond(interface), interface.threshold_distribution
+    response = respond(interface)
+    thresholds = interface.threshold_distribution
     mean = thresholds.moment(1)
-    # Contacts that are nearly alike break together, life after life: a resonance of this width, from its first on.
-    away, cv = velocity * interface.delay.longest / mean, thresholds.standard_deviation() / mean
+    # Contacts that are nearly alike break together, life after life: a resonance of
+    # this width, from its first on.
+    away = velocity * interface.delay.longest / mean
+    cv = thresholds.standard_deviation() / mean
     sharp = 2.0 * (math.pi * cv) ** 2 / (1.0 + away) ** 3
     fine = coarse * min(0.1 / max(1.0, away), max(sharp / 4.0, _FINEST))
-    few, many = math.ceil(60 / coarse), math.ceil(250 / coarse)
-    top = 1e3 if isinstance(interface.ageing, Langevin) else 1e5  # its table has no more
-    y = np.concatenate([np.geomspace(1e-3, 1.0, few), np.arange(1.0, 30.0, fine)[1:], np.geomspace(30.0, top, many)])
+    few = math.ceil(60 / coarse)
+    many = math.ceil(250 / coarse)
+    # its table has no more
+    top = 1e3 if isinstance(interface.ageing, Langevin) else 1e5
+    y = np.concatenate(
+        [
+            np.geomspace(1e-3, 1.0, few),
+            np.arange(1.0, 30.0, fine)[1:],
+            np.geomspace(30.0, top, many),
+        ]
+    )
     u = np.log1p(y)
 
     def factor_at(places: Array) -> ComplexArray:
         wave = np.expm1(places)
-        return np.asarray(response.stiffness(velocity, 1j * wave / mean * velocity) / wave)[None, :]
+        return np.asarray(
+            response.stiffness(velocity, 1j * wave / mean * velocity) / wave
+        )[None, :]
 
-    # At first as far apart as no resonance is passed over, and a fourth of its period; halved where a spline misses.
+    # At first as far apart as no resonance is passed over, and a fourth of its period;
+    # halved where a spline misses.
     apart = max(int(min(2.0 * sharp, 1.6 / max(1.0, away)) / fine), 1)
     return y / mean, splined(factor_at, u, apart, _MISSED)(u)[0] * y
 
@@ -74,24 +105,36 @@ def finite_step(
     stiffness: float = math.inf,
     method: MasterEquation = MasterEquation(),
 ) -> tuple[Array, Array]:
-    """Force over the displacement of the load point after a step of its velocity, from steady sliding.
+    """Force over the displacement of the load point after a step of its velocity, from
+    steady sliding.
 
-    What `velocity_step` gives, as two arrays: displacement of the load point from the step on, in ``x_s``, and force
-    per contact, in ``f_s``, minus that before the step.
+    What `velocity_step` gives, as two arrays: displacement of the load point from the
+    step on, in ``x_s``, and force per contact, in ``f_s``, minus that before the step.
     """
     instance("finite_step: interface", interface, Interface, "an Interface")
-    run = velocity_step(interface, before=before, after=after, distance=slip, stiffness=stiffness, method=method)
+    run = velocity_step(
+        interface,
+        before=before,
+        after=after,
+        distance=slip,
+        stiffness=stiffness,
+        method=method,
+    )
     since = run["time"].to_numpy()
     force = run["friction_force"].to_numpy()[since >= 0.0]
     return after * since[since >= 0.0], force - force[0]
 
 
 def contact_stiffness(interface: Interface, velocity: float) -> float:
-    """Stiffness of the contacts that are attached in steady sliding, per contact: what a sudden step finds.
+    """Stiffness of the contacts that are attached in steady sliding, per contact: what
+    a sudden step finds.
 
-    Contacts live alike with a delay and without one, so the force that they carry falls with the fraction attached.
+    Contacts live alike with a delay and without one, so the force that they carry falls
+    with the fraction attached.
     """
     if velocity * interface.delay.moment(1) == 0:
         return 1.0
     bare = replace(interface, sliding_force=0.0)
-    return kinetic_friction(bare, velocity) / kinetic_friction(replace(bare, delay=Delay(0.0)), velocity)
+    return kinetic_friction(bare, velocity) / kinetic_friction(
+        replace(bare, delay=Delay(0.0)), velocity
+    )

@@ -1,4 +1,6 @@
-"""The two experiments as they are read: a velocity step cut out of a run or a trace, and healing after holds."""
+"""The two experiments as they are read: a velocity step cut out of a run or a trace,
+and healing after holds.
+"""
 
 import math
 from dataclasses import dataclass
@@ -17,14 +19,17 @@ _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A velocity step as it is fitted: friction over the displacement of the load point, 0 at the step."""
+    """A velocity step as it is fitted: friction over the displacement of the load
+    point, 0 at the step.
+    """
 
     displacement: Array  #: in bins, rising
     friction: Array
     before: float  #: velocity of the load point before the step
     after: float  #: and after it
     at: float = 0.0  #: time at which it was said to come
-    measured: bool = True  #: whether the displacement was measured; else it is the velocities times the time
+    #: whether the displacement was measured; else it is the velocities times the time
+    measured: bool = True
     length_unit: str = ""  #: of the data; empty where it has none
     time_unit: str = ""
     friction_unit: str = ""
@@ -36,17 +41,25 @@ class Step:
 
     @property
     def stretch(self) -> float:
-        """What displacement before the given time is worth, if the step came earlier: it went on at another speed."""
+        """What displacement before the given time is worth, if the step came
+        earlier: it went on at another speed.
+        """
         return 1.0 if self.measured else self.ratio
 
     @property
     def near(self) -> float:
-        """How far off the given time the step is looked for: as far as there is data before, and half of that after."""
+        """How far off the given time the step is looked for: as far as there is data
+        before, and half of that after.
+        """
         end = float(self.displacement.max())
-        return float(np.clip(-self.displacement.min() * self.stretch, 1e-9 * end, 0.5 * end))
+        return float(
+            np.clip(-self.displacement.min() * self.stretch, 1e-9 * end, 0.5 * end)
+        )
 
     def since(self, late: float, displacement: Array | None = None) -> Array:
-        """Displacement since the step, if that came so much displacement later than was said."""
+        """Displacement since the step, if that came so much displacement later than
+        was said.
+        """
         x = self.displacement if displacement is None else displacement
         return np.where(x < 0, self.stretch, 1.0) * x - late
 
@@ -70,15 +83,17 @@ def velocity_step_in(
     Parameters
     ----------
     data : Dataset
-        As `read_trace` or a run gives it: ``mu``, ``spring_force``, ``friction_force`` or ``friction`` along ``time``.
-        The displacement of the load point is ``measured_displacement`` or ``displacement`` (of a run that is the
-        slider's, and is not used), else the velocities times the time.
+        As `read_trace` or a run gives it: ``mu``, ``spring_force``, ``friction_force``
+        or ``friction`` along ``time``. The displacement of the load point is
+        ``measured_displacement`` or ``displacement`` (of a run that is the slider's,
+        and is not used), else the velocities times the time.
     at : float
         Time of the step, in the unit of time of the data.
     before, after : float
         Velocities of the load point, in displacement per time of the data.
     span : (float, float), optional
-        How much displacement before and after the step; by default all there is after it, and a tenth of that before.
+        How much displacement before and after the step; by default all there is after
+        it, and a tenth of that before.
     bins : int
         Into how many bins of equal displacement the data is averaged, at most.
 
@@ -91,22 +106,44 @@ def velocity_step_in(
     --------
     >>> from stickslip.rate_state import velocity_step_in
     >>> time = np.linspace(-5.0, 20.0, 251)
-    >>> trace = xr.Dataset({"friction": ("time", 0.6 + 0.01 * (time > 0))}, coords={"time": time})
+    >>> trace = xr.Dataset(
+    ...     {"friction": ("time", 0.6 + 0.01 * (time > 0))}, coords={"time": time}
+    ... )
     >>> step = velocity_step_in(trace, at=0.0, before=1.0, after=3.0)
     >>> float(step.displacement.max()), step.measured
     (60.0, False)
     """
-    instance("velocity_step_in: data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
+    instance(
+        "velocity_step_in: data",
+        data,
+        xr.Dataset,
+        "a Dataset, as read_trace() returns it",
+    )
     name = next((one for one in _FRICTIONS if one in data), None)
     if name is None or "time" not in data.coords:
-        raise InputError(f"data: holds no friction along a time; it must have one of {', '.join(_FRICTIONS)}")
+        raise InputError(
+            "data: holds no friction along a time; it must have one of "
+            f"{', '.join(_FRICTIONS)}"
+        )
     time = data["time"].to_numpy().astype(float)
-    at = number("at", at, at_least=float(time[0]), at_most=float(time[-1]), hint="time of the step")
+    at = number(
+        "at",
+        at,
+        at_least=float(time[0]),
+        at_most=float(time[-1]),
+        hint="time of the step",
+    )
     before = number("before", before, above=0, hint="velocity before the step")
     after = number("after", after, above=0, hint="velocity after the step")
     if before == after:
-        raise InputError(f"after = {after:g}: equals the velocity before the step; give another one")
-    names = ("measured_displacement",) if "velocity" in data else ("measured_displacement", "displacement")
+        raise InputError(
+            f"after = {after:g}: equals the velocity before the step; give another one"
+        )
+    names = (
+        ("measured_displacement",)
+        if "velocity" in data
+        else ("measured_displacement", "displacement")
+    )
     along = next((one for one in names if one in data), None)
     if along is None:
         x = np.where(time < at, before, after) * (time - at)
@@ -118,10 +155,15 @@ def velocity_step_in(
     back, forth = span or (0.1 * float(rows.x.max()), float(rows.x.max()))
     rows = rows[rows.x.between(-back, forth)]
     if (later := int((rows.x > 0).sum())) < 30:
-        raise InputError(f"at = {at:g}: {later} samples after the step; there must be at least 30")
+        raise InputError(
+            f"at = {at:g}: {later} samples after the step; there must be at least 30"
+        )
     count = min(whole("bins", bins, at_least=30, at_most=100_000), len(rows))
     held = rows.groupby(pd.cut(rows.x, count, right=False, labels=False)).mean()
-    length, clock, unit = (str(data[one].attrs.get("units", "")) if one else "" for one in (along, "time", name))
+    length, clock, unit = (
+        str(data[one].attrs.get("units", "")) if one else ""
+        for one in (along, "time", name)
+    )
     return Step(
         displacement=held.x.to_numpy(),
         friction=held.friction.to_numpy(),
@@ -140,47 +182,74 @@ class Healing(Answer):
     """Peaks after holds and their growth, in the units of the run."""
 
     hold: tuple[float, ...]  #: times of rest, rising
-    relaxation: tuple[float, ...]  #: as `slide_hold_slide` gives them, one for each hold
+    #: as `slide_hold_slide` gives them, one for each hold
+    relaxation: tuple[float, ...]
     peak: tuple[float, ...]
     slip_to_peak: tuple[float, ...]
-    per_decade: tuple[float, ...]  #: growth of the peak for each factor of ten in the hold, from one hold to the next
+    #: growth of the peak for each factor of ten in the hold, from one hold to the next
+    per_decade: tuple[float, ...]
     by_rate_and_state: float  #: what rate and state says of long holds: ``b ln 10``
     time_unit: str
     force_unit: str
     length_unit: str
 
     def __str__(self) -> str:
-        F, t, x = self.force_unit, self.time_unit, self.length_unit
-        columns = (self.hold, self.relaxation, self.peak, self.slip_to_peak, (math.nan, *self.per_decade))
+        F = self.force_unit
+        t = self.time_unit
+        x = self.length_unit
+        columns = (
+            self.hold,
+            self.relaxation,
+            self.peak,
+            self.slip_to_peak,
+            (math.nan, *self.per_decade),
+        )
         rows = [
             ("hold", "relaxation", "peak", "slip to peak", "per decade"),
             (t, F, F, x, F),
-            *([f"{value:.4g}".replace("nan", "") for value in row] for row in zip(*columns, strict=True)),
+            *(
+                [f"{value:.4g}".replace("nan", "") for value in row]
+                for row in zip(*columns, strict=True)
+            ),
         ]
         lines = ["".join(f"{cell:>14}" for cell in row) for row in rows]
         expected = f"b ln 10 = {self.by_rate_and_state:.4g} {F}"
-        end = f"rate and state says {expected} per decade of hold time; give two holds to compare"
+        end = (
+            f"rate and state says {expected} per decade of hold time; give two holds "
+            "to compare"
+        )
         if self.per_decade:
             last = self.per_decade[-1]
             end = (
-                f"healing over the last two holds: {last:.4g} {F} per decade of hold time, "
-                f"{last / self.by_rate_and_state:.2f} times what rate and state says ({expected})"
+                f"healing over the last two holds: {last:.4g} {F} per decade of hold "
+                "time, "
+                f"{last / self.by_rate_and_state:.2f} times what rate and state says "
+                f"({expected})"
             )
         return "\n".join([*lines, end])
 
 
 def healing(run: xr.Dataset, b: float) -> Healing:
-    """Say how much the peaks of a `slide_hold_slide` run grow with the time of the hold, all of which differ.
+    """Say how much the peaks of a `slide_hold_slide` run grow with the time of the
+    hold, all of which differ.
 
-    Beside it stands what rate and state says with the evolution effect `b`, in the unit of force of the run.
+    Beside it stands what rate and state says with the evolution effect `b`, in the unit
+    of force of the run.
     """
-    instance("healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it")
+    instance(
+        "healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it"
+    )
     run = run.sortby("hold")
     if np.any(np.diff(run["hold"]) <= 0):
         raise InputError("holds: two are the same; give each once")
     return Healing(
-        **{name: tuple(run[name].values.tolist()) for name in ("hold", "relaxation", "peak", "slip_to_peak")},
-        per_decade=tuple((np.diff(run["peak"]) / np.diff(np.log10(run["hold"]))).tolist()),
+        **{
+            name: tuple(run[name].values.tolist())
+            for name in ("hold", "relaxation", "peak", "slip_to_peak")
+        },
+        per_decade=tuple(
+            (np.diff(run["peak"]) / np.diff(np.log10(run["hold"]))).tolist()
+        ),
         by_rate_and_state=b * math.log(10.0),
         time_unit=run["hold"].attrs["units"],
         force_unit=run["peak"].attrs["units"],

@@ -1,4 +1,6 @@
-"""Rate-and-state parameters of an interface as the input of other programs: QDYN, tandem, DiaBayes, rsfmodel."""
+"""Rate-and-state parameters of an interface as the input of other programs: QDYN,
+tandem, DiaBayes, rsfmodel.
+"""
 
 import math
 import os
@@ -24,11 +26,12 @@ def export_rate_and_state(
     area: str | float | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> str:
-    """Write the rate-and-state parameters of an interface as the input of another program.
+    """Write the rate-and-state parameters of an interface as the input of another
+    program.
 
-    Forces become coefficients of friction: those of the contacts, times ``N f_s``, over the normal load. The file
-    begins with the protocol of the fit and with what the parameters get wrong: the critical stiffness beside the exact
-    one.
+    Forces become coefficients of friction: those of the contacts, times ``N f_s``, over
+    the normal load. The file begins with the protocol of the fit and with what the
+    parameters get wrong: the critical stiffness beside the exact one.
 
     Parameters
     ----------
@@ -40,42 +43,66 @@ def export_rate_and_state(
     load : str or float
         Normal load, ``"2 kN"`` or in N.
     area : str or float, optional
-        Of the surface, ``"1 cm^2"`` or in m^2: for the normal stress that QDYN and tandem take.
+        Of the surface, ``"1 cm^2"`` or in m^2: for the normal stress that QDYN and
+        tandem take.
     path : path, optional
         Where to write it; the text is returned as well.
 
     Raises
     ------
     InputError
-        If the interface is not rate-and-state-like, the program does not know the law, or a quantity is missing.
+        If the interface is not rate-and-state-like, the program does not know the law,
+        or a quantity is missing.
     """
     instance("fit", fit, RateAndStateFit, "what rate_and_state() gives")
     instance("scales", scales, Scales, "Scales(force=..., stretching=..., time=...)")
     if program not in get_args(Program):
-        raise InputError(f"program = {shown(program)}: must be one of {', '.join(get_args(Program))}")
+        raise InputError(
+            f"program = {shown(program)}: must be one of {', '.join(get_args(Program))}"
+        )
     if not fit.holds:
-        raise InputError(f"fit: is not rate-and-state ({fit.reason}); there are no parameters to export")
+        raise InputError(
+            f"fit: is not rate-and-state ({fit.reason}); there are no parameters to "
+            "export"
+        )
     if fit.law == "slip" and program in ("tandem", "diabayes"):
         raise InputError(
-            f"program = {program!r}: knows the ageing law only, and the interface follows the slip law; use 'qdyn' or "
+            f"program = {program!r}: knows the ageing law only, and the interface "
+            "follows the slip law; use 'qdyn' or "
             "'rsfmodel', or fit law='ageing'"
         )
     weight = read_value("load", load, "N", "2 kN")
-    stress = weight / read_value("area", area, "m^2", "1 cm^2") if area is not None else math.nan
+    stress = (
+        weight / read_value("area", area, "m^2", "1 cm^2")
+        if area is not None
+        else math.nan
+    )
     if math.isnan(stress) and program in ("qdyn", "tandem"):
-        raise InputError(f"area: is missing; {program} takes the normal stress, the load over an area such as '1 cm^2'")
+        raise InputError(
+            f"area: is missing; {program} takes the normal stress, the load over an "
+            "area such as '1 cm^2'"
+        )
     si = fit.in_units(scales)
-    speed, faster = (engineering(value, "m/s") for value in (si.velocity, si.velocity * si.step))
+    speed, faster = (
+        engineering(value, "m/s") for value in (si.velocity, si.velocity * si.step)
+    )
     notes = (
-        f"Rate-and-state parameters of an interface of contacts, for {program}, written by stickslip.",
-        f"Fit of the {si.law} law to a step from {speed} to {faster} over six breaking displacements; forces are those "
+        (
+            f"Rate-and-state parameters of an interface of contacts, for {program}, "
+            "written by stickslip."
+        ),
+        f"Fit of the {si.law} law to a step from {speed} to {faster} over six breaking "
+        "displacements; forces are those "
         "of all contacts.",
         *str(si).splitlines(),
     )
     template = resources.files(__package__) / "templates" / f"{program}.txt"
     mark = "--" if program == "tandem" else "#"
-    spring = si.contact_stiffness / weight  # between load point and surface: the contacts
-    text = "".join(f"{mark} {line}\n" for line in notes) + Template(template.read_text(encoding="utf-8")).substitute(
+    # between load point and surface: the contacts
+    spring = si.contact_stiffness / weight
+    text = "".join(f"{mark} {line}\n" for line in notes) + Template(
+        template.read_text(encoding="utf-8")
+    ).substitute(
         a=float(si.a) / weight,
         b=float(si.b) / weight,
         mu=si.kinetic_friction / weight,

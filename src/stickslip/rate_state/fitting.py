@@ -1,4 +1,6 @@
-"""Least squares in logarithms, from several starts, and numbers that carry the error of a fit."""
+"""Least squares in logarithms, from several starts, and numbers that carry the error
+of a fit.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -14,7 +16,9 @@ from stickslip.words import prefixed
 
 
 class Estimate(float):
-    """A value that was fitted, with its standard error: a number like others, that has `error`."""
+    """A value that was fitted, with its standard error: a number like others, that
+    has `error`.
+    """
 
     error: float
 
@@ -25,19 +29,32 @@ class Estimate(float):
         return one
 
     def __mul__(self, factor: Any) -> Any:
-        """Return it in another unit, with its error; as a plain number where the factor is no number."""
+        """Return it in another unit, with its error; as a plain number where the
+        factor is no number.
+        """
         value = float(self) * factor
-        return Estimate(value, self.error * factor) if isinstance(factor, float) else value
+        return (
+            Estimate(value, self.error * factor) if isinstance(factor, float) else value
+        )
 
     def words(self, unit: str = "") -> str:
-        """``(8.602 ± 0.082) N``: to two digits of the error, in one unit, with the SI prefix of the larger of both."""
+        """``(8.602 ± 0.082) N``: to two digits of the error, in one unit, with the
+        SI prefix of the larger of both.
+        """
         divisor, unit = prefixed(max(abs(self), self.error), unit)
-        value, error = float(self) / divisor, self.error / divisor
+        value = float(self) / divisor
+        error = self.error / divisor
         if not error > 0:
             return f"{value:.4g} {unit}".rstrip()
-        places = max(1 - math.floor(math.log10(error)), 0) if math.isfinite(error) else 0
+        places = (
+            max(1 - math.floor(math.log10(error)), 0) if math.isfinite(error) else 0
+        )
         brief = places <= 8 and error < 1e6
-        said = f"{value:.{places}f} ± {error:.{places}f}" if brief else f"{value:.4g} ± {error:.2g}"
+        said = (
+            f"{value:.{places}f} ± {error:.{places}f}"
+            if brief
+            else f"{value:.4g} ± {error:.2g}"
+        )
         return f"({said}) {unit}" if unit else said
 
 
@@ -53,7 +70,9 @@ class Fit(NamedTuple):
 
     def estimates(self, inflation: float = 1.0) -> list[Estimate]:
         """The values with their standard errors."""
-        return [*map(Estimate, self.value, inflation * np.sqrt(np.diag(self.covariance)))]
+        return [
+            *map(Estimate, self.value, inflation * np.sqrt(np.diag(self.covariance)))
+        ]
 
 
 def least_squares(
@@ -68,12 +87,14 @@ def least_squares(
     tolerance: float = 1e-10,
     most: int = 200,
 ) -> Fit:
-    """Fit a model from several starts and the best of what is `tried`, by logarithms where a range lies above 0.
+    """Fit a model from several starts and the best of what is `tried`, by logarithms
+    where a range lies above 0.
 
-    A model may be NaN, or raise `UndecidedError`, where it has no curve. Of one `like` it, and quicker, the derivatives
-    are taken.
+    A model may be NaN, or raise `UndecidedError`, where it has no curve. Of one `like`
+    it, and quicker, the derivatives are taken.
     """
-    logarithmic, scale = low > 0, float(np.ptp(data)) or 1.0
+    logarithmic = low > 0
+    scale = float(np.ptp(data)) or 1.0
 
     def values(place: Array) -> Array:
         return np.exp(place, where=logarithmic, out=place.copy())
@@ -83,18 +104,25 @@ def least_squares(
 
     def residual(place: Array, model: Callable[[Array], Array] = model) -> Array:
         try:
-            return np.nan_to_num(np.clip((model(values(place)) - data) / scale, -1e3, 1e3), nan=1e3)
+            return np.nan_to_num(
+                np.clip((model(values(place)) - data) / scale, -1e3, 1e3), nan=1e3
+            )
         except UndecidedError:
             return np.full(data.size, 1e3)
 
-    least, largest = places(low), places(high)
-    best_tried = sorted(tried, key=lambda one: float(np.sum(residual(places(one)) ** 2)))[:1]
+    least = places(low)
+    largest = places(high)
+    best_tried = sorted(
+        tried, key=lambda one: float(np.sum(residual(places(one)) ** 2))
+    )[:1]
     fits = (
         optimize.least_squares(
             residual,
             np.clip(places(start), least + 1e-9, largest - 1e-9),
             bounds=(least, largest),
-            jac="2-point" if like is None else partial(optimize.approx_fprime, f=partial(residual, model=like)),
+            jac="2-point"
+            if like is None
+            else partial(optimize.approx_fprime, f=partial(residual, model=like)),
             x_scale="jac",
             xtol=tolerance,
             ftol=tolerance,
@@ -103,12 +131,19 @@ def least_squares(
         for start in (*starts, *best_tried)
     )
     best = min(fits, key=lambda one: one.cost)
-    square, value = 2.0 * best.cost, values(best.x)
+    square = 2.0 * best.cost
+    value = values(best.x)
     if square / data.size > 1e4:
-        raise UndecidedError("no rate-and-state parameters fit: the slider runs away for all that were tried")
+        raise UndecidedError(
+            "no rate-and-state parameters fit: the slider runs away for all that were "
+            "tried"
+        )
     # What the curve does not depend on has an error that is large, not one of 0.
     _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
-    turned = turned / np.maximum(singular, np.finfo(float).eps * max(singular[0], 1e-100))[:, None]
+    turned = (
+        turned
+        / np.maximum(singular, np.finfo(float).eps * max(singular[0], 1e-100))[:, None]
+    )
     turned = turned * np.where(logarithmic, value, 1.0)
     covariance = turned.T @ turned * square / max(data.size - value.size, 1)
     misfit = math.sqrt(square / data.size)

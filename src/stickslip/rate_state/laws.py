@@ -1,4 +1,6 @@
-"""Rate and state: the two laws, their spring-slider, their small-step response and their critical stiffness."""
+"""Rate and state: the two laws, their spring-slider, their small-step response and
+their critical stiffness.
+"""
 
 import math
 from dataclasses import dataclass
@@ -22,7 +24,8 @@ class RateAndState(Record):
     Parameters
     ----------
     law : {"ageing", "slip"}
-        How the state evolves: ``theta' = 1 - V theta/D`` (Dieterich), or ``-(V theta/D) ln(V theta/D)`` (Ruina).
+        How the state evolves: ``theta' = 1 - V theta/D`` (Dieterich), or
+        ``-(V theta/D) ln(V theta/D)`` (Ruina).
     a, b : float
         Direct and evolution effect, in the unit of the friction.
     distance : float
@@ -32,12 +35,16 @@ class RateAndState(Record):
     law: Law
     a: Annotated[float, Number("f_s", above=0, hint="direct effect")]
     b: Annotated[float, Number("f_s", at_least=0, hint="evolution effect")]
-    distance: Annotated[float, Number("x_s", above=0, hint="distance D over which the state evolves")]
+    distance: Annotated[
+        float, Number("x_s", above=0, hint="distance D over which the state evolves")
+    ]
 
     def critical_stiffness(self, contact_stiffness: float = math.inf) -> float:
-        """Stiffness below which steady sliding of a slider without mass is unstable; 0 if it never is.
+        """Stiffness below which steady sliding of a slider without mass is unstable; 0
+        if it never is.
 
-        ``(b - a)/D``; with the spring of the contacts in series ``1/(D/(b - a) - 1/k_c)``.
+        ``(b - a)/D``; with the spring of the contacts in series
+        ``1/(D/(b - a) - 1/k_c)``.
         """
         if self.b <= self.a:
             return 0.0
@@ -45,7 +52,8 @@ class RateAndState(Record):
         return 1.0 / softness if softness > 0 else math.inf
 
     def slide(self, time: ArrayLike, velocity: ArrayLike, *, stiffness: float) -> Array:
-        """Friction minus that of the start, velocity and state ``theta`` of a massless slider, from steady sliding.
+        """Friction minus that of the start, velocity and state ``theta`` of a massless
+        slider, from steady sliding.
 
         Parameters
         ----------
@@ -59,59 +67,94 @@ class RateAndState(Record):
         Raises
         ------
         UndecidedError
-            If the slider runs away: with the slip law it may after a large step even on a spring stiffer than critical.
+            If the slider runs away: with the slip law it may after a large step even on
+            a spring stiffer than critical.
 
         Examples
         --------
         >>> from stickslip.rate_state import RateAndState
         >>> law = RateAndState(law="ageing", a=0.005, b=0.01, distance=10.0)
         >>> time = np.arange(0.0, 41.0)
-        >>> friction, _, _ = law.slide(time, np.where(time < 10, 1.0, 10.0), stiffness=1e-3)
+        >>> friction, _, _ = law.slide(
+        ...     time, np.where(time < 10, 1.0, 10.0), stiffness=1e-3
+        ... )
         >>> print(f"{0.6 + friction[11]:.8f}")
         0.60720485
         """
         from stickslip.kernels import rate_state as kernel
 
-        t, pull = numbers("time", time), numbers("velocity", velocity)
-        if t.ndim != 1 or t.shape != pull.shape or t.size < 2 or np.any(np.diff(t) <= 0):
+        t = numbers("time", time)
+        pull = numbers("velocity", velocity)
+        if (
+            t.ndim != 1
+            or t.shape != pull.shape
+            or t.size < 2
+            or np.any(np.diff(t) <= 0)
+        ):
             raise InputError(
-                f"time, velocity: shapes {t.shape} and {pull.shape}: must be equal, (n,), the times rising"
+                f"time, velocity: shapes {t.shape} and {pull.shape}: must be equal, "
+                "(n,), the times rising"
             )
-        start = number("velocity[0]", float(pull[0]), above=0, hint="steady sliding at the start")
+        start = number(
+            "velocity[0]", float(pull[0]), above=0, hint="steady sliding at the start"
+        )
         k = number("stiffness", stiffness, above=0, hint="friction per displacement")
         kind = kernel.AGEING if self.law == "ageing" else kernel.SLIP
-        friction, speed, state = kernel.slide(kind, self.a, self.b, self.distance, k, t, pull, 1e-11)
+        friction, speed, state = kernel.slide(
+            kind, self.a, self.b, self.distance, k, t, pull, 1e-11
+        )
         if np.isnan(friction[-1]):
             gone = t[int(np.argmax(np.isnan(friction)))]
             raise UndecidedError(
-                f"{self}: on a spring of {k:.4g} the slider runs away before time {gone:.4g} "
-                f"(critical stiffness {self.critical_stiffness():.4g}); give a stiffer spring"
+                f"{self}: on a spring of {k:.4g} the slider runs away before time "
+                f"{gone:.4g} "
+                f"(critical stiffness {self.critical_stiffness():.4g}); give a stiffer "
+                "spring"
             )
-        return np.array([friction, start * np.exp(speed), self.distance / start * np.exp(state)])
+        return np.array(
+            [friction, start * np.exp(speed), self.distance / start * np.exp(state)]
+        )
 
     def step(self, slip: ArrayLike, ratio: float, *, stiffness: float) -> Array:
-        """Friction after a step of the velocity by a factor, over the displacement of the load point; 0 before it."""
+        """Friction after a step of the velocity by a factor, over the displacement
+        of the load point; 0 before it.
+        """
         x = np.asarray(slip, dtype=float)
-        found, (later, place) = np.zeros_like(x), np.unique(x[x > 0], return_inverse=True)
+        found = np.zeros_like(x)
+        later, place = np.unique(x[x > 0], return_inverse=True)
         if later.size:  # in units of the first velocity
             time = np.concatenate([[-1.0, 0.0], later / ratio])
-            found[x > 0] = self.slide(time, np.where(time < 0, 1.0, ratio), stiffness=stiffness)[0, 2:][place]
+            found[x > 0] = self.slide(
+                time, np.where(time < 0, 1.0, ratio), stiffness=stiffness
+            )[0, 2:][place]
         return found
 
     def small_step(self, slip: ArrayLike, *, stiffness: float) -> Array:
-        """Friction over ``ln`` of the ratio after a small step of the velocity: the same for both laws.
+        """Friction over ``ln`` of the ratio after a small step of the velocity: the
+        same for both laws.
 
         The inverse transform of ``k G/(q (k + q G))`` with ``G = a - b/(1 + q D)``.
         """
-        x, k, level, damped = np.asarray(slip, dtype=float), stiffness, self.a - self.b, self.a * self.distance
+        x = np.asarray(slip, dtype=float)
+        k = stiffness
+        level = self.a - self.b
+        damped = self.a * self.distance
         poles = np.roots([damped, k * self.distance + level, k]).astype(complex)
         if abs(poles[0] - poles[1]) < 1e-9 * abs(poles[0]):
             poles[0] *= 1.0 + 1e-6
         found = np.full(x.shape, complex(level))
         for pole, other in (poles, poles[::-1]):
             with np.errstate(over="ignore"):
-                found += k * (level + damped * pole) / (damped * pole * (pole - other)) * np.exp(pole * x)
+                found += (
+                    k
+                    * (level + damped * pole)
+                    / (damped * pole * (pole - other))
+                    * np.exp(pole * x)
+                )
         return np.asarray(found.real)
 
     def __str__(self) -> str:
-        return f"{self.law} law, a = {self.a:.4g}, b = {self.b:.4g}, D = {self.distance:.4g}"
+        return (
+            f"{self.law} law, a = {self.a:.4g}, b = {self.b:.4g}, D = "
+            f"{self.distance:.4g}"
+        )

@@ -1,4 +1,6 @@
-"""Is it rate and state? What a, b, D an interface has, how well they describe it, and what they get wrong."""
+"""Is it rate and state? What a, b, D an interface has, how well they describe it,
+and what they get wrong.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -13,7 +15,12 @@ from stickslip.measure.arrays import Array
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
 from stickslip.model.records import Number, converted
 from stickslip.model.units import si_unit
-from stickslip.rate_state.contacts import ROUGH, contact_stiffness, finite_step, small_step
+from stickslip.rate_state.contacts import (
+    ROUGH,
+    contact_stiffness,
+    finite_step,
+    small_step,
+)
 from stickslip.rate_state.fitting import Estimate, Fit, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.sliding import kinetic_friction, respond
@@ -23,32 +30,43 @@ from stickslip.words import engineering
 SLIP, _POINTS = 6.0, 600
 """Slip over which steps are fitted, in mean thresholds, and at how many places."""
 MISFIT, DRIFTS = 0.05, {"a": 0.10, "b": 0.10, "D": 0.20}
-"""Of rate and state, below: misfit of a small step, and change of each parameter over a decade of velocity."""
+"""Of rate and state, below: misfit of a small step, and change of each parameter
+over a decade of velocity.
+"""
 _RESOLVED, _FAST = 0.3, 200.0
-"""Least direct effect, in the fitted a, that counts as one, and at which wave number, over the mean threshold."""
+"""Least direct effect, in the fitted a, that counts as one, and at which wave
+number, over the mean threshold.
+"""
 _LEAST, _MOST = 1e-7, 1e3
-"""Range of a and b over the largest change of the force; the least is 0, for a logarithm."""
+"""Range of a and b over the largest change of the force; the least is 0, for a
+logarithm.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RateAndStateFit(Answer):
     """Rate-and-state parameters of an interface, and what they are worth.
 
-    Per contact and in natural units; `in_units` gives those of a rig. `Estimate` is a number with its standard
-    ``error``, which says how well the step fixes the parameters, not how well the law describes it.
+    Per contact and in natural units; `in_units` gives those of a rig. `Estimate` is a
+    number with its standard ``error``, which says how well the step fixes the
+    parameters, not how well the law describes it.
     """
 
-    law: Law  #: "ageing" or "slip", whose distance changes less between a step up and a step down
-    a: Annotated[Estimate, Number("f_s")]  #: of the step that was asked for; of a small one where it is not like them
+    #: "ageing" or "slip", whose distance changes less between a step up and a step down
+    law: Law
+    #: of the step that was asked for; of a small one where it is not like them
+    a: Annotated[Estimate, Number("f_s")]
     b: Annotated[Estimate, Number("f_s")]  #: evolution effect; ``a`` is the direct one
     distance: Annotated[Estimate, Number("x_s")]  #: ``D``, over which the state evolves
     misfit: float  #: of a small step: rms over the range of the force
     step_misfit: float | None  #: the same for the step that was asked for
-    drift: tuple[float, ...]  #: relative change of a, b, D, of small steps, over the decade of velocity
-    asymmetry: float | None  #: ``D`` of the step up over that of the step down, for the law
+    #: relative change of a, b, D, of small steps, over the decade of velocity
+    drift: tuple[float, ...]
+    #: ``D`` of the step up over that of the step down, for the law
+    asymmetry: float | None
 
-    #: Growth of the peaks after holds per e-fold of the hold time, for long holds: the slope of ageing. None where
-    #: thresholds do not grow with the logarithm of age.
+    #: Growth of the peaks after holds per e-fold of the hold time, for long holds: the
+    #: slope of ageing. None where thresholds do not grow with the logarithm of age.
     healing: Annotated[float | None, Number("f_s")]
 
     velocity: Annotated[float, Number("x_s/time")]  #: of smooth sliding before the step
@@ -56,18 +74,22 @@ class RateAndStateFit(Answer):
     kinetic_friction: Annotated[float, Number("f_s")]  #: force in smooth sliding
     contact_stiffness: Annotated[float, Number("k")]  #: of the attached contacts
 
-    #: Stiffness of the driving spring below which smooth sliding of a slider without mass is unstable: by rate and
-    #: state, in series with the contacts.
+    #: Stiffness of the driving spring below which smooth sliding of a slider without
+    #: mass is unstable: by rate and state, in series with the contacts.
     critical_stiffness: Annotated[float, Number("k")]
 
-    exact_critical_stiffness: Annotated[float, Number("k")]  #: the same by the contacts themselves
+    #: the same by the contacts themselves
+    exact_critical_stiffness: Annotated[float, Number("k")]
 
     holds: bool  #: whether the interface is rate-and-state-like
     reason: str  #: what fails, or what was tested
-    scales: Scales | None = None  #: of the rig in whose units, N and m, the numbers are; None in natural units
+    #: of the rig in whose units, N and m, the numbers are; None in natural units
+    scales: Scales | None = None
 
     def in_units(self, of: Rig | Scales) -> Self:
-        """Return parameters found in natural units in those of a rig: forces of all its contacts, in N."""
+        """Return parameters found in natural units in those of a rig: forces of all
+        its contacts, in N.
+        """
         scales = of.scales if isinstance(of, Rig) else of
         if scales is None or self.scales is not None:
             return self
@@ -80,63 +102,100 @@ class RateAndStateFit(Answer):
 
     @property
     def healing_over_b(self) -> float | None:
-        """Healing over b: rate and state says 1; contacts with ageing ``c`` and width ``A`` say ``2 c/(A + c)``."""
+        """Healing over b: rate and state says 1; contacts with ageing ``c`` and
+        width ``A`` say ``2 c/(A + c)``.
+        """
         return None if self.healing is None else self.healing / self.b
 
     @property
     def ratio(self) -> float:
-        """Critical stiffness by rate and state over the exact one; NaN where neither has one."""
-        exact, fitted = self.exact_critical_stiffness, self.critical_stiffness
+        """Critical stiffness by rate and state over the exact one; NaN where neither
+        has one.
+        """
+        exact = self.exact_critical_stiffness
+        fitted = self.critical_stiffness
         if exact > 0:
             return fitted / exact
         return math.inf if fitted > 0 else math.nan
 
     @property
     def danger(self) -> Literal["none", "too low", "too high"]:
-        """Which way the critical stiffness of rate and state errs; too low is the unsafe side."""
+        """Which way the critical stiffness of rate and state errs; too low is the
+        unsafe side.
+        """
         if math.isnan(self.ratio) or abs(self.ratio - 1.0) < 0.01:
             return "none"
         return "too low" if self.ratio < 1.0 else "too high"
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values."""
-        derived = {"healing_over_b": self.healing_over_b, "ratio": self.ratio, "danger": self.danger}
+        derived = {
+            "healing_over_b": self.healing_over_b,
+            "ratio": self.ratio,
+            "danger": self.danger,
+        }
         return {**super().to_dict(), **plain(derived)}
 
     def __str__(self) -> str:
         if not self.holds:
             return f"not rate-and-state: {self.reason}"
-        force, length, spring = ("" if self.scales is None else si_unit(unit) for unit in ("f_s", "x_s", "k"))
-        exact, fitted = (engineering(k, spring) for k in (self.exact_critical_stiffness, self.critical_stiffness))
-        side = {"none": "", "too low": "on the unsafe side", "too high": "on the safe side"}[self.danger]
-        percent = f"{100 * abs(1 - self.ratio):.0f} % " if math.isfinite(self.ratio) else ""
+        force, length, spring = (
+            "" if self.scales is None else si_unit(unit) for unit in ("f_s", "x_s", "k")
+        )
+        exact, fitted = (
+            engineering(k, spring)
+            for k in (self.exact_critical_stiffness, self.critical_stiffness)
+        )
+        side = {
+            "none": "",
+            "too low": "on the unsafe side",
+            "too high": "on the safe side",
+        }[self.danger]
+        percent = (
+            f"{100 * abs(1 - self.ratio):.0f} % " if math.isfinite(self.ratio) else ""
+        )
         away = f" ({percent}{self.danger}, {side})" if side else ""
         lines = [
             f"rate-and-state-like: {self.reason}",
             f"{self.law} law, a = {self.a.words(force)}, b = {self.b.words(force)}, "
-            f"D = {self.distance.words(length)}, a - b = {engineering(self.a - self.b, force, 3)}",
-            "steady sliding is stable on any spring, by rate and state as by the contacts"
+            f"D = {self.distance.words(length)}, a - b = "
+            f"{engineering(self.a - self.b, force, 3)}",
+            (
+                "steady sliding is stable on any spring, by rate and state as by the "
+                "contacts"
+            )
             if self.exact_critical_stiffness == self.critical_stiffness == 0
-            else f"critical stiffness in steady sliding: {exact} exactly, {fitted} by rate and state{away}",
+            else (
+                f"critical stiffness in steady sliding: {exact} exactly, {fitted} by "
+                f"rate and state{away}"
+            ),
         ]
         if self.healing is not None:
             lines.append(
-                f"healing after long holds: {engineering(self.healing, force)} per e-fold of hold time, "
+                f"healing after long holds: {engineering(self.healing, force)} per "
+                "e-fold of hold time, "
                 f"{self.healing_over_b:.2f} times b"
             )
         return "\n".join(lines)
 
 
 def rate_and_state(
-    interface: Interface, velocity: float = 1.0, *, step: float = 10.0, law: Literal["best", "ageing", "slip"] = "best"
+    interface: Interface,
+    velocity: float = 1.0,
+    *,
+    step: float = 10.0,
+    law: Literal["best", "ageing", "slip"] = "best",
 ) -> RateAndStateFit:
-    """Say whether an interface is rate-and-state-like, with which parameters, and what these get wrong.
+    """Say whether an interface is rate-and-state-like, with which parameters, and what
+    these get wrong.
 
-    Small steps of the velocity, from the exact linear response, are fitted over six breaking displacements at this
-    velocity and at both ends of the decade about it. Rate-and-state-like is what has a direct effect (``a`` above 0),
-    a misfit below 5 %, and ``a`` and ``b`` that change by less than 10 % and ``D`` by less than 20 % over the decade.
-    Then a step by the factor asked for, up and down, tells the law and gives the numbers. The critical stiffness by
-    rate and state stands beside the exact one.
+    Small steps of the velocity, from the exact linear response, are fitted over six
+    breaking displacements at this velocity and at both ends of the decade about it.
+    Rate-and-state-like is what has a direct effect (``a`` above 0), a misfit below 5 %,
+    and ``a`` and ``b`` that change by less than 10 % and ``D`` by less than 20 % over
+    the decade. Then a step by the factor asked for, up and down, tells the law and
+    gives the numbers. The critical stiffness by rate and state stands beside the exact
+    one.
 
     Parameters
     ----------
@@ -150,41 +209,66 @@ def rate_and_state(
     Raises
     ------
     InputError
-        If there is no smooth sliding, its response is not known, or friction does not change with the velocity.
+        If there is no smooth sliding, its response is not known, or friction does not
+        change with the velocity.
 
     Examples
     --------
-    >>> contacts = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1))
+    >>> contacts = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.1)
+    ... )
     >>> ss.rate_and_state(contacts).holds
     False
     """
     instance("rate_and_state: interface", interface, Interface, "an Interface")
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     step = number("step", step, above=1, hint="ratio of the velocities")
-    laws, ageing = LAWS if law == "best" else (law,), interface.ageing
+    laws = LAWS if law == "best" else (law,)
+    ageing = interface.ageing
     if respond(interface).inert:
         raise InputError(
-            "rate_and_state: the friction force does not change with the velocity: without temperature, ageing and "
+            "rate_and_state: the friction force does not change with the velocity: "
+            "without temperature, ageing and "
             "delay there is nothing to fit; give one of them"
         )
     small = fit = _small(interface, speed)
     drift, failing = [math.nan] * 3, _failing(interface, speed, small)
     if not failing:
-        low, high = (_small(interface, v).value for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0)))
+        low, high = (
+            _small(interface, v).value
+            for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0))
+        )
         drift = ((high - low) / small.value).tolist()
         said = "{} changes by {:.3g} % over a decade of velocity; must be below {:g} %"
         changed = zip(DRIFTS, drift, DRIFTS.values(), strict=True)
-        failing = next((said.format(one, 100 * now, 100 * most) for one, now, most in changed if abs(now) >= most), "")
-    chosen, asymmetry = laws[0], None
+        failing = next(
+            (
+                said.format(one, 100 * now, 100 * most)
+                for one, now, most in changed
+                if abs(now) >= most
+            ),
+            "",
+        )
+    chosen = laws[0]
+    asymmetry = None
     if not failing:
         chosen, fit, asymmetry = _of_a_step(interface, speed, step, laws, small.value)
     spring = contact_stiffness(interface, speed)
-    found: dict[str, Any] = dict(zip(("a", "b", "distance"), fit.estimates(), strict=True))
+    found: dict[str, Any] = dict(
+        zip(("a", "b", "distance"), fit.estimates(), strict=True)
+    )
     try:
-        exact = critical_spring(Rig(interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed)))
+        exact = critical_spring(
+            Rig(
+                interface, Slider(stiffness=1.0, mass=0.0, damping=0.0), constant(speed)
+            )
+        )
     except UndecidedError:
         exact = math.nan
-    tested = "misfit {:.2g} %; over a decade a changes by {:.2g} %, b by {:.2g} %, D by {:.2g} %"
+    tested = (
+        "misfit {:.2g} %; over a decade a changes by {:.2g} %, b by {:.2g} %, D "
+        "by {:.2g} %"
+    )
     return RateAndStateFit(
         law=chosen,
         **found,
@@ -200,57 +284,105 @@ def rate_and_state(
         critical_stiffness=RateAndState(law=chosen, **found).critical_stiffness(spring),
         exact_critical_stiffness=exact,
         holds=not failing,
-        reason=failing or tested.format(*(100.0 * part for part in (small.misfit, *drift))),
+        reason=failing
+        or tested.format(*(100.0 * part for part in (small.misfit, *drift))),
     )
 
 
-def _fitted(model: Callable[[RateAndState], Array], rise: Array, reach: float, law: Law, near: Array | None) -> Fit:
-    """Fit a, b, D to the force from a step on, 0 at first, over so much slip; near some values, if there are any."""
+def _fitted(
+    model: Callable[[RateAndState], Array],
+    rise: Array,
+    reach: float,
+    law: Law,
+    near: Array | None,
+) -> Fit:
+    """Fit a, b, D to the force from a step on, 0 at first, over so much slip; near
+    some values, if there are any.
+    """
     largest = float(np.max(np.abs(rise)))
     low = np.array([_LEAST * largest, _LEAST * largest, 1e-4 * reach])
     high = np.array([_MOST * largest, _MOST * largest, 10.0 * reach])
     left = max(largest - float(rise[-1]), 0.05 * largest)
-    starts = [np.array([largest, left, part * reach]) for part in (0.02, 0.05, 0.15)] if near is None else [near]
+    starts = (
+        [np.array([largest, left, part * reach]) for part in (0.02, 0.05, 0.15)]
+        if near is None
+        else [near]
+    )
     return least_squares(
-        lambda one: model(RateAndState(law=law, a=one[0], b=one[1], distance=one[2])), rise, starts, low, high
+        lambda one: model(RateAndState(law=law, a=one[0], b=one[1], distance=one[2])),
+        rise,
+        starts,
+        low,
+        high,
     )
 
 
 def _small(interface: Interface, velocity: float) -> Fit:
-    """Fit a small step, from the linear response of the contacts: the same for both laws."""
-    slip = np.linspace(0.0, SLIP * interface.threshold_distribution.moment(1), _POINTS + 1)
+    """Fit a small step, from the linear response of the contacts: the same for both
+    laws.
+    """
+    slip = np.linspace(
+        0.0, SLIP * interface.threshold_distribution.moment(1), _POINTS + 1
+    )
     rise = np.append(0.0, small_step(interface, velocity, slip[1:]))
     spring = contact_stiffness(interface, velocity)
-    return _fitted(lambda one: one.small_step(slip, stiffness=spring), rise, slip[-1], "slip", None)
+    return _fitted(
+        lambda one: one.small_step(slip, stiffness=spring), rise, slip[-1], "slip", None
+    )
 
 
 def _of_a_step(
     interface: Interface, velocity: float, step: float, laws: Sequence[Law], near: Array
 ) -> tuple[Law, Fit, float]:
-    """Fit laws to steps up and down: the law of which D changes less, its fit, and D up over D down."""
+    """Fit laws to steps up and down: the law of which D changes less, its fit, and D
+    up over D down.
+    """
     reach = SLIP * interface.threshold_distribution.moment(1)
 
     def fits(before: float, after: float) -> list[Fit]:
-        lead, force = (each[::3] for each in finite_step(interface, before, after, reach, method=ROUGH))
-        how = {"ratio": after / before, "stiffness": contact_stiffness(interface, before)}
-        return [_fitted(lambda one: one.step(lead, **how), force, reach, law, near) for law in laws]
+        lead, force = (
+            each[::3]
+            for each in finite_step(interface, before, after, reach, method=ROUGH)
+        )
+        how = {
+            "ratio": after / before,
+            "stiffness": contact_stiffness(interface, before),
+        }
+        return [
+            _fitted(lambda one: one.step(lead, **how), force, reach, law, near)
+            for law in laws
+        ]
 
-    both = zip(laws, fits(velocity, velocity * step), fits(velocity * step, velocity), strict=True)
+    both = zip(
+        laws,
+        fits(velocity, velocity * step),
+        fits(velocity * step, velocity),
+        strict=True,
+    )
     found = [(law, up, float(up.value[2] / down.value[2])) for law, up, down in both]
     return min(found, key=lambda one: abs(math.log(one[2])))
 
 
 def _failing(interface: Interface, velocity: float, fit: Fit) -> str:
     """Say what keeps it from being rate and state, or nothing."""
-    a, spring = fit.estimates()[0], contact_stiffness(interface, velocity)
+    a = fit.estimates()[0]
+    spring = contact_stiffness(interface, velocity)
     wave = 1j * _FAST / interface.threshold_distribution.moment(1)
     kappa = complex(respond(interface).stiffness(velocity, wave * velocity))
     direct = (kappa * spring / (wave * (spring - kappa))).real
     if not direct > _RESOLVED * a:
-        found = f"a = {max(direct, 0.0):.2g} at high frequency, where the fit of a step needs {a:.2g}"
-        return f"no direct effect: {found}" + ("" if interface.temperature else "; add [interface.temperature]")
+        found = (
+            f"a = {max(direct, 0.0):.2g} at high frequency, where the fit of a "
+            f"step needs {a:.2g}"
+        )
+        return f"no direct effect: {found}" + (
+            "" if interface.temperature else "; add [interface.temperature]"
+        )
     if a < 2.0 * a.error:
         return f"a = {a:.2g} ± {a.error:.1g} is not resolved"
     if fit.misfit >= MISFIT:
-        return f"a small step is fitted to {100 * fit.misfit:.2g} % of its range only; must be below {100 * MISFIT:g} %"
+        return (
+            f"a small step is fitted to {100 * fit.misfit:.2g} % of its range only; "
+            f"must be below {100 * MISFIT:g} %"
+        )
     return ""

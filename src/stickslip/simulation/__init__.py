@@ -1,7 +1,8 @@
-"""Runs of a rig: an interface, a slider, a drive and a method in, a labelled Dataset out.
+"""Runs of a rig: an interface, a slider, a drive and a method in, a labelled Dataset
+out.
 
-`engines` holds the solvers, one class each behind one protocol; `follow` takes any of them along any drive; `result`
-makes the Dataset.
+`engines` holds the solvers, one class each behind one protocol; `follow` takes any of
+them along any drive; `result` makes the Dataset.
 """
 
 from stickslip.simulation.engines import Beginning, Leg
@@ -9,8 +10,34 @@ from stickslip.simulation.engines.base import engine_of as check_method
 from stickslip.simulation.engines.panels import Panels
 from stickslip.simulation.follow import follow_leg
 from stickslip.simulation.result import LABELS, labelled
-from stickslip.simulation.run import Recording, estimate, pull_rigidly, record, rerun, rig_of, simulate
+from stickslip.simulation.run import (
+    Recording,
+    estimate,
+    pull_rigidly,
+    record,
+    rerun,
+    rig_of,
+    simulate,
+)
 from stickslip.simulation.steps_and_holds import slide_hold_slide, velocity_step
 
-__all__ = ["LABELS", "Beginning", "Leg", "Panels", "Recording", "check_method", "estimate", "follow_leg", "labelled"]
-__all__ += ["pull_rigidly", "record", "rerun", "rig_of", "simulate", "slide_hold_slide", "velocity_step"]
+__all__ = [
+    "LABELS",
+    "Beginning",
+    "Leg",
+    "Panels",
+    "Recording",
+    "check_method",
+    "estimate",
+    "follow_leg",
+    "labelled",
+]
+__all__ += [
+    "pull_rigidly",
+    "record",
+    "rerun",
+    "rig_of",
+    "simulate",
+    "slide_hold_slide",
+    "velocity_step",
+]

@@ -1,4 +1,6 @@
-"""The driver: any engine along any drive, with samples, snapshots, conditions and progress."""
+"""The driver: any engine along any drive, with samples, snapshots, conditions and
+progress.
+"""
 
 from dataclasses import astuple, dataclass
 
@@ -14,7 +16,9 @@ from stickslip.simulation.engines.base import MOTION, Array
 
 @dataclass(frozen=True)
 class Track:
-    """Where an engine has been: samples, the drive at their times, and snapshots with their times."""
+    """Where an engine has been: samples, the drive at their times, and snapshots
+    with their times.
+    """
 
     columns: tuple[str, ...]
     times: Array
@@ -38,13 +42,19 @@ def follow(
     progress: Progress | None = None,
     before: Track | None = None,
 ) -> Track:
-    """Follow a drive from piece to piece, from time 0 on, or what was `before`; a condition may end a piece early.
+    """Follow a drive from piece to piece, from time 0 on, or what was `before`; a
+    condition may end a piece early.
 
-    A sample on the seam of two pieces belongs to the earlier one. Raises `InputError`, naming the moment, if the
-    numbers of the run stop being finite.
+    A sample on the seam of two pieces belongs to the earlier one. Raises `InputError`,
+    naming the moment, if the numbers of the run stop being finite.
     """
-    report, total = progress or (lambda _: None), drive.duration
-    parts = [] if before is None else [(before.times, before.rows, before.drive_velocity, before.drive_position)]
+    report = progress or (lambda _: None)
+    total = drive.duration
+    parts = (
+        []
+        if before is None
+        else [(before.times, before.rows, before.drive_velocity, before.drive_position)]
+    )
     snapshots = [] if before is None else [*before.snapshots]
     filled = 0
     for piece in drive.pieces:
@@ -52,26 +62,53 @@ def follow(
         end = begin + piece.duration
         motion = Quadratic(begin, position, piece.start, piece.acceleration)
         last = np.searchsorted(times, end * (1 + 1e-12), side="right")
-        leg = Leg(motion, end, times[filled:last], _stop(piece.until, X), looks[len(snapshots) :])
+        leg = Leg(
+            motion,
+            end,
+            times[filled:last],
+            _stop(piece.until, X),
+            looks[len(snapshots) :],
+        )
         rows, seen = follow_leg(engine, leg, lambda t: report(min(t / total, 1.0)))
         at = leg.times[: len(rows)]
-        parts.append((at, rows, motion.velocity + motion.acceleration * (at - begin), leg.drive_position(at)))
+        parts.append(
+            (
+                at,
+                rows,
+                motion.velocity + motion.acceleration * (at - begin),
+                leg.drive_position(at),
+            )
+        )
         snapshots += zip(leg.looks, seen, strict=False)
         filled += len(rows)
         position = float(leg.drive_position(np.asarray(engine.here()[0])))
     report(1.0)
-    times, rows, velocity, place = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Track(engine.columns, times, rows, velocity, place, tuple(snapshots), position)
+    times, rows, velocity, place = (
+        np.concatenate(part) for part in zip(*parts, strict=True)
+    )
+    return Track(
+        engine.columns, times, rows, velocity, place, tuple(snapshots), position
+    )
 
 
-def follow_leg(engine: Engine, leg: Leg, report: Progress = lambda _: None) -> tuple[Array, list[Stretchings]]:
-    """Follow a leg to its end; returns a row for each sample that was passed, and what the looks have seen."""
-    parts, seen, filled, over = list[Array](), list[Stretchings](), 0, False
+def follow_leg(
+    engine: Engine, leg: Leg, report: Progress = lambda _: None
+) -> tuple[Array, list[Stretchings]]:
+    """Follow a leg to its end; returns a row for each sample that was passed, and
+    what the looks have seen.
+    """
+    parts = list[Array]()
+    seen = list[Stretchings]()
+    filled = 0
+    over = False
     while not over:
-        passed = engine.advance(leg._replace(times=leg.times[filled:], looks=leg.looks[len(seen) :]))
+        passed = engine.advance(
+            leg._replace(times=leg.times[filled:], looks=leg.looks[len(seen) :])
+        )
         _check_finite(engine, leg, leg.times[filled:], passed.rows)
         parts.append(passed.rows)
-        filled, over = filled + len(passed.rows), passed.over
+        filled = filled + len(passed.rows)
+        over = passed.over
         seen += passed.looks
         report(engine.here()[0])
     return np.concatenate(parts), seen
@@ -80,15 +117,22 @@ def follow_leg(engine: Engine, leg: Leg, report: Progress = lambda _: None) -> t
 def _check_finite(engine: Engine, leg: Leg, times: Array, rows: Array) -> None:
     lost = np.flatnonzero(~np.isfinite(rows[:, : len(MOTION)]).all(axis=1))
     if lost.size or not np.isfinite(engine.here()).all():
-        since = times[lost[0]] if lost.size else (times[len(rows) - 1] if len(rows) else leg.drive.start)
+        since = (
+            times[lost[0]]
+            if lost.size
+            else (times[len(rows) - 1] if len(rows) else leg.drive.start)
+        )
         raise InputError(
-            f"from t = {since:g} on the numbers of the run are not finite: the rig has scales too far apart "
+            f"from t = {since:g} on the numbers of the run are not finite: the rig has "
+            "scales too far apart "
             f"({engine.slider}, drive of velocity {leg.drive.velocity:g})"
         )
 
 
 def _stop(until: Condition | None, X: float) -> Stop:
-    """Return a condition as the kernels take it, on a piece that begins with the slider at `X`."""
+    """Return a condition as the kernels take it, on a piece that begins with the
+    slider at `X`.
+    """
     if until is None:
         return Stop()
     kinds = {Travel: TRAVEL, ForceAbove: FORCE_ABOVE, ForceBelow: FORCE_BELOW}

@@ -24,22 +24,60 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "attached": {"units": "1", "long_name": "fraction of attached contacts"},
     "drive_velocity": {"units": "x_s/time", "long_name": "velocity of the drive"},
     "work": {"units": "f_s x_s", "long_name": "work of the drive, per contact"},
-    "kinetic_energy": {"units": "f_s x_s", "long_name": "kinetic energy of the slider, per contact"},
-    "spring_energy": {"units": "f_s x_s", "long_name": "energy of the driving spring, per contact"},
-    "contact_energy": {"units": "f_s x_s", "long_name": "energy stored in contacts, per contact"},
-    "damped_energy": {"units": "f_s x_s", "long_name": "energy dissipated by damping, per contact"},
-    "broken_energy": {"units": "f_s x_s", "long_name": "energy lost by the contacts, per contact"},
+    "kinetic_energy": {
+        "units": "f_s x_s",
+        "long_name": "kinetic energy of the slider, per contact",
+    },
+    "spring_energy": {
+        "units": "f_s x_s",
+        "long_name": "energy of the driving spring, per contact",
+    },
+    "contact_energy": {
+        "units": "f_s x_s",
+        "long_name": "energy stored in contacts, per contact",
+    },
+    "damped_energy": {
+        "units": "f_s x_s",
+        "long_name": "energy dissipated by damping, per contact",
+    },
+    "broken_energy": {
+        "units": "f_s x_s",
+        "long_name": "energy lost by the contacts, per contact",
+    },
     "breaking_rate": {"units": "1/x_s", "long_name": "breaks per contact and x_s"},
     "stiffness": {"units": "k", "long_name": "stiffness dF_c/dX, per contact"},
-    "stretching_density": {"units": "1/x_s", "long_name": "density of stretchings, per contact"},
-    "bulk_energy": {"units": "f_s x_s", "long_name": "energy of the springs between blocks, per contact of a block"},
-    "viscous_energy": {"units": "f_s x_s", "long_name": "energy dissipated between blocks, per contact of a block"},
+    "stretching_density": {
+        "units": "1/x_s",
+        "long_name": "density of stretchings, per contact",
+    },
+    "bulk_energy": {
+        "units": "f_s x_s",
+        "long_name": "energy of the springs between blocks, per contact of a block",
+    },
+    "viscous_energy": {
+        "units": "f_s x_s",
+        "long_name": "energy dissipated between blocks, per contact of a block",
+    },
     "broken": {"units": "1", "long_name": "breaks since the start, per contact"},
-    "pulling_force": {"units": "f_s", "long_name": "force of the driving spring of a block, per contact"},
-    "preload": {"units": "f_s", "long_name": "force on a block by its springs, with block and drive at 0, per contact"},
+    "pulling_force": {
+        "units": "f_s",
+        "long_name": "force of the driving spring of a block, per contact",
+    },
+    "preload": {
+        "units": "f_s",
+        "long_name": (
+            "force on a block by its springs, with block and drive at 0, per contact"
+        ),
+    },
     "first_break": {"units": "time", "long_name": "time of the first break"},
-    "first_break_force": {"units": "f_s", "long_name": "spring force at the first break"},
-    "half_detached": {"units": "time", "long_name": "first time at which half of the contacts are detached"},
+    "first_break_force": {
+        "units": "f_s",
+        "long_name": "spring force at the first break",
+    },
+    "half_detached": {
+        "units": "time",
+        "long_name": "first time at which half of the contacts are detached",
+    },
     "block": {"units": "1", "long_name": "block"},
     "pulled": {"units": "1", "long_name": "block that the drive pulls"},
     "x": {"units": "x_s", "long_name": "stretching"},
@@ -48,16 +86,28 @@ LABELS: Mapping[str, Mapping[str, str]] = {
 """Units and names of every variable of a run."""
 
 
-def labelled(name: str, dims: str | tuple[str, ...], values: ArrayLike, units: str | None = None) -> Labelled:
-    """Return a variable with its units and its long name, for a Dataset: of `LABELS`, or `name` with `units`."""
-    attributes = dict(LABELS[name]) if units is None else {"units": units, "long_name": name}
+def labelled(
+    name: str, dims: str | tuple[str, ...], values: ArrayLike, units: str | None = None
+) -> Labelled:
+    """Return a variable with its units and its long name, for a Dataset: of
+    `LABELS`, or `name` with `units`.
+    """
+    attributes = (
+        dict(LABELS[name]) if units is None else {"units": units, "long_name": name}
+    )
     return dims, np.asarray(values), attributes
 
 
 def dataset_of(
-    track: Track, slider: Slider | ElasticBody, bins: int, provenance: str, marks: Mapping[str, Array] | None = None
+    track: Track,
+    slider: Slider | ElasticBody,
+    bins: int,
+    provenance: str,
+    marks: Mapping[str, Array] | None = None,
 ) -> xr.Dataset:
-    """Return the Dataset of a run, in natural units; `bins` are those of a snapshot, `marks` of the blocks."""
+    """Return the Dataset of a run, in natural units; `bins` are those of a snapshot,
+    `marks` of the blocks.
+    """
     variables: dict[str, Labelled] = {}
     coordinates = {"time": labelled("time", "time", track.times)}
     if isinstance(slider, ElasticBody):
@@ -70,14 +120,18 @@ def dataset_of(
     else:
         values = {name: track[name] for name in track.columns}
         values |= _of_slider(track, slider)
-    variables |= {name: labelled(name, "time", values[name]) for name in LABELS if name in values}
+    variables |= {
+        name: labelled(name, "time", values[name]) for name in LABELS if name in values
+    }
     if track.snapshots:
         times, seen = zip(*track.snapshots, strict=True)
         low = min(float(one.stretching.min(initial=0.0)) for one in seen)
         high = max(float(one.stretching.max(initial=0.0)) for one in seen)
         edges = np.linspace(low, max(high, low + 1e-12) * (1 + 1e-12), bins + 1)
         densities = [_density(one, edges) for one in seen]
-        variables["stretching_density"] = labelled("stretching_density", ("snapshot", "x"), densities)
+        variables["stretching_density"] = labelled(
+            "stretching_density", ("snapshot", "x"), densities
+        )
         coordinates["snapshot"] = labelled("snapshot", "snapshot", times)
         coordinates["x"] = labelled("x", "x", 0.5 * (edges[1:] + edges[:-1]))
     return xr.Dataset(variables, coordinates, {"provenance": provenance})
@@ -94,10 +148,17 @@ def _of_slider(track: Track, slider: Slider) -> dict[str, Array]:
     }
 
 
-def _of_blocks(track: Track, body: ElasticBody, marks: Mapping[str, Array]) -> dict[str, Labelled]:
+def _of_blocks(
+    track: Track, body: ElasticBody, marks: Mapping[str, Array]
+) -> dict[str, Labelled]:
     """What an elastic slider has for each block."""
-    fields = track.rows[:, len(SUMS) :].reshape(len(track.rows), len(OF_BLOCKS), body.size)
-    found = {name: labelled(name, ("time", "block"), fields[:, i]) for i, name in enumerate(OF_BLOCKS)}
+    fields = track.rows[:, len(SUMS) :].reshape(
+        len(track.rows), len(OF_BLOCKS), body.size
+    )
+    found = {
+        name: labelled(name, ("time", "block"), fields[:, i])
+        for i, name in enumerate(OF_BLOCKS)
+    }
     found |= {name: labelled(name, "block", values) for name, values in marks.items()}
     pulled = np.flatnonzero(body.pulled)
     if pulled.size:
@@ -121,7 +182,9 @@ def _places(body: ElasticBody) -> dict[str, Labelled]:
     if body.pulled.any():
         found["pulled"] = labelled("pulled", "pulled", np.flatnonzero(body.pulled))
     if isinstance(body, Sheet):
-        found["along"] = labelled("place along the drive", "block", number % body.along, "1")
+        found["along"] = labelled(
+            "place along the drive", "block", number % body.along, "1"
+        )
         found["across"] = labelled("row", "block", number // body.along, "1")
     return found
 
@@ -134,7 +197,8 @@ def _density(seen: Stretchings, edges: Array) -> Array:
     if seen.stretching.size == 0:  # nothing is attached
         return np.zeros(edges.size - 1)
     order = np.argsort(seen.stretching)
-    x, total = seen.stretching[order], np.cumsum(seen.fraction[order])
+    x = seen.stretching[order]
+    total = np.cumsum(seen.fraction[order])
     between = np.append(0.5 * (x[1:] + x[:-1]), x[-1])
     below = np.interp(edges, np.append(x[0], between), np.append(0.0, total))
     return np.asarray(np.diff(below) / np.diff(edges))

@@ -1,8 +1,9 @@
 """One function for all solvers: a rig in, a labelled Dataset out.
 
-The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to infinity, to a given error).
-Thresholds that age by `Langevin` have solvers of their own behind the same two names: N contacts in small steps, with
-exact moments of breaking, and the kinetic equation of Eqs. (13)-(17).
+The method is a value: `Contacts` (N contacts, event by event) or `MasterEquation` (N to
+infinity, to a given error). Thresholds that age by `Langevin` have solvers of their own
+behind the same two names: N contacts in small steps, with exact moments of breaking,
+and the kinetic equation of Eqs. (13)-(17).
 """
 
 import math
@@ -13,7 +14,17 @@ import xarray as xr
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
-from stickslip.model import ElasticBody, Interface, MasterEquation, Method, OnArrest, Output, Population, Slider, Start
+from stickslip.model import (
+    ElasticBody,
+    Interface,
+    MasterEquation,
+    Method,
+    OnArrest,
+    Output,
+    Population,
+    Slider,
+    Start,
+)
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
@@ -33,7 +44,8 @@ def simulate(
     progress: Progress | bool | None = None,
     long: bool = False,
 ) -> xr.Dataset:
-    """Pull a slider on an interface by a spring, Eq. (11); an elastic one by one spring or many.
+    """Pull a slider on an interface by a spring, Eq. (11); an elastic one by one spring
+    or many.
 
     Parameters
     ----------
@@ -44,37 +56,47 @@ def simulate(
     start : FromRest, FromSliding or Prestressed, optional
         By default the rig's own.
     output : Output, optional
-        Sampling and snapshots, in the rig's own units; by default the rig's own. It never changes the motion of
-        contacts that do not age; those that age are followed in steps, which end at the samples.
+        Sampling and snapshots, in the rig's own units; by default the rig's own. It
+        never changes the motion of contacts that do not age; those that age are
+        followed in steps, which end at the samples.
     progress : bool or callable, optional
-        True for a bar, or a function that is called with the fraction of the drive that is done.
+        True for a bar, or a function that is called with the fraction of the drive that
+        is done.
     long : bool
-        Whether it may take more than an hour, or 4 GB of memory, by the estimate made before it starts. Where that is
-        more than a minute, it is logged (logger ``stickslip``): one line on standard error, unless told otherwise.
+        Whether it may take more than an hour, or 4 GB of memory, by the estimate made
+        before it starts. Where that is more than a minute, it is logged (logger
+        ``stickslip``): one line on standard error, unless told otherwise.
 
     Returns
     -------
     xarray.Dataset
-        In the rig's own units, on ``time``: ``displacement`` and ``velocity`` of the slider, ``spring_force`` and
-        ``friction_force``, ``attached`` (fraction), ``drive_velocity``, and the energies ``work``, ``kinetic_energy``,
-        ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy``; with snapshots,
-        ``stretching_density`` on ``(snapshot, stretching)``. In natural units forces and energies are per contact, in
-        ``f_s`` and ``f_s x_s``. The attribute ``provenance`` tells how to make it again; see `rerun`. With thresholds
-        that age ``work`` and the energies of contacts, damping and breaks are left out: breaks cannot be counted there
-        (their rate diverges for newborns without strength).
+        In the rig's own units, on ``time``: ``displacement`` and ``velocity`` of the
+        slider, ``spring_force`` and ``friction_force``, ``attached`` (fraction),
+        ``drive_velocity``, and the energies ``work``, ``kinetic_energy``,
+        ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy``;
+        with snapshots, ``stretching_density`` on ``(snapshot, stretching)``. In natural
+        units forces and energies are per contact, in ``f_s`` and ``f_s x_s``. The
+        attribute ``provenance`` tells how to make it again; see `rerun`. With
+        thresholds that age ``work`` and the energies of contacts, damping and breaks
+        are left out: breaks cannot be counted there (their rate diverges for newborns
+        without strength).
 
-        Of a `Chain` or a `Sheet`, on ``time`` and ``block``: ``displacement``, ``velocity``, ``friction_force`` (per
-        contact of a block), ``attached``, and ``broken`` (breaks per contact since the start). ``spring_force`` and the
-        energies, ``bulk_energy`` and ``viscous_energy`` among them, are sums over blocks, per contact of a block;
-        ``pulling_force`` is that of each driving spring. Once for each ``block``: ``first_break`` (of infinitely many
-        contacts, that of a thousandth), ``first_break_force``, ``half_detached``. See `fronts` and `events`.
+        Of a `Chain` or a `Sheet`, on ``time`` and ``block``: ``displacement``,
+        ``velocity``, ``friction_force`` (per contact of a block), ``attached``, and
+        ``broken`` (breaks per contact since the start). ``spring_force`` and the
+        energies, ``bulk_energy`` and ``viscous_energy`` among them, are sums over
+        blocks, per contact of a block; ``pulling_force`` is that of each driving
+        spring. Once for each ``block``: ``first_break`` (of infinitely many contacts,
+        that of a thousandth), ``first_break_force``, ``half_detached``. See `fronts`
+        and `events`.
 
     Raises
     ------
     InputError
-        If the rig cannot be simulated: no mass, thresholds without a density for the master equation, a snapshot
-        beyond the end; `Langevin` ageing of thresholds that are no Gaussian; ageing for which the method has no
-        solver; if it would take too long and `long` is not set; if its numbers stop being finite.
+        If the rig cannot be simulated: no mass, thresholds without a density for the
+        master equation, a snapshot beyond the end; `Langevin` ageing of thresholds that
+        are no Gaussian; ageing for which the method has no solver; if it would take too
+        long and `long` is not set; if its numbers stop being finite.
 
     Examples
     --------
@@ -84,13 +106,17 @@ def simulate(
     """
     instance("simulate: rig", rig, Rig, "a Rig(interface, slider, drive)")
     changes = {"method": method, "start": start, "output": output}
-    told = rig.replace(**{name: value for name, value in changes.items() if value is not None})
+    told = rig.replace(
+        **{name: value for name, value in changes.items() if value is not None}
+    )
     return record(told, progress=progress, long=long).dataset()
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A run as its engine left it, in natural units, which becomes a Dataset only where one is wanted."""
+    """A run as its engine left it, in natural units, which becomes a Dataset only
+    where one is wanted.
+    """
 
     rig: Rig
     track: Track
@@ -98,19 +124,36 @@ class Recording:
 
     def dataset(self) -> xr.Dataset:
         """The run with names, units and provenance, in the rig's units."""
-        provenance, marks = store.provenance("simulate", {"rig": self.rig}), self.engine.marks()
-        return self.rig.in_its_units(dataset_of(self.track, self.rig.slider, self.rig.output.bins, provenance, marks))
+        provenance = store.provenance("simulate", {"rig": self.rig})
+        marks = self.engine.marks()
+        return self.rig.in_its_units(
+            dataset_of(
+                self.track, self.rig.slider, self.rig.output.bins, provenance, marks
+            )
+        )
 
     def longer(self, duration: float) -> "Recording":
-        """The run gone on with to a duration, at the speed that its drive ends with: by a piece more."""
-        engine, interval, drive = self.engine.copy(), sample_interval(self.rig, self.engine.angle), self.rig.drive
+        """The run gone on with to a duration, at the speed that its drive ends with:
+        by a piece more.
+        """
+        engine = self.engine.copy()
+        interval = sample_interval(self.rig, self.engine.angle)
+        drive = self.rig.drive
         more = constant(drive.pieces[-1].end, duration - drive.duration)
-        rig = replace(self.rig, drive=drive.then(more), output=replace(self.rig.output, interval=interval))
+        rig = replace(
+            self.rig,
+            drive=drive.then(more),
+            output=replace(self.rig.output, interval=interval),
+        )
         times = _sample_times(rig, engine.angle)[self.track.times.size :]
-        return Recording(rig, follow(engine, more, self.track.end, times, before=self.track), engine)
+        return Recording(
+            rig, follow(engine, more, self.track.end, times, before=self.track), engine
+        )
 
 
-def record(rig: Rig, *, progress: Progress | bool | None = None, long: bool = False) -> Recording:
+def record(
+    rig: Rig, *, progress: Progress | bool | None = None, long: bool = False
+) -> Recording:
     """Run a rig, as `simulate` does, whose arguments these are."""
     case = rig.natural
     _check(case)
@@ -133,14 +176,29 @@ def record(rig: Rig, *, progress: Progress | bool | None = None, long: bool = Fa
 def estimate(rig: Rig) -> Work:
     """Return what a run of a rig would take; `InputError` if no solver takes it."""
     engine = engine_of(rig.interface, rig.method, rig.slider)
-    return Work(rig=rig, parts=(*engine.cost(rig, rig.method, course_of(rig)), sampling(rig, engine.angle)))
+    return Work(
+        rig=rig,
+        parts=(
+            *engine.cost(rig, rig.method, course_of(rig)),
+            sampling(rig, engine.angle),
+        ),
+    )
 
 
-def pull_rigidly(interface: Interface, distance: float, velocity: float, method: Method, points: int) -> Track:
-    """Move a rigid slider at a constant velocity, with samples at ``points + 1`` positions, for `rigid_slide`."""
+def pull_rigidly(
+    interface: Interface, distance: float, velocity: float, method: Method, points: int
+) -> Track:
+    """Move a rigid slider at a constant velocity, with samples at ``points + 1``
+    positions, for `rigid_slide`.
+    """
     duration = distance / velocity
     engine = engine_of(interface, method)(Beginning(interface, None, velocity), method)
-    return follow(engine, constant(velocity, duration), 0.0, np.linspace(0.0, duration, points + 1))
+    return follow(
+        engine,
+        constant(velocity, duration),
+        0.0,
+        np.linspace(0.0, duration, points + 1),
+    )
 
 
 def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Dataset:
@@ -151,7 +209,8 @@ def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Datase
     run : xarray.Dataset
         Of `simulate`, as it was or from a file.
     progress : bool or callable, optional
-        True for a bar, or a function that is called with the fraction of the drive that is done.
+        True for a bar, or a function that is called with the fraction of the drive that
+        is done.
 
     Returns
     -------
@@ -172,58 +231,94 @@ def rerun(run: xr.Dataset, progress: Progress | bool | None = None) -> xr.Datase
 
 
 def rig_of(run: xr.Dataset) -> Rig:
-    """Return the rig that a run was made of, with its method, start and output; `InputError` without provenance."""
+    """Return the rig that a run was made of, with its method, start and output;
+    `InputError` without provenance.
+    """
     content = store.read_provenance(run)
     if content["call"] != "simulate":
-        raise InputError(f"this file was made by {content['call']!r}, not by `simulate`")
+        raise InputError(
+            f"this file was made by {content['call']!r}, not by `simulate`"
+        )
     try:
         arguments = store.decode(content["arguments"], store.records())
         rig = arguments["rig"] if arguments.keys() == {"rig"} else None
     except RecursionError:
         rig = None
-    instance("the provenance in this file", rig, Rig, "that of a rig; make the run again")
+    instance(
+        "the provenance in this file", rig, Rig, "that of a rig; make the run again"
+    )
     assert isinstance(rig, Rig)
     return rig
 
 
 def _check(rig: Rig) -> None:
-    slider, drive, snapshots = rig.slider, rig.drive, rig.output.snapshots
+    slider = rig.slider
+    drive = rig.drive
+    snapshots = rig.output.snapshots
     bodies = (Slider, ElasticBody)
-    instance("simulate: Rig.slider", slider, bodies, "a Slider or a Chain; other impedances are for `stability`")
+    instance(
+        "simulate: Rig.slider",
+        slider,
+        bodies,
+        "a Slider or a Chain; other impedances are for `stability`",
+    )
     if slider.mass == 0:
         raise InputError(
-            "Slider.mass = 0: a simulation needs a mass above 0; the massless limit is for stability and, at a "
+            "Slider.mass = 0: a simulation needs a mass above 0; the massless limit is "
+            "for stability and, at a "
             "temperature, for velocity_step and slide_hold_slide"
         )
     if snapshots and snapshots[-1] > drive.duration:
-        raise InputError(f"Output.snapshots: {snapshots[-1]:g} lies beyond the end of the drive ({drive.duration:g})")
+        raise InputError(
+            f"Output.snapshots: {snapshots[-1]:g} lies beyond the end of the drive "
+            f"({drive.duration:g})"
+        )
 
 
 def _check_arrest(rig: Rig) -> None:
-    """Raise `InputError` for a hold in which a slider comes to rest without a turn that the method could see.
+    """Raise `InputError` for a hold in which a slider comes to rest without a turn that
+    the method could see.
 
-    A free slider overshoots by ``exp(-pi zeta/sqrt(1 - zeta^2))`` of its way, and by nothing from ``zeta = 1`` on.
+    A free slider overshoots by ``exp(-pi zeta/sqrt(1 - zeta^2))`` of its way, and by
+    nothing from ``zeta = 1`` on.
     """
-    slider, method = rig.slider, rig.method
+    slider = rig.slider
+    method = rig.method
     holds = any(piece.start == piece.end == 0 for piece in rig.drive.pieces[1:])
-    if not holds or not isinstance(rig.interface.delay, OnArrest) or not isinstance(slider, Slider) or not slider.mass:
+    if (
+        not holds
+        or not isinstance(rig.interface.delay, OnArrest)
+        or not isinstance(slider, Slider)
+        or not slider.mass
+    ):
         return
-    seen = math.log(10.0 * method.rtol if isinstance(method, MasterEquation | Population) else np.finfo(float).eps)
+    seen = math.log(
+        10.0 * method.rtol
+        if isinstance(method, MasterEquation | Population)
+        else np.finfo(float).eps
+    )
     most = -seen / math.hypot(math.pi, seen)
     if slider.damping_ratio > most:
         raise InputError(
-            f"Slider.damping: at the damping ratio {slider.damping_ratio:.3g} the slider creeps to rest in a hold, "
-            f"and {type(method).__name__} sees no arrest at which contacts re-attach (OnArrest); give a damping ratio "
+            f"Slider.damping: at the damping ratio {slider.damping_ratio:.3g} the "
+            "slider creeps to rest in a hold, "
+            f"and {type(method).__name__} sees no arrest at which contacts re-attach "
+            "(OnArrest); give a damping ratio "
             f"below {most:.2g}, or a Delay",
             "Slider.damping",
         )
 
 
 def _sample_times(rig: Rig, angle: float) -> Array:
-    duration, interval = rig.drive.duration, sample_interval(rig, angle)
+    duration = rig.drive.duration
+    interval = sample_interval(rig, angle)
     count = duration / interval
     if count > 50_000_000:
-        raise InputError(f"Output.interval = {interval:g}: {count:.3g} samples; choose at least {duration / 5e7:g}")
-    # The last sample lies on the end if the interval divides the duration, rounding aside.
+        raise InputError(
+            f"Output.interval = {interval:g}: {count:.3g} samples; choose at least "
+            f"{duration / 5e7:g}"
+        )
+    # The last sample lies on the end if the interval divides the duration, rounding
+    # aside.
     times = interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
     return np.asarray(np.minimum(times, duration))

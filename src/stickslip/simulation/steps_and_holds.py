@@ -1,4 +1,6 @@
-"""The two experiments of rate and state, on contacts: velocity steps, and slide-hold-slide."""
+"""The two experiments of rate and state, on contacts: velocity steps, and
+slide-hold-slide.
+"""
 
 import math
 from collections.abc import Sequence
@@ -10,13 +12,22 @@ from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, instance, sequence, shown, whole
 from stickslip.io import datasets as store
-from stickslip.model import FixedGrowth, FromSliding, Interface, MasterEquation, Method, Rig, Slider
+from stickslip.model import (
+    FixedGrowth,
+    FromSliding,
+    Interface,
+    MasterEquation,
+    Method,
+    Rig,
+    Slider,
+)
 from stickslip.model.drive import constant
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.follow import follow
 from stickslip.simulation.result import labelled
 
-_APPROACH = 0.05  # part of the distance that is slid at the velocity before a step, and recorded
+# part of the distance that is slid at the velocity before a step, and recorded
+_APPROACH = 0.05
 
 
 def velocity_step(
@@ -31,31 +42,34 @@ def velocity_step(
 ) -> xr.Dataset:
     """Change the velocity in steady sliding at once, and record the friction force.
 
-    The slider has no mass. It is rigidly driven or, with a finite `stiffness`, pulled by a spring, with which it is in
-    balance at every moment.
+    The slider has no mass. It is rigidly driven or, with a finite `stiffness`, pulled
+    by a spring, with which it is in balance at every moment.
 
     Parameters
     ----------
     rig : Rig or Interface
         Of a rig its contacts, its method and its units are taken.
     before, after : float or str
-        Velocities of the drive, above 0, in the units of the rig (or as text, ``"10 um/s"``).
+        Velocities of the drive, above 0, in the units of the rig (or as text,
+        ``"10 um/s"``).
     distance : float or str
         How far the drive goes after the step, above 0, in the units of the rig.
     stiffness : float or str
-        Of the driving spring, above 0: per contact in ``k``, or in the units of the rig; infinite for none.
+        Of the driving spring, above 0: per contact in ``k``, or in the units of the
+        rig; infinite for none.
     method : Contacts, MasterEquation or Population, optional
-        By default the rig's own; for an interface the master equation. Whatever it takes, it takes here; a spring needs
-        a temperature, or `MasterEquation` with thresholds that grow.
+        By default the rig's own; for an interface the master equation. Whatever it
+        takes, it takes here; a spring needs a temperature, or `MasterEquation` with
+        thresholds that grow.
     points : int
         Samples after the step.
 
     Returns
     -------
     xarray.Dataset
-        On ``time``, 0 at the step: ``friction_force`` (which is that of the spring), ``displacement`` and ``velocity``
-        of the slider, 0 at the step, ``attached``, ``drive_velocity``. It begins a twentieth of the distance before the
-        step.
+        On ``time``, 0 at the step: ``friction_force`` (which is that of the spring),
+        ``displacement`` and ``velocity`` of the slider, 0 at the step, ``attached``,
+        ``drive_velocity``. It begins a twentieth of the distance before the step.
 
     Raises
     ------
@@ -65,10 +79,14 @@ def velocity_step(
     Examples
     --------
     >>> thresholds = ss.Gaussian(mean=1.0, std=0.3)
-    >>> interface = ss.Interface(thresholds=thresholds, temperature=ss.Bell(width=0.01, attempts=1e6))
+    >>> interface = ss.Interface(
+    ...     thresholds=thresholds, temperature=ss.Bell(width=0.01, attempts=1e6)
+    ... )
     >>> run = ss.velocity_step(interface, before=1.0, after=10.0, distance=3.0)
     >>> change = float(run.friction_force[-1] - run.friction_force[0])
-    >>> round(change, 3)  # about A/2 ln(10) = .0115 less what a wide scatter takes, by theory
+    >>> round(
+    ...     change, 3
+    ... )  # about A/2 ln(10) = .0115 less what a wide scatter takes, by theory
     0.01
     """
     told = _rig_of("velocity_step", rig, method)
@@ -79,13 +97,29 @@ def velocity_step(
     engine, origin, _ = _sliding(told, v, "velocity_step", stiffness)
     first = max(round(_APPROACH * count), 2)
     approach = _APPROACH * way / v
-    times = np.append(np.linspace(0.0, approach, first + 1), approach + np.linspace(0.0, way / w, count + 1)[1:])
-    track = follow(engine, constant(v, approach).then(constant(w, way / w)), origin, times)
-    values = {name: track[name] for name in ("displacement", "velocity", "friction_force", "attached")}
+    times = np.append(
+        np.linspace(0.0, approach, first + 1),
+        approach + np.linspace(0.0, way / w, count + 1)[1:],
+    )
+    track = follow(
+        engine, constant(v, approach).then(constant(w, way / w)), origin, times
+    )
+    values = {
+        name: track[name]
+        for name in ("displacement", "velocity", "friction_force", "attached")
+    }
     values["displacement"] = values["displacement"] - values["displacement"][first]
     values["drive_velocity"] = np.where(track.times <= approach, v, w)
-    arguments = {"before": before, "after": after, "distance": distance, "stiffness": stiffness}
-    provenance = store.provenance("velocity_step", {"rig": rig} | arguments | {"method": told.method, "points": points})
+    arguments = {
+        "before": before,
+        "after": after,
+        "distance": distance,
+        "stiffness": stiffness,
+    }
+    provenance = store.provenance(
+        "velocity_step",
+        {"rig": rig} | arguments | {"method": told.method, "points": points},
+    )
     data = xr.Dataset(
         {name: labelled(name, "time", value) for name, value in values.items()},
         {"time": labelled("time", "time", track.times - approach)},
@@ -102,7 +136,8 @@ def slide_hold_slide(
     stiffness: float | str = math.inf,
     method: Method | None = None,
 ) -> xr.Dataset:
-    """Stop the drive in steady sliding for a time, go on, and tell how the force relaxes and how far it peaks.
+    """Stop the drive in steady sliding for a time, go on, and tell how the force
+    relaxes and how far it peaks.
 
     Parameters
     ----------
@@ -111,20 +146,23 @@ def slide_hold_slide(
     velocity : float or str
         Of the drive before and after, above 0, in the units of the rig.
     holds : sequence of float or str
-        Times of rest, each above 0, in the units of the rig; of any length. Each begins in the same steady sliding.
+        Times of rest, each above 0, in the units of the rig; of any length. Each begins
+        in the same steady sliding.
     stiffness : float or str
         Of the driving spring, as in `velocity_step`.
     method : Contacts, MasterEquation or Population, optional
-        By default the rig's own; for an interface the master equation. Whatever it takes, it takes here; a spring needs
-        a temperature, or `MasterEquation` with thresholds that grow.
+        By default the rig's own; for an interface the master equation. Whatever it
+        takes, it takes here; a spring needs a temperature, or `MasterEquation` with
+        thresholds that grow.
 
     Returns
     -------
     xarray.Dataset
-        One row for each ``hold``: ``relaxation``, the force at the end of the hold less that of sliding before it;
-        ``peak``, the largest force afterwards less that of sliding; ``slip_to_peak``, the displacement of the slider
-        from the end of the hold to the peak; and ``sliding_force`` of sliding before all holds, a mean over some
-        displacement with `Contacts`.
+        One row for each ``hold``: ``relaxation``, the force at the end of the hold less
+        that of sliding before it; ``peak``, the largest force afterwards less that of
+        sliding; ``slip_to_peak``, the displacement of the slider from the end of the
+        hold to the peak; and ``sliding_force`` of sliding before all holds, a mean over
+        some displacement with `Contacts`.
 
     Raises
     ------
@@ -142,63 +180,126 @@ def slide_hold_slide(
     >>> run.peak.round(3).values.tolist()  # healing: nearly .02 ln(10) a decade
     [0.089, 0.134]
     """
-    who, told = "slide_hold_slide", _rig_of("slide_hold_slide", rig, method)
+    who = "slide_hold_slide"
+    told = _rig_of("slide_hold_slide", rig, method)
     v = told.read(f"{who}: velocity", velocity, "x_s/time")
     listed = sequence(f"{who}: holds", holds, "times, such as (1.0, 10.0, 100.0)")
-    times = np.array([told.read(f"{who}: holds[{i}]", value, "time") for i, value in enumerate(listed)])
+    times = np.array(
+        [
+            told.read(f"{who}: holds[{i}]", value, "time")
+            for i, value in enumerate(listed)
+        ]
+    )
     if not times.size:
-        raise InputError(f"{who}: holds: must hold at least one time, such as (1.0, 10.0, 100.0)")
+        raise InputError(
+            f"{who}: holds: must hold at least one time, such as (1.0, 10.0, 100.0)"
+        )
     mean = told.interface.threshold_distribution.moment(1)
     engine, origin, spring = _sliding(told, v, who, stiffness)
-    before = follow(engine, constant(v, mean / v), origin, np.linspace(0.0, mean / v, 401))
-    steady, at_end = float(before["friction_force"].mean()), float(before["friction_force"][-1])
+    before = follow(
+        engine, constant(v, mean / v), origin, np.linspace(0.0, mean / v, 401)
+    )
+    steady = float(before["friction_force"].mean())
+    at_end = float(before["friction_force"][-1])
     origin += mean
-    # As far as the memory of a hold goes, and what the spring takes up of the largest force meanwhile.
-    way, count, rows = 2.0 * mean, 8001, []
+    # As far as the memory of a hold goes, and what the spring takes up of the largest
+    # force meanwhile.
+    way = 2.0 * mean
+    count = 8001
+    rows = []
     if spring < math.inf:
-        way, count = way + 2.0 * mean / spring, 40_001
+        way = way + 2.0 * mean / spring
+        count = 40_001
     for hold in times:
         again = engine.here()[0] + hold + np.linspace(0.0, way / v, count)
-        track = follow(engine.copy(), constant(0.0, hold).then(constant(v, way / v)), origin, again)
+        track = follow(
+            engine.copy(), constant(0.0, hold).then(constant(v, way / v)), origin, again
+        )
         force = track["friction_force"]
         best = int(np.argmax(force))
-        rows.append((force[0] - at_end, force[best] - steady, track["displacement"][best] - track["displacement"][0]))
+        rows.append(
+            (
+                force[0] - at_end,
+                force[best] - steady,
+                track["displacement"][best] - track["displacement"][0],
+            )
+        )
     relaxation, peak, slip = np.array(rows).T
     arguments = {"velocity": velocity, "holds": tuple(listed), "stiffness": stiffness}
     found: dict[str, tuple[str | tuple[str, ...], ArrayLike, str, str]] = {
-        "relaxation": ("hold", relaxation, "f_s", "force at the end of the hold less that of sliding, per contact"),
-        "peak": ("hold", peak, "f_s", "largest force after the hold less that of sliding, per contact"),
-        "slip_to_peak": ("hold", slip, "x_s", "displacement from the end of the hold to the peak"),
+        "relaxation": (
+            "hold",
+            relaxation,
+            "f_s",
+            "force at the end of the hold less that of sliding, per contact",
+        ),
+        "peak": (
+            "hold",
+            peak,
+            "f_s",
+            "largest force after the hold less that of sliding, per contact",
+        ),
+        "slip_to_peak": (
+            "hold",
+            slip,
+            "x_s",
+            "displacement from the end of the hold to the peak",
+        ),
         "sliding_force": ((), steady, "f_s", "friction force of sliding, per contact"),
         "hold": ("hold", times, "time", "time of rest"),
     }
     data = xr.Dataset(
-        {name: labelled(words, dims, value, unit) for name, (dims, value, unit, words) in found.items()},
-        attrs={"provenance": store.provenance(who, {"rig": rig} | arguments | {"method": told.method})},
+        {
+            name: labelled(words, dims, value, unit)
+            for name, (dims, value, unit, words) in found.items()
+        },
+        attrs={
+            "provenance": store.provenance(
+                who, {"rig": rig} | arguments | {"method": told.method}
+            )
+        },
     )
     return told.in_its_units(data)
 
 
 def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:
-    """Return the rig to take contacts, units and method of; an interface alone has natural units."""
+    """Return the rig to take contacts, units and method of; an interface alone has
+    natural units.
+    """
     instance(f"{who}: rig", given, (Rig, Interface), "a Rig or an Interface")
-    rig = given if isinstance(given, Rig) else Rig(given, Slider(stiffness=1.0, mass=1.0, damping=0.0), constant(1.0))
+    rig = (
+        given
+        if isinstance(given, Rig)
+        else Rig(given, Slider(stiffness=1.0, mass=1.0, damping=0.0), constant(1.0))
+    )
     if method is not None or not isinstance(given, Rig):
         rig = replace(rig, method=method or MasterEquation())
-    instance(f"{who}: method", rig.method, Method, "Contacts(...) or MasterEquation(...)")
+    instance(
+        f"{who}: method", rig.method, Method, "Contacts(...) or MasterEquation(...)"
+    )
     return rig
 
 
-def _sliding(rig: Rig, velocity: float, who: str, stiffness: float | str) -> tuple[Engine, float, float]:
-    """Return an engine in steady sliding, where the drive is, and the stiffness of its spring."""
-    slider, spring, interface = None, math.inf, rig.interface
+def _sliding(
+    rig: Rig, velocity: float, who: str, stiffness: float | str
+) -> tuple[Engine, float, float]:
+    """Return an engine in steady sliding, where the drive is, and the stiffness of
+    its spring.
+    """
+    slider = None
+    spring = math.inf
+    interface = rig.interface
     if not (isinstance(stiffness, float) and stiffness == math.inf):
         spring = rig.read(f"{who}: stiffness", stiffness, "k")
         slider = Slider(stiffness=spring, mass=0.0, damping=0.0)
-        growing = isinstance(rig.method, MasterEquation) and isinstance(interface.ageing, FixedGrowth)
-        if interface.temperature is None and not growing:  # without mass it would slip in no time
+        growing = isinstance(rig.method, MasterEquation) and isinstance(
+            interface.ageing, FixedGrowth
+        )
+        # without mass it would slip in no time
+        if interface.temperature is None and not growing:
             raise InputError(
-                f"{who}: Interface.temperature = None: not available with a spring (stiffness = {shown(stiffness)}); "
+                f"{who}: Interface.temperature = None: not available with a spring "
+                f"(stiffness = {shown(stiffness)}); "
                 "give a temperature, or use simulate(rig) with a slider that has a mass"
             )
     beginning = Beginning(interface, slider, velocity, FromSliding())

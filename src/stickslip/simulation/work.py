@@ -1,7 +1,8 @@
-"""How long a run would take, said before it starts: each engine says it by part, for what it follows.
+"""How long a run would take, said before it starts: each engine says it by part, for
+what it follows.
 
-The costs are those of one core of a desktop machine, measured in CPU time of runs; another may take a third or three
-times as long.
+The costs are those of one core of a desktop machine, measured in CPU time of runs;
+another may take a third or three times as long.
 
 >>> from stickslip.simulation import estimate
 >>> estimate(ss.example("pmma_slider")).seconds < 60
@@ -26,16 +27,21 @@ ANNOUNCED = 60.0  # seconds above which a run is announced
 LARGEST = 4e9  # bytes that it may take
 
 _RADIAN = 6e-7  # seconds a radian of the slider's oscillation takes
-_SAMPLE, _SAMPLE_OF_BLOCK = (4e-7, 200.0), (2e-8, 120.0)  # seconds and bytes a sample takes
-_FEWEST, _MOST = 2e3, 5e4  # samples of a run whose output does not say
+# seconds and bytes a sample takes
+_SAMPLE = (4e-7, 200.0)
+_SAMPLE_OF_BLOCK = (2e-8, 120.0)
+# samples of a run whose output does not say
+_FEWEST = 2e3
+_MOST = 5e4
 _NUMBERS = 2e6  # such samples of an elastic slider, times its blocks
 
 
 class Part(NamedTuple):
-    """One kind of work in a run: `what` in words, and the number of the rig that it grows with, to a `power`.
+    """One kind of work in a run: `what` in words, and the number of the rig that it
+    grows with, to a `power`.
 
-    `key` is that of a rig file, `value` in natural units, of a `quantity` or a pure number;
-    `instead` says what else to do.
+    `key` is that of a rig file, `value` in natural units, of a `quantity` or a pure
+    number; `instead` says what else to do.
     """
 
     key: str
@@ -66,10 +72,15 @@ class Work:
         return float(sum(part.bytes for part in self.parts))
 
     def announce(self) -> None:
-        """Log one line of what a run of more than a minute will take; unless told otherwise, on standard error."""
+        """Log one line of what a run of more than a minute will take; unless told
+        otherwise, on standard error.
+        """
         if self.seconds > ANNOUNCED:
             worst = max(self.parts, key=lambda part: part.seconds)
-            words = f"{self.rig.name}: about {in_time(self.seconds)} on one core: {worst.what}"
+            words = (
+                f"{self.rig.name}: about {in_time(self.seconds)} on one core: "
+                f"{worst.what}"
+            )
             logging.getLogger("stickslip").warning(words)
 
     def check(
@@ -78,31 +89,45 @@ class Work:
         bytes: float = LARGEST,
         otherwise: str = "ask for it all the same: long=True (--long)",
     ) -> None:
-        """Raise `InputError` if the work is more than this; the message names what to change, and `otherwise`."""
-        of_time, of_memory = [part.seconds for part in self.parts], [part.bytes for part in self.parts]
+        """Raise `InputError` if the work is more than this; the message names what
+        to change, and `otherwise`.
+        """
+        of_time = [part.seconds for part in self.parts]
+        of_memory = [part.bytes for part in self.parts]
         said = in_time(self.seconds), f"{self.bytes / 1e9:.2g} GB"
-        for spent, most, amount in ((of_time, seconds, said[0]), (of_memory, bytes, said[1])):
+        for spent, most, amount in (
+            (of_time, seconds, said[0]),
+            (of_memory, bytes, said[1]),
+        ):
             if (excess := sum(spent) / most) <= 1:
                 continue
-            cost, worst = max(zip(spent, self.parts, strict=True), key=lambda part: part[0])
+            cost, worst = max(
+                zip(spent, self.parts, strict=True), key=lambda part: part[0]
+            )
             allowed = worst.value * max(cost / most, 1.0) ** (-1.0 / worst.power)
             given, bound = (
-                f"{value:.4g}" if worst.quantity is None else self.rig.in_units(value, worst.quantity)
+                f"{value:.4g}"
+                if worst.quantity is None
+                else self.rig.in_units(value, worst.quantity)
                 for value in (worst.value, allowed)
             )
             raise InputError(
-                f"{worst.key} = {given}: {worst.what} would take about {amount}; {worst.instead}give at "
-                f"{'most' if worst.power > 0 else 'least'} {bound}, or a drive {excess:.2g} times shorter; "
+                f"{worst.key} = {given}: {worst.what} would take about {amount}; "
+                f"{worst.instead}give at "
+                f"{'most' if worst.power > 0 else 'least'} {bound}, or a drive "
+                f"{excess:.2g} times shorter; "
                 f"or {otherwise}",
                 worst.key,
             )
 
 
 class Course(NamedTuple):
-    """What contacts and slider go through in a run; pieces of the drive that end on a condition are taken as a whole.
+    """What contacts and slider go through in a run; pieces of the drive that end on a
+    condition are taken as a whole.
 
-    `distance` is the way of the drive and `shaken` that of a slider that a perturbation has set ringing, in mean
-    thresholds. The slider turns by so many radians, and rings for `rung` of them, where it sticks.
+    `distance` is the way of the drive and `shaken` that of a slider that a perturbation
+    has set ringing, in mean thresholds. The slider turns by so many radians, and rings
+    for `rung` of them, where it sticks.
     """
 
     distance: float
@@ -113,7 +138,9 @@ class Course(NamedTuple):
 
 def course_of(rig: Rig) -> Course:
     """Return what a run goes through."""
-    slider, duration, pieces = rig.slider, rig.drive.duration, rig.drive.pieces
+    slider = rig.slider
+    duration = rig.drive.duration
+    pieces = rig.drive.pieces
     mean = rig.interface.threshold_distribution.moment(1)
     distance = sum(way_of(piece) for piece in pieces) / mean
     if not isinstance(slider, Slider) or slider.mass == 0:
@@ -121,7 +148,8 @@ def course_of(rig: Rig) -> Course:
     frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
     # A slip leaves the slider ringing, the longer, the less it is damped.
     damping_ratio = slider.damping / (2.0 * frequency)
-    turns, rings = frequency * duration, 1.0 / damping_ratio if damping_ratio > 0 else math.inf
+    turns = frequency * duration
+    rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
     shaken = 0.0
     if isinstance(rig.start, FromSliding):
         largest = float(np.max(np.abs(rig.start.perturbation))) * abs(pieces[0].start)
@@ -131,7 +159,9 @@ def course_of(rig: Rig) -> Course:
 
 
 def way_of(piece: Piece) -> float:
-    """How far the drive goes in a piece, at most; a slider that has gone far enough ends it."""
+    """How far the drive goes in a piece, at most; a slider that has gone far enough
+    ends it.
+    """
     way = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
     return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
 
@@ -141,32 +171,70 @@ def oscillation(rig: Rig, radians: float) -> tuple[Part, ...]:
     if not isinstance(rig.slider, Slider) or rig.slider.mass == 0:
         return ()
     what = f"{radians:.2g} rad of the slider's oscillation"
-    return (Part("slider.mass", rig.slider.mass, "mass", -0.5, what, _RADIAN * radians),)
+    return (
+        Part("slider.mass", rig.slider.mass, "mass", -0.5, what, _RADIAN * radians),
+    )
 
 
 def sample_interval(rig: Rig, angle: float) -> float:
-    """Time between samples: where nothing is said an angle (rad) of the fastest oscillation, within bounds on all."""
-    slider, duration = rig.slider, rig.drive.duration
+    """Time between samples: where nothing is said an angle (rad) of the fastest
+    oscillation, within bounds on all.
+    """
+    slider = rig.slider
+    duration = rig.drive.duration
     if rig.output.interval is not None:
         return rig.output.interval
-    most, turns = _MOST, course_of(rig).turns
+    most = _MOST
+    turns = course_of(rig).turns
     if isinstance(slider, ElasticBody):
         most = min(max(_NUMBERS / slider.size, 200.0), most)
-        turns = duration * math.sqrt((float(slider.pulled.mean()) + 1.0 + slider.coupling) / slider.mass)
+        turns = duration * math.sqrt(
+            (float(slider.pulled.mean()) + 1.0 + slider.coupling) / slider.mass
+        )
     return duration / math.ceil(min(max(turns / angle, min(_FEWEST, most)), most))
 
 
 def sampling(rig: Rig, angle: float) -> Part:
     """Return the work of taking samples."""
-    duration, interval = rig.drive.duration, sample_interval(rig, angle)
-    samples, each, what = duration / interval, _SAMPLE, "samples"
+    duration = rig.drive.duration
+    interval = sample_interval(rig, angle)
+    samples = duration / interval
+    each = _SAMPLE
+    what = "samples"
     if isinstance(rig.slider, ElasticBody):
-        samples, each, what = samples * rig.slider.size, _SAMPLE_OF_BLOCK, "samples of blocks"
+        samples = samples * rig.slider.size
+        each = _SAMPLE_OF_BLOCK
+        what = "samples of blocks"
     seconds, size = (one * samples for one in each)
-    return Part("simulation.interval", interval, "time", -1.0, f"{samples:.2g} {what}", seconds, size)
+    return Part(
+        "simulation.interval",
+        interval,
+        "time",
+        -1.0,
+        f"{samples:.2g} {what}",
+        seconds,
+        size,
+    )
 
 
-def breaking(count: float, lifetimes: float, each: float, bytes: float, how: str = "", more: float = 0.0) -> Part:
-    """Return the work of breaks of N contacts, `each` of so many seconds, and some `more`."""
+def breaking(
+    count: float,
+    lifetimes: float,
+    each: float,
+    bytes: float,
+    how: str = "",
+    more: float = 0.0,
+) -> Part:
+    """Return the work of breaks of N contacts, `each` of so many seconds, and some
+    `more`.
+    """
     what = f"about {count * lifetimes:.2g} breaks of {count:.2g} contacts{how}"
-    return Part("simulation.contacts", count, None, 1.0, what, each * count * lifetimes + more, bytes * count)
+    return Part(
+        "simulation.contacts",
+        count,
+        None,
+        1.0,
+        what,
+        each * count * lifetimes + more,
+        bytes * count,
+    )

@@ -1,12 +1,25 @@
-"""Steady sliding of any interface by one door, `sliding_of`: force, slope and linear response.
+"""Steady sliding of any interface by one door, `sliding_of`: force, slope and linear
+response.
 
-`kinetic_friction`, `friction_slope` and `turning_velocities` are the friction law; the linear response `respond`
-carries the stability of smooth sliding, and rate and state.
+`kinetic_friction`, `friction_slope` and `turning_velocities` are the friction law; the
+linear response `respond` carries the stability of smooth sliding, and rate and state.
 """
 
 from stickslip.sliding.door import respond, sliding_of
-from stickslip.sliding.law import TurningVelocity, friction_slope, kinetic_friction, turning_velocities
+from stickslip.sliding.law import (
+    TurningVelocity,
+    friction_slope,
+    kinetic_friction,
+    turning_velocities,
+)
 from stickslip.sliding.response import Response
 
-__all__ = ["Response", "TurningVelocity", "friction_slope", "kinetic_friction", "respond", "sliding_of"]
+__all__ = [
+    "Response",
+    "TurningVelocity",
+    "friction_slope",
+    "kinetic_friction",
+    "respond",
+    "sliding_of",
+]
 __all__ += ["turning_velocities"]

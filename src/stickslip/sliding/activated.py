@@ -1,16 +1,18 @@
-"""Steady sliding of contacts that break by temperature, or whose thresholds grow by a fixed rule.
+"""Steady sliding of contacts that break by temperature, or whose thresholds grow by a
+fixed rule.
 
-A perturbation ``eps exp(s t)`` of the slider changes the hazard of a contact by its rate's slope along its life, and
-moves the moment at which it meets its threshold. With ``q = s/v``, ``S`` the survival and ``r`` the rate per length,
+A perturbation ``eps exp(s t)`` of the slider changes the hazard of a contact by its
+rate's slope along its life, and moves the moment at which it meets its threshold. With
+``q = s/v``, ``S`` the survival and ``r`` the rate per length,
 
-    U(x) = Int_0^x r_x(x') exp(-q (x - x')) dx',  Rc = Int_0^x r_x dx'
-    L = <Int (U - exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>,   Y the same with x before it
-    B = q E L/(1 - E (1 - q S^))
-    kappa = [M_0 - S^ + B W - Y - f_d (B S^ - L)]/(M_0 + v <tau>)
+    U(x) = Int_0^x r_x(x') exp(-q (x - x')) dx', Rc = Int_0^x r_x dx' L = <Int (U -
+    exp(-q x) Rc) S dx> + <(1 - exp(-q x_c)) S(x_c)/(1 - f'/v)>, Y the same with x
+    before it B = q E L/(1 - E (1 - q S^)) kappa = [M_0 - S^ + B W - Y - f_d (B S^ -
+    L)]/(M_0 + v <tau>)
 
-per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of ``x`` times it, ``E(s) =
-<exp(-s tau)>``. Without temperature and growth it is the response of
-`stickslip.sliding.unaged`.
+per contact, in units of ``k``, with ``S^, W`` the transforms of the survival and of
+``x`` times it, ``E(s) = <exp(-s tau)>``. Without temperature and growth it is the
+response of `stickslip.sliding.unaged`.
 """
 
 import math
@@ -22,7 +24,12 @@ import numpy as np
 
 from stickslip.kernels import lifetimes as kernel
 from stickslip.model import Bell, Interface
-from stickslip.sliding.lifetimes import growth_of, hazard_of, lifetimes_of, threshold_nodes
+from stickslip.sliding.lifetimes import (
+    growth_of,
+    hazard_of,
+    lifetimes_of,
+    threshold_nodes,
+)
 from stickslip.sliding.response import (
     STEP,
     Array,
@@ -38,45 +45,76 @@ from stickslip.sliding.response import (
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
-    """Return the mean life of contacts that break by temperature, or whose thresholds grow by a fixed rule."""
+    """Return the mean life of contacts that break by temperature, or whose
+    thresholds grow by a fixed rule.
+    """
     lifetimes = lifetimes_of(interface, velocity)
-    survival, slope = lifetimes.weight * lifetimes.survival, lifetimes.weight * lifetimes.slope
+    survival = lifetimes.weight * lifetimes.survival
+    slope = lifetimes.weight * lifetimes.slope
     work, more = (np.sum(lifetimes.x * value) for value in (survival, slope))
-    longer, more = slope.sum() + lifetimes.cap_slope.sum(), more + np.sum(lifetimes.cap_x * lifetimes.cap_slope)
+    longer = slope.sum() + lifetimes.cap_slope.sum()
+    more = more + np.sum(lifetimes.cap_x * lifetimes.cap_slope)
     return MeanLifetimes(*np.array([[survival.sum(), work, longer, more, 1.0]]).T)
 
 
 def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
-    """Return the mean lifetimes of contacts of different areas: of each area, or of all if newborns draw a new one."""
+    """Return the mean lifetimes of contacts of different areas: of each area, or of
+    all if newborns draw a new one.
+    """
     hazard = hazard_of(interface.temperature)
-    node, weight = threshold_nodes(interface.threshold_distribution, 1e-6, [])  # the root of a small area is steep
+    # the root of a small area is steep
+    node, weight = threshold_nodes(interface.threshold_distribution, 1e-6, [])
     stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
     # Without temperature the speed does not matter to a life.
-    lifetimes = kernel.march(hazard, growth_of(None), stiffness, np.ones_like(node), velocity or 1.0, math.inf)
+    lifetimes = kernel.march(
+        hazard,
+        growth_of(None),
+        stiffness,
+        np.ones_like(node),
+        velocity or 1.0,
+        math.inf,
+    )
     whose = np.repeat(np.cumsum(lifetimes.fresh) - 1, kernel.NODES)
 
     def of_each(value: Array) -> Array:
-        return np.asarray(np.bincount(whose, weights=lifetimes.weight * value, minlength=node.size), dtype=float)
+        return np.asarray(
+            np.bincount(whose, weights=lifetimes.weight * value, minlength=node.size),
+            dtype=float,
+        )
 
-    distance, longer = of_each(lifetimes.survival), of_each(lifetimes.slope)
-    work, more = (stiffness * of_each(lifetimes.x * value) for value in (lifetimes.survival, lifetimes.slope))
+    distance = of_each(lifetimes.survival)
+    longer = of_each(lifetimes.slope)
+    work, more = (
+        stiffness * of_each(lifetimes.x * value)
+        for value in (lifetimes.survival, lifetimes.slope)
+    )
     if interface.areas == "fresh":  # one kind of site, with the mean life
-        return MeanLifetimes(*np.array([[weight @ value for value in (distance, work, longer, more)] + [1.0]]).T)
+        return MeanLifetimes(
+            *np.array(
+                [[weight @ value for value in (distance, work, longer, more)] + [1.0]]
+            ).T
+        )
     return MeanLifetimes(distance, work, longer, more, weight)
 
 
 @dataclass(frozen=True)
 class ActivatedResponse(Response):
-    """The linear response of contacts with temperature or with thresholds that grow by a fixed rule."""
+    """The linear response of contacts with temperature or with thresholds that grow
+    by a fixed rule.
+    """
 
     interface: Interface
 
     accuracy: ClassVar[float] = 1e-8
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        delay, force, q = self.interface.delay, self.interface.sliding_force, s / velocity
+        delay = self.interface.delay
+        force = self.interface.sliding_force
+        q = s / velocity
         mean = mean_lives(self.interface, velocity)
-        rest, missing, away = float(mean.distance[0]), np.asarray(delay.absence(s)), velocity * delay.moment(1)
+        rest = float(mean.distance[0])
+        missing = np.asarray(delay.absence(s))
+        away = velocity * delay.moment(1)
         answer = Perturbed(*self._transforms(velocity, q))
         life = stretched(q, answer.lost, answer.work, rest, float(mean.work[0]))
         noise = life.noise(q, missing, away, force) / velocity
@@ -86,11 +124,15 @@ class ActivatedResponse(Response):
         """`Perturbed` of a life, as one array."""
         # Octaves of the wave number have panels of their own.
         octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
-        fastest = max(60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1))  # all is forgotten
+        # all is forgotten
+        fastest = max(
+            60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1)
+        )
         octave[(np.abs(q) > fastest) & (q.real > -0.1 * np.abs(q))] = math.inf
         found = np.empty((4, q.size), dtype=complex)
         for one in np.unique(octave):
-            here, fast = octave == one, math.isinf(one)
+            here = octave == one
+            fast = math.isinf(one)
             lifetimes = lifetimes_of(self.interface, v, 0.0 if fast else 2.0**one)
             found[:, here] = kernel.perturbed(lifetimes, q[here], fast)
         return found
@@ -100,23 +142,43 @@ class ActivatedResponse(Response):
         """Standard deviation of the stretchings at which contacts break, about."""
         std = self.interface.threshold_distribution.standard_deviation()
         temperature = self.interface.temperature
-        blur = math.pi / math.sqrt(6.0) * temperature.width if isinstance(temperature, Bell) else 0.0
-        return max(math.hypot(std, blur), 1e-3 * self.interface.threshold_distribution.moment(1))
+        blur = (
+            math.pi / math.sqrt(6.0) * temperature.width
+            if isinstance(temperature, Bell)
+            else 0.0
+        )
+        return max(
+            math.hypot(std, blur),
+            1e-3 * self.interface.threshold_distribution.moment(1),
+        )
 
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
         thresholds = self.interface.threshold_distribution
         # The largest stretching, but for one contact in a thousand.
-        reach = float(thresholds.inverse_survival(np.array(1e-3))) + velocity * self.interface.delay.longest
+        reach = (
+            float(thresholds.inverse_survival(np.array(1e-3)))
+            + velocity * self.interface.delay.longest
+        )
         top = max(12.0 / self._std, 60.0 / thresholds.moment(1))
         step = max(STEP / reach, top / 8000.0)
-        slow, fast = np.geomspace(1e-4 / reach, step, 60, endpoint=False), np.geomspace(top, 1e3 * top, 90)
-        return np.asarray(velocity * np.concatenate([slow, np.arange(step, top, step), fast]))
+        slow = np.geomspace(1e-4 / reach, step, 60, endpoint=False)
+        fast = np.geomspace(top, 1e3 * top, 90)
+        return np.asarray(
+            velocity * np.concatenate([slow, np.arange(step, top, step), fast])
+        )
 
     def scales(self, velocity: float) -> Scales:
-        cycle = float(mean_lives(self.interface, velocity).distance[0]) / velocity + self.interface.delay.moment(1)
+        cycle = float(
+            mean_lives(self.interface, velocity).distance[0]
+        ) / velocity + self.interface.delay.moment(1)
         return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
 
     def effort(self, velocity: float) -> Effort:
-        look = 0.05 + 4e-8 * lifetimes_of(self.interface, 1.0).x.size * self.frequencies(velocity, math.inf).size
+        look = (
+            0.05
+            + 4e-8
+            * lifetimes_of(self.interface, 1.0).x.size
+            * self.frequencies(velocity, math.inf).size
+        )
         return Effort(look, again=0.05 * look, root=1.5 * look)

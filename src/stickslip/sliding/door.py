@@ -1,8 +1,11 @@
-"""The one door to steady sliding: which kind of contacts has which force, slope and linear response.
+"""The one door to steady sliding: which kind of contacts has which force, slope and
+linear response.
 
-The force is the mean work of a contact over the mean distance slid, both from one attachment to the next. With ``M_j``
-the mean of the integral of ``x**j`` times the survival over a life and ``f_d`` the force of detached contacts, ``F =
-(M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their lifetimes.
+The force is the mean work of a contact over the mean distance slid, both from one
+attachment to the next. With ``M_j`` the mean of the integral of ``x**j`` times the
+survival over a life and ``f_d`` the force of detached contacts,
+``F = (M_1 + f_d v <tau>)/(M_0 + v <tau>)``: kinds of contacts differ in their
+lifetimes.
 """
 
 import math
@@ -32,14 +35,19 @@ class Sliding(NamedTuple):
     response: Callable[[], Response]
 
 
-def _by_lifetimes(interface: Interface, lifetimes: Callable[[Interface, float], MeanLifetimes]) -> tuple[Law, Law]:
-    """Force and slope of contacts of which the mean lifetimes are known, with their slopes."""
+def _by_lifetimes(
+    interface: Interface, lifetimes: Callable[[Interface, float], MeanLifetimes]
+) -> tuple[Law, Law]:
+    """Force and slope of contacts of which the mean lifetimes are known, with their
+    slopes.
+    """
 
     def force_and_slope(velocity: float) -> tuple[float, float]:
         away = velocity * interface.delay.moment(1) if velocity > 0 else 0.0
         if math.isinf(away):
             return interface.sliding_force, 0.0
-        life, pulled = lifetimes(interface, velocity), interface.sliding_force * away
+        life = lifetimes(interface, velocity)
+        pulled = interface.sliding_force * away
         length = life.distance + away
         if np.any(length <= 0):
             return 0.0, 0.0  # contacts break as soon as they attach
@@ -59,39 +67,68 @@ def _by_force(force: Law) -> tuple[Law, Law]:
     def slope(velocity: Array) -> Array:
         step = 0.05
         near = [force(velocity * math.exp(step * k)) for k in (-2, -1, 1, 2)]
-        return np.asarray((8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * step))
+        return np.asarray(
+            (8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * step)
+        )
 
     return force, slope
 
 
 def _kind(interface: Interface) -> Sliding:
-    """Steady sliding by the kind of contacts; kernels are loaded with those whose lifetimes they integrate."""
-    who, ageing = "smooth sliding", interface.ageing
+    """Steady sliding by the kind of contacts; kernels are loaded with those whose
+    lifetimes they integrate.
+    """
+    who = "smooth sliding"
+    ageing = interface.ageing
     if interface.areas is None and ageing is None and interface.temperature is None:
         laws = _by_lifetimes(interface, unaged.mean_lives)
-        return Sliding(who, ("sliding_force", "newborn"), *laws, lambda: unaged.response(interface))
+        return Sliding(
+            who, ("sliding_force", "newborn"), *laws, lambda: unaged.response(interface)
+        )
     if interface.areas is None and isinstance(ageing, Langevin):
         from stickslip.sliding import langevin
 
-        who, laws = f"{who} of thresholds that age by Langevin", _by_force(lambda v: langevin.force(interface, v))
-        return Sliding(who, ("ageing", "temperature"), *laws, lambda: langevin.response(interface))
-    if interface.areas is None and ageing is not None and not isinstance(ageing, FixedGrowth):
-        own, contacts = ageing, (interface.threshold_distribution, interface.delay)
-        laws = _by_force(lambda velocity: np.array([own.friction(*contacts, v) for v in velocity.tolist()]))
+        who = f"{who} of thresholds that age by Langevin"
+        laws = _by_force(lambda v: langevin.force(interface, v))
+        return Sliding(
+            who, ("ageing", "temperature"), *laws, lambda: langevin.response(interface)
+        )
+    if (
+        interface.areas is None
+        and ageing is not None
+        and not isinstance(ageing, FixedGrowth)
+    ):
+        own = ageing
+        contacts = (interface.threshold_distribution, interface.delay)
+        laws = _by_force(
+            lambda velocity: np.array(
+                [own.friction(*contacts, v) for v in velocity.tolist()]
+            )
+        )
         who = f"{who} of thresholds that age by a rule of your own"
         return Sliding(who, ("ageing",), *laws, lambda: own.response(*contacts))
     from stickslip.sliding import activated, drawn
 
     if interface.areas is not None:
-        takes, laws = ("areas", "temperature", "sliding_force"), _by_lifetimes(interface, activated.mean_lives_of_areas)
-        return Sliding(f"{who} of areas", takes, *laws, lambda: drawn.response_of_areas(interface))
-    who += " of thresholds that grow" if interface.temperature is None else " with temperature"
-    takes, laws = ("ageing", "temperature", "sliding_force"), _by_lifetimes(interface, activated.mean_lives)
+        takes = ("areas", "temperature", "sliding_force")
+        laws = _by_lifetimes(interface, activated.mean_lives_of_areas)
+        return Sliding(
+            f"{who} of areas", takes, *laws, lambda: drawn.response_of_areas(interface)
+        )
+    who += (
+        " of thresholds that grow"
+        if interface.temperature is None
+        else " with temperature"
+    )
+    takes = ("ageing", "temperature", "sliding_force")
+    laws = _by_lifetimes(interface, activated.mean_lives)
     return Sliding(who, takes, *laws, lambda: activated.ActivatedResponse(interface))
 
 
 def sliding_of(interface: Interface, who: str = "") -> Sliding:
-    """Return what is known of steady sliding of an interface; raises `InputError` if nothing is."""
+    """Return what is known of steady sliding of an interface; raises `InputError` if
+    nothing is.
+    """
     instance(f"{who}interface", interface, Interface, "an Interface")
     found = _kind(interface)
     interface.allow(found.takes, found.who)
@@ -99,7 +136,9 @@ def sliding_of(interface: Interface, who: str = "") -> Sliding:
 
 
 def respond(interface: Interface) -> Response:
-    """Return the linear response of an interface, one and the same for equal interfaces."""
+    """Return the linear response of an interface, one and the same for equal
+    interfaces.
+    """
     instance("interface", interface, Interface, "an Interface")
     return _response(hashable(interface))
 
@@ -109,7 +148,8 @@ def _response(interface: Interface) -> Response:
     found = sliding_of(interface)
     if not math.isfinite(interface.delay.moment(1)):
         raise InputError(
-            "Interface.delay: contacts never re-attach, so there is no smooth sliding to be stable or not; "
+            "Interface.delay: contacts never re-attach, so there is no smooth sliding "
+            "to be stable or not; "
             "give a finite delay"
         )
     return found.response()

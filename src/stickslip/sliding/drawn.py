@@ -1,12 +1,16 @@
-"""The linear response and the noise of contacts that draw, with each life, how they pull: stretched or larger ones.
+"""The linear response and the noise of contacts that draw, with each life, how they
+pull: stretched or larger ones.
 
-While it holds such a contact pulls with ``f = a + b x`` at the distance ``x`` from its attachment: newborns stretched
-by ``a``, or contacts of the area ``b**2``. Without ageing and temperature a life depends on it alone, so that
+While it holds such a contact pulls with ``f = a + b x`` at the distance ``x`` from its
+attachment: newborns stretched by ``a``, or contacts of the area ``b**2``. Without
+ageing and temperature a life depends on it alone, so that
 
-    kappa(s) = (1 - E) [f_d (1 - P^) - q <Int f exp(-q x) dx>]/[(<l> + v <tau>) (1 - E P^)]
+    kappa(s) = (1 - E) [f_d (1 - P^) - q <Int f exp(-q x) dx>]/[(<l> + v <tau>) (1 - E
+    P^)]
 
-per contact, as of equal contacts; `l` is the distance to the break and ``P^`` its transform. Integrals over a life are
-sums over panels, with what is left of the contacts, and of their `a`, `b`, ``a f`` and ``b f``, at their nodes.
+per contact, as of equal contacts; `l` is the distance to the break and ``P^`` its
+transform. Integrals over a life are sums over panels, with what is left of the
+contacts, and of their `a`, `b`, ``a f`` and ``b f``, at their nodes.
 """
 
 import math
@@ -20,15 +24,28 @@ from stickslip.errors import InputError
 from stickslip.model import Interface
 from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.newborn import stretching_nodes
-from stickslip.sliding.response import STEP, Array, ComplexArray, Fluctuations, Response, Scales, Unperturbed
+from stickslip.sliding.response import (
+    STEP,
+    Array,
+    ComplexArray,
+    Fluctuations,
+    Response,
+    Scales,
+    Unperturbed,
+)
 
-_FINEST = 25.0  # wave number, over one over the standard deviation, up to which anything of a life is remembered
-_NARROWEST = 150.0  # longest life over the standard deviation: seconds to compute, once for an interface
+# wave number, over one over the standard deviation, up to which anything of a life is
+# remembered
+_FINEST = 25.0
+# longest life over the standard deviation: seconds to compute, once for an interface
+_NARROWEST = 150.0
 _PHASE = 10.0  # that a wave may turn on a panel of sixteen nodes
 
 
 class Lives(NamedTuple):
-    """What is left of contacts with the distance: of their number, and of their `f`, `a`, `b`, ``a f`` and ``b f``."""
+    """What is left of contacts with the distance: of their number, and of their `f`,
+    `a`, `b`, ``a f`` and ``b f``.
+    """
 
     held: Array
     """At nodes, times the weights of these, shape (n, 6)."""
@@ -37,18 +54,26 @@ class Lives(NamedTuple):
     x: Array
     """Nodes, shape (n,)."""
     highest: float
-    """Wave number that the nodes resolve; a faster perturbation finds newborns alone."""
+    """Wave number that the nodes resolve; a faster perturbation finds newborns
+    alone.
+    """
 
 
 @lru_cache(maxsize=32)
 def lives_of(interface: Interface) -> Lives:
-    """Return the lives of contacts that draw their areas, or their stretchings at birth."""
-    thresholds, newborn = interface.threshold_distribution, interface.newborn
-    largest, knots = float(thresholds.inverse_survival(1e-8)), np.array(thresholds.knots)
+    """Return the lives of contacts that draw their areas, or their stretchings at
+    birth.
+    """
+    thresholds = interface.threshold_distribution
+    newborn = interface.newborn
+    largest = float(thresholds.inverse_survival(1e-8))
+    knots = np.array(thresholds.knots)
     if newborn is None:
-        beyond: Any = partial(Distribution.partial_moment, thresholds)  # by quadrature, of roots as well
+        # by quadrature, of roots as well
+        beyond: Any = partial(Distribution.partial_moment, thresholds)
         std = math.sqrt(thresholds.moment(1) - float(beyond(0.0, 0.5)) ** 2)
-        end, breaks = math.sqrt(largest), np.sqrt(knots[knots > 0])
+        end = math.sqrt(largest)
+        breaks = np.sqrt(knots[knots > 0])
 
         def left(x: Array) -> list[Array]:
             number, b, square = (beyond(x * x, 0.5 * order) for order in range(3))
@@ -56,19 +81,24 @@ def lives_of(interface: Interface) -> Lives:
     else:
         born, part = stretching_nodes(newborn, thresholds)
         std = math.hypot(thresholds.standard_deviation(), newborn.standard_deviation())
-        end, breaks = largest - float(born.min()), np.empty(0)
+        end = largest - float(born.min())
+        breaks = np.empty(0)
 
         def left(x: Array) -> list[Array]:
             reached = np.maximum(x[:, None] + born, np.abs(born))
-            holds = part * thresholds.survival(reached) / thresholds.survival(np.abs(born))
+            holds = (
+                part * thresholds.survival(reached) / thresholds.survival(np.abs(born))
+            )
             number, a, square = (holds @ born**order for order in range(3))
             return [number, a + x * number, a, number, square + x * a, a + x * number]
 
     highest = _FINEST / std
     if end > _NARROWEST * std:
         raise InputError(
-            f"Interface.thresholds = {thresholds}: the linear response of contacts that draw areas or stretchings "
-            f"is resolved for a scatter of 1/{_NARROWEST:g} of the largest and more; give more, or simulate",
+            f"Interface.thresholds = {thresholds}: the linear response of contacts "
+            "that draw areas or stretchings "
+            f"is resolved for a scatter of 1/{_NARROWEST:g} of the largest and more; "
+            "give more, or simulate",
             "Interface.thresholds",
         )
     even = np.linspace(0.0, end, math.ceil(end * highest / _PHASE) + 1)
@@ -82,16 +112,21 @@ def lives_of(interface: Interface) -> Lives:
 def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
     """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6)."""
     parts = np.array_split(q, q.size // 128 + 1)  # no more in memory at once
-    return np.concatenate([np.exp(-np.multiply.outer(part, lives.x)) @ lives.held for part in parts])
+    return np.concatenate(
+        [np.exp(-np.multiply.outer(part, lives.x)) @ lives.held for part in parts]
+    )
 
 
 def response_of_areas(interface: Interface) -> "DrawnResponse":
-    """Return the linear response of contacts that draw their areas; of others raises `InputError`."""
+    """Return the linear response of contacts that draw their areas; of others raises
+    `InputError`.
+    """
     who = "the linear response of areas"
     interface.allow(interface.mechanisms - {"temperature"}, who)
     if interface.areas != "fresh" or interface.thresholds.single:
         raise InputError(
-            f"Interface.areas = {interface.areas!r}: not available with {who} that contacts keep, or that are all "
+            f"Interface.areas = {interface.areas!r}: not available with {who} that "
+            "contacts keep, or that are all "
             "alike: they are slow to forget how they started; simulate with Contacts",
             "Interface.areas",
         )
@@ -100,7 +135,9 @@ def response_of_areas(interface: Interface) -> "DrawnResponse":
 
 @dataclass(frozen=True)
 class DrawnResponse(Response):
-    """The linear response of contacts that draw their areas, or their stretchings at birth."""
+    """The linear response of contacts that draw their areas, or their stretchings at
+    birth.
+    """
 
     interface: Interface
 
@@ -112,16 +149,25 @@ class DrawnResponse(Response):
         return self.interface.delay.moment(1) == 0
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        delay, force, q = self.interface.delay, self.interface.sliding_force, s / velocity
-        missing, away, life = np.asarray(delay.absence(s)), velocity * delay.moment(1), self._life(q)
+        delay = self.interface.delay
+        force = self.interface.sliding_force
+        q = s / velocity
+        missing = np.asarray(delay.absence(s))
+        away = velocity * delay.moment(1)
+        life = self._life(q)
         pulled = missing * (force * life.broken - q * life.whole)
-        kappa = pulled / ((life.rest + away) * (missing + (1.0 - missing) * life.broken))
+        kappa = pulled / (
+            (life.rest + away) * (missing + (1.0 - missing) * life.broken)
+        )
         return Fluctuations(kappa, life.noise(q, missing, away, force) / velocity)
 
     def _life(self, q: ComplexArray) -> Unperturbed:
-        lives, size = lives_of(self.interface), np.abs(q)
-        held, newborn = lives.held, lives.newborn
-        found, fast = np.empty((q.size, 6), dtype=complex), size > lives.highest
+        lives = lives_of(self.interface)
+        size = np.abs(q)
+        held = lives.held
+        newborn = lives.newborn
+        found = np.empty((q.size, 6), dtype=complex)
+        fast = size > lives.highest
         found[~fast] = _transforms(lives, q[~fast])
         found[fast] = newborn[0] / q[fast, None] + newborn[1] / q[fast, None] ** 2
         survival, whole, a_left, b_left, a_pull, b_pull = found.T
@@ -132,11 +178,21 @@ class DrawnResponse(Response):
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
         lives = lives_of(self.interface)
-        step = max(STEP / (lives.x[-1] + velocity * self.interface.delay.longest), lives.highest / 8000.0)
+        step = max(
+            STEP / (lives.x[-1] + velocity * self.interface.delay.longest),
+            lives.highest / 8000.0,
+        )
         slow = np.geomspace(1e-4 * step, step, 60, endpoint=False)
         fast = np.geomspace(lives.highest, 1e3 * lives.highest, 90)
-        return np.asarray(velocity * np.concatenate([slow, np.arange(step, lives.highest - 0.5 * step, step), fast]))
+        return np.asarray(
+            velocity
+            * np.concatenate(
+                [slow, np.arange(step, lives.highest - 0.5 * step, step), fast]
+            )
+        )
 
     def scales(self, velocity: float) -> Scales:
-        cycle = float(lives_of(self.interface).held[:, 0].sum()) / velocity + self.interface.delay.moment(1)
+        cycle = float(
+            lives_of(self.interface).held[:, 0].sum()
+        ) / velocity + self.interface.delay.moment(1)
         return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)

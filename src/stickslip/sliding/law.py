@@ -1,4 +1,6 @@
-"""The friction law of an interface: force over velocity, its slope, and the velocities at which it turns."""
+"""The friction law of an interface: force over velocity, its slope, and the
+velocities at which it turns.
+"""
 
 import math
 from collections.abc import Callable
@@ -13,42 +15,53 @@ from stickslip.model import Interface
 from stickslip.sliding.door import sliding_of
 from stickslip.sliding.response import Array
 
-_PER_DECADE = 16  # velocities at which the slope is computed; two turning points nearer than that may be missed
+# velocities at which the slope is computed; two turning points nearer than that may be
+# missed
+_PER_DECADE = 16
 
 
 def at_each(law: Callable[[Array], Array], speed: Array) -> float | Array:
     """Return a law of the speed in the shape of `speed`: a number for one speed."""
     found = law(speed.ravel())
-    return float(found[0]) if speed.ndim == 0 else np.asarray(found.reshape(speed.shape))
+    return (
+        float(found[0]) if speed.ndim == 0 else np.asarray(found.reshape(speed.shape))
+    )
 
 
 @overload
 def kinetic_friction(interface: Interface, velocity: float = 0.0) -> float: ...
 @overload
 def kinetic_friction(interface: Interface, velocity: Array) -> Array: ...
-def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> float | Array:
-    """Return the mean friction force in smooth sliding, ``F_k = (k m2/2 + f_d v <tau>)/(m1 + v <tau>)``.
+def kinetic_friction(
+    interface: Interface, velocity: float | Array = 0.0
+) -> float | Array:
+    """Return the mean friction force in smooth sliding,
+    ``F_k = (k m2/2 + f_d v <tau>)/(m1 + v <tau>)``.
 
-    The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq. (10); ``m1, m2`` are
-    the first two moments of the positive distribution of thresholds, ``f_d`` is the force of a detached contact. Exact
-    for any distribution and any delay distribution; friction falls with velocity if ``f_d < k m2/(2 m1)``. Of newborn
-    contacts stretched by ``x_0``, ``<x_s^2 - x_0^2>`` takes the place of ``m2`` and ``<x_s - x_0>`` that of ``m1``.
+    The force of the steady state of Eqs. (1)-(4) with attached contacts counted by Eq.
+    (10); ``m1, m2`` are the first two moments of the positive distribution of
+    thresholds, ``f_d`` is the force of a detached contact. Exact for any distribution
+    and any delay distribution; friction falls with velocity if ``f_d < k m2/(2 m1)``.
+    Of newborn contacts stretched by ``x_0``, ``<x_s^2 - x_0^2>`` takes the place of
+    ``m2`` and ``<x_s - x_0>`` that of ``m1``.
 
-    Thresholds that age by `Langevin` have no such form: the stationary kinetic equation of Eqs. (13)-(17) is
-    solved, to 1e-4 or better. Without delay the force depends on ``v/rate**2`` alone. For thresholds that grow by a
-    fixed rule (`ExponentialGrowth`, `LogarithmicGrowth`) the lifetimes of contacts are integrated over their strengths.
-    With temperature they are integrated over the hazard of each contact, to 1e-7 or better; every contact keeps its
-    own threshold for its life. Contacts of different areas, with or without temperature, are integrated over these.
-    (A rate averaged over the thresholds, one law for all contacts, is another model: at a
-    standard deviation of .1 its force is 34 % too low.)
+    Thresholds that age by `Langevin` have no such form: the stationary kinetic equation
+    of Eqs. (13)-(17) is solved, to 1e-4 or better. Without delay the force depends on
+    ``v/rate**2`` alone. For thresholds that grow by a fixed rule (`ExponentialGrowth`,
+    `LogarithmicGrowth`) the lifetimes of contacts are integrated over their strengths.
+    With temperature they are integrated over the hazard of each contact, to 1e-7 or
+    better; every contact keeps its own threshold for its life. Contacts of different
+    areas, with or without temperature, are integrated over these. (A rate averaged over
+    the thresholds, one law for all contacts, is another model: at a standard deviation
+    of .1 its force is 34 % too low.)
 
     Parameters
     ----------
     interface : Interface
         The contacts; with `Langevin` ageing their thresholds must be Gaussian.
     velocity : float or ndarray
-        Speed of sliding, at least 0, in ``x_s`` per time; 0 is the limit of slow sliding, or no delay. Above 0
-        if thresholds age or at a temperature.
+        Speed of sliding, at least 0, in ``x_s`` per time; 0 is the limit of slow
+        sliding, or no delay. Above 0 if thresholds age or at a temperature.
 
     Returns
     -------
@@ -58,15 +71,24 @@ def kinetic_friction(interface: Interface, velocity: float | Array = 0.0) -> flo
     Raises
     ------
     InputError
-        If thresholds age by `Langevin` from a distribution that is no Gaussian, or slide at 0 velocity while they age;
-        if the delay is infinite at zero velocity, or with `Langevin` a delay meets newborns without strength.
+        If thresholds age by `Langevin` from a distribution that is no Gaussian, or
+        slide at 0 velocity while they age; if the delay is infinite at zero velocity,
+        or with `Langevin` a delay meets newborns without strength.
     """
     sliding = sliding_of(interface, "kinetic_friction: ")
-    slowly = interface.ageing is None and interface.temperature is None and math.isfinite(interface.delay.moment(1))
-    hint = "in x_s per time" + (
-        "" if slowly else "; with ageing, a temperature or an infinite delay there is no slow limit"
+    slowly = (
+        interface.ageing is None
+        and interface.temperature is None
+        and math.isfinite(interface.delay.moment(1))
     )
-    speed = numbers("velocity", velocity, hint=hint, **{"at_least" if slowly else "above": 0.0})
+    hint = "in x_s per time" + (
+        ""
+        if slowly
+        else "; with ageing, a temperature or an infinite delay there is no slow limit"
+    )
+    speed = numbers(
+        "velocity", velocity, hint=hint, **{"at_least" if slowly else "above": 0.0}
+    )
     return at_each(sliding.force, speed)
 
 
@@ -75,25 +97,34 @@ def friction_slope(interface: Interface, velocity: float) -> float: ...
 @overload
 def friction_slope(interface: Interface, velocity: Array) -> Array: ...
 def friction_slope(interface: Interface, velocity: float | Array) -> float | Array:
-    """Return how steeply the friction force in smooth sliding changes with the speed, ``dF_k/dln v``.
+    """Return how steeply the friction force in smooth sliding changes with the speed,
+    ``dF_k/dln v``.
 
-    Above 0 the interface strengthens with velocity, below 0 it weakens: ``a - b`` of rate and state. Exact, from the
-    same integrals as `kinetic_friction`, with its units and its refusals; with ageing by `Langevin` by differences of
-    it, to 1e-3. The velocity is above 0.
+    Above 0 the interface strengthens with velocity, below 0 it weakens: ``a - b`` of
+    rate and state. Exact, from the same integrals as `kinetic_friction`, with its units
+    and its refusals; with ageing by `Langevin` by differences of it, to 1e-3. The
+    velocity is above 0.
 
     Examples
     --------
-    >>> thermal = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), temperature=ss.Bell(width=0.01, attempts=1e6))
+    >>> thermal = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1),
+    ...     temperature=ss.Bell(width=0.01, attempts=1e6),
+    ... )
     >>> print(f"{ss.stability.friction_slope(thermal, 1.0):.6f}")
     0.004938
     """
     slope = sliding_of(interface, "friction_slope: ").slope
-    return at_each(slope, numbers("velocity", velocity, above=0, hint="in x_s per time"))
+    return at_each(
+        slope, numbers("velocity", velocity, above=0, hint="in x_s per time")
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class TurningVelocity:
-    """A speed at which the friction law turns: from weakening with velocity to strengthening at a minimum."""
+    """A speed at which the friction law turns: from weakening with velocity to
+    strengthening at a minimum.
+    """
 
     velocity: float  #: in ``x_s`` per time
     force: float  #: kinetic friction there, per contact, in ``f_s``
@@ -103,12 +134,16 @@ class TurningVelocity:
         return f"{self.kind} of {self.force:.4g} f_s at velocity {self.velocity:.4g}"
 
 
-def turning_velocities(interface: Interface, *, between: tuple[float, float]) -> tuple[TurningVelocity, ...]:
-    """Find the speeds at which kinetic friction is smallest or largest: where `friction_slope` changes sign.
+def turning_velocities(
+    interface: Interface, *, between: tuple[float, float]
+) -> tuple[TurningVelocity, ...]:
+    """Find the speeds at which kinetic friction is smallest or largest: where
+    `friction_slope` changes sign.
 
-    Ageing and temperature make a minimum: slow contacts have time to age. Temperature and a delay make a maximum: fast
-    contacts are missed while they are detached. They rise in velocity; there are none if friction only rises or only
-    falls in the range, two speeds above 0 in ``x_s`` per time. Refused is what `kinetic_friction` refuses.
+    Ageing and temperature make a minimum: slow contacts have time to age. Temperature
+    and a delay make a maximum: fast contacts are missed while they are detached. They
+    rise in velocity; there are none if friction only rises or only falls in the range,
+    two speeds above 0 in ``x_s`` per time. Refused is what `kinetic_friction` refuses.
 
     Examples
     --------
@@ -123,9 +158,14 @@ def turning_velocities(interface: Interface, *, between: tuple[float, float]) ->
     instance("turning_velocities: interface", interface, Interface, "an Interface")
     ends = numbers("between", between, above=0, hint="two speeds in x_s per time")
     if ends.shape != (2,) or ends[0] >= ends[1]:
-        raise InputError(f"between = {shown(between)}: must be two speeds that rise, such as (0.01, 100)")
+        raise InputError(
+            f"between = {shown(between)}: must be two speeds that rise, such as (0.01, "
+            "100)"
+        )
     low, high = np.log(ends).tolist()
-    places = np.linspace(low, high, 2 + math.ceil(_PER_DECADE * (high - low) / math.log(10.0)))
+    places = np.linspace(
+        low, high, 2 + math.ceil(_PER_DECADE * (high - low) / math.log(10.0))
+    )
 
     def slope(place: float) -> float:
         return friction_slope(interface, math.exp(place))
@@ -133,7 +173,15 @@ def turning_velocities(interface: Interface, *, between: tuple[float, float]) ->
     slopes = friction_slope(interface, np.exp(places))
     found = []
     for k in np.flatnonzero(slopes[1:] * slopes[:-1] < 0).tolist():
-        velocity = math.exp(optimize.brentq(slope, places[k], places[k + 1], xtol=1e-10))
+        velocity = math.exp(
+            optimize.brentq(slope, places[k], places[k + 1], xtol=1e-10)
+        )
         force = kinetic_friction(interface, velocity)
-        found.append(TurningVelocity(velocity=velocity, force=force, kind="minimum" if slopes[k] < 0 else "maximum"))
+        found.append(
+            TurningVelocity(
+                velocity=velocity,
+                force=force,
+                kind="minimum" if slopes[k] < 0 else "maximum",
+            )
+        )
     return tuple(found)

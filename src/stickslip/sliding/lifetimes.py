@@ -1,8 +1,10 @@
-"""Lives of contacts in steady sliding that break by temperature, or whose thresholds grow by a fixed rule.
+"""Lives of contacts in steady sliding that break by temperature, or whose thresholds
+grow by a fixed rule.
 
-One life of a contact, from attachment to break, is all there is to steady sliding: the force is its mean work over its
-mean length, and the linear response what a small perturbation changes in it. The lifetimes are laid out once for an
-interface and a speed; `stickslip.sliding.activated` reads them.
+One life of a contact, from attachment to break, is all there is to steady sliding: the
+force is its mean work over its mean length, and the linear response what a small
+perturbation changes in it. The lifetimes are laid out once for an interface and a
+speed; `stickslip.sliding.activated` reads them.
 """
 
 import math
@@ -14,17 +16,42 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.kernels import lifetimes as kernel
-from stickslip.kernels.hazard import BARRIER, BELL, EXPONENTIAL, FIXED, LOGARITHMIC, NONE, PARABOLIC, Growth, Hazard
+from stickslip.kernels.hazard import (
+    BARRIER,
+    BELL,
+    EXPONENTIAL,
+    FIXED,
+    LOGARITHMIC,
+    NONE,
+    PARABOLIC,
+    Growth,
+    Hazard,
+)
 from stickslip.kernels.lifetimes import INTEGRAL, NODE, NODES, Lifetimes, relax, rule
-from stickslip.model import AgeingModel, Barrier, Bell, ExponentialGrowth, Interface, LogarithmicGrowth, Parabolic
+from stickslip.model import (
+    AgeingModel,
+    Barrier,
+    Bell,
+    ExponentialGrowth,
+    Interface,
+    LogarithmicGrowth,
+    Parabolic,
+)
 from stickslip.model.activation import ActivationModel
 from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.records import hashable
 
 
-def lifetimes_of(interface: Interface, velocity: float, highest: float = 0.0) -> Lifetimes:
-    """The lifetimes of contacts in steady sliding at a speed, for perturbations of wave numbers up to `highest`."""
-    contacts = map(hashable, (interface.threshold_distribution, interface.temperature, interface.ageing))
+def lifetimes_of(
+    interface: Interface, velocity: float, highest: float = 0.0
+) -> Lifetimes:
+    """The lifetimes of contacts in steady sliding at a speed, for perturbations of
+    wave numbers up to `highest`.
+    """
+    contacts = map(
+        hashable,
+        (interface.threshold_distribution, interface.temperature, interface.ageing),
+    )
     lifetimes = partial(_lifetimes, *contacts, float(velocity))
     # Panels are halved from octave to octave: few different ones, and they are kept.
     longest = 2.0 ** math.floor(math.log2(4.0 / max(highest, 4.0)))
@@ -42,23 +69,35 @@ def _lifetimes(
 ) -> Lifetimes:
     low, high = distribution.support
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
-    growth, hazard = growth_of(ageing), hazard_of(temperature)
-    separable = (hazard.kind == BELL and growth.kind != EXPONENTIAL) or (hazard.kind == PARABOLIC and ageing is None)
-    width = hazard.scale / float(_barrier(hazard, np.array(distribution.moment(1)))[0])  # that e-folds the rate
-    one_variable = temperature is None or (separable and distribution.standard_deviation() > 2.0 * width)
+    growth = growth_of(ageing)
+    hazard = hazard_of(temperature)
+    separable = (hazard.kind == BELL and growth.kind != EXPONENTIAL) or (
+        hazard.kind == PARABOLIC and ageing is None
+    )
+    # that e-folds the rate
+    width = hazard.scale / float(_barrier(hazard, np.array(distribution.moment(1)))[0])
+    one_variable = temperature is None or (
+        separable and distribution.standard_deviation() > 2.0 * width
+    )
     if one_variable and not inner and not distribution.single:
         return _cut(_in_one(distribution, hazard, growth, velocity), longest)
     if high > 1e3 * distribution.moment(1) and temperature is not None:
         longest = math.inf if longest == 1.0 else longest
     bends = []
     if isinstance(temperature, Bell):
-        bend = temperature.width * math.log1p(temperature.attempts * temperature.width / velocity)
+        bend = temperature.width * math.log1p(
+            temperature.attempts * temperature.width / velocity
+        )
         bends = [(bend, temperature.width)]
-    return kernel.march(hazard, growth, *threshold_nodes(distribution, 0.01, bends), velocity, longest)
+    return kernel.march(
+        hazard, growth, *threshold_nodes(distribution, 0.01, bends), velocity, longest
+    )
 
 
 def _cut(one: Lifetimes, longest: float) -> Lifetimes:
-    """Lives of all contacts at once on shorter panels, by the polynomials through the nodes of each panel."""
+    """Lives of all contacts at once on shorter panels, by the polynomials through
+    the nodes of each panel.
+    """
     count = np.maximum(np.ceil(one.width / longest), 1.0).astype(int)
     panel = np.repeat(np.arange(count.size), count)
     part = np.arange(panel.size) - (np.cumsum(count) - count)[panel]
@@ -67,30 +106,56 @@ def _cut(one: Lifetimes, longest: float) -> Lifetimes:
     basis = basis.reshape(*place.shape, NODES)
 
     def between(values: Array) -> Array:
-        return np.asarray(np.einsum("pij,pj->pi", basis, values.reshape(-1, NODES)[panel])).ravel()
+        return np.asarray(
+            np.einsum("pij,pj->pi", basis, values.reshape(-1, NODES)[panel])
+        ).ravel()
 
     width = (one.width / count)[panel]
     weight = (width[:, None] * INTEGRAL[-1]).ravel()
-    named = ("x", "survival", "slope", "decay", "source", "push", "drop", "cap_x", "cap_slope")
+    named = (
+        "x",
+        "survival",
+        "slope",
+        "decay",
+        "source",
+        "push",
+        "drop",
+        "cap_x",
+        "cap_slope",
+    )
     found: dict[str, Any] = {name: between(getattr(one, name)) for name in named}
     cap = weight * between(one.cap_weight / one.weight)
-    return Lifetimes(width=width, fresh=one.fresh[panel] & (part == 0), weight=weight, cap_weight=cap, **found)
+    return Lifetimes(
+        width=width,
+        fresh=one.fresh[panel] & (part == 0),
+        weight=weight,
+        cap_weight=cap,
+        **found,
+    )
 
 
-def threshold_nodes(distribution: Distribution, first: float, places: list[tuple[float, float]]) -> tuple[Array, Array]:
-    """Nodes of thresholds and their weights, on panels of the size `first` at the start, and finer at some places."""
+def threshold_nodes(
+    distribution: Distribution, first: float, places: list[tuple[float, float]]
+) -> tuple[Array, Array]:
+    """Nodes of thresholds and their weights, on panels of the size `first` at the
+    start, and finer at some places.
+    """
     if distribution.single:
         return np.array([distribution.moment(1)]), np.ones(1)
     start = max(distribution.support[0], 0.0)
     places = [(start, first), *((knot, 0.05) for knot in distribution.knots), *places]
-    x, weight = gauss_nodes(panel_edges(distribution, start, distribution.support[1], places))
+    x, weight = gauss_nodes(
+        panel_edges(distribution, start, distribution.support[1], places)
+    )
     weight = weight * distribution.density(x)
     met = weight > 1e-14 * weight.sum()
     return x[met], weight[met]
 
 
 def hazard_of(temperature: ActivationModel | None) -> Hazard:
-    """Return thermal activation as the kernels take it; without it, one that is never tried."""
+    """Return thermal activation as the kernels take it; without it, one that is
+    never tried.
+    """
     match temperature:
         case Bell(width=width, attempts=attempts):
             return Hazard(BELL, attempts, width, 1.0, 0.0)
@@ -102,7 +167,9 @@ def hazard_of(temperature: ActivationModel | None) -> Hazard:
 
 
 def growth_of(ageing: AgeingModel | None) -> Growth:
-    """Return a fixed rule of growth as the kernels take it, also for thresholds that do not grow."""
+    """Return a fixed rule of growth as the kernels take it, also for thresholds that
+    do not grow.
+    """
     match ageing:
         case ExponentialGrowth(rate=rate, newborn=newborn):
             return Growth(EXPONENTIAL, rate, newborn)
@@ -118,11 +185,14 @@ def panel_edges(
     places: list[tuple[float, float]],
     steepest: Callable[[float], float] = lambda _: math.inf,
 ) -> Array:
-    """Ends of panels: as fine as the distribution is wide, finer towards each place, down to the scale there.
+    """Ends of panels: as fine as the distribution is wide, finer towards each place,
+    down to the scale there.
 
     `steepest` is the longest panel at a place.
     """
-    inner, middle, outer = distribution.inverse_survival(np.array([0.84, 0.5, 0.16])).tolist()
+    inner, middle, outer = distribution.inverse_survival(
+        np.array([0.84, 0.5, 0.16])
+    ).tolist()
     core = 0.25 * (outer - inner)
     fine = sorted((place, scale) for place, scale in places if start <= place <= end)
     edges = [start]
@@ -148,24 +218,37 @@ def _radau(edges: Array) -> tuple[Array, Array, Array]:
     """Lengths of panels, and their nodes and weights."""
     width = np.diff(edges)
     inside = np.minimum(NODE, 1.0 - 1e-12)  # a density may jump at the end of a panel
-    return width, (edges[:-1, None] + width[:, None] * inside).ravel(), (width[:, None] * INTEGRAL[-1]).ravel()
+    return (
+        width,
+        (edges[:-1, None] + width[:, None] * inside).ravel(),
+        (width[:, None] * INTEGRAL[-1]).ravel(),
+    )
 
 
-_FOLLOWED = 60.0  # slope of ageing over the activation width up to which the fall of the rate after birth is followed
+# slope of ageing over the activation width up to which the fall of the rate after birth
+# is followed
+_FOLLOWED = 60.0
 
 
 @lru_cache(maxsize=128)
-def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> Lifetimes:
-    """Lives of all contacts at once: of a barrier that falls linearly or as a parabola, or without temperature.
+def _in_one(
+    distribution: Distribution, hazard: Hazard, growth: Growth, v: float
+) -> Lifetimes:
+    """Lives of all contacts at once: of a barrier that falls linearly or as a parabola,
+    or without temperature.
 
-    The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi`` depends on ``G`` alone. By a
-    parabola ``xi**2/2`` stands for ``xi``, and the temperature for ``A``.
+    The hazard up to ``x`` is ``G(x) exp(-xi/A)``: the survival of all thresholds ``xi``
+    depends on ``G`` alone. By a parabola ``xi**2/2`` stands for ``xi``, and the
+    temperature for ``A``.
     """
-    (low, high), A = distribution.support, hazard.scale
-    if kernel.reach(growth, high, v) <= 0:  # even the strongest break as soon as they attach: there are no lifetimes
+    low, high = distribution.support
+    A = hazard.scale
+    # even the strongest break as soon as they attach: there are no lifetimes
+    if kernel.reach(growth, high, v) <= 0:
         return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, math.inf)
     edges = _edges_in_one(distribution, hazard, growth, v)
-    # On half of what the integrals need, polynomials give what lies between the nodes, too, to 1e-8.
+    # On half of what the integrals need, polynomials give what lies between the nodes,
+    # too, to 1e-8.
     width, x, weight = _radau(np.union1d(edges, 0.5 * (edges[1:] + edges[:-1])))
     strength, steeper, later = _met(growth, x, v)
     capped = np.maximum(strength, low)
@@ -174,115 +257,207 @@ def _in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float
     if hazard.attempts > 0:
         reached, shape, aged, decay = _reached(hazard, growth, v, width, x)
         source, _ = _barrier(hazard, x)
-        bottom, top = ((reached - _barrier(hazard, np.array(end))[1]) / A for end in (high, capped))
+        bottom, top = (
+            (reached - _barrier(hazard, np.array(end))[1]) / A for end in (high, capped)
+        )
         z, part = under_gumbel(np.maximum(bottom, -38.0), np.minimum(top, 4.0))
         xi = reached[:, None] - A * z
-        xi = np.sqrt(np.maximum(2.0 * xi, capped[:, None] ** 2)) if hazard.kind == PARABOLIC else xi
+        xi = (
+            np.sqrt(np.maximum(2.0 * xi, capped[:, None] ** 2))
+            if hazard.kind == PARABOLIC
+            else xi
+        )
         ended = np.exp(-np.exp(np.minimum(top, 4.0)))
-        survival = distribution.survival(capped) * ended + np.sum(part * distribution.survival(xi), axis=1)
-        broken = A * np.sum(part * distribution.density(xi) / _barrier(hazard, xi)[0], axis=1) / shape
+        survival = distribution.survival(capped) * ended + np.sum(
+            part * distribution.survival(xi), axis=1
+        )
+        broken = (
+            A
+            * np.sum(part * distribution.density(xi) / _barrier(hazard, xi)[0], axis=1)
+            / shape
+        )
         density = density * ended
-        slope, push, drop = (shape - aged) * broken, broken / A, broken * relax(width, decay, source) / A
+        slope = (shape - aged) * broken
+        push = broken / A
+        drop = broken * relax(width, decay, source) / A
     else:
-        survival, source = distribution.survival(np.maximum(strength, 0.0)), np.ones_like(x)
+        survival = distribution.survival(np.maximum(strength, 0.0))
+        source = np.ones_like(x)
         slope = push = drop = decay = zero
     slope = slope - np.where(strength > 0, density * later, 0.0)
     cap = weight * density * np.where(strength > 0, steeper, 0.0)
     fresh = np.arange(width.size) == 0
-    return kernel.Lifetimes(width, fresh, x, weight, survival, slope, decay, source, push, drop, x, cap, zero)
+    return kernel.Lifetimes(
+        width,
+        fresh,
+        x,
+        weight,
+        survival,
+        slope,
+        decay,
+        source,
+        push,
+        drop,
+        x,
+        cap,
+        zero,
+    )
 
 
 def _barrier(hazard: Hazard, x: Array) -> tuple[Array, Array]:
-    """What a stretching takes off a barrier, in units of its scale: its slope, and itself."""
+    """What a stretching takes off a barrier, in units of its scale: its slope, and
+    itself.
+    """
     return (x, 0.5 * x**2) if hazard.kind == PARABOLIC else (np.ones_like(x), x)
 
 
-def _edges_in_one(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> Array:
-    """Ends of panels for all contacts at once, up to where the strongest have broken."""
-    (low, high), A = distribution.support, hazard.scale
-    weakest, shortest = max(low, 0.0), _shortest(distribution, hazard, growth, v)
-    if hazard.attempts == 0:  # at a high speed all break within a small part of the panels that suit their strengths
-        strengths = panel_edges(distribution, weakest, high, [(weakest, shortest)]).tolist()
-        return np.array(sorted({0.0, *(kernel.reach(growth, strength, v) for strength in strengths)}))
+def _edges_in_one(
+    distribution: Distribution, hazard: Hazard, growth: Growth, v: float
+) -> Array:
+    """Ends of panels for all contacts at once, up to where the strongest have
+    broken.
+    """
+    low, high = distribution.support
+    A = hazard.scale
+    weakest = max(low, 0.0)
+    shortest = _shortest(distribution, hazard, growth, v)
+    # at a high speed all break within a small part of the panels that suit their
+    # strengths
+    if hazard.attempts == 0:
+        strengths = panel_edges(
+            distribution, weakest, high, [(weakest, shortest)]
+        ).tolist()
+        return np.array(
+            sorted(
+                {0.0, *(kernel.reach(growth, strength, v) for strength in strengths)}
+            )
+        )
 
     def follow(x: float) -> float:
-        """Longest panel where the rate at birth is not yet forgotten: what decays has to be followed."""
-        factor, addend, _, more = map(float, kernel.rule(growth, np.array([x / v]))[:, 0])
+        """Longest panel where the rate at birth is not yet forgotten: what decays
+        has to be followed.
+        """
+        factor, addend, _, more = map(
+            float, kernel.rule(growth, np.array([x / v]))[:, 0]
+        )
         strength = (x - addend) / factor
         steep, height = map(float, _barrier(hazard, np.array(strength)))
         if height > 40.0 * A or (strength < 0.0 and growth.first > _FOLLOWED * A):
             return math.inf
         return 2.5 * A / max(abs(steep - more / v), 0.4)
 
-    end, places = kernel.reach(growth, high, v), [(0.0, shortest)]
+    end = kernel.reach(growth, high, v)
+    places = [(0.0, shortest)]
     if distribution.knots:
-        # The stretching at which contacts of the threshold at the knot break, from a first set of panels.
+        # The stretching at which contacts of the threshold at the knot break, from a
+        # first set of panels.
         width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, follow))
         reached = _reached(hazard, growth, v, width, x)[0]
         knots = _barrier(hazard, np.array(distribution.knots))[1]
-        places += [(float(np.interp(knot, reached, x)), A) for knot in knots if knot < reached[-1]]
-    places += [(kernel.reach(growth, knot, v), A) for knot in distribution.knots if knot > 0 or growth.first > 0.0]
+        places += [
+            (float(np.interp(knot, reached, x)), A)
+            for knot in knots
+            if knot < reached[-1]
+        ]
+    places += [
+        (kernel.reach(growth, knot, v), A)
+        for knot in distribution.knots
+        if knot > 0 or growth.first > 0.0
+    ]
     edges = panel_edges(distribution, 0.0, end, places, follow)
     # All but next to none have broken long before the strongest meet their thresholds.
     width, x, _ = _radau(edges)
     last = np.minimum(distribution.inverse_survival(math.exp(-kernel.QUIET)), high)
-    broken = np.searchsorted(_reached(hazard, growth, v, width, x)[0], _barrier(hazard, last)[1] + 4.0 * A)
+    broken = np.searchsorted(
+        _reached(hazard, growth, v, width, x)[0], _barrier(hazard, last)[1] + 4.0 * A
+    )
     return edges[: min(int(broken) // kernel.NODES + 3, edges.size)]
 
 
-def _shortest(distribution: Distribution, hazard: Hazard, growth: Growth, v: float) -> float:
+def _shortest(
+    distribution: Distribution, hazard: Hazard, growth: Growth, v: float
+) -> float:
     """Length over which the survival or the threshold of a newborn may change."""
     lengths = [0.05 * distribution.standard_deviation()]
     if hazard.attempts > 0:
-        # The weakest, all but one in 1e8, break at a rate that hardly grows while it is that of attempts.
+        # The weakest, all but one in 1e8, break at a rate that hardly grows while it is
+        # that of attempts.
         weakest = np.maximum(distribution.inverse_survival(1.0 - 1e-8), 0.0)
         quiet = min(float(_barrier(hazard, weakest)[1]) / hazard.scale, 40.0)
         lengths += [hazard.scale, v / hazard.attempts * math.exp(quiet)]
     if growth.first > 0.0:
-        lengths.append(v * growth.second if growth.kind == LOGARITHMIC else v / growth.first)
+        lengths.append(
+            v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
+        )
     return max(min(lengths), 1e-9)
 
 
 def _met(growth: Growth, x: Array, v: float) -> tuple[Array, Array, Array]:
-    """Strength whose threshold is met at a stretching, its slope in the threshold, and that in ln v."""
+    """Strength whose threshold is met at a stretching, its slope in the threshold,
+    and that in ln v.
+    """
     age = x / v
     factor, addend, steeper, more = rule(growth, age)
     strength = (x - addend) / factor
     return strength, 1.0 / factor, age * (more + strength * steeper) / factor
 
 
-def _reached(hazard: Hazard, growth: Growth, v: float, width: Array, x: Array) -> tuple[Array, Array, Array, Array]:
-    """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by age, and ``rho'/rho``."""
-    A, age = hazard.scale, x / v
+def _reached(
+    hazard: Hazard, growth: Growth, v: float, width: Array, x: Array
+) -> tuple[Array, Array, Array, Array]:
+    """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by
+    age, and ``rho'/rho``.
+    """
+    A = hazard.scale
+    age = x / v
     _, addend, _, slope = rule(growth, age)
-    # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the time they are born.
+    # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the
+    # time they are born.
     steep, height = _barrier(hazard, x)
-    decay = np.maximum((steep - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0)
+    decay = np.maximum(
+        (steep - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0
+    )
     shape = relax(width, decay, np.ones_like(x))
-    aged = relax(width, decay, slope * age / A) if growth.first > 0.0 else np.zeros_like(x)
-    reached = height - addend + A * np.log(hazard.attempts / v * np.maximum(shape, 1e-300))
+    aged = (
+        relax(width, decay, slope * age / A) if growth.first > 0.0 else np.zeros_like(x)
+    )
+    reached = (
+        height - addend + A * np.log(hazard.attempts / v * np.maximum(shape, 1e-300))
+    )
     return reached, shape, aged, decay
 
 
 def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
-    """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two bounds, shape (n, 64)."""
+    """Nodes and weights for a smooth function times ``exp(z - exp(z))`` between two
+    bounds, shape (n, 64).
+    """
     high = np.maximum(high, low)
     z, weight = gauss_nodes(np.stack([low, np.clip(-6.0, low, high), high], axis=1), 32)
     return z, weight * np.exp(z - np.exp(z))
 
 
-def blurred_survival(survival: Callable[[Array], Array], width: float, u: Array, knots: Sequence[float]) -> Array:
-    """Survival of a newborn of any threshold at ``u = A ln G``: ``J(u)``, thresholds blurred by a Gumbel distribution.
+def blurred_survival(
+    survival: Callable[[Array], Array], width: float, u: Array, knots: Sequence[float]
+) -> Array:
+    """Survival of a newborn of any threshold at ``u = A ln G``: ``J(u)``, thresholds
+    blurred by a Gumbel distribution.
 
-    The mean of their survival ``J_c(u - A s)``, a function of flat arrays, over ``s = ln E``, ``E`` drawn from
-    ``exp(-E)``; it has corners where the density jumps, at the `knots`.
+    The mean of their survival ``J_c(u - A s)``, a function of flat arrays, over
+    ``s = ln E``, ``E`` drawn from ``exp(-E)``; it has corners where the density jumps,
+    at the `knots`.
     """
-    low, high, corners = -38.0, 3.7, np.array([knot for knot in knots if math.isfinite(knot)])
-    found = np.empty(u.size)  # between these the weight exp(s - exp(s)) is more than rounding
+    low = -38.0
+    high = 3.7
+    corners = np.array([knot for knot in knots if math.isfinite(knot)])
+    # between these the weight exp(s - exp(s)) is more than rounding
+    found = np.empty(u.size)
     for part in np.array_split(np.arange(u.size), 1 + u.size // 512):
         at = u.ravel()[part, None]
         edges = np.tile(np.linspace(low, high, 24), (part.size, 1))
-        edges = np.sort(np.concatenate([edges, np.clip((at - corners) / width, low, high)], axis=1), axis=1)
+        edges = np.sort(
+            np.concatenate([edges, np.clip((at - corners) / width, low, high)], axis=1),
+            axis=1,
+        )
         s, weight = gauss_nodes(edges, 16)
         weight = weight * np.exp(s - np.exp(s))
         known = survival(np.maximum(at - width * s, 0.0).ravel()).reshape(s.shape)

@@ -1,8 +1,8 @@
 """The linear response of steady sliding, whatever the contacts.
 
-A slider in smooth sliding is perturbed a little, ``exp(s t)``; the contacts answer with their dynamic stiffness
-``kappa(s)``, per contact, in units of ``k``. Nothing here knows what holds the slider: with a rig the response makes
-the modes of `stickslip.stability`.
+A slider in smooth sliding is perturbed a little, ``exp(s t)``; the contacts answer with
+their dynamic stiffness ``kappa(s)``, per contact, in units of ``k``. Nothing here knows
+what holds the slider: with a rig the response makes the modes of `stickslip.stability`.
 """
 
 import math
@@ -20,12 +20,17 @@ from stickslip.arrays import ComplexArray as ComplexArray
 from stickslip.errors import InputError
 
 SCAN_LIMIT = 1 << 21  # largest number of frequencies in a scan
-_APART, _LOST = 8, 1e-5  # frequencies of a scan, first known, a fourth of a turn; of values, that none asks for
-STEP = 0.2  # phase (rad) that the fastest part of a response may turn between neighbours of a scan; a full turn is 6.3
+# frequencies of a scan, first known, a fourth of a turn; of values, that none asks for
+_APART = 8
+_LOST = 1e-5
+# phase (rad) that the fastest part of a response may turn between neighbours of a scan;
+# a full turn is 6.3
+STEP = 0.2
 
 
 class MeanLifetimes(NamedTuple):
-    """Mean distance slid in the lifetimes of contacts, work against it, their slopes in ln v, and the kinds' weights.
+    """Mean distance slid in the lifetimes of contacts, work against it, their slopes in
+    ln v, and the kinds' weights.
 
     Each of the shape (kinds,): contacts of one kind share their attachments.
     """
@@ -38,18 +43,24 @@ class MeanLifetimes(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Numerator and denominator of ``kappa``, both without poles; the denominator tends to 1 for fast perturbations."""
+    """Numerator and denominator of ``kappa``, both without poles; the denominator
+    tends to 1 for fast perturbations.
+    """
 
     numerator: ComplexArray
     denominator: ComplexArray
 
 
 class Fluctuations(NamedTuple):
-    """What the contacts of steady sliding answer, and what each of them does by itself, at some frequencies."""
+    """What the contacts of steady sliding answer, and what each of them does by
+    itself, at some frequencies.
+    """
 
     kappa: ComplexArray
     noise: Array
-    """Two-sided spectrum of the force of one contact; no number where it is not known."""
+    """Two-sided spectrum of the force of one contact; no number where it is not
+    known.
+    """
 
 
 class Scales(NamedTuple):
@@ -59,11 +70,15 @@ class Scales(NamedTuple):
     pace: float  #: time by which growth and decay are measured
     memory: float  #: longest time over which the response remembers
     fastest: float  #: frequency beyond which kappa turns no more by itself, or infinite
-    leftmost: float  #: real part left of which no mode is looked for: ``exp(-s t)`` makes the response overflow
+    #: real part left of which no mode is looked for: ``exp(-s t)`` makes the response
+    #: overflow
+    leftmost: float
 
 
 class Effort(NamedTuple):
-    """Seconds of one core, by estimate: to know kappa at a new speed; for one more slider there; for a root."""
+    """Seconds of one core, by estimate: to know kappa at a new speed; for one more
+    slider there; for a root.
+    """
 
     look: float
     again: float
@@ -73,11 +88,14 @@ class Effort(NamedTuple):
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
-    A model of contacts gives `kappa` or `fluctuations`, `frequencies`, `scales` and its `accuracy`.
+    A model of contacts gives `kappa` or `fluctuations`, `frequencies`, `scales` and its
+    `accuracy`.
     """
 
-    accuracy: ClassVar[float]  #: of kappa, per contact: a mode nearer to neutral than that is undecided
-    certain: ClassVar[bool] = False  #: whether it can be followed left of the axis, so that roots there can be counted
+    #: of kappa, per contact: a mode nearer to neutral than that is undecided
+    accuracy: ClassVar[float]
+    #: whether it can be followed left of the axis, so that roots there can be counted
+    certain: ClassVar[bool] = False
 
     @property
     def inert(self) -> bool:
@@ -91,7 +109,9 @@ class Response(ABC):
 
     @abstractmethod
     def frequencies(self, velocity: float, top: float) -> Array:
-        """Rising angular frequencies that follow every turn of kappa, up to `top`, or to where it turns no more."""
+        """Rising angular frequencies that follow every turn of kappa, up to `top`,
+        or to where it turns no more.
+        """
 
     @abstractmethod
     def scales(self, velocity: float) -> Scales:
@@ -103,16 +123,24 @@ class Response(ABC):
         return Effort(look=0.03, again=0.0013, root=0.01)
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
-        """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis; not finite where it overflows."""
+        """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis;
+        not finite where it overflows.
+        """
         return self.fluctuations(velocity, s).kappa
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        """What the contacts answer and what they do by themselves, at `s` on the imaginary axis that are not 0."""
+        """What the contacts answer and what they do by themselves, at `s` on the
+        imaginary axis that are not 0.
+        """
         return Fluctuations(self.kappa(velocity, s), np.full(np.shape(s), np.nan))
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        """Numerator and denominator of ``kappa(s)``, which is 0 at 0; here ``kappa`` and 1."""
-        speed, points = np.broadcast_arrays(np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex))
+        """Numerator and denominator of ``kappa(s)``, which is 0 at 0; here ``kappa``
+        and 1.
+        """
+        speed, points = np.broadcast_arrays(
+            np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
+        )
         found = np.zeros(points.shape, dtype=complex)
         for v in np.unique(speed):
             here = (speed == v) & (points != 0)
@@ -120,12 +148,16 @@ class Response(ABC):
         return Parts(found, np.ones_like(found))
 
     def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray] | None:
-        """Frequencies up to `top` and far beyond, and centres of discs through 0 that hold kappa whatever the delay."""
+        """Frequencies up to `top` and far beyond, and centres of discs through 0
+        that hold kappa whatever the delay.
+        """
         del velocity, top
         return None
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        """Return frequencies that follow every turn of kappa, up to `top` at least, and its parts there."""
+        """Return frequencies that follow every turn of kappa, up to `top` at least,
+        and its parts there.
+        """
         del top  # known to where it turns no more
         omega, table = whole_axis(self, velocity)
         kappa = table(np.log(omega))[0]
@@ -136,56 +168,90 @@ class Response(ABC):
 
         Raises `InputError` if `s` lies where the response does not exist.
         """
-        points, speed = np.asarray(s, dtype=complex), np.asarray(velocity, dtype=float)
+        points = np.asarray(s, dtype=complex)
+        speed = np.asarray(velocity, dtype=float)
         furthest = float(np.min(points.real, initial=0.0))
         with np.errstate(over="ignore", invalid="ignore"):
             numerator, denominator = self.parts(speed, points)
-            kappa = np.zeros(np.broadcast_shapes(numerator.shape, denominator.shape), dtype=complex)
+            kappa = np.zeros(
+                np.broadcast_shapes(numerator.shape, denominator.shape), dtype=complex
+            )
             np.divide(numerator, denominator, out=kappa, where=denominator != 0)
-        known = not self.certain or furthest == 0 or furthest > self.scales(float(np.min(speed))).leftmost
+        known = (
+            not self.certain
+            or furthest == 0
+            or furthest > self.scales(float(np.min(speed))).leftmost
+        )
         if not (known and np.all(np.isfinite(kappa))):
             raise InputError(
-                f"s = {furthest:g}: too far left of the imaginary axis: the distribution of thresholds has no "
+                f"s = {furthest:g}: too far left of the imaginary axis: the "
+                "distribution of thresholds has no "
                 "transform there, or exp(-s x/v) overflows; stay nearer 0"
             )
         return kappa
 
 
 @lru_cache(maxsize=64)
-def whole_axis(response: Response, velocity: float) -> tuple[Array, "CubicSpline[np.complex128]"]:
-    """Frequencies that follow all turns and peaks, and `Fluctuations` over their logarithm; unknown noise is 0."""
+def whole_axis(
+    response: Response, velocity: float
+) -> tuple[Array, "CubicSpline[np.complex128]"]:
+    """Frequencies that follow all turns and peaks, and `Fluctuations` over their
+    logarithm; unknown noise is 0.
+    """
     omega = response.frequencies(velocity, math.inf)
-    # Where contacts break together, life after life, they answer within less than a step: up to a sixteenth of it.
-    u = np.unique(np.interp(np.arange(16 * omega.size - 15) / 16.0, np.arange(omega.size), np.log(omega)).round(9))
+    # Where contacts break together, life after life, they answer within less than a
+    # step: up to a sixteenth of it.
+    u = np.unique(
+        np.interp(
+            np.arange(16 * omega.size - 15) / 16.0, np.arange(omega.size), np.log(omega)
+        ).round(9)
+    )
 
     def at(some: Array) -> ComplexArray:
-        return np.asarray(np.nan_to_num(np.stack(response.fluctuations(velocity, 1j * np.exp(some)))))
+        return np.asarray(
+            np.nan_to_num(np.stack(response.fluctuations(velocity, 1j * np.exp(some))))
+        )
 
     table = splined(at, u, 16 * _APART, max(response.accuracy, _LOST))
     return np.exp(np.union1d(u[::16], table.x)), table
 
 
-def splined(at: Callable[[Array], ComplexArray], u: Array, apart: int, most: float) -> "CubicSpline[np.complex128]":
-    """A function as a spline, from its values along the last axis at every so many of some points, and halfway.
+def splined(
+    at: Callable[[Array], ComplexArray], u: Array, apart: int, most: float
+) -> "CubicSpline[np.complex128]":
+    """A function as a spline, from its values along the last axis at every so many of
+    some points, and halfway.
 
-    Further ones are asked beside those that a spline misses by more than `most` of them: in the end it errs by less.
+    Further ones are asked beside those that a spline misses by more than `most` of
+    them: in the end it errs by less.
     """
     known = np.append(np.arange(0, u.size - 1, apart), u.size - 1)
-    found, new = at(u[known]), np.setdiff1d((known[1:] + known[:-1]) // 2, known)
+    found = at(u[known])
+    new = np.setdiff1d((known[1:] + known[:-1]) // 2, known)
     while new.size:
         more = at(u[new])
-        missed = np.any(np.abs(CubicSpline(u[known], found, axis=-1)(u[new]) - more) > most * np.abs(more), axis=0)
+        missed = np.any(
+            np.abs(CubicSpline(u[known], found, axis=-1)(u[new]) - more)
+            > most * np.abs(more),
+            axis=0,
+        )
         known, order = np.unique(np.append(known, new), return_index=True)
-        found, place = np.append(found, more, axis=-1)[:, order], np.searchsorted(known, new[missed])
-        new = np.setdiff1d(np.append(known[place - 1] + known[place], known[place] + known[place + 1]) // 2, known)
+        found = np.append(found, more, axis=-1)[:, order]
+        place = np.searchsorted(known, new[missed])
+        new = np.setdiff1d(
+            np.append(known[place - 1] + known[place], known[place] + known[place + 1])
+            // 2,
+            known,
+        )
     return CubicSpline(u[known], found, axis=-1)
 
 
 class Unperturbed(NamedTuple):
-    """Transforms of a life in steady sliding, of length `l` in the distance ``x``, at wave numbers ``q = i y``.
+    """Transforms of a life in steady sliding, of length `l` in the distance ``x``, at
+    wave numbers ``q = i y``.
 
-    ``1 - <exp(-q l)>``; of the force ``f``, with ``G = Int f exp(-q x) dx`` over the life, ``<conj(G) exp(-q l)>``,
-    ``<G>`` and ``<|G|^2>``; and ``<l>``.
+    ``1 - <exp(-q l)>``; of the force ``f``, with ``G = Int f exp(-q x) dx`` over the
+    life, ``<conj(G) exp(-q l)>``, ``<G>`` and ``<|G|^2>``; and ``<l>``.
     """
 
     broken: ComplexArray
@@ -194,30 +260,54 @@ class Unperturbed(NamedTuple):
     each: Array
     rest: float
 
-    def noise(self, q: ComplexArray, missing: ComplexArray, away: float, force: float) -> Array:
-        """Two-sided spectrum of the force of a contact at ``q = i y != 0``, along ``x``: a renewal process.
+    def noise(
+        self, q: ComplexArray, missing: ComplexArray, away: float, force: float
+    ) -> Array:
+        """Two-sided spectrum of the force of a contact at ``q = i y != 0``, along
+        ``x``: a renewal process.
 
-        ``1 - E`` is `missing`, the mean delay `away` in ``x``, and `force` that of a detached contact. With ``G`` and
-        ``l`` those of a life and the delay after it, ``S = (<|G|^2> + 2 Re(<conj(G) exp(-q l)> <G>/<1 - exp(-q
-        l)>))/<l>``.
+        ``1 - E`` is `missing`, the mean delay `away` in ``x``, and `force` that of a
+        detached contact. With ``G`` and ``l`` those of a life and the delay after it,
+        ``S = (<|G|^2> + 2 Re(<conj(G) exp(-q l)> <G>/<1 - exp(-q l)>))/<l>``.
         """
         broken, until, whole, each, rest = self
-        back, pulled = 1.0 - missing, force * missing / q  # E, and G of the delay
-        each = each + 2.0 * (until * pulled).real + 2.0 * force**2 * missing.real / np.abs(q) ** 2
-        after = (until * back + pulled) * (whole + (1.0 - broken) * pulled) / (missing + back * broken)
+        # E, and G of the delay
+        back = 1.0 - missing
+        pulled = force * missing / q
+        each = (
+            each
+            + 2.0 * (until * pulled).real
+            + 2.0 * force**2 * missing.real / np.abs(q) ** 2
+        )
+        after = (
+            (until * back + pulled)
+            * (whole + (1.0 - broken) * pulled)
+            / (missing + back * broken)
+        )
         return np.asarray((each + 2.0 * after.real) / (rest + away))
 
 
-def stretched(q: ComplexArray, lost: ComplexArray, work: ComplexArray, rest: float, done: float) -> Unperturbed:
-    """A life in which the force is ``x``, from what the survival loses, ``M_0 - S^``, and ``W``; ``M_0, M_1`` at 0."""
-    return Unperturbed(q * (rest - lost), lost / q, work, 2.0 * (done - work.real) / np.abs(q) ** 2, rest)
+def stretched(
+    q: ComplexArray, lost: ComplexArray, work: ComplexArray, rest: float, done: float
+) -> Unperturbed:
+    """A life in which the force is ``x``, from what the survival loses,
+    ``M_0 - S^``, and ``W``; ``M_0, M_1`` at 0.
+    """
+    return Unperturbed(
+        q * (rest - lost),
+        lost / q,
+        work,
+        2.0 * (done - work.real) / np.abs(q) ** 2,
+        rest,
+    )
 
 
 class Perturbed(NamedTuple):
     """Transforms of a life under a perturbation ``exp(q x)`` of what moves by ``x``.
 
-    What the survival loses, ``M_0 - S^``; ``W``, the transform of ``x`` times it; and what the perturbation breaks,
-    ``L`` and, with the stretching, ``Y``; see `stickslip.sliding.activated`.
+    What the survival loses, ``M_0 - S^``; ``W``, the transform of ``x`` times it; and
+    what the perturbation breaks, ``L`` and, with the stretching, ``Y``; see
+    `stickslip.sliding.activated`.
     """
 
     lost: ComplexArray
@@ -225,10 +315,21 @@ class Perturbed(NamedTuple):
     breaks: ComplexArray
     yields: ComplexArray
 
-    def kappa(self, q: ComplexArray, missing: ComplexArray, rest: float, away: float, force: float) -> ComplexArray:
-        """Kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest` and the mean delay `away`, in ``x``."""
+    def kappa(
+        self,
+        q: ComplexArray,
+        missing: ComplexArray,
+        rest: float,
+        away: float,
+        force: float,
+    ) -> ComplexArray:
+        """Kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest` and the
+        mean delay `away`, in ``x``.
+        """
         lost, work, breaks, yields = self
         back = 1.0 - missing
         attachments = q * back * breaks / (missing + back * q * (rest - lost))
         attached = attachments * (rest - lost) - breaks
-        return np.asarray((lost + attachments * work - yields - force * attached) / (rest + away))
+        return np.asarray(
+            (lost + attachments * work - yields - force * attached) / (rest + away)
+        )

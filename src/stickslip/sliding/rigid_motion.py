@@ -1,4 +1,5 @@
-"""Rigid motion by the renewal equation: its solution for an interface, static friction, and what this tells backwards.
+"""Rigid motion by the renewal equation: its solution for an interface, static friction,
+and what this tells backwards.
 
 A bench measures two friction coefficients; the model asks for the contacts behind them.
 """
@@ -20,28 +21,41 @@ from stickslip.model.newborn import stretching_nodes
 from stickslip.sliding.law import kinetic_friction
 
 NARROWEST, WIDEST = 0.01, 1.0
-"""Standard deviations among which that of the thresholds is looked for, in units of their mean."""
+"""Standard deviations among which that of the thresholds is looked for, in units of
+their mean.
+"""
 _MOST_WORK = 2e7  # nodes of the start times positions: some ten seconds
 
 
 def check_renewal(interface: Interface, who: str) -> None:
-    """Raise `InputError` for what the renewal equation cannot take: ageing, and thresholds without a density."""
+    """Raise `InputError` for what the renewal equation cannot take: ageing, and
+    thresholds without a density.
+    """
     instance(f"{who}: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force", "newborn"), who)
     check_density(interface.threshold_distribution)
 
 
-def solved(interface: Interface, distance: float, velocity: float, points: int) -> Callable[[Array], renewal.Response]:
+def solved(
+    interface: Interface, distance: float, velocity: float, points: int
+) -> Callable[[Array], renewal.Response]:
     """Return the solution of the renewal equation, to be looked at anywhere."""
-    distribution, born, sliding_force = interface.threshold_distribution, interface.newborn, interface.sliding_force
-    # Where the distribution of thresholds jumps, each node of the start makes a jump of its own in the stiffness.
+    distribution = interface.threshold_distribution
+    born = interface.newborn
+    sliding_force = interface.sliding_force
+    # Where the distribution of thresholds jumps, each node of the start makes a jump of
+    # its own in the stiffness.
     jumps = any(0 < knot < math.inf for knot in distribution.knots)
-    stretchings, weight = stretching_nodes(interface.initial, interface.threshold_distribution, 16 if jumps else 1)
+    stretchings, weight = stretching_nodes(
+        interface.initial, interface.threshold_distribution, 16 if jumps else 1
+    )
     work = stretchings.size * float(points)
     if work > _MOST_WORK:
         raise InputError(
-            f"{work:.1g} points are needed to resolve thresholds and initial stretchings, more than {_MOST_WORK:.0e}: "
-            "give standard deviations that differ less from each other and from the mean"
+            f"{work:.1g} points are needed to resolve thresholds and initial "
+            f"stretchings, more than {_MOST_WORK:.0e}: "
+            "give standard deviations that differ less from each other and from the "
+            "mean"
         )
     delay, part = interface.delay.quadrature()
     contacts = renewal.Contacts(
@@ -52,7 +66,11 @@ def solved(interface: Interface, distance: float, velocity: float, points: int) 
         np.maximum(stretchings, 0.0),
         velocity * delay,
         part,
-        *((np.zeros(1), np.ones(1)) if born is None else stretching_nodes(born, distribution)),
+        *(
+            (np.zeros(1), np.ones(1))
+            if born is None
+            else stretching_nodes(born, distribution)
+        ),
     )
     re_attached = renewal.solve(contacts, distance, points)
 
@@ -61,27 +79,43 @@ def solved(interface: Interface, distance: float, velocity: float, points: int) 
         if sliding_force == 0:
             return found
         # Detached contacts are stretched with the slider until they slide.
-        element, detached = np.minimum(X, sliding_force), 1.0 - found.attached
-        detaching = found.rate - renewal.re_attaching(contacts, re_attached, X, found.rate)
-        stiffness = found.stiffness + element * detaching + np.where(sliding_force > X, detached, 0.0)
-        return found._replace(force=found.force + element * detached, stiffness=stiffness)
+        element = np.minimum(X, sliding_force)
+        detached = 1.0 - found.attached
+        detaching = found.rate - renewal.re_attaching(
+            contacts, re_attached, X, found.rate
+        )
+        stiffness = (
+            found.stiffness
+            + element * detaching
+            + np.where(sliding_force > X, detached, 0.0)
+        )
+        return found._replace(
+            force=found.force + element * detached, stiffness=stiffness
+        )
 
     return at
 
 
 def static_friction(interface: Interface) -> tuple[float, float]:
-    """Largest friction force in quasi-static motion, per contact in ``f_s``, and where it is reached to nine digits.
+    """Largest friction force in quasi-static motion, per contact in ``f_s``, and where
+    it is reached to nine digits.
 
     Broken contacts re-attach at once, so that a force of detached ones does not enter.
 
     Raises
     ------
     InputError
-        If thresholds age, or at a temperature: the force then depends on the rest before, and on the speed.
+        If thresholds age, or at a temperature: the force then depends on the rest
+        before, and on the speed.
     """
     check_renewal(interface, "static_friction")
-    bare = Interface(thresholds=interface.thresholds, initial=interface.initial, newborn=interface.newborn)
-    distance, points = 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3)), Renewal().points
+    bare = Interface(
+        thresholds=interface.thresholds,
+        initial=interface.initial,
+        newborn=interface.newborn,
+    )
+    distance = 4.0 * float(interface.threshold_distribution.inverse_survival(1e-3))
+    points = Renewal().points
     X = np.linspace(0.0, distance, points + 1)
     force = solved(bare, distance, 1.0, points)(X).force
     # Of a force that only rises, rounding would decide where it is largest.
@@ -90,16 +124,22 @@ def static_friction(interface: Interface) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=256)
-def slow_friction(thresholds: Distribution, initial: Distribution) -> tuple[float, float]:
-    """Return static and kinetic friction in slow rigid motion without delay, per contact in ``f_s``, good to 1e-4.
+def slow_friction(
+    thresholds: Distribution, initial: Distribution
+) -> tuple[float, float]:
+    """Return static and kinetic friction in slow rigid motion without delay, per
+    contact in ``f_s``, good to 1e-4.
 
-    The static friction is the first maximum of Eqs. (1)-(4), the kinetic one its limit after a long distance.
+    The static friction is the first maximum of Eqs. (1)-(4), the kinetic one its limit
+    after a long distance.
     """
     contacts = Interface(thresholds=thresholds, initial=initial)
     positive = contacts.threshold_distribution
     distance = 2.0 * positive.moment(1) + float(positive.inverse_survival(1e-3))
     points = max(512, math.ceil(distance / (positive.standard_deviation() / 4.0)))
-    force = solved(contacts, distance, 1.0, points)(np.linspace(0.0, distance, 4 * points + 1)).force
+    force = solved(contacts, distance, 1.0, points)(
+        np.linspace(0.0, distance, 4 * points + 1)
+    ).force
     return float(force.max()), kinetic_friction(contacts)
 
 
@@ -110,24 +150,42 @@ def _friction_ratio(std: float, initial: Distribution) -> float:
 
 @lru_cache(maxsize=64)
 def friction_ratios(initial: Distribution) -> tuple[float, float]:
-    """Return the least and the largest ratio of static to kinetic friction that Gaussian thresholds can have."""
+    """Return the least and the largest ratio of static to kinetic friction that
+    Gaussian thresholds can have.
+    """
     return _friction_ratio(WIDEST, initial), _friction_ratio(NARROWEST, initial)
 
 
 @lru_cache(maxsize=64)
-def thresholds_of(static: float, kinetic: float, initial: Distribution) -> tuple[Gaussian, float]:
-    """Return Gaussian thresholds of mean 1 whose slow friction has this ratio, and the sum of all threshold forces.
+def thresholds_of(
+    static: float, kinetic: float, initial: Distribution
+) -> tuple[Gaussian, float]:
+    """Return Gaussian thresholds of mean 1 whose slow friction has this ratio, and the
+    sum of all threshold forces.
 
-    Static and kinetic friction are forces or coefficients, and the sum is in the same unit. Raises `InputError` if no
-    standard deviation gives their ratio; the message has the range that can be had.
+    Static and kinetic friction are forces or coefficients, and the sum is in the same
+    unit. Raises `InputError` if no standard deviation gives their ratio; the message
+    has the range that can be had.
     """
-    wanted, (least, most) = static / kinetic, friction_ratios(initial)
+    wanted = static / kinetic
+    least, most = friction_ratios(initial)
     if not least <= wanted <= most:
-        more = "; more needs contacts that strengthen at rest: give contact_strength, thresholds and ageing"
+        more = (
+            "; more needs contacts that strengthen at rest: give contact_strength, "
+            "thresholds and ageing"
+        )
         raise InputError(
-            f"mu_s/mu_k = {wanted:.4g}: must be between {least:.3f} and {most:.3f} with Gaussian thresholds"
+            (
+                f"mu_s/mu_k = {wanted:.4g}: must be between {least:.3f} and {most:.3f} "
+                "with Gaussian thresholds"
+            )
             + (more if wanted > most else "")
         )
-    std = optimize.brentq(lambda std: _friction_ratio(std, initial) - wanted, NARROWEST, WIDEST, xtol=1e-10)
+    std = optimize.brentq(
+        lambda std: _friction_ratio(std, initial) - wanted,
+        NARROWEST,
+        WIDEST,
+        xtol=1e-10,
+    )
     found = Gaussian(1.0, float(std))
     return found, kinetic / slow_friction(found, initial)[1]

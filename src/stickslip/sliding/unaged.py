@@ -1,19 +1,24 @@
 """The linear response of contacts whose thresholds do not age, in closed form.
 
-With ``P^`` the Laplace transform of the distribution of thresholds, ``E(s) = <exp(-s tau)>`` that of the delay, ``q =
-s/v``, ``h(q) = Int x J_c(x) exp(-q x) dx`` and ``f_d`` the force of a detached contact,
+With ``P^`` the Laplace transform of the distribution of thresholds,
+``E(s) = <exp(-s tau)>`` that of the delay, ``q = s/v``,
+``h(q) = Int x J_c(x) exp(-q x) dx`` and ``f_d`` the force of a detached contact,
 
-    kappa(s) = (1 - E(s)) W(q) / [(m1 + v <tau>) (1 - E(s) P^(q))],   W = f_d (1 - P^) - q h(q)
+    kappa(s) = (1 - E(s)) W(q) / [(m1 + v <tau>) (1 - E(s) P^(q))], W = f_d (1 - P^) - q
+    h(q)
 
-per contact, in units of ``k``. It is not in the paper: it is Eqs. (1)-(4) with the delay, linearised about
-the steady state. Two facts carry the search for unstable modes:
+per contact, in units of ``k``. It is not in the paper: it is Eqs. (1)-(4) with the
+delay, linearised about the steady state. Two facts carry the search for unstable modes:
 
-* ``1 - E P^`` has a positive real part for ``Re s >= 0, s != 0``, so ``kappa`` has no pole there;
-* whatever the delay, ``E`` lies in the unit disc, so ``kappa(i w)`` lies in the disc through 0 about
-  ``c = W (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at which ``-Z`` lies outside that disc
-  holds no mode. At high frequencies ``q h`` vanishes and ``f_d`` stays: a disc about ``f_d/(m1 + v <tau>)``.
+* ``1 - E P^`` has a positive real part for ``Re s >= 0, s != 0``, so ``kappa`` has no
+  pole there;
+* whatever the delay, ``E`` lies in the unit disc, so ``kappa(i w)`` lies in the disc
+  through 0 about ``c = W (1 - conj P^)/((1 - |P^|^2)(m1 + v <tau>))``. A frequency at
+  which ``-Z`` lies outside that disc holds no mode. At high frequencies ``q h``
+  vanishes and ``f_d`` stays: a disc about ``f_d/(m1 + v <tau>)``.
 
-Contacts that re-attach with one and the same stretching ``x_0`` answer like unstretched ones with the thresholds ``x_s
+Contacts that re-attach with one and the same stretching ``x_0`` answer like unstretched
+ones with the thresholds ``x_s
 - x_0`` and the sliding force ``f_d - x_0``, which may be negative.
 """
 
@@ -26,7 +31,13 @@ import numpy as np
 
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface
-from stickslip.model.distributions import Distribution, Exponential, Gamma, Gaussian, Uniform
+from stickslip.model.distributions import (
+    Distribution,
+    Exponential,
+    Gamma,
+    Gaussian,
+    Uniform,
+)
 from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.records import hashable
 from stickslip.sliding.response import (
@@ -43,7 +54,9 @@ from stickslip.sliding.response import (
     stretched,
 )
 
-_REMEMBERED = 100.0  # wave number times the standard deviation of thresholds, beyond which nothing is left of P^
+# wave number times the standard deviation of thresholds, beyond which nothing is left
+# of P^
+_REMEMBERED = 100.0
 _MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
 
 
@@ -64,57 +77,97 @@ class UnagedResponse(Response):
         return self._means[1] == 0
 
     def _path(self, velocity: float | Array) -> Array:
-        """``m1 + v <tau>``: mean distance the slider goes between two attachments of a contact, in ``x_s``."""
+        """``m1 + v <tau>``: mean distance the slider goes between two attachments of
+        a contact, in ``x_s``.
+        """
         return np.asarray(self._means[0] + velocity * self._means[1])
 
     def scales(self, velocity: float) -> Scales:
-        (_, delay, scatter), cycle = self._means, float(self._path(velocity)) / velocity
+        _, delay, scatter = self._means
+        cycle = float(self._path(velocity)) / velocity
         memory = self._largest / velocity + self.delay.longest
         if self.inert:
             return Scales(cycle, cycle, memory, fastest=0.0, leftmost=-math.inf)
-        # At high frequencies the delay is all that is left of the response, and f_d keeps it from fading.
+        # At high frequencies the delay is all that is left of the response, and f_d
+        # keeps it from fading.
         pace = cycle if self.sliding_force == 0 else min(cycle, delay)
-        # The scatter of the thresholds wipes out their memory; their transform has an abscissa of convergence.
+        # The scatter of the thresholds wipes out their memory; their transform has an
+        # abscissa of convergence.
         fastest = 8.0 * velocity / scatter
-        return Scales(cycle, pace, memory, fastest, self.distribution.leftmost * velocity)
+        return Scales(
+            cycle, pace, memory, fastest, self.distribution.leftmost * velocity
+        )
 
     def effort(self, velocity: float) -> Effort:
         del velocity
-        closed = isinstance(self.distribution, Exponential | Gamma | Gaussian | Uniform)  # the others share tables
-        return Effort(look=2e-3, again=1e-3, root=5e-3) if closed else Effort(look=8e-3, again=2e-3, root=1.5e-2)
+        # the others share tables
+        closed = isinstance(self.distribution, Exponential | Gamma | Gaussian | Uniform)
+        return (
+            Effort(look=2e-3, again=1e-3, root=5e-3)
+            if closed
+            else Effort(look=8e-3, again=2e-3, root=1.5e-2)
+        )
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         if self.inert:
-            none = np.zeros(np.broadcast_shapes(np.shape(velocity), np.shape(s)), dtype=complex)
+            none = np.zeros(
+                np.broadcast_shapes(np.shape(velocity), np.shape(s)), dtype=complex
+            )
             return Parts(none, np.ones_like(none))
         return self._joined(velocity, s, *transforms(self.distribution, s / velocity))
 
-    def _joined(self, velocity: float | Array, s: ComplexArray, complement: ComplexArray, shape: ComplexArray) -> Parts:
+    def _joined(
+        self,
+        velocity: float | Array,
+        s: ComplexArray,
+        complement: ComplexArray,
+        shape: ComplexArray,
+    ) -> Parts:
         missing = np.asarray(self.delay.absence(s))
         given_up = self.sliding_force * complement - shape
-        return Parts(given_up * missing / self._path(velocity), missing + (1.0 - missing) * complement)
+        return Parts(
+            given_up * missing / self._path(velocity),
+            missing + (1.0 - missing) * complement,
+        )
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        (mean, delay, scatter), q = self._means, np.asarray(s / velocity, dtype=np.complex128)
+        mean, delay, scatter = self._means
+        q = np.asarray(s / velocity, dtype=np.complex128)
         remembered = np.abs(q) * scatter < _REMEMBERED
-        complement, shape = np.ones_like(q), 1.0 / q
-        complement[remembered], shape[remembered] = transforms(self.distribution, q[remembered])
+        complement = np.ones_like(q)
+        shape = 1.0 / q
+        complement[remembered], shape[remembered] = transforms(
+            self.distribution, q[remembered]
+        )
         numerator, denominator = self._joined(velocity, s, complement, shape)
-        life = stretched(q, mean - complement / q, shape / q, mean, 0.5 * self.distribution.moment(2))
-        noise = life.noise(q, self.delay.absence(s), velocity * delay, self.sliding_force) / velocity
+        life = stretched(
+            q, mean - complement / q, shape / q, mean, 0.5 * self.distribution.moment(2)
+        )
+        noise = (
+            life.noise(q, self.delay.absence(s), velocity * delay, self.sliding_force)
+            / velocity
+        )
         return Fluctuations(numerator / denominator, noise)
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        """Return frequencies up to `top` or just beyond, and parts there from a table of the distribution."""
+        """Return frequencies up to `top` or just beyond, and parts there from a
+        table of the distribution.
+        """
         if self.inert:
             return super().sampled(velocity, top)
-        y, complement, shape = self._table(velocity * self.scales(velocity).memory, top / velocity)
+        y, complement, shape = self._table(
+            velocity * self.scales(velocity).memory, top / velocity
+        )
         stop = int(np.searchsorted(velocity * y, top)) + 2
         omega = velocity * y[:stop]
-        return omega, self._joined(velocity, 1j * omega, complement[:stop], shape[:stop])
+        return omega, self._joined(
+            velocity, 1j * omega, complement[:stop], shape[:stop]
+        )
 
     def frequencies(self, velocity: float, top: float) -> Array:
-        """Angular frequencies up to `top`, as close as the memory of contacts asks, then as their delay does."""
+        """Angular frequencies up to `top`, as close as the memory of contacts asks,
+        then as their delay does.
+        """
         step = STEP / self.scales(velocity).memory
         omega = np.arange(0.5, min(top / step, _MOST_STEPS)) * step
         if self.sliding_force == 0 or self.inert or top <= _MOST_STEPS * step:
@@ -129,51 +182,72 @@ class UnagedResponse(Response):
         room = 2 * complement.real - lost  # 1 - |P^|^2
         if np.any(room <= 0):
             raise UndecidedError(
-                f"the thresholds ({self.distribution}) are so close together that double precision cannot resolve how "
+                f"the thresholds ({self.distribution}) are so close together that "
+                "double precision cannot resolve how "
                 "the contacts lose their memory; give them a larger standard deviation"
             )
         centre = (self.sliding_force * lost - shape * np.conj(complement)) / room
-        # Beyond the table discs only shrink: as large a one as in its last quarter, and as far below the real axis.
+        # Beyond the table discs only shrink: as large a one as in its last quarter, and
+        # as far below the real axis.
         last = centre[-(centre.size // 4) :]
         worst = float(np.max(np.abs(last)))
         deficit = float(np.max(np.abs(last) * (1 - 1e-14) - last.imag))
-        shrinking = complex(math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit)
+        shrinking = complex(
+            math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit
+        )
         far = y[-1] * np.geomspace(1.0, 1e6, 200)[1:]
         centres = np.concatenate([centre, np.full(far.size, shrinking)])
         return velocity * np.append(y, far), np.asarray(centres / self._path(velocity))
 
-    def _table(self, reach: float, top: float) -> tuple[Array, ComplexArray, ComplexArray]:
+    def _table(
+        self, reach: float, top: float
+    ) -> tuple[Array, ComplexArray, ComplexArray]:
         # Steps and counts are powers of 2, so that neighbouring speeds share a table.
         step = 2.0 ** math.floor(math.log2(STEP / reach))
         count = 1 << max(6, math.ceil(math.log2(top / step + 2)))
         if count > SCAN_LIMIT:
             raise UndecidedError(
-                f"the response has to be followed over more than {SCAN_LIMIT} frequencies: the contacts remember "
-                f"{reach:g} x_s, and may outweigh the rig up to wavelengths of {2 * math.pi / top:g} x_s; "
-                "give the rig some damping, or the thresholds a larger standard deviation"
+                f"the response has to be followed over more than {SCAN_LIMIT} "
+                "frequencies: the contacts remember "
+                f"{reach:g} x_s, and may outweigh the rig up to wavelengths of "
+                f"{2 * math.pi / top:g} x_s; "
+                "give the rig some damping, or the thresholds a larger standard "
+                "deviation"
             )
         return axis_table(hashable(self.distribution), step, count)
 
     @cached_property
     def _means(self) -> tuple[float, float, float]:
         """Mean threshold and delay, and the standard deviation of the thresholds."""
-        return self.distribution.moment(1), self.delay.moment(1), self.distribution.standard_deviation()
+        return (
+            self.distribution.moment(1),
+            self.delay.moment(1),
+            self.distribution.standard_deviation(),
+        )
 
     @cached_property
     def _largest(self) -> float:
         # One contact in 1e5 beyond it moves the response by no more than 1e-5.
         distribution = self.distribution
-        return distribution.moment(1) if distribution.single else float(distribution.inverse_survival(np.array(1e-5)))
+        return (
+            distribution.moment(1)
+            if distribution.single
+            else float(distribution.inverse_survival(np.array(1e-5)))
+        )
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
-    """Return the mean life without ageing and temperature, the same at all velocities."""
+    """Return the mean life without ageing and temperature, the same at all
+    velocities.
+    """
     del velocity
     return MeanLifetimes(*np.array([[*mean_life(interface), 0.0, 0.0, 1.0]]).T)
 
 
 def response(interface: Interface) -> Response:
-    """Return the linear response; raises `InputError` if all contacts share one threshold and re-attach later."""
+    """Return the linear response; raises `InputError` if all contacts share one
+    threshold and re-attach later.
+    """
     if interface.newborn is not None and interface.newborn.standard_deviation() > 0:
         from stickslip.sliding.drawn import DrawnResponse
 
@@ -182,50 +256,72 @@ def response(interface: Interface) -> Response:
     delay = interface.delay
     if delay.moment(1) > 0 and thresholds.single:
         raise InputError(
-            "Interface.thresholds: all contacts share one threshold and are slow to forget how they started; "
-            "stability is not computed for them: give the thresholds a standard deviation above 0"
+            "Interface.thresholds: all contacts share one threshold and are slow to "
+            "forget how they started; "
+            "stability is not computed for them: give the thresholds a standard "
+            "deviation above 0"
         )
-    return UnagedResponse(distribution=thresholds, delay=delay, sliding_force=sliding_force)
+    return UnagedResponse(
+        distribution=thresholds, delay=delay, sliding_force=sliding_force
+    )
 
 
 @lru_cache(maxsize=32)
-def axis_table(distribution: Distribution, step: float, count: int) -> tuple[Array, ComplexArray, ComplexArray]:
-    """Wave numbers at `count` equal steps and below the first one, and `transforms` there on the imaginary axis."""
-    # Below the first step frequencies are spaced in proportion: slow modes of soft springs.
+def axis_table(
+    distribution: Distribution, step: float, count: int
+) -> tuple[Array, ComplexArray, ComplexArray]:
+    """Wave numbers at `count` equal steps and below the first one, and `transforms`
+    there on the imaginary axis.
+    """
+    # Below the first step frequencies are spaced in proportion: slow modes of soft
+    # springs.
     slow = step * np.geomspace(1e-4, 1.0, 40, endpoint=False)
     y = np.concatenate([slow, step * np.arange(1, count + 1)])
     return y, *transforms(distribution, 1j * y)
 
 
-def transforms(distribution: Distribution, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Return ``1 - P^(q)`` and ``H(q) = q h(q) = (1 - P^)/q + P^'``, by series in the moments where `q` is small."""
+def transforms(
+    distribution: Distribution, q: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return ``1 - P^(q)`` and ``H(q) = q h(q) = (1 - P^)/q + P^'``, by series in
+    the moments where `q` is small.
+    """
     radius, a, b = _series(hashable(distribution))
     q = np.asarray(q, dtype=np.complex128)
     small = np.abs(q) < radius
-    complement, shape, outer = np.empty_like(q), np.empty_like(q), q[~small]
+    complement = np.empty_like(q)
+    shape = np.empty_like(q)
+    outer = q[~small]
     if small.any():
         complement[small] = q[small] * np.polynomial.polynomial.polyval(q[small], a)
         shape[small] = q[small] * np.polynomial.polynomial.polyval(q[small], b)
     mean, slope = distribution.transform(outer)
-    complement[~small], shape[~small] = 1.0 - mean, (1.0 - mean) / outer - slope
+    complement[~small] = 1.0 - mean
+    shape[~small] = (1.0 - mean) / outer - slope
     return complement, shape
 
 
 @lru_cache(maxsize=256)
 def _series(distribution: Distribution) -> tuple[float, Array, Array]:
-    """Radius within which the series hold to 1e-15, and the coefficients of ``(1 - P^)/q`` and ``H/q``."""
+    """Radius within which the series hold to 1e-15, and the coefficients of
+    ``(1 - P^)/q`` and ``H/q``.
+    """
     moments = np.array([distribution.moment(n) for n in range(21)])
     factorial = np.cumprod(np.concatenate([[1.0], np.arange(1.0, 21.0)]))
     n = np.arange(19)
     signs = (-1.0) ** n
     first = signs * moments[1:20] / factorial[1:20]
     second = signs * moments[2:21] / (factorial[:19] * (n + 2))
-    best, terms = 0.0, 2
+    best = 0.0
+    terms = 2
     with np.errstate(all="ignore"):
         for count in range(3, 19):
             ratio = max(abs(first[count] / first[0]), abs(second[count] / second[0]))
-            radius = float((1e-15 / ratio) ** (1.0 / count)) if math.isfinite(ratio) else 0.0
+            radius = (
+                float((1e-15 / ratio) ** (1.0 / count)) if math.isfinite(ratio) else 0.0
+            )
             if radius > best:
-                best, terms = radius, count
+                best = radius
+                terms = count
     # A tenth of the width of the distribution: beyond it the closed form loses nothing.
     return min(best, 0.5 / moments[1]), first[:terms], second[:terms]

@@ -1,24 +1,66 @@
-"""Linear stability of smooth sliding: growth rates, critical values, maps, noise of N contacts, computed and not swept.
+"""Linear stability of smooth sliding: growth rates, critical values, maps, noise of N
+contacts, computed and not swept.
 
-A slider that moves at a steady speed is perturbed a little, ``exp(s t)``. The rig answers with its impedance
-``Z(s)``, the interface with its dynamic stiffness ``kappa(s)`` (`dynamic_stiffness`), and smooth sliding is
-unstable if ``Z(s) + kappa(s) = 0`` has a root with ``Re s > 0``. Everything here is linear: it says where
-smooth sliding is unstable to the smallest disturbance. Stick-slip once started may live on where smooth
-sliding is stable; that is for simulation to say.
+A slider that moves at a steady speed is perturbed a little, ``exp(s t)``. The rig
+answers with its impedance ``Z(s)``, the interface with its dynamic stiffness
+``kappa(s)`` (`dynamic_stiffness`), and smooth sliding is unstable if
+``Z(s) + kappa(s) = 0`` has a root with ``Re s > 0``. Everything here is linear: it says
+where smooth sliding is unstable to the smallest disturbance. Stick-slip once started
+may live on where smooth sliding is stable; that is for simulation to say.
 
-Natural units per contact. A rig is a `Slider` or any mechanical impedance (`Impedance`).
+Natural units per contact. A rig is a `Slider` or any mechanical impedance
+(`Impedance`).
 """
 
-from stickslip.model.parameters import AGEING, DAMPING, DELAY, MASS, PARAMETERS, STD, STIFFNESS, VELOCITY, Parameter
+from stickslip.model.parameters import (
+    AGEING,
+    DAMPING,
+    DELAY,
+    MASS,
+    PARAMETERS,
+    STD,
+    STIFFNESS,
+    VELOCITY,
+    Parameter,
+)
 from stickslip.sliding import TurningVelocity, friction_slope, turning_velocities
-from stickslip.stability.critical import Crossing, Crossings, critical, critical_spring, onset
+from stickslip.stability.critical import (
+    Crossing,
+    Crossings,
+    critical,
+    critical_spring,
+    onset,
+)
 from stickslip.stability.impedances import Impedance, Modes, RadiationDamping
 from stickslip.stability.maps import boundary, stability_map
 from stickslip.stability.modes import count_unstable, dynamic_stiffness, growth_rate
 from stickslip.stability.noise import ContactNoise, contact_noise
 
-__all__ = ["AGEING", "DAMPING", "DELAY", "MASS", "PARAMETERS", "STD", "STIFFNESS", "VELOCITY", "Parameter"]
-__all__ += ["TurningVelocity", "dynamic_stiffness", "friction_slope", "turning_velocities"]
-__all__ += ["Crossing", "Crossings", "count_unstable", "critical", "critical_spring", "growth_rate", "onset"]
+__all__ = [
+    "AGEING",
+    "DAMPING",
+    "DELAY",
+    "MASS",
+    "PARAMETERS",
+    "STD",
+    "STIFFNESS",
+    "VELOCITY",
+    "Parameter",
+]
+__all__ += [
+    "TurningVelocity",
+    "dynamic_stiffness",
+    "friction_slope",
+    "turning_velocities",
+]
+__all__ += [
+    "Crossing",
+    "Crossings",
+    "count_unstable",
+    "critical",
+    "critical_spring",
+    "growth_rate",
+    "onset",
+]
 __all__ += ["ContactNoise", "contact_noise"]
 __all__ += ["Impedance", "Modes", "RadiationDamping", "boundary", "stability_map"]

@@ -1,7 +1,9 @@
-"""Critical values: where smooth sliding loses or regains stability as one parameter is varied.
+"""Critical values: where smooth sliding loses or regains stability as one parameter is
+varied.
 
-`critical` finds every crossing along a parameter of a rig. All is linear: it says where smooth sliding is unstable to
-the smallest disturbance, not where stick-slip, once started, decays.
+`critical` finds every crossing along a parameter of a rig. All is linear: it says where
+smooth sliding is unstable to the smallest disturbance, not where stick-slip, once
+started, decays.
 """
 
 import math
@@ -24,14 +26,18 @@ from stickslip.stability.modes import rig_parts
 from stickslip.stability.neutral import Neutral, neutral_frequencies
 from stickslip.words import engineering
 
-_DEPTH = 6  # how often points about a hidden pair of crossings are set eight times as close
+# how often points about a hidden pair of crossings are set eight times as close
+_DEPTH = 6
 _EIGHTHS = np.arange(1, 8) / 8
 Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Along(Answer, Generic[Item]):
-    """What was found along a parameter, rising: it iterates over that. Nothing is an answer too."""
+    """What was found along a parameter, rising: it iterates over that.
+
+    Nothing is an answer too.
+    """
 
     _items: ClassVar[str]  # the field that it is in
 
@@ -43,7 +49,11 @@ class Along(Answer, Generic[Item]):
     def where(self) -> str:
         """What was searched, in words."""
         low, high = self.searched
-        return f"for {self.parameter} from {low:g} to {high:g} {self.unit}".removesuffix(" 1")
+        return (
+            f"for {self.parameter} from {low:g} to {high:g} {self.unit}".removesuffix(
+                " 1"
+            )
+        )
 
     def __iter__(self) -> Iterator[Item]:
         return iter(getattr(self, self._items))
@@ -57,29 +67,39 @@ class Crossing:
     """A value of a parameter at which a pair of modes of smooth sliding is neutral."""
 
     value: float  #: of the parameter
-    frequency: float  #: angular frequency of the neutral mode, in 1/time; infinite for one that does not oscillate
+    #: angular frequency of the neutral mode, in 1/time; infinite for one that does not
+    #: oscillate
+    frequency: float
     unstable_below: int  #: number of growing modes just below the value
     unstable_above: int  #: and just above it
 
     @property
     def loses_stability(self) -> bool:
-        """Whether smooth sliding is stable just below the value and unstable just above it."""
+        """Whether smooth sliding is stable just below the value and unstable just
+        above it.
+        """
         return self.unstable_below == 0 < self.unstable_above
 
     @property
     def regains_stability(self) -> bool:
-        """Whether smooth sliding is unstable just below the value and stable just above it."""
+        """Whether smooth sliding is unstable just below the value and stable just
+        above it.
+        """
         return self.unstable_below > 0 == self.unstable_above
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Crossings(Along[Crossing]):
-    """All crossings along a parameter, rising, and the range in which they were looked for; empty is an answer too."""
+    """All crossings along a parameter, rising, and the range in which they were
+    looked for; empty is an answer too.
+    """
 
     _items = "found"
 
-    unstable_at_ends: tuple[int, int]  #: number of growing modes at both ends of the range searched
-    found: tuple[Crossing, ...]  #: every crossing of any mode; `edges` are those where stability itself changes
+    #: number of growing modes at both ends of the range searched
+    unstable_at_ends: tuple[int, int]
+    #: every crossing of any mode; `edges` are those where stability itself changes
+    found: tuple[Crossing, ...]
     frequency_unit: str = "cycles per time unit"  #: in which frequencies are printed
 
     def __getitem__(self, index: int) -> Crossing:
@@ -89,13 +109,17 @@ class Crossings(Along[Crossing]):
         """Return crossings found in natural units in those of a rig."""
         if rig.scales is None:
             return self
-        size, rate = rig.unit(self.unit), rig.unit("1/time")
+        size = rig.unit(self.unit)
+        rate = rig.unit("1/time")
         low, high = self.searched
         return replace(
             self,
             unit=rig.unit_name(self.unit),
             searched=(low * size, high * size),
-            found=tuple(replace(c, value=c.value * size, frequency=c.frequency * rate) for c in self.found),
+            found=tuple(
+                replace(c, value=c.value * size, frequency=c.frequency * rate)
+                for c in self.found
+            ),
             frequency_unit="Hz",
         )
 
@@ -107,9 +131,13 @@ class Crossings(Along[Crossing]):
     def __str__(self) -> str:
         if not self.edges:
             state = "unstable" if self.unstable_at_ends[0] else "stable"
-            return f"smooth sliding is {state} {self.where}; no stability limit in this range"
+            return (
+                f"smooth sliding is {state} {self.where}; no stability limit in "
+                "this range"
+            )
         words = [
-            f"{'loses' if c.loses_stability else 'regains'} stability at {engineering(c.value, self.unit, 7)} "
+            f"{'loses' if c.loses_stability else 'regains'} stability at "
+            f"{engineering(c.value, self.unit, 7)} "
             f"({self._frequency(c)})"
             for c in self.edges
         ]
@@ -117,33 +145,42 @@ class Crossings(Along[Crossing]):
 
     def _frequency(self, crossing: Crossing) -> str:
         frequency = crossing.frequency / (2.0 * math.pi)
-        return f"{frequency:.4g} {self.frequency_unit}" if math.isfinite(frequency) else "without oscillation"
+        return (
+            f"{frequency:.4g} {self.frequency_unit}"
+            if math.isfinite(frequency)
+            else "without oscillation"
+        )
 
 
-def critical(rig: Rig, parameter: Parameter | str, *, between: Ends | None = None) -> Crossings:
-    """Find every value of a parameter in a range at which a mode of smooth sliding is neutral (linear).
+def critical(
+    rig: Rig, parameter: Parameter | str, *, between: Ends | None = None
+) -> Crossings:
+    """Find every value of a parameter in a range at which a mode of smooth sliding is
+    neutral (linear).
 
-    The number of growing modes is counted along the range, on a logarithmic grid that is refined wherever a
-    pair of crossings may hide between two points; each crossing is then polished by Newton's method in the
-    value and the frequency. There may be several ranges of instability: all are found that are wider than a sixteenth
-    of a decade, and most narrower ones. Along the velocity the crossings are the paper's ``v1``.
+    The number of growing modes is counted along the range, on a logarithmic grid that
+    is refined wherever a pair of crossings may hide between two points; each crossing
+    is then polished by Newton's method in the value and the frequency. There may be
+    several ranges of instability: all are found that are wider than a sixteenth of a
+    decade, and most narrower ones. Along the velocity the crossings are the paper's
+    ``v1``.
 
     Parameters
     ----------
     rig : Rig
         The parameter's own value in it matters only where no range is given.
     parameter : Parameter or str
-        What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``, ``"delay"``, ``"std"``, ``"ageing"``,
-        or a parameter of your own.
+        What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``,
+        ``"delay"``, ``"std"``, ``"ageing"``, or a parameter of your own.
     between : (float, float), optional
-        Range searched, in the rig's own units, both above 0; or texts with units, as in ``("1 mm/s", "1 m/s")``. By
-        default a factor 30 either way of the rig's value.
+        Range searched, in the rig's own units, both above 0; or texts with units, as in
+        ``("1 mm/s", "1 m/s")``. By default a factor 30 either way of the rig's value.
 
     Returns
     -------
     Crossings
-        Each with the frequency of the neutral mode and its direction, in the rig's own units; none is an answer, too,
-        with the range searched.
+        Each with the frequency of the neutral mode and its direction, in the rig's own
+        units; none is an answer, too, with the range searched.
 
     Raises
     ------
@@ -152,8 +189,14 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: Ends | None = Non
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
-    >>> rig = ss.Rig(interface, ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4264), ss.constant(velocity=1.0))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> rig = ss.Rig(
+    ...     interface,
+    ...     ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4264),
+    ...     ss.constant(velocity=1.0),
+    ... )
     >>> print(ss.critical(rig, "velocity", between=(0.5, 2.0)))
     for velocity from 0.5 to 2 x_s/time, smooth sliding loses stability at
     1.388221 x_s/time (1.156 cycles per time unit)
@@ -163,15 +206,18 @@ def critical(rig: Rig, parameter: Parameter | str, *, between: Ends | None = Non
 
 
 def onset(rig: Rig, parameter: Parameter | str, *, between: Ends) -> float:
-    """Return the smallest value of a parameter at which smooth sliding is unstable (linear).
+    """Return the smallest value of a parameter at which smooth sliding is unstable
+    (linear).
 
-    Along the delay this is the linear critical delay; not the paper's ``tau*``, which is the shortest delay with which
-    stick-slip, started from a narrow distribution, persists.
+    Along the delay this is the linear critical delay; not the paper's ``tau*``, which
+    is the shortest delay with which stick-slip, started from a narrow distribution,
+    persists.
 
     Parameters
     ----------
     rig, parameter, between
-        As for `critical`; a `RandomDelay` is scaled as a whole, and its mean is what is returned.
+        As for `critical`; a `RandomDelay` is scaled as a whole, and its mean is what is
+        returned.
 
     Returns
     -------
@@ -181,7 +227,8 @@ def onset(rig: Rig, parameter: Parameter | str, *, between: Ends) -> float:
     Raises
     ------
     UndecidedError
-        If smooth sliding is stable in all of the range, or unstable already at its lower end; the message says which.
+        If smooth sliding is stable in all of the range, or unstable already at its
+        lower end; the message says which.
     """
     varied, natural, low, high = _range(rig, parameter, between)
     found = search(varied, natural, low, high, first=True).in_units(rig)
@@ -191,11 +238,13 @@ def onset(rig: Rig, parameter: Parameter | str, *, between: Ends) -> float:
 
 
 def critical_spring(rig: Rig) -> float:
-    """Return ``K_c(v)``: smooth sliding is stable on this driving spring and on all stiffer ones.
+    """Return ``K_c(v)``: smooth sliding is stable on this driving spring and on all
+    stiffer ones.
 
-    The slider keeps its mass and damping. No search: at each frequency with ``Im(Z + kappa) = 0`` the spring
-    that makes it neutral is known. For an impedance without a ``stiffness`` of its own the spring is put in addition
-    at the interface, and the answer counts from its present static stiffness.
+    The slider keeps its mass and damping. No search: at each frequency with
+    ``Im(Z + kappa) = 0`` the spring that makes it neutral is known. For an impedance
+    without a ``stiffness`` of its own the spring is put in addition at the interface,
+    and the answer counts from its present static stiffness.
 
     Parameters
     ----------
@@ -205,8 +254,8 @@ def critical_spring(rig: Rig) -> float:
     Returns
     -------
     float
-        In the rig's own units; 0 if smooth sliding is stable on any spring (down to 1e-6 ``k``). Linear: stick-slip
-        once started may live on stiffer ones.
+        In the rig's own units; 0 if smooth sliding is stable on any spring (down to
+        1e-6 ``k``). Linear: stick-slip once started may live on stiffer ones.
 
     Raises
     ------
@@ -215,19 +264,24 @@ def critical_spring(rig: Rig) -> float:
     """
     speed, response, z = rig_parts(rig)
     base = float(getattr(z, "stiffness", 0.0))
-    # The softer the springs considered, the longer the scan of a rig without losses: stop at the first that suffices.
+    # The softer the springs considered, the longer the scan of a rig without losses:
+    # stop at the first that suffices.
     for softest in (1e-1, 1e-3, 1e-6):
         try:
             (neutral,) = neutral_frequencies(response, [(z, speed)], softest=softest)
         except UndecidedError as error:
-            raise UndecidedError(f"no critical spring above {softest:g} could be decided: {error}") from error
+            raise UndecidedError(
+                f"no critical spring above {softest:g} could be decided: {error}"
+            ) from error
         spring = base + float(np.max(neutral.extra, initial=-math.inf))
         if spring >= softest:
             return spring * rig.unit("k")
     return max(0.0, spring) * rig.unit("k")
 
 
-def _range(rig: Rig, parameter: Parameter | str, between: Ends | None) -> tuple[Parameter, Rig, float, float]:
+def _range(
+    rig: Rig, parameter: Parameter | str, between: Ends | None
+) -> tuple[Parameter, Rig, float, float]:
     """The parameter, the rig and the range, in natural units."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     varied = parameter_named(parameter)
@@ -253,19 +307,25 @@ def search(
     density: int = 16,
     edges_only: bool = False,
 ) -> Crossings:
-    """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to the first edge of stability.
+    """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to
+    the first edge of stability.
 
-    With `edges_only`, what happens where smooth sliding is unstable on both sides is not looked into.
+    With `edges_only`, what happens where smooth sliding is unstable on both sides is
+    not looked into.
     """
     count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
     line = Line(parameter, rig)
-    points, found = line.look(values[:1]), list[Crossing]()
+    points = line.look(values[:1])
+    found = list[Crossing]()
     while len(points) < count:
         ahead = values[len(points) : len(points) + (6 if first else count)]
         points += line.look(ahead)
-        found += line.crossings(points, begin=len(points) - len(ahead), edges_only=edges_only)
-        if first and (points[0].unstable > 0 or found):  # what is found first, from a stable point on, is an edge
+        found += line.crossings(
+            points, begin=len(points) - len(ahead), edges_only=edges_only
+        )
+        # what is found first, from a stable point on, is an edge
+        if first and (points[0].unstable > 0 or found):
             break
     return Crossings(
         parameter=parameter.name,
@@ -280,7 +340,10 @@ def _distinct(found: list[Crossing], apart: float) -> tuple[Crossing, ...]:
     """Each crossing once, rising: a hidden pair lies between more than three points."""
     kept: list[Crossing] = []
     for one in sorted(found, key=lambda crossing: crossing.value):
-        same = kept and (kept[-1].unstable_below, kept[-1].unstable_above) == (one.unstable_below, one.unstable_above)
+        same = kept and (kept[-1].unstable_below, kept[-1].unstable_above) == (
+            one.unstable_below,
+            one.unstable_above,
+        )
         if not same or one.value > kept[-1].value * (1.0 + apart):
             kept.append(one)
     return tuple(kept)
@@ -294,11 +357,17 @@ class Line(NamedTuple):
 
     @property
     def slack(self) -> float:
-        """Relative distance within which crossings are one, and belong to a change of the count."""
+        """Relative distance within which crossings are one, and belong to a change
+        of the count.
+        """
         return max(1e-6, respond(self.rig.interface).accuracy)
 
-    def neutral(self, values: Sequence[float], *, softest: float | None = None) -> list[Neutral]:
-        """Neutral frequencies at each value; values that share the interface are computed together."""
+    def neutral(
+        self, values: Sequence[float], *, softest: float | None = None
+    ) -> list[Neutral]:
+        """Neutral frequencies at each value; values that share the interface are
+        computed together.
+        """
         there = [self.parameter.set(self.rig, value) for value in values]
         found: list[Neutral] = []
         for interface, group in groupby(there, key=lambda here: here.interface):
@@ -309,69 +378,141 @@ class Line(NamedTuple):
     def look(self, values: Sequence[float]) -> list[Point]:
         """Points at values."""
         along = self.neutral(values)
-        return [Point(value, neutral, neutral.unstable()) for value, neutral in zip(values, along, strict=True)]
+        return [
+            Point(value, neutral, neutral.unstable())
+            for value, neutral in zip(values, along, strict=True)
+        ]
 
     def finer(self, left: Point, right: Point, cuts: Array) -> list[Point]:
         """Two points, and those at some parts of the way between them."""
-        return [left, *self.look((left.value * (right.value / left.value) ** cuts).tolist()), right]
+        return [
+            left,
+            *self.look((left.value * (right.value / left.value) ** cuts).tolist()),
+            right,
+        ]
 
     def crossings(
-        self, points: list[Point], depth: int = _DEPTH, *, begin: int = 1, edges_only: bool = False
+        self,
+        points: list[Point],
+        depth: int = _DEPTH,
+        *,
+        begin: int = 1,
+        edges_only: bool = False,
     ) -> list[Crossing]:
-        """Crossings between neighbours, from the one before `begin` on, and those that hide about a point."""
+        """Crossings between neighbours, from the one before `begin` on, and those
+        that hide about a point.
+        """
         found: list[Crossing] = []
         for k in range(begin, len(points)):
             if edges_only and points[k - 1].unstable > 0 and points[k].unstable > 0:
                 continue
             found += self.between(points[k - 1], points[k])
-            if k >= 2 and depth > 0 and _hides(points[k - 2 : k + 1], 0.9 if depth == _DEPTH else 0.3):
-                found += self.crossings(self.finer(points[k - 2], points[k], _EIGHTHS), depth - 1)
+            if (
+                k >= 2
+                and depth > 0
+                and _hides(points[k - 2 : k + 1], 0.9 if depth == _DEPTH else 0.3)
+            ):
+                found += self.crossings(
+                    self.finer(points[k - 2], points[k], _EIGHTHS), depth - 1
+                )
         return found
 
     def between(self, left: Point, right: Point) -> list[Crossing]:
-        """Crossings between two points, by quartering until a part holds one branch that changes sign."""
+        """Crossings between two points, by quartering until a part holds one branch
+        that changes sign.
+        """
 
         def crossing(value: float, frequency: float) -> list[Crossing]:
-            below, above = left.unstable, right.unstable
-            return [Crossing(value=value, frequency=frequency, unstable_below=below, unstable_above=above)]
+            below = left.unstable
+            above = right.unstable
+            return [
+                Crossing(
+                    value=value,
+                    frequency=frequency,
+                    unstable_below=below,
+                    unstable_above=above,
+                )
+            ]
 
-        changing = [branch for branch in _matched(left, right) if (branch[1] > 0) != (branch[3] > 0)]
+        changing = [
+            branch
+            for branch in _matched(left, right)
+            if (branch[1] > 0) != (branch[3] > 0)
+        ]
         if left.unstable == right.unstable and not changing:
             return []
-        width, cuts, slack = math.log(right.value / left.value), _EIGHTHS[1::2], self.slack
+        width = math.log(right.value / left.value)
+        cuts = _EIGHTHS[1::2]
+        slack = self.slack
         if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
             starts = [(e / (e - f), w, u) for w, e, u, f in changing]
             if width < 1e-3:
-                starts += [(0.5, w, w) for side in (left, right) for w in _nearest(side.neutral)[:4]]
+                starts += [
+                    (0.5, w, w)
+                    for side in (left, right)
+                    for w in _nearest(side.neutral)[:4]
+                ]
             for t, w, u in starts:
                 log_omega = (1 - t) * math.log(w) + t * math.log(u)
                 at = self.polish(math.log(left.value) + t * width, log_omega, 2 * width)
-                if at and left.value <= at[0] * (1 + slack) and at[0] <= right.value * (1 + slack):
+                if (
+                    at
+                    and left.value <= at[0] * (1 + slack)
+                    and at[0] <= right.value * (1 + slack)
+                ):
                     return crossing(*at)
         if width <= 1e-12:
-            return [] if left.unstable == right.unstable else crossing(left.value, _nearest(left.neutral)[0])
-        if len(changing) == 1 and math.isinf(changing[0][0]):  # nothing to polish: close in on where it is to change
+            return (
+                []
+                if left.unstable == right.unstable
+                else crossing(left.value, _nearest(left.neutral)[0])
+            )
+        # nothing to polish: close in on where it is to change
+        if len(changing) == 1 and math.isinf(changing[0][0]):
             _, e, _, f = changing[0]
-            cuts = np.clip(e / (e - f) + min(0.25, width) * np.array([-1.0, 1.0]), 0.01, 0.99)
-        return [found for pair in pairwise(self.finer(left, right, cuts)) for found in self.between(*pair)]
+            cuts = np.clip(
+                e / (e - f) + min(0.25, width) * np.array([-1.0, 1.0]), 0.01, 0.99
+            )
+        return [
+            found
+            for pair in pairwise(self.finer(left, right, cuts))
+            for found in self.between(*pair)
+        ]
 
-    def polish(self, log_value: float, log_omega: float, furthest: float) -> tuple[float, float] | None:
-        """Newton's method in (log value, log omega) for ``Z + kappa = 0`` on the axis; None if it does not settle."""
-        x, y, last, response = log_value, log_omega, math.inf, respond(self.rig.interface)
+    def polish(
+        self, log_value: float, log_omega: float, furthest: float
+    ) -> tuple[float, float] | None:
+        """Newton's method in (log value, log omega) for ``Z + kappa = 0`` on the
+        axis; None if it does not settle.
+        """
+        x = log_value
+        y = log_omega
+        last = math.inf
+        response = respond(self.rig.interface)
         if not math.isfinite(y):
             return None
-        d = 1e-6 if response.certain else 1e-4  # where a difference of logarithms is least in error
+        # where a difference of logarithms is least in error
+        d = 1e-6 if response.certain else 1e-4
         for _ in range(12):
-            here, s = self.parameter.set(self.rig, math.exp(x)), np.array([1j * math.exp(y)])
+            here = self.parameter.set(self.rig, math.exp(x))
+            s = np.array([1j * math.exp(y)])
             along = _total(here, s * np.exp([d, -d]))
-            across = np.concatenate([_total(self.parameter.set(self.rig, math.exp(x + e)), s) for e in (d, -d)])
-            f, (fx, fy) = complex(_total(here, s)[0]), (complex(a[0] - a[1]) / (2 * d) for a in (across, along))
+            across = np.concatenate(
+                [
+                    _total(self.parameter.set(self.rig, math.exp(x + e)), s)
+                    for e in (d, -d)
+                ]
+            )
+            f = complex(_total(here, s)[0])
+            fx, fy = (complex(a[0] - a[1]) / (2 * d) for a in (across, along))
             det = (fx.conjugate() * fy).imag
             if det == 0 or not math.isfinite(det):
                 return None
-            dx, dy = -(f.conjugate() * fy).imag / det, -(fx.conjugate() * f).imag / det
+            dx = -(f.conjugate() * fy).imag / det
+            dy = -(fx.conjugate() * f).imag / det
             step = max(abs(dx), abs(dy))
-            x, y = x + dx, y + dy
+            x = x + dx
+            y = y + dy
             if not (step < 1.0 and abs(x - log_value) < furthest):
                 return None
             if step < 0.01 * response.accuracy or (step < 1e-10 and step >= 0.5 * last):
@@ -382,7 +523,9 @@ class Line(NamedTuple):
 
 def _total(rig: Rig, s: ComplexArray) -> ComplexArray:
     """``Z + kappa`` on the axis."""
-    return np.asarray(impedance(rig.slider)(s) + respond(rig.interface).stiffness(rig.velocity, s))
+    return np.asarray(
+        impedance(rig.slider)(s) + respond(rig.interface).stiffness(rig.velocity, s)
+    )
 
 
 def _nearest(neutral: Neutral) -> list[float]:
@@ -391,7 +534,9 @@ def _nearest(neutral: Neutral) -> list[float]:
 
 
 def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
-    """Branches present at both points, each the other's nearest: frequency and lacking spring at one, then at two."""
+    """Branches present at both points, each the other's nearest: frequency and
+    lacking spring at one, then at two.
+    """
     here, there = (
         Neutral(n.omega[finite], n.extra[finite], n.modes[finite])
         for n in (one.neutral, two.neutral)
@@ -400,18 +545,33 @@ def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
     if here.omega.size == 0 or there.omega.size == 0:
         return []
     # In the logarithm infinity is as near to itself as any other frequency.
-    apart = np.abs(np.log(np.minimum(here.omega[:, None], 1e300) / np.minimum(there.omega, 1e300)))
+    apart = np.abs(
+        np.log(np.minimum(here.omega[:, None], 1e300) / np.minimum(there.omega, 1e300))
+    )
     apart[here.modes[:, None] != there.modes] = math.inf
     k, m = np.arange(here.omega.size), np.argmin(apart, axis=1)
-    alike = (np.argmin(apart, axis=0)[m] == k) & (apart[k, m] < 0.02 + 2.5 * abs(math.log(two.value / one.value)))
-    k, m = k[alike], m[alike]
-    return list(zip(*(a.tolist() for a in (here.omega[k], here.extra[k], there.omega[m], there.extra[m])), strict=True))
+    alike = (np.argmin(apart, axis=0)[m] == k) & (
+        apart[k, m] < 0.02 + 2.5 * abs(math.log(two.value / one.value))
+    )
+    k = k[alike]
+    m = m[alike]
+    return list(
+        zip(
+            *(
+                a.tolist()
+                for a in (here.omega[k], here.extra[k], there.omega[m], there.extra[m])
+            ),
+            strict=True,
+        )
+    )
 
 
 def _hides(points: list[Point], close: float) -> bool:
-    """Whether a branch comes near to changing sign about the middle one of three points, and turns back.
+    """Whether a branch comes near to changing sign about the middle one of three
+    points, and turns back.
 
-    Near, where the parabola through the three points comes down to a part of the least of them, between them.
+    Near, where the parabola through the three points comes down to a part of the least
+    of them, between them.
     """
     before, here, after = points
     if not before.unstable == here.unstable == after.unstable:
@@ -419,8 +579,16 @@ def _hides(points: list[Point], close: float) -> bool:
     earlier = {w: f for w, _, _, f in _matched(here, before)}
     for w, e, _, f in _matched(here, after):
         side = 1.0 if e > 0 else -1.0
-        a, b, c = side * earlier.get(w, math.nan), side * e, side * f
-        bend, least = a - 2 * b + c, min(a, b, c)
-        if least > 0 and bend > 0 and 2 * bend >= abs(c - a) and b - (c - a) ** 2 / (8 * bend) <= close * least:
+        a = side * earlier.get(w, math.nan)
+        b = side * e
+        c = side * f
+        bend = a - 2 * b + c
+        least = min(a, b, c)
+        if (
+            least > 0
+            and bend > 0
+            and 2 * bend >= abs(c - a)
+            and b - (c - a) ** 2 / (8 * bend) <= close * least
+        ):
             return True
     return False

@@ -9,7 +9,14 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.arrays import Array
-from stickslip.errors import InputError, UndecidedError, instance, numbers, sequence, shown
+from stickslip.errors import (
+    InputError,
+    UndecidedError,
+    instance,
+    numbers,
+    sequence,
+    shown,
+)
 from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
@@ -22,18 +29,25 @@ from stickslip.stability.neutral import Neutral
 
 Window = tuple[Ends, Ends]
 
-LINES = 65  # lines across the window in each direction, where a line costs next to nothing
+# lines across the window in each direction, where a line costs next to nothing
+LINES = 65
 FEW_LINES = 33  # the same where each point on a line has a response of its own
 
 
 def boundary(
-    rig: Rig, *, over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY), between: Window
+    rig: Rig,
+    *,
+    over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
+    between: Window,
 ) -> xr.Dataset:
-    """Find where smooth sliding loses or regains stability in a window of two parameters.
+    """Find where smooth sliding loses or regains stability in a window of two
+    parameters.
 
-    The contour between stable and unstable points of a grid, each of its points then polished by Newton's method along
-    its line of the grid, as `critical` does: folds and re-entrant branches are nothing special, closed curves close. An
-    island or a bay narrower than the grid, a 32nd of the window (over the stiffness a 64th), may be missed.
+    The contour between stable and unstable points of a grid, each of its points then
+    polished by Newton's method along its line of the grid, as `critical` does: folds
+    and re-entrant branches are nothing special, closed curves close. An island or a bay
+    narrower than the grid, a 32nd of the window (over the stiffness a 64th), may be
+    missed.
 
     Parameters
     ----------
@@ -47,29 +61,47 @@ def boundary(
     Returns
     -------
     xarray.Dataset
-        Along ``point``: the two parameters, ``frequency`` (angular, of the neutral mode; infinite where it does not
-        oscillate) and ``curve`` (which curve the point is on; points of a curve follow each other). No points where
-        there is no boundary; the window searched is in ``attrs``.
+        Along ``point``: the two parameters, ``frequency`` (angular, of the neutral
+        mode; infinite where it does not oscillate) and ``curve`` (which curve the point
+        is on; points of a curve follow each other). No points where there is no
+        boundary; the window searched is in ``attrs``.
 
     Raises
     ------
     InputError
-        If a range is empty, both parameters are the same, or there is no steady sliding in the window.
+        If a range is empty, both parameters are the same, or there is no steady sliding
+        in the window.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     parameters = _two_parameters(over)
     ranges = _pair("between", between, "a range of each parameter")
-    window = [rig.span(parameter, ends) for parameter, ends in zip(parameters, ranges, strict=True)]
-    lines = LINES if any(_is_free(parameter, rig) for parameter in parameters) else FEW_LINES
+    window = [
+        rig.span(parameter, ends)
+        for parameter, ends in zip(parameters, ranges, strict=True)
+    ]
+    lines = (
+        LINES
+        if any(_is_free(parameter, rig) for parameter in parameters)
+        else FEW_LINES
+    )
     grids = [np.geomspace(low, high, lines) for low, high in window]
     grid = _Grid(parameters, rig.natural, grids)
     curves = grid.contour()
     points = np.concatenate([np.empty((0, 3)), *curves]).T
     which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
-    columns = {p.name: ("point", points[k], p.unit, p.name) for k, p in enumerate(parameters)}
-    columns["frequency"] = "point", points[2], "1/time", "angular frequency of the neutral mode"
+    columns = {
+        p.name: ("point", points[k], p.unit, p.name) for k, p in enumerate(parameters)
+    }
+    columns["frequency"] = (
+        "point",
+        points[2],
+        "1/time",
+        "angular frequency of the neutral mode",
+    )
     columns["curve"] = "point", which, "1", "number of the curve"
-    return rig.in_its_units(grid.dataset("boundary", columns, within=[list(ends) for ends in window]))
+    return rig.in_its_units(
+        grid.dataset("boundary", columns, within=[list(ends) for ends in window])
+    )
 
 
 def stability_map(
@@ -81,8 +113,9 @@ def stability_map(
 ) -> xr.Dataset:
     """Count the growing modes of smooth sliding on a grid of two parameters.
 
-    Over the stiffness of a rig nothing is repeated: for each value of the other parameter the springs that make a
-    mode neutral are computed, and each column of the map read off them.
+    Over the stiffness of a rig nothing is repeated: for each value of the other
+    parameter the springs that make a mode neutral are computed, and each column of the
+    map read off them.
 
     Parameters
     ----------
@@ -93,39 +126,62 @@ def stability_map(
     values : (array_like, array_like)
         Values of each, all above 0, in the rig's own units.
     growth : bool
-        Whether to give the growth rate and frequency of the fastest mode as well, which takes some
-        milliseconds a point.
+        Whether to give the growth rate and frequency of the fastest mode as well, which
+        takes some milliseconds a point.
 
     Returns
     -------
     xarray.Dataset
-        ``unstable_modes`` over the two parameters; with `growth`, ``growth_rate`` and ``frequency`` of the root
-        furthest to the right (NaN where no mode decays exponentially).
+        ``unstable_modes`` over the two parameters; with `growth`, ``growth_rate`` and
+        ``frequency`` of the root furthest to the right (NaN where no mode decays
+        exponentially).
 
     Raises
     ------
     InputError
-        If a value is not above 0, both parameters are the same, or there is no steady sliding.
+        If a value is not above 0, both parameters are the same, or there is no steady
+        sliding.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     parameters = _two_parameters(over)
-    given = zip(parameters, _pair("values", values, "values of each parameter"), strict=True)
+    given = zip(
+        parameters, _pair("values", values, "values of each parameter"), strict=True
+    )
     grids = [
-        np.atleast_1d(numbers(f"values of {parameter.name}", value, above=0, hint=rig.unit_name(parameter.unit)))
+        np.atleast_1d(
+            numbers(
+                f"values of {parameter.name}",
+                value,
+                above=0,
+                hint=rig.unit_name(parameter.unit),
+            )
+        )
         / rig.unit(parameter.unit)
         for parameter, value in given
     ]
     grid = _Grid(parameters, rig.natural, grids)
-    counts = np.array([[neutral.unstable() for neutral in row] for row in grid.neutral()], dtype=np.int64)
+    counts = np.array(
+        [[neutral.unstable() for neutral in row] for row in grid.neutral()],
+        dtype=np.int64,
+    )
     names = tuple(parameter.name for parameter in parameters)
-    columns: dict[str, Any] = {p.name: (p.name, grids[k], p.unit, p.name) for k, p in enumerate(parameters)}
+    columns: dict[str, Any] = {
+        p.name: (p.name, grids[k], p.unit, p.name) for k, p in enumerate(parameters)
+    }
     columns["unstable_modes"] = names, counts, "1", "growing modes of smooth sliding"
     if growth:
         fastest = grid.fastest(counts)
-        columns["growth_rate"] = names, fastest.real, "1/time", "growth rate of the fastest mode"
+        columns["growth_rate"] = (
+            names,
+            fastest.real,
+            "1/time",
+            "growth rate of the fastest mode",
+        )
         columns["frequency"] = names, fastest.imag, "1/time", "its angular frequency"
     plain = [each.tolist() for each in grids]
-    return rig.in_its_units(grid.dataset("stability_map", columns, values=plain, growth=growth))
+    return rig.in_its_units(
+        grid.dataset("stability_map", columns, values=plain, growth=growth)
+    )
 
 
 def _pair(place: str, given: object, what: str) -> tuple[Any, ...]:
@@ -135,15 +191,24 @@ def _pair(place: str, given: object, what: str) -> tuple[Any, ...]:
     return found
 
 
-def _two_parameters(over: tuple[Parameter | str, Parameter | str]) -> tuple[Parameter, Parameter]:
-    first, second = (parameter_named(each, "over") for each in _pair("over", over, "two parameters"))
+def _two_parameters(
+    over: tuple[Parameter | str, Parameter | str],
+) -> tuple[Parameter, Parameter]:
+    first, second = (
+        parameter_named(each, "over") for each in _pair("over", over, "two parameters")
+    )
     if first.name == second.name:
-        raise InputError(f"over = ({first.name!r}, {second.name!r}): must be two different parameters")
+        raise InputError(
+            f"over = ({first.name!r}, {second.name!r}): must be two different "
+            "parameters"
+        )
     return first, second
 
 
 def _is_free(parameter: Parameter, rig: Rig) -> bool:
-    """Whether the parameter adds the same to ``Z`` at every frequency: one set of neutral frequencies for all."""
+    """Whether the parameter adds the same to ``Z`` at every frequency: one set of
+    neutral frequencies for all.
+    """
     return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
 
 
@@ -155,40 +220,65 @@ class _Grid(NamedTuple):
     values: list[Array]
 
     def neutral(self) -> list[list[Neutral]]:
-        """Neutral frequencies at each point, by the first parameter and then by the second."""
-        free = next((k for k in range(2) if _is_free(self.parameters[k], self.rig)), None)
-        if any(parameter.rescales for parameter in self.parameters):  # the spring is another in units that change
+        """Neutral frequencies at each point, by the first parameter and then by the
+        second.
+        """
+        free = next(
+            (k for k in range(2) if _is_free(self.parameters[k], self.rig)), None
+        )
+        # the spring is another in units that change
+        if any(parameter.rescales for parameter in self.parameters):
             free = None
         # Along the velocity, points share a response.
         outer = free if free is not None else int(self.parameters[0] is VELOCITY)
-        rows, line = self.values[outer].tolist(), self.values[1 - outer].tolist()
+        rows = self.values[outer].tolist()
+        line = self.values[1 - outer].tolist()
         if free is None:
             found = [self.line(1 - outer, value).neutral(line) for value in rows]
         else:  # what a softer spring lacks, a stiffer one lacks by so much less
             softest = min(rows)
             known = self.line(1 - outer, softest).neutral(line, softest=softest)
-            found = [[neutral._replace(extra=neutral.extra - (k - softest)) for neutral in known] for k in rows]
+            found = [
+                [
+                    neutral._replace(extra=neutral.extra - (k - softest))
+                    for neutral in known
+                ]
+                for k in rows
+            ]
         return found if outer == 0 else [list(row) for row in zip(*found, strict=True)]
 
     def line(self, k: int, value: float) -> Line:
-        """The rig along parameter `k`, the other at a value: one that changes the units of the rig is set last."""
-        mine, other = self.parameters[k], self.parameters[1 - k]
+        """The rig along parameter `k`, the other at a value: one that changes the
+        units of the rig is set last.
+        """
+        mine = self.parameters[k]
+        other = self.parameters[1 - k]
         if not other.rescales:
             return Line(mine, other.set(self.rig, value))
-        return Line(replace(mine, set=lambda rig, here: other.set(mine.set(rig, here), value)), self.rig)
+        return Line(
+            replace(mine, set=lambda rig, here: other.set(mine.set(rig, here), value)),
+            self.rig,
+        )
 
     def fastest(self, counts: NDArray[np.int64]) -> NDArray[np.complex128]:
-        """Root furthest right at each point, carried from neighbour to neighbour and checked against the count."""
+        """Root furthest right at each point, carried from neighbour to neighbour and
+        checked against the count.
+        """
         found = np.full(counts.shape, complex(math.nan, math.nan))
         for j, b in enumerate(self.values[1].tolist()):
-            column, known = self.line(0, b), np.empty(0, dtype=complex)
+            column = self.line(0, b)
+            known = np.empty(0, dtype=complex)
             for i, a in enumerate(self.values[0].tolist()):
                 here = column.parameter.set(column.rig, a)
-                response, body = respond(here.interface), impedance(here.slider)
-                # Every few points the search starts afresh, for a root that overtakes from outside those carried along.
+                response = respond(here.interface)
+                body = impedance(here.slider)
+                # Every few points the search starts afresh, for a root that overtakes
+                # from outside those carried along.
                 for starts in (known[:8] if i % 16 else known[:0], known[:0]):
                     known = roots.near(response, body, here.velocity, starts)
-                    if roots.is_rightmost(response, body, here.velocity, known, int(counts[i, j])):
+                    if roots.is_rightmost(
+                        response, body, here.velocity, known, int(counts[i, j])
+                    ):
                         found[i, j] = known[0]
                         break
                 else:
@@ -199,39 +289,73 @@ class _Grid(NamedTuple):
         return found
 
     def contour(self) -> list[Array]:
-        """Lines between stable and unstable points: both parameters and the frequency, shape (n, 3) each."""
+        """Lines between stable and unstable points: both parameters and the
+        frequency, shape (n, 3) each.
+        """
         import contourpy
 
         points = self.neutral()
-        unstable = np.array([[neutral.unstable() > 0 for neutral in row] for row in points])
+        unstable = np.array(
+            [[neutral.unstable() > 0 for neutral in row] for row in points]
+        )
         crossed: dict[tuple[float, float], tuple[float, float, float] | None] = {}
         curves = []
-        for line in contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(0.0):
-            # Each point of the contour lies half way between a stable and an unstable point of the grid.
+        for line in contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(
+            0.0
+        ):
+            # Each point of the contour lies half way between a stable and an unstable
+            # point of the grid.
             sides = [(i, j) for j, i in np.asarray(line).tolist()]
-            crossed.update({side: self.on_side(points, *side) for side in sides if side not in crossed})
-            if found := [point for side in sides if (point := crossed[side]) is not None]:
+            crossed.update(
+                {
+                    side: self.on_side(points, *side)
+                    for side in sides
+                    if side not in crossed
+                }
+            )
+            if found := [
+                point for side in sides if (point := crossed[side]) is not None
+            ]:
                 curves.append(np.array(found))
         return curves
 
-    def on_side(self, points: list[list[Neutral]], i: float, j: float) -> tuple[float, float, float] | None:
-        """The boundary itself on the side of a cell, of which ``(i, j)`` is the middle, and the frequency there."""
+    def on_side(
+        self, points: list[list[Neutral]], i: float, j: float
+    ) -> tuple[float, float, float] | None:
+        """The boundary itself on the side of a cell, of which ``(i, j)`` is the
+        middle, and the frequency there.
+        """
         ends = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
         k = 0 if ends[1][0] > ends[0][0] else 1
         other = float(self.values[1 - k][ends[0][1 - k]])
         line = self.line(k, other)
-        sides = [(float(self.values[k][end[k]]), points[end[0]][end[1]]) for end in ends]
-        for crossing in line.between(*(Point(value, neutral, neutral.unstable()) for value, neutral in sides)):
+        sides = [
+            (float(self.values[k][end[k]]), points[end[0]][end[1]]) for end in ends
+        ]
+        for crossing in line.between(
+            *(Point(value, neutral, neutral.unstable()) for value, neutral in sides)
+        ):
             if crossing.loses_stability or crossing.regains_stability:
                 place = (crossing.value, other) if k == 0 else (other, crossing.value)
                 return *place, crossing.frequency
         return None
 
-    def dataset(self, call: str, columns: dict[str, tuple[Any, Any, str, str]], **more: object) -> xr.Dataset:
-        """Columns by name: dimensions, values, unit and title; with what made them, where a function is but named."""
-        rig, over = self.rig, [parameter.name for parameter in self.parameters]
+    def dataset(
+        self, call: str, columns: dict[str, tuple[Any, Any, str, str]], **more: object
+    ) -> xr.Dataset:
+        """Columns by name: dimensions, values, unit and title; with what made them,
+        where a function is but named.
+        """
+        rig = self.rig
+        over = [parameter.name for parameter in self.parameters]
         slider = rig.slider if is_dataclass(rig.slider) else repr(rig.slider)
-        made = {"interface": rig.interface, "slider": slider, "drive": rig.drive, "over": over, **more}
+        made = {
+            "interface": rig.interface,
+            "slider": slider,
+            "drive": rig.drive,
+            "over": over,
+            **more,
+        }
         data = {
             name: (dims, values, {"units": unit, "long_name": title})
             for name, (dims, values, unit, title) in columns.items()

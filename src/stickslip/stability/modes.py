@@ -1,7 +1,8 @@
-"""Modes of smooth sliding: how the contacts answer a perturbation, how many modes grow, and how fast.
+"""Modes of smooth sliding: how the contacts answer a perturbation, how many modes grow,
+and how fast.
 
-Roots of ``Z(s) + kappa(s) = 0``, with ``Z`` the impedance of the rig and ``kappa`` the dynamic stiffness of the
-contacts.
+Roots of ``Z(s) + kappa(s) = 0``, with ``Z`` the impedance of the rig and ``kappa`` the
+dynamic stiffness of the contacts.
 """
 
 import numpy as np
@@ -16,8 +17,11 @@ from stickslip.stability import roots
 from stickslip.stability.impedances import Impedance, impedance
 
 
-def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> ComplexArray:
-    """Force of the interface over displacement for motion ``v t + small exp(s t)``, per contact.
+def dynamic_stiffness(
+    interface: Interface, velocity: float, s: ArrayLike
+) -> ComplexArray:
+    """Force of the interface over displacement for motion ``v t + small exp(s t)``, per
+    contact.
 
     Parameters
     ----------
@@ -26,8 +30,9 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     velocity : float
         Speed of smooth sliding, in ``x_s`` per time.
     s : array_like of complex
-        Growth rate plus ``i`` times angular frequency, in 1/time; on the imaginary axis and to its right for
-        every distribution, to its left as far as the distribution of thresholds has a transform.
+        Growth rate plus ``i`` times angular frequency, in 1/time; on the imaginary axis
+        and to its right for every distribution, to its left as far as the distribution
+        of thresholds has a transform.
 
     Returns
     -------
@@ -37,29 +42,35 @@ def dynamic_stiffness(interface: Interface, velocity: float, s: ArrayLike) -> Co
     Raises
     ------
     InputError
-        If contacts never re-attach (no steady sliding), age by `Langevin` at a temperature, or all share one threshold
-        and one delay; if `s` lies where the transform does not exist or overflows.
+        If contacts never re-attach (no steady sliding), age by `Langevin` at a
+        temperature, or all share one threshold and one delay; if `s` lies where the
+        transform does not exist or overflows.
 
     Notes
     -----
-    Distributions without a closed transform (`LogNormal`, `Weibull`) cost some ten microseconds a point. The relative
-    error is about 1e-12, for distributions with very heavy tails down to 1e-8 at small `s`; with thresholds that age
-    1e-6 (1e-4 at ``v = .05 rate**2``, 2e-3 at a tenth of that), with temperature or thresholds that grow by a fixed
-    rule 1e-7.
+    Distributions without a closed transform (`LogNormal`, `Weibull`) cost some ten
+    microseconds a point. The relative error is about 1e-12, for distributions with very
+    heavy tails down to 1e-8 at small `s`; with thresholds that age 1e-6 (1e-4 at
+    ``v = .05 rate**2``, 2e-3 at a tenth of that), with temperature or thresholds that
+    grow by a fixed rule 1e-7.
     """
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     try:
         points = np.asarray(s, dtype=complex)
     except (TypeError, ValueError):
-        raise InputError(f"s = {shown(s)}: must be a complex number, or an array of them (in 1/time)") from None
+        raise InputError(
+            f"s = {shown(s)}: must be a complex number, or an array of them (in 1/time)"
+        ) from None
     return respond(interface).stiffness(speed, points)
 
 
 def count_unstable(rig: Rig) -> int:
-    """Count the growing modes of smooth sliding: roots of ``Z(s) + kappa(s) = 0`` with ``Re s > 0``.
+    """Count the growing modes of smooth sliding: roots of ``Z(s) + kappa(s) = 0`` with
+    ``Re s > 0``.
 
-    At each frequency with ``Im(Z + kappa) = 0`` some extra spring at the interface makes a mode neutral. Modes come to
-    grow as that spring is taken away: as many do as such frequencies lack stiffness, less those that have too much.
+    At each frequency with ``Im(Z + kappa) = 0`` some extra spring at the interface
+    makes a mode neutral. Modes come to grow as that spring is taken away: as many do as
+    such frequencies lack stiffness, less those that have too much.
 
     Parameters
     ----------
@@ -69,25 +80,29 @@ def count_unstable(rig: Rig) -> int:
     Returns
     -------
     int
-        Number of unstable roots, a complex pair counting 2; 0 if smooth sliding is stable.
+        Number of unstable roots, a complex pair counting 2; 0 if smooth sliding is
+        stable.
 
     Raises
     ------
     InputError
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
-        If a root lies on the imaginary axis to within the accuracy of the response: rounding, or with thresholds that
-        age by `Langevin` 1e-3 of the stiffness of the contacts.
+        If a root lies on the imaginary axis to within the accuracy of the response:
+        rounding, or with thresholds that age by `Langevin` 1e-3 of the stiffness of the
+        contacts.
     """
     speed, response, z = rig_parts(rig)
     return roots.count(response, z, speed)
 
 
 def growth_rate(rig: Rig) -> complex:
-    """Return the root of ``Z(s) + kappa(s) = 0`` with the largest real part: growth rate plus ``i`` angular frequency.
+    """Return the root of ``Z(s) + kappa(s) = 0`` with the largest real part: growth
+    rate plus ``i`` angular frequency.
 
-    Newton's method from starts all along the axis finds candidates; the argument principle on a line just left of the
-    best one confirms that there is no other to its right.
+    Newton's method from starts all along the axis finds candidates; the argument
+    principle on a line just left of the best one confirms that there is no other to its
+    right.
 
     Parameters
     ----------
@@ -97,28 +112,32 @@ def growth_rate(rig: Rig) -> complex:
     Returns
     -------
     complex
-        In 1/time of the rig's own units, with an imaginary part of 0 or above. A negative real part is the slowest
-        decay, of the slider or of the contacts' own ringing.
+        In 1/time of the rig's own units, with an imaginary part of 0 or above. A
+        negative real part is the slowest decay, of the slider or of the contacts' own
+        ringing.
 
     Raises
     ------
     InputError
         If there is no steady sliding, see `dynamic_stiffness`.
     UndecidedError
-        If smooth sliding is stable but no mode decays exponentially: a distribution of thresholds with a heavy tail,
-        or a rig without mass nor losses on an interface without delay.
+        If smooth sliding is stable but no mode decays exponentially: a distribution of
+        thresholds with a heavy tail, or a rig without mass nor losses on an interface
+        without delay.
 
     Notes
     -----
-    With thresholds that age growing modes are confirmed by their count; a negative real part is that of the mode
-    nearest to the axis among those found.
+    With thresholds that age growing modes are confirmed by their count; a negative real
+    part is that of the mode nearest to the axis among those found.
     """
     speed, response, z = rig_parts(rig)
     return roots.rightmost(response, z, speed) * rig.unit("1/time")
 
 
 def rig_parts(rig: Rig) -> tuple[float, Response, Impedance]:
-    """Speed of smooth sliding, response of the contacts and impedance of the body, in natural units."""
+    """Speed of smooth sliding, response of the contacts and impedance of the body,
+    in natural units.
+    """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     natural = rig.natural
     speed = number("velocity", natural.velocity, above=0, hint="in x_s per time")

@@ -1,7 +1,9 @@
-"""Neutral frequencies: where on the imaginary axis some extra spring at the interface would make a mode neutral.
+"""Neutral frequencies: where on the imaginary axis some extra spring at the interface
+would make a mode neutral.
 
-On the axis the interface and the rig separate: with ``kappa`` computed once, each frequency with ``Im(Z + kappa) = 0``
-is neutral for exactly one extra spring, ``-Re(Z + kappa)``.
+On the axis the interface and the rig separate: with ``kappa`` computed once, each
+frequency with ``Im(Z + kappa) = 0`` is neutral for exactly one extra spring,
+``-Re(Z + kappa)``.
 """
 
 import math
@@ -35,21 +37,31 @@ NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
 
 
 def neutral_frequencies(
-    response: Response, rigs: Sequence[tuple[Impedance, float]], *, softest: float | None = None
+    response: Response,
+    rigs: Sequence[tuple[Impedance, float]],
+    *,
+    softest: float | None = None,
 ) -> list[Neutral]:
-    """Return all zeros of ``Im(Z + kappa)`` on the axis that bear on each body at its velocity, or on stiffer ones too.
+    """Return all zeros of ``Im(Z + kappa)`` on the axis that bear on each body at its
+    velocity, or on stiffer ones too.
 
-    With `softest` given the answer holds for every rig that has the same losses and masses and a total static
-    stiffness of at least `softest`, else for the rig itself only.
+    With `softest` given the answer holds for every rig that has the same losses and
+    masses and a total static stiffness of at least `softest`, else for the rig itself
+    only.
     """
     if response.inert:
         return [NOTHING for _ in rigs]
     scans = [scan(response, body, velocity, softest) for body, velocity in rigs]
-    brackets = [_brackets(response, *rig, *seen) for rig, seen in zip(rigs, scans, strict=True)]
+    brackets = [
+        _brackets(response, *rig, *seen) for rig, seen in zip(rigs, scans, strict=True)
+    ]
     # All rigs at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
     left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
-    whose, speed = (np.repeat(each, counts) for each in zip(*((id(body), v) for body, v in rigs), strict=True))
+    whose, speed = (
+        np.repeat(each, counts)
+        for each in zip(*((id(body), v) for body, v in rigs), strict=True)
+    )
 
     def impedances(w: Array) -> ComplexArray:
         z = np.empty(w.shape, dtype=complex)
@@ -57,46 +69,72 @@ def neutral_frequencies(
             z[whose == id(body)] = body(1j * w[whose == id(body)])
         return z
 
-    omega = _zeros(lambda w: loss(impedances(w), response.parts(speed, 1j * w)), left, right)
+    omega = _zeros(
+        lambda w: loss(impedances(w), response.parts(speed, 1j * w)), left, right
+    )
     extra = -(impedances(omega) + response.stiffness(speed, 1j * omega)).real
-    answers, ends = [], np.cumsum(counts)[:-1]
+    answers = []
+    ends = np.cumsum(counts)[:-1]
     known = (scans, brackets, np.split(omega, ends), np.split(extra, ends))
     for rig, seen, (_, _, rising), w, e in zip(rigs, *known, strict=True):
         modes = np.where(rising, 2, -2)
-        if seen[1].size and seen[1][-1] < 0 and (beyond := _beyond(response, *rig, seen[0][-1], softest)):
-            w, e, modes = (np.append(found, more) for found, more in zip((w, e, modes), beyond, strict=True))
+        if (
+            seen[1].size
+            and seen[1][-1] < 0
+            and (beyond := _beyond(response, *rig, seen[0][-1], softest))
+        ):
+            w, e, modes = (
+                np.append(found, more)
+                for found, more in zip((w, e, modes), beyond, strict=True)
+            )
         order = np.argsort(w)
         answers.append(Neutral(w[order], e[order], modes[order]))
     return answers
 
 
 def _zeros(f: Callable[[Array], Array], left: Array, right: Array) -> Array:
-    """Zeros in brackets, by secants that keep them (Illinois); an end where rounding left no change of sign."""
-    before, last = f(left), f(right)
+    """Zeros in brackets, by secants that keep them (Illinois); an end where rounding
+    left no change of sign.
+    """
+    before = f(left)
+    last = f(right)
     for _ in range(60):  # at the very worst as many as halving takes
-        step = np.divide(last * (right - left), last - before, out=np.zeros_like(last), where=before * last < 0)
+        step = np.divide(
+            last * (right - left),
+            last - before,
+            out=np.zeros_like(last),
+            where=before * last < 0,
+        )
         if np.all(np.abs(step) <= 1e-12 * right):  # kappa is known to that at best
             break
         here = f(right - step)
         # An end that stays does so with half its weight.
         left, before = np.where(here * last > 0, (left, 0.5 * before), (right, last))
-        right, last = right - step, here
+        right = right - step
+        last = here
     return right
 
 
 def _brackets(
     response: Response, body: Impedance, velocity: float, omega: Array, value: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it rises there."""
+    """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it
+    rises there.
+    """
     negative = value < 0
     at = np.flatnonzero(negative[1:] != negative[:-1])
-    left, right, rising = omega[at], omega[at + 1], negative[at]
+    left = omega[at]
+    right = omega[at + 1]
+    rising = negative[at]
     middle = _nearly_touching(value)
-    low, high, side = omega[middle - 1], omega[middle + 1], np.sign(value[middle])
+    low = omega[middle - 1]
+    high = omega[middle + 1]
+    side = np.sign(value[middle])
     for _ in range(6):
         if low.size == 0:
             break
-        # A pair of zeros may be much closer than two frequencies of the scan: close in on the dip until it is decided.
+        # A pair of zeros may be much closer than two frequencies of the scan: close in
+        # on the dip until it is decided.
         fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
         dip = loss(body(1j * fine), response.parts(velocity, 1j * fine)) * side[:, None]
         row, column = np.nonzero((dip[:, 1:] < 0) != (dip[:, :-1] < 0))
@@ -105,19 +143,33 @@ def _brackets(
         rising = np.concatenate([rising, (dip[row, column] < 0) == (side[row] > 0)])
         lowest = np.clip(np.argmin(dip, axis=1), 1, 15)
         each = np.arange(low.size)
-        before, here, after = dip[each, lowest - 1], dip[each, lowest], dip[each, lowest + 1]
-        open_ = (here > 0) & (_vertex(before, here, after) < 0.5 * np.minimum(before, after))
-        low, high, side = fine[each, lowest - 1][open_], fine[each, lowest + 1][open_], side[open_]
+        before = dip[each, lowest - 1]
+        here = dip[each, lowest]
+        after = dip[each, lowest + 1]
+        open_ = (here > 0) & (
+            _vertex(before, here, after) < 0.5 * np.minimum(before, after)
+        )
+        low = fine[each, lowest - 1][open_]
+        high = fine[each, lowest + 1][open_]
+        side = side[open_]
     return left, right, rising
 
 
 def _beyond(
-    response: Response, body: Impedance, velocity: float, end: float, softest: float | None
+    response: Response,
+    body: Impedance,
+    velocity: float,
+    end: float,
+    softest: float | None,
 ) -> tuple[float, float, int] | None:
-    """Modes that cross beyond the end of the scan: frequency, extra stiffness, and how many grow with less."""
+    """Modes that cross beyond the end of the scan: frequency, extra stiffness, and
+    how many grow with less.
+    """
     z, at_rest = (complex(body(np.array([place]))[0]) for place in (1j * end, 0j))
     total = z + complex(response.stiffness(velocity, 1j * end))
-    if z == at_rest:  # without mass and damping: half a turn, which both then keep, is what one real mode makes
+    # without mass and damping: half a turn, which both then keep, is what one real mode
+    # makes
+    if z == at_rest:
         return math.inf, -total.real, 1
     turned = math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real)
     # Cut off for |kappa| < |Z| just past half a turn, which is never completed.
@@ -125,15 +177,21 @@ def _beyond(
 
 
 def _nearly_touching(value: Array) -> NDArray[np.intp]:
-    """Indices of local minima of ``|value|`` where a parabola through three points comes near zero."""
+    """Indices of local minima of ``|value|`` where a parabola through three points
+    comes near zero.
+    """
     side = np.sign(value[1:-1])
-    before, here, after = value[:-2] * side, np.abs(value[1:-1]), value[2:] * side
+    before = value[:-2] * side
+    here = np.abs(value[1:-1])
+    after = value[2:] * side
     k = np.flatnonzero((here > 0) & (here <= before) & (here <= after))
     near = _vertex(before[k], here[k], after[k]) < 0.2 * np.minimum(before[k], after[k])
     return np.asarray(k[near] + 1)
 
 
 def _vertex(before: Array, here: Array, after: Array) -> Array:
-    """Lowest value of the parabola through three equally spaced points around a minimum."""
+    """Lowest value of the parabola through three equally spaced points around a
+    minimum.
+    """
     bend = before - 2 * here + after
     return np.asarray(here - (after - before) ** 2 / (8 * np.maximum(bend, 1e-300)))

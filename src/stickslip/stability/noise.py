@@ -1,12 +1,15 @@
-"""The noise of N contacts: how much a rig moves in smooth sliding that is stable, because its contacts are few.
+"""The noise of N contacts: how much a rig moves in smooth sliding that is stable,
+because its contacts are few.
 
-In steady sliding each contact is a renewal process: it is pulled, breaks, waits for its delay and starts anew, and its
-force has the spectrum ``S_1`` (`stickslip.sliding.response.Unperturbed.noise`). Contacts break independently, and the
+In steady sliding each contact is a renewal process: it is pulled, breaks, waits for its
+delay and starts anew, and its force has the spectrum ``S_1``
+(`stickslip.sliding.response.Unperturbed.noise`). Contacts break independently, and the
 slider answers to the sum of them by its own response,
 
     S_X(w) = S_1(w)/(N |Z(i w) + kappa(i w)|^2),   variance = (1/pi) Int_0^inf S dw
 
-per contact; the spring force is ``K`` times the displacement. It is not in the paper: leading order in ``1/N``.
+per contact; the spring force is ``K`` times the displacement. It is not in the paper:
+leading order in ``1/N``.
 """
 
 import math
@@ -33,13 +36,21 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_LOST = 1e-5  # of each variance, at most, where a panel is halved no more, and beyond the ends
-_OCTAVES = np.arange(-44.0, 45.0)  # of the frequency, in units of one over the mean cycle of a contact
+# of each variance, at most, where a panel is halved no more, and beyond the ends
+_LOST = 1e-5
+# of the frequency, in units of one over the mean cycle of a contact
+_OCTAVES = np.arange(-44.0, 45.0)
 _NODE = np.polynomial.legendre.leggauss(16)[0]
-_ROUGH = np.zeros(16)  # a rule on every other node of `nodes_between`: where it will do, that on all of them does well
-_ROUGH[::2] = np.linalg.solve(np.polynomial.legendre.legvander(_NODE[::2], 7).T, 2.0 * np.eye(8)[0])
-_ERROR = 0.05  # of the size of fluctuations in a run, for which a run is said to be long enough
-_SLOWEST = 1e-4  # in the same unit, below which the noise is white and kappa goes with the frequency
+# a rule on every other node of `nodes_between`: where it will do, that on all of them
+# does well
+_ROUGH = np.zeros(16)
+_ROUGH[::2] = np.linalg.solve(
+    np.polynomial.legendre.legvander(_NODE[::2], 7).T, 2.0 * np.eye(8)[0]
+)
+# of the size of fluctuations in a run, for which a run is said to be long enough
+_ERROR = 0.05
+# in the same unit, below which the noise is white and kappa goes with the frequency
+_SLOWEST = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -52,12 +63,13 @@ class ContactNoise(Answer):
     mean_spring_force: float
     mean_velocity: float  #: that of the drive
 
-    #: Time over which the deviations of the spring force are alike: the integral of the square of their correlation. A
-    #: run of time ``T`` holds ``T/memory`` independent ones; of a mode that decays at the rate ``g`` it is ``1/(2 g)``.
+    #: Time over which the deviations of the spring force are alike: the integral of the
+    #: square of their correlation. A run of time ``T`` holds ``T/memory`` independent
+    #: ones; of a mode that decays at the rate ``g`` it is ``1/(2 g)``.
     memory: float
 
-    #: One-sided spectra of both along ``frequency``, in Hz (cycles per time in natural units): their integrals are the
-    #: squares of the above.
+    #: One-sided spectra of both along ``frequency``, in Hz (cycles per time in natural
+    #: units): their integrals are the squares of the above.
     spectrum: "xr.Dataset" = field(compare=False)
 
     rig: Rig = field(compare=False)  #: whose noise it is
@@ -69,22 +81,28 @@ class ContactNoise(Answer):
 
     @property
     def relative_velocity(self) -> float:
-        """Root mean square of the slider's velocity about the drive's, over the drive's."""
+        """Root mean square of the slider's velocity about the drive's, over the
+        drive's.
+        """
         return self.velocity / self.mean_velocity
 
     @property
     def linear(self) -> bool:
-        """Whether the slider deviates little from its mean velocity: by less than that, root mean square.
+        """Whether the slider deviates little from its mean velocity: by less than that,
+        root mean square.
 
-        Beyond, it stops and turns back at times, where contacts answer otherwise than to a small perturbation.
+        Beyond, it stops and turns back at times, where contacts answer otherwise than
+        to a small perturbation.
         """
         return self.relative_velocity < 1.0
 
     @cached_property
     def growth_rate(self) -> float:
-        """Rate of the slowest mode, below 0; no number where no mode decays exponentially. See `growth_rate`.
+        """Rate of the slowest mode, below 0; no number where no mode decays
+        exponentially. See `growth_rate`.
 
-        A run from a steady state has the noise when this times its length is below some -10.
+        A run from a steady state has the noise when this times its length is below some
+        -10.
         """
         try:
             return modes.growth_rate(self.rig).real
@@ -108,42 +126,64 @@ class ContactNoise(Answer):
         """
         relative = {"force": self.relative_force, "velocity": self.relative_velocity}
         if of not in relative:
-            raise InputError(f"contacts_for: of = {of!r}: must be 'force' or 'velocity'")
+            raise InputError(
+                f"contacts_for: of = {of!r}: must be 'force' or 'velocity'"
+            )
         most = number("contacts_for: fraction", fraction, above=0, hint="0.05 for 5 %")
         return max(math.ceil(self.contacts * (relative[of] / most) ** 2), 1)
 
     def error(self, duration: float) -> float:
-        """Return the standard error of the root mean square of the spring force in one run of a duration, relative.
+        """Return the standard error of the root mean square of the spring force in one
+        run of a duration, relative.
 
         Raises
         ------
         InputError
             If the duration is not above 0.
         """
-        return math.sqrt(0.5 * self.memory / number("error: duration", duration, above=0))
+        return math.sqrt(
+            0.5 * self.memory / number("error: duration", duration, above=0)
+        )
 
     def __str__(self) -> str:
-        rig, part = self.rig, self.relative_velocity
-        natural = ((self.spring_force, "f_s"), (self.velocity, "x_s/time"), (self.memory / _ERROR**2 / 2.0, "time"))
-        force, velocity, run = (rig.in_units(value / rig.unit(unit), unit, 2) for value, unit in natural)
+        rig = self.rig
+        part = self.relative_velocity
+        natural = (
+            (self.spring_force, "f_s"),
+            (self.velocity, "x_s/time"),
+            (self.memory / _ERROR**2 / 2.0, "time"),
+        )
+        force, velocity, run = (
+            rig.in_units(value / rig.unit(unit), unit, 2) for value, unit in natural
+        )
         by = _percent(part) if self.linear else f"{digits(part, 2)} times the drive's"
         lines = [
-            f"smooth sliding with {self.contacts} contacts: the spring force fluctuates by "
-            f"{_percent(self.relative_force)} of its mean ({force} rms), the velocity by {by} ({velocity} rms)",
-            f"below 5 % of the mean spring force from {digits(self.contacts_for(0.05), 3)} contacts on",
+            f"smooth sliding with {self.contacts} contacts: the spring force "
+            "fluctuates by "
+            f"{_percent(self.relative_force)} of its mean ({force} rms), the velocity "
+            f"by {by} ({velocity} rms)",
+            (
+                "below 5 % of the mean spring force from "
+                f"{digits(self.contacts_for(0.05), 3)} contacts on"
+            ),
             f"a run of {run} shows the size of the fluctuations to {_percent(_ERROR)}",
         ]
         if not self.linear:
             least = digits(self.contacts_for(1.0, of="velocity"), 3)
             lines.append(
-                "beyond linear theory: where the velocity fluctuates by more than the drive's, the slider stops; "
+                "beyond linear theory: where the velocity fluctuates by more than the "
+                "drive's, the slider stops; "
                 f"theory holds from {least} contacts on"
             )
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers, in the rig's own units, without the spectrum."""
-        named = [name for name in self.__dataclass_fields__ if name not in ("spectrum", "rig")]
+        named = [
+            name
+            for name in self.__dataclass_fields__
+            if name not in ("spectrum", "rig")
+        ]
         named += ["relative_force", "relative_velocity", "linear"]
         found: dict[str, Any] = plain({name: getattr(self, name) for name in named})
         return found | {"contacts_for_5_percent": self.contacts_for(0.05)}
@@ -153,9 +193,12 @@ class ContactNoise(Answer):
         import matplotlib.style
         from matplotlib.figure import Figure
 
-        with matplotlib.style.context("stickslip.plot.house"):  # by its name: pictures are of a higher layer
+        # by its name: pictures are of a higher layer
+        with matplotlib.style.context("stickslip.plot.house"):
             figure = Figure(figsize=(7.0, 2.6), layout="constrained")
-            for ax, name in zip(figure.subplots(1, 2), ("spring_force", "velocity"), strict=True):
+            for ax, name in zip(
+                figure.subplots(1, 2), ("spring_force", "velocity"), strict=True
+            ):
                 draw: Any = self.spectrum[name].plot
                 draw(ax=ax, xscale="log", yscale="log")
                 ax.set_ylim(bottom=1e-8 * float(self.spectrum[name].max()))
@@ -167,10 +210,12 @@ def _percent(part: float) -> str:
 
 
 def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
-    """Return how much the spring force and the slider's velocity fluctuate in smooth sliding, for N contacts.
+    """Return how much the spring force and the slider's velocity fluctuate in smooth
+    sliding, for N contacts.
 
-    Linear theory, without a run: each contact is pulled, breaks and re-attaches at random, and the slider answers to
-    their sum by its own response. So a stable rig oscillates, and the more so the nearer to its stability limit.
+    Linear theory, without a run: each contact is pulled, breaks and re-attaches at
+    random, and the slider answers to their sum by its own response. So a stable rig
+    oscillates, and the more so the nearer to its stability limit.
 
     Parameters
     ----------
@@ -187,38 +232,54 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     Raises
     ------
     InputError
-        If smooth sliding is unstable, or there is none; if the rig's method has no number of contacts and none is
-        given; if the slider is elastic, or has no mass; if contacts differ in area, re-attach with stretchings that
-        scatter, or age by a rule of your own.
+        If smooth sliding is unstable, or there is none; if the rig's method has no
+        number of contacts and none is given; if the slider is elastic, or has no mass;
+        if contacts differ in area, re-attach with stretchings that scatter, or age by a
+        rule of your own.
     UndecidedError
         If smooth sliding is neutral to within rounding.
 
     Examples
     --------
-    >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.1))
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.1)
+    ... )
     >>> slider = ss.Slider(stiffness=2.0, mass=1e-3, damping=40.0)
-    >>> noise = ss.contact_noise(ss.Rig(interface, slider, ss.constant(1.0)), contacts=1000)
+    >>> noise = ss.contact_noise(
+    ...     ss.Rig(interface, slider, ss.constant(1.0)), contacts=1000
+    ... )
     >>> print(f"{noise.relative_force:.4f} {noise.contacts_for(0.01)}")
     0.0227 5165
     """
     velocity, response, body = modes.rig_parts(rig)
-    method, stiffness = rig.method if contacts is None else Contacts(contacts), getattr(body, "stiffness", 0.0)
+    method = rig.method if contacts is None else Contacts(contacts)
+    stiffness = getattr(body, "stiffness", 0.0)
     if not isinstance(method, DRAWN):
         raise InputError(
-            f"contact_noise: contacts: the rig's method, {method}, stands for infinitely many, without noise; "
+            f"contact_noise: contacts: the rig's method, {method}, stands for "
+            "infinitely many, without noise; "
             "give their number, such as contacts=1000"
         )
     if not stiffness > 0:
-        raise InputError(f"Rig.slider = {body!r}: no driving spring, whose force could be told; give it a stiffness")
+        raise InputError(
+            f"Rig.slider = {body!r}: no driving spring, whose force could be told; "
+            "give it a stiffness"
+        )
     if growing := roots.count(response, body, velocity):
         raise InputError(
-            f"contact_noise: smooth sliding at velocity {rig.in_units(velocity, 'x_s/time')} is unstable, with "
-            f"{growing} growing modes: the rig leaves it, however many its contacts; simulate(rig) shows for what"
+            "contact_noise: smooth sliding at velocity "
+            f"{rig.in_units(velocity, 'x_s/time')} is unstable, with "
+            f"{growing} growing modes: the rig leaves it, however many its contacts; "
+            "simulate(rig) shows for what"
         )
-    known: Any = _spectrum if is_plain(body) else _spectrum.__wrapped__  # others may not be fit for the key of a table
+    # others may not be fit for the key of a table
+    known: Any = _spectrum if is_plain(body) else _spectrum.__wrapped__
     omega, weight, displaced = known(response, body, velocity)
-    moved, pulled = omega**2 * displaced, stiffness**2 * displaced
-    whole, square, fast = (float(weight @ each) / math.pi for each in (pulled, pulled**2, moved))
+    moved = omega**2 * displaced
+    pulled = stiffness**2 * displaced
+    whole, square, fast = (
+        float(weight @ each) / math.pi for each in (pulled, pulled**2, moved)
+    )
     memory = square / whole**2
     slow = 1e-6 / memory
     drag = velocity / slow * float(body(np.array([1j * slow]))[0].imag)
@@ -233,14 +294,17 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
         mean_spring_force=force * mean,
         mean_velocity=speed * velocity,
         memory=time * memory,
-        spectrum=_dataset(rig, omega, force**2 * per_hertz * pulled, speed**2 * per_hertz * moved),
+        spectrum=_dataset(
+            rig, omega, force**2 * per_hertz * pulled, speed**2 * per_hertz * moved
+        ),
         rig=rig,
     )
 
 
 def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuations]:
     """Fluctuations at any frequencies, from a table of them where they are dear."""
-    lowest, highest = _SLOWEST / response.scales(velocity).cycle, math.inf
+    lowest = _SLOWEST / response.scales(velocity).cycle
+    highest = math.inf
     if response.certain:
 
         def between(omega: Array) -> Fluctuations:
@@ -257,56 +321,97 @@ def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuation
         inside, whose = np.unique(np.clip(omega, lowest, highest), return_inverse=True)
         kappa, noise = between(inside)
         fall = np.minimum(highest / omega, 1.0) ** 2
-        return Fluctuations(kappa[whose] * np.minimum(omega / lowest, 1.0), noise[whose] * fall)
+        return Fluctuations(
+            kappa[whose] * np.minimum(omega / lowest, 1.0), noise[whose] * fall
+        )
 
     return everywhere
 
 
 @lru_cache(maxsize=64)
-def _spectrum(response: Response, body: Any, velocity: float) -> tuple[Array, Array, Array]:
-    """Frequencies, their weights in an integral, and the spectrum of the displacement there for one contact.
+def _spectrum(
+    response: Response, body: Any, velocity: float
+) -> tuple[Array, Array, Array]:
+    """Frequencies, their weights in an integral, and the spectrum of the displacement
+    there for one contact.
 
-    On panels that are halved until that changes neither the variance of the displacement nor that of the velocity.
+    On panels that are halved until that changes neither the variance of the
+    displacement nor that of the velocity.
     """
     known = _known(response, velocity)
 
     def displaced(omega: Array) -> Array:
         kappa, noise = known(omega.ravel())
         if np.isnan(noise).any() or not noise.any():
-            raise InputError("Interface.ageing: the noise of contacts that age by a rule of your own is not known")
-        return np.asarray(noise / np.abs(body(1j * omega.ravel()) + kappa) ** 2).reshape(omega.shape)
+            raise InputError(
+                "Interface.ageing: the noise of contacts that age by a rule of your "
+                "own is not known"
+            )
+        return np.asarray(
+            noise / np.abs(body(1j * omega.ravel()) + kappa) ** 2
+        ).reshape(omega.shape)
 
     octaves = np.exp2(_OCTAVES) / response.scales(velocity).cycle
     part = octaves * displaced(octaves) * np.stack([np.ones_like(octaves), octaves**2])
     part /= part.max(axis=1, keepdims=True)
     last = int(np.flatnonzero(np.any(part > 0.1 * _LOST, axis=0))[-1])
     if last == octaves.size - 1:
-        raise InputError(f"Rig.slider = {body!r}: without mass it would jump at each break; give it one")
-    edges = np.append(0.0, octaves[int(np.argmax(np.any(part > 0.01, axis=0))) : last + 2])
-    left, right, kept, total = edges[:-1], edges[1:], [], np.zeros((2, 1))
+        raise InputError(
+            f"Rig.slider = {body!r}: without mass it would jump at each break; give it "
+            "one"
+        )
+    edges = np.append(
+        0.0, octaves[int(np.argmax(np.any(part > 0.01, axis=0))) : last + 2]
+    )
+    left = edges[:-1]
+    right = edges[1:]
+    kept = []
+    total = np.zeros((2, 1))
     while left.size:
         omega, weight = nodes_between(left, right)
         value = displaced(omega)
         both = np.stack([value, omega**2 * value])
-        fine, rough = np.sum(weight * both, axis=2), 0.5 * (right - left) * (both @ _ROUGH)
-        sure = np.all(np.abs(fine - rough) < _LOST * (total + fine.sum(axis=1, keepdims=True)), axis=0)
+        fine = np.sum(weight * both, axis=2)
+        rough = 0.5 * (right - left) * (both @ _ROUGH)
+        sure = np.all(
+            np.abs(fine - rough) < _LOST * (total + fine.sum(axis=1, keepdims=True)),
+            axis=0,
+        )
         sure |= right - left < 1e-13 * right
         total = total + fine[:, sure].sum(axis=1, keepdims=True)
         kept.append(np.stack([omega[sure], weight[sure], value[sure]]).reshape(3, -1))
         middle = 0.5 * (left + right)[~sure]
-        left, right = np.append(left[~sure], middle), np.append(middle, right[~sure])
+        left = np.append(left[~sure], middle)
+        right = np.append(middle, right[~sure])
     found = np.concatenate(kept, axis=1)
     return tuple(found[:, np.argsort(found[0])])
 
 
-def _dataset(rig: Rig, omega: Array, spring_force: Array, velocity: Array) -> "xr.Dataset":
+def _dataset(
+    rig: Rig, omega: Array, spring_force: Array, velocity: Array
+) -> "xr.Dataset":
     """Spectra in the rig's own units."""
     import xarray as xr
 
     hertz, per = ("Hz", " / Hz") if rig.scales is not None else ("1/time", " time")
     frequency = omega / (2.0 * math.pi * rig.unit("time"))
     found = {}
-    for name, unit, value in (("spring_force", "f_s", spring_force), ("velocity", "x_s/time", velocity)):
-        named = {"units": f"({rig.unit_name(unit)})^2{per}", "long_name": f"spectrum of the {name.replace('_', ' ')}"}
+    for name, unit, value in (
+        ("spring_force", "f_s", spring_force),
+        ("velocity", "x_s/time", velocity),
+    ):
+        named = {
+            "units": f"({rig.unit_name(unit)})^2{per}",
+            "long_name": f"spectrum of the {name.replace('_', ' ')}",
+        }
         found[name] = ("frequency", value, named)
-    return xr.Dataset(found, {"frequency": ("frequency", frequency, {"units": hertz, "long_name": "frequency"})})
+    return xr.Dataset(
+        found,
+        {
+            "frequency": (
+                "frequency",
+                frequency,
+                {"units": hertz, "long_name": "frequency"},
+            )
+        },
+    )

@@ -1,8 +1,9 @@
 """The one root finder for ``Z + kappa``, whatever the contacts and the rig.
 
-Growing modes are counted from the neutral frequencies. Newton's method looks for roots from the dips of its step along
-the imaginary axis, then along lines beside it; the rightmost is confirmed by the count, and where a response can be
-followed left of the axis, by the argument principle on a line just left of it.
+Growing modes are counted from the neutral frequencies. Newton's method looks for roots
+from the dips of its step along the imaginary axis, then along lines beside it; the
+rightmost is confirmed by the count, and where a response can be followed left of the
+axis, by the argument principle on a line just left of it.
 """
 
 import math
@@ -14,12 +15,21 @@ import numpy as np
 
 from stickslip.errors import UndecidedError
 from stickslip.sliding.response import STEP, Array, ComplexArray, Response
-from stickslip.stability.impedances import Impedance, Modes, is_plain, natural_frequencies, poles, resonances
+from stickslip.stability.impedances import (
+    Impedance,
+    Modes,
+    is_plain,
+    natural_frequencies,
+    poles,
+    resonances,
+)
 from stickslip.stability.neutral import Neutral, neutral_frequencies
 from stickslip.stability.scan import doubtful_below, merged
 
-_MOST_FREQUENCIES = 1 << 15  # on a line left of the axis, to count the roots on its right
-_ABOUT = np.array([0.0, 1.0, -1.0])  # points about a root from which Newton's method takes the value and its slope
+# on a line left of the axis, to count the roots on its right
+_MOST_FREQUENCIES = 1 << 15
+# points about a root from which Newton's method takes the value and its slope
+_ABOUT = np.array([0.0, 1.0, -1.0])
 
 
 @lru_cache(maxsize=256)
@@ -29,7 +39,8 @@ def _known(response: Response, body: Any, velocity: float) -> Neutral:
 
 def _neutral(response: Response, body: Impedance, velocity: float) -> Neutral:
     """Neutral frequencies of one body, which several questions about it need."""
-    known: Any = _known if is_plain(body) else _known.__wrapped__  # others may not be fit for the key of a table
+    # others may not be fit for the key of a table
+    known: Any = _known if is_plain(body) else _known.__wrapped__
     found: Neutral = known(response, body, velocity)
     return found
 
@@ -37,14 +48,17 @@ def _neutral(response: Response, body: Impedance, velocity: float) -> Neutral:
 def count(response: Response, body: Impedance, velocity: float) -> int:
     """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies.
 
-    Raises `UndecidedError` if a mode lies on the stability boundary to within the accuracy of the response.
+    Raises `UndecidedError` if a mode lies on the stability boundary to within the
+    accuracy of the response.
     """
     neutral = _neutral(response, body, velocity)
     near = np.flatnonzero(np.abs(neutral.extra) < response.accuracy)
     if near.size:
         raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} x_s/time is on its stability boundary to within the accuracy of "
-            f"the response ({response.accuracy:g} of the stiffness of the contacts), at angular frequency "
+            f"smooth sliding at velocity {velocity:g} x_s/time is on its stability "
+            "boundary to within the accuracy of "
+            f"the response ({response.accuracy:g} of the stiffness of the contacts), "
+            "at angular frequency "
             f"{neutral.omega[near[0]]:.9g}; change a parameter slightly"
         )
     return neutral.unstable()
@@ -53,40 +67,57 @@ def count(response: Response, body: Impedance, velocity: float) -> int:
 def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
     """Return the root of ``Z + kappa`` with the largest real part, one of a pair.
 
-    Raises `UndecidedError` if growing modes are missing, or the slowest decay cannot be computed.
+    Raises `UndecidedError` if growing modes are missing, or the slowest decay cannot be
+    computed.
     """
     neutral = _neutral(response, body, velocity)
-    growing, scales = neutral.unstable(), response.scales(velocity)
-    starts, roots = _first_starts(response, body, velocity, neutral), np.empty(0, dtype=complex)
+    growing = neutral.unstable()
+    scales = response.scales(velocity)
+    starts = _first_starts(response, body, velocity, neutral)
+    roots = np.empty(0, dtype=complex)
     for step in _lines(response, growing, scales.leftmost):
         line = max(step / scales.pace, 0.9 * scales.leftmost)
-        starts = np.concatenate([starts, _starts_from_line(response, body, velocity, line)])
+        starts = np.concatenate(
+            [starts, _starts_from_line(response, body, velocity, line)]
+        )
         roots = _polished(response, body, velocity, starts)
         if is_rightmost(response, body, velocity, roots, growing):
             return complex(roots[0])
         starts = roots
     if growing:
         raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} x_s/time has {growing} growing modes, not all of which were found"
+            f"smooth sliding at velocity {velocity:g} x_s/time has {growing} growing "
+            "modes, not all of which were found"
         )
     raise UndecidedError(
-        f"smooth sliding at velocity {velocity:g} x_s/time is stable, but its slowest mode cannot be computed: modes "
-        "decay as the tail of the distribution of thresholds does, or too quickly to be followed; count_unstable() "
+        f"smooth sliding at velocity {velocity:g} x_s/time is stable, but its slowest "
+        "mode cannot be computed: modes "
+        "decay as the tail of the distribution of thresholds does, or too quickly to "
+        "be followed; count_unstable() "
         "says 0"
     )
 
 
-def near(response: Response, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
-    """Return roots near those of a neighbouring rig, rightmost first; without any, roots near the axis."""
+def near(
+    response: Response, body: Impedance, velocity: float, starts: ComplexArray
+) -> ComplexArray:
+    """Return roots near those of a neighbouring rig, rightmost first; without any,
+    roots near the axis.
+    """
     if starts.size == 0:
         starts = np.concatenate(
-            [_first_starts(response, body, velocity), _starts_from_line(response, body, velocity, 0.0)]
+            [
+                _first_starts(response, body, velocity),
+                _starts_from_line(response, body, velocity, 0.0),
+            ]
         )
     return _polished(response, body, velocity, starts)
 
 
 def _lines(response: Response, growing: int, limit: float) -> tuple[float, ...]:
-    """Lines beside the axis to look along, in units of the inverse memory of the response."""
+    """Lines beside the axis to look along, in units of the inverse memory of the
+    response.
+    """
     if growing:
         return (0.0, 0.3, 1.0, 3.0, 0.1)
     if not response.certain:
@@ -99,22 +130,37 @@ def with_partners(roots: ComplexArray) -> int:
     return int(np.sum(np.where(roots.imag > 0, 2, 1)))
 
 
-def _value(response: Response, body: Impedance, velocity: float, s: ComplexArray) -> ComplexArray:
-    """``Z + kappa`` times the denominator of kappa, without its zero at 0; not finite where it overflows."""
+def _value(
+    response: Response, body: Impedance, velocity: float, s: ComplexArray
+) -> ComplexArray:
+    """``Z + kappa`` times the denominator of kappa, without its zero at 0; not
+    finite where it overflows.
+    """
     with np.errstate(all="ignore"):
         numerator, denominator = response.parts(velocity, s)
         return np.asarray((body(s) * denominator + numerator) / s**response.origin)
 
 
-def _first_starts(response: Response, body: Impedance, velocity: float, neutral: Neutral | None = None) -> ComplexArray:
-    """Modes of the rig alone, neutral ones, and where ``Z + kappa`` changes sign on the real axis."""
-    own, (cycle, _, _, _, limit) = natural_frequencies(body), response.scales(velocity)
+def _first_starts(
+    response: Response, body: Impedance, velocity: float, neutral: Neutral | None = None
+) -> ComplexArray:
+    """Modes of the rig alone, neutral ones, and where ``Z + kappa`` changes sign on
+    the real axis.
+    """
+    own = natural_frequencies(body)
+    cycle, _, _, _, limit = response.scales(velocity)
     # Far right kappa falls at the rate at which contacts come to attach.
-    soft = 0.0 if response.inert else 1.0 / (cycle * float(body(np.zeros(1, dtype=complex))[0].real))
+    soft = (
+        0.0
+        if response.inert
+        else 1.0 / (cycle * float(body(np.zeros(1, dtype=complex))[0].real))
+    )
     top = 10 * max(1 / cycle, soft, float(np.max(np.abs(own), initial=0.0)))
     lines = [np.geomspace(1e-3 / cycle, top, 200)]
     if limit < 0:
-        lines.append(-np.geomspace(1e-3 / cycle, min(10 / cycle, -0.99 * limit), 60)[::-1])
+        lines.append(
+            -np.geomspace(1e-3 / cycle, min(10 / cycle, -0.99 * limit), 60)[::-1]
+        )
     starts = [own]
     for s in lines:
         value = _value(response, body, velocity, s + 0j).real
@@ -125,8 +171,12 @@ def _first_starts(response: Response, body: Impedance, velocity: float, neutral:
     return np.concatenate(starts)
 
 
-def _starts_from_line(response: Response, body: Impedance, velocity: float, line: float) -> ComplexArray:
-    """Where Newton's method would go in one step from points along a line: the roots near it, and some more."""
+def _starts_from_line(
+    response: Response, body: Impedance, velocity: float, line: float
+) -> ComplexArray:
+    """Where Newton's method would go in one step from points along a line: the roots
+    near it, and some more.
+    """
     cycle, pace, _, fastest, _ = response.scales(velocity)
     top = 10.0 / cycle + fastest
     if response.inert and not natural_frequencies(body).size:
@@ -135,45 +185,68 @@ def _starts_from_line(response: Response, body: Impedance, velocity: float, line
         top = max(doubtful_below(response, body, velocity, None), top)
     if line == 0.0:
         omega, (numerator, denominator) = response.sampled(velocity, top)
-        value = (body(1j * omega) * denominator + numerator) / (1j * omega) ** response.origin
+        value = (body(1j * omega) * denominator + numerator) / (
+            1j * omega
+        ) ** response.origin
     else:
         omega = response.frequencies(velocity, top)
         value = _value(response, body, velocity, line + 1j * omega)
     with np.errstate(all="ignore"):
         step = -value / (-1j * np.gradient(value, omega))
     size = np.abs(step)
-    # One start from each dip of the step along the line; roots further off have no dip of their own.
+    # One start from each dip of the step along the line; roots further off have no dip
+    # of their own.
     dip = np.isfinite(size) & (size < 5.0 / pace)
     dip[1:-1] &= (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:])
     return np.asarray((line + 1j * omega + step)[dip])
 
 
-def _polished(response: Response, body: Impedance, velocity: float, starts: ComplexArray) -> ComplexArray:
-    """Distinct roots that Newton's method reaches, right of the limit; one of each pair, rightmost first."""
+def _polished(
+    response: Response, body: Impedance, velocity: float, starts: ComplexArray
+) -> ComplexArray:
+    """Distinct roots that Newton's method reaches, right of the limit; one of each
+    pair, rightmost first.
+    """
     cycle, pace, _, _, limit = response.scales(velocity)
-    longest, radius = 1.0 / pace, 1e-3 / cycle
+    longest = 1.0 / pace
+    radius = 1e-3 / cycle
     if isinstance(body, Modes):
-        radius = min(radius, 1e-2 * float(np.min(np.abs(natural_frequencies(body).real))))
-    # A slope good to 1e-6 leaves no more than that of a step; where values are dear, no other is taken, nor far left.
+        radius = min(
+            radius, 1e-2 * float(np.min(np.abs(natural_frequencies(body).real)))
+        )
+    # A slope good to 1e-6 leaves no more than that of a step; where values are dear, no
+    # other is taken, nor far left.
     enough, furthest = (1e-15, -math.inf) if response.certain else (1e-5, limit)
-    s, last = starts.astype(complex), np.full(starts.shape, np.inf)
-    settled, active = np.zeros(s.shape, dtype=bool), np.flatnonzero(s.real > furthest)
+    s = starts.astype(complex)
+    last = np.full(starts.shape, np.inf)
+    settled = np.zeros(s.shape, dtype=bool)
+    active = np.flatnonzero(s.real > furthest)
     with np.errstate(all="ignore"):
         for _ in range(30):
             if active.size == 0:
                 break
             here = s[active]
-            points = np.asarray(here + radius * _ABOUT[:, None], dtype=np.complex128).ravel()
-            value, after, before = _value(response, body, velocity, points).reshape(3, -1)
+            points = np.asarray(
+                here + radius * _ABOUT[:, None], dtype=np.complex128
+            ).ravel()
+            value, after, before = _value(response, body, velocity, points).reshape(
+                3, -1
+            )
             step = -2.0 * radius * value / (after - before)
             size = np.abs(step)
-            # Steps that no longer shrink are rounding; one that was large must not be taken in full.
-            finished = (size < 1e-10 * (np.abs(here) + longest)) & (size > 0.1 * last[active])
+            # Steps that no longer shrink are rounding; one that was large must not be
+            # taken in full.
+            finished = (size < 1e-10 * (np.abs(here) + longest)) & (
+                size > 0.1 * last[active]
+            )
             finished |= size < enough * np.abs(here)
             step = np.where(size > longest, step * longest / size, step)
-            s[active], last[active] = here + step, size
+            s[active] = here + step
+            last[active] = size
             settled[active[finished]] = True
-            active = active[~finished & np.isfinite(s[active]) & (s[active].real > furthest)]
+            active = active[
+                ~finished & np.isfinite(s[active]) & (s[active].real > furthest)
+            ]
         settled |= last < 1e-11 * (np.abs(s) + longest)
     return _distinct(s[settled & np.isfinite(s) & (s.real > limit)], cycle)
 
@@ -184,36 +257,56 @@ def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:
     s = np.where(np.abs(s.imag) < 1e-9 / cycle, s.real + 0j, s)
     distinct: list[complex] = []
     for root in s[np.argsort(-s.real, kind="stable")].tolist():
-        if not any(abs(root - other) < 1e-8 * (abs(root) + 1 / cycle) for other in distinct):
+        if not any(
+            abs(root - other) < 1e-8 * (abs(root) + 1 / cycle) for other in distinct
+        ):
             distinct.append(root)
     return np.array(distinct, dtype=complex)
 
 
-def is_rightmost(response: Response, body: Impedance, velocity: float, roots: ComplexArray, growing: int) -> bool:
-    """Whether no root lies to the right of the first one: all that grow are there, or none does.
+def is_rightmost(
+    response: Response,
+    body: Impedance,
+    velocity: float,
+    roots: ComplexArray,
+    growing: int,
+) -> bool:
+    """Whether no root lies to the right of the first one: all that grow are there, or
+    none does.
 
-    Without growing modes, from a count to the right of a line just left of the first root.
+    Without growing modes, from a count to the right of a line just left of the first
+    root.
     """
     if roots.size == 0 or growing != with_partners(roots[roots.real > 0]):
         return False
     if growing or not response.certain:
         return True
-    (cycle, _, _, _, limit), best = response.scales(velocity), float(roots[0].real)
+    cycle, _, _, _, limit = response.scales(velocity)
+    best = float(roots[0].real)
     after = roots.real[roots.real < best - 1e-6 / cycle]
-    nearest = max(float(after[0]) if after.size else -math.inf, limit, best - 0.2 / cycle)
+    nearest = max(
+        float(after[0]) if after.size else -math.inf, limit, best - 0.2 / cycle
+    )
     line = 0.5 * (best + nearest)
-    return count_right_of(response, body, velocity, line) == with_partners(roots[roots.real > line])
+    return count_right_of(response, body, velocity, line) == with_partners(
+        roots[roots.real > line]
+    )
 
 
-def count_right_of(response: Response, body: Impedance, velocity: float, line: float) -> int | None:
-    """Number of roots with ``Re s > line``, by the argument principle; None where phases cannot be followed."""
+def count_right_of(
+    response: Response, body: Impedance, velocity: float, line: float
+) -> int | None:
+    """Number of roots with ``Re s > line``, by the argument principle; None where
+    phases cannot be followed.
+    """
 
     def product(omega: Array) -> ComplexArray:
         s = line + 1j * omega
         with np.errstate(all="ignore"):
             return np.asarray(_value(response, body, velocity, s) * s**response.origin)
 
-    held, followed = poles(body), _followed_line(response, body, velocity, line, product)
+    held = poles(body)
+    followed = _followed_line(response, body, velocity, line, product)
     if followed is None:
         return None
     omega, value = followed
@@ -226,27 +319,54 @@ def count_right_of(response: Response, body: Impedance, velocity: float, line: f
     zeros = (around - along) / math.pi
     if abs(zeros - round(zeros)) > 0.1:
         return None
-    return round(zeros) - (response.origin if line < 0 else 0) + int(np.sum(held.real > line))
+    return (
+        round(zeros)
+        - (response.origin if line < 0 else 0)
+        + int(np.sum(held.real > line))
+    )
 
 
 def _followed_line(
-    response: Response, body: Impedance, velocity: float, line: float, product: Callable[[Array], ComplexArray]
+    response: Response,
+    body: Impedance,
+    velocity: float,
+    line: float,
+    product: Callable[[Array], ComplexArray],
 ) -> tuple[Array, ComplexArray] | None:
-    """Frequencies along a line so close that the phase of a product can be followed, and the product there."""
-    own, scales = natural_frequencies(body), response.scales(velocity)
+    """Frequencies along a line so close that the phase of a product can be followed,
+    and the product there.
+    """
+    own = natural_frequencies(body)
+    scales = response.scales(velocity)
     unit = 1.0 / scales.memory
     fine_top = max(scales.fastest, 10 * unit)
-    top = max(fine_top, 2.0 * float(np.max(np.abs(np.concatenate([own, poles(body)])), initial=0.0)))
-    near = [root.imag + max(abs(root.real - line), 1e-9 * abs(root)) * np.sinh(np.linspace(-6, 6, 121)) for root in own]
+    top = max(
+        fine_top,
+        2.0 * float(np.max(np.abs(np.concatenate([own, poles(body)])), initial=0.0)),
+    )
+    near = [
+        root.imag
+        + max(abs(root.real - line), 1e-9 * abs(root))
+        * np.sinh(np.linspace(-6, 6, 121))
+        for root in own
+    ]
     for _ in range(30):
         fine = np.arange(0.0, min(top, fine_top), STEP * unit)
-        places = [fine, np.zeros(1), resonances(body), *near, np.geomspace(1e-6 * unit, top, 400)]
+        places = [
+            fine,
+            np.zeros(1),
+            resonances(body),
+            *near,
+            np.geomspace(1e-6 * unit, top, 400),
+        ]
         omega = np.unique(np.concatenate(places))
         omega = omega[(omega >= 0) & (omega <= top)]
         value = product(omega)
         if not np.all(np.isfinite(value)):
             return None
-        if np.all(np.abs(value / body(line + 1j * omega) - 1)[omega >= 0.7 * top] < 0.7):
+        if np.all(
+            np.abs(value / body(line + 1j * omega) - 1)[omega >= 0.7 * top] < 0.7
+        ):
             break
         top *= 2
         if top > fine_top * 2:

@@ -1,4 +1,6 @@
-"""Scans of ``Im(Z + kappa)`` along the imaginary axis, fine enough and far enough to see every zero."""
+"""Scans of ``Im(Z + kappa)`` along the imaginary axis, fine enough and far enough to
+see every zero.
+"""
 
 import math
 from typing import Any
@@ -8,18 +10,32 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.sliding.response import SCAN_LIMIT, Array, ComplexArray, Parts, Response
-from stickslip.stability.impedances import Impedance, is_plain, natural_frequencies, resonances
+from stickslip.stability.impedances import (
+    Impedance,
+    is_plain,
+    natural_frequencies,
+    resonances,
+)
 
 
 def loss(z: ComplexArray, parts: Parts) -> Array:
-    """``Im(Z + kappa) |denominator|^2``: the zeros of ``Im(Z + kappa)`` on the axis, without its sharp peaks."""
-    return np.asarray(z.imag * np.abs(parts.denominator) ** 2 + (parts.numerator * np.conj(parts.denominator)).imag)
+    """``Im(Z + kappa) |denominator|^2``: the zeros of ``Im(Z + kappa)`` on the axis,
+    without its sharp peaks.
+    """
+    return np.asarray(
+        z.imag * np.abs(parts.denominator) ** 2
+        + (parts.numerator * np.conj(parts.denominator)).imag
+    )
 
 
-def scan(response: Response, body: Impedance, velocity: float, softest: float | None) -> tuple[Array, Array]:
-    """Rising frequencies on the axis and `loss` there, fine enough to see every zero, up to where there are no more.
+def scan(
+    response: Response, body: Impedance, velocity: float, softest: float | None
+) -> tuple[Array, Array]:
+    """Rising frequencies on the axis and `loss` there, fine enough to see every zero,
+    up to where there are no more.
 
-    With `softest` given, for every rig with the same losses and masses and a static stiffness of at least that.
+    With `softest` given, for every rig with the same losses and masses and a static
+    stiffness of at least that.
     """
     top = doubtful_below(response, body, velocity, softest)
     if top == 0.0:
@@ -28,14 +44,21 @@ def scan(response: Response, body: Impedance, velocity: float, softest: float | 
     value = loss(body(1j * omega), parts)
     more = np.empty(0) if is_plain(body) else features(body, omega)
     own = float(np.max(np.abs(natural_frequencies(body)), initial=0.0))
-    if math.isinf(top) and own > 0.3 * omega[-1]:  # the rig has frequencies above those of the contacts
-        more = np.union1d(more, np.geomspace(omega[-1], 10.0 * own + omega[-1], 120)[1:])
+    # the rig has frequencies above those of the contacts
+    if math.isinf(top) and own > 0.3 * omega[-1]:
+        more = np.union1d(
+            more, np.geomspace(omega[-1], 10.0 * own + omega[-1], 120)[1:]
+        )
     if not more.size:
         return omega, value
-    return merged(omega, more, value, loss(body(1j * more), response.parts(velocity, 1j * more)))
+    return merged(
+        omega, more, value, loss(body(1j * more), response.parts(velocity, 1j * more))
+    )
 
 
-def merged(omega: Array, more: Array, value: NDArray[Any], new: NDArray[Any]) -> tuple[Array, NDArray[Any]]:
+def merged(
+    omega: Array, more: Array, value: NDArray[Any], new: NDArray[Any]
+) -> tuple[Array, NDArray[Any]]:
     """Return two samplings as one, rising in frequency."""
     order = np.argsort(np.concatenate([omega, more]), kind="stable")
     return np.concatenate([omega, more])[order], np.concatenate([value, new])[order]
@@ -56,12 +79,19 @@ def features(body: Impedance, omega: Array) -> Array:
     return np.setdiff1d(added, omega)
 
 
-def doubtful_below(response: Response, body: Impedance, velocity: float, softest: float | None) -> float:
-    """Frequency above which the disc that holds kappa, whatever the delay, rules out neutral modes; 0 for all.
+def doubtful_below(
+    response: Response, body: Impedance, velocity: float, softest: float | None
+) -> float:
+    """Frequency above which the disc that holds kappa, whatever the delay, rules out
+    neutral modes; 0 for all.
 
     Infinite if there are no such discs.
     """
-    held = None if softest is None else softest - float(body(np.zeros(1, dtype=complex))[0].real)
+    held = (
+        None
+        if softest is None
+        else softest - float(body(np.zeros(1, dtype=complex))[0].real)
+    )
     special = np.concatenate([resonances(body), np.abs(natural_frequencies(body))])
     top = response.scales(velocity).fastest
     while (discs := response.discs(velocity, top)) is not None:
@@ -82,12 +112,20 @@ def doubtful_below(response: Response, body: Impedance, velocity: float, softest
     return math.inf
 
 
-def _clear(z: ComplexArray, centre: ComplexArray, held: float | None) -> NDArray[np.bool_]:
-    """Whether no delay could make the mode at each frequency neutral (with `held`: nor on any stiffer spring)."""
+def _clear(
+    z: ComplexArray, centre: ComplexArray, held: float | None
+) -> NDArray[np.bool_]:
+    """Whether no delay could make the mode at each frequency neutral (with `held`:
+    nor on any stiffer spring).
+    """
     radius = np.abs(centre)
     lossy = z.imag >= radius - centre.imag - 1e-14 * radius
     real = z.real + (held or 0.0)
-    distance = np.abs(z) if held is None else np.where(real > 0, np.hypot(real, z.imag), np.abs(z.imag))
+    distance = (
+        np.abs(z)
+        if held is None
+        else np.where(real > 0, np.hypot(real, z.imag), np.abs(z.imag))
+    )
     strong = distance > 2 * (1 + 1e-9) * radius
     # Between two frequencies on either side of a resonance |Z| may be small.
     turning = real[1:] * real[:-1] <= 0

@@ -1,24 +1,55 @@
-"""Many cases over named axes, on any executor, resumable; and boundaries found with few runs.
+"""Many cases over named axes, on any executor, resumable; and boundaries found with few
+runs.
 
-Of a rig: `stickslip.sweep` called as a function, and files, which `stickslip.sweep.plan` reads. Of any function:
-`run_cases`.
+Of a rig: `stickslip.sweep` called as a function, and files, which
+`stickslip.sweep.plan` reads. Of any function: `run_cases`.
 """
 
 import sys
 from types import ModuleType
 from typing import Any
 
-from stickslip.sweep._dataset import Failure, Status, Summary, failures, open_sweep, run_cases, status_of, summary
+from stickslip.sweep._dataset import (
+    Failure,
+    Status,
+    Summary,
+    failures,
+    open_sweep,
+    run_cases,
+    status_of,
+    summary,
+)
 from stickslip.sweep._refine import Refinement, Span
 from stickslip.sweep._run import MAX_CASES, Options, Processes, Progress, Runs, Threads
 from stickslip.sweep._table import is_store
 
-__all__ = ["MAX_CASES", "Failure", "Options", "Processes", "Progress", "Refinement", "Runs", "Span", "Status"]
-__all__ += ["Summary", "Threads", "failures", "is_store", "open_sweep", "run_cases", "status_of", "summary"]
+__all__ = [
+    "MAX_CASES",
+    "Failure",
+    "Options",
+    "Processes",
+    "Progress",
+    "Refinement",
+    "Runs",
+    "Span",
+    "Status",
+]
+__all__ += [
+    "Summary",
+    "Threads",
+    "failures",
+    "is_store",
+    "open_sweep",
+    "run_cases",
+    "status_of",
+    "summary",
+]
 
 
 class _Callable(ModuleType):
-    """The room of the sweeps is also their public function: ``stickslip.sweep(rig, axes)``."""
+    """The room of the sweeps is also their public function:
+    ``stickslip.sweep(rig, axes)``.
+    """
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         """Run a rig over some of its parameters; see `stickslip.sweep.plan.sweep`."""

@@ -1,4 +1,5 @@
-"""One case of a sweep: its key, its seed, what it is made of; and what a worker does with it.
+"""One case of a sweep: its key, its seed, what it is made of; and what a worker does
+with it.
 
 Imported by every worker process at its start, so nothing slow is loaded here.
 """
@@ -24,8 +25,15 @@ from stickslip.errors import InputError
 AxisValue = float | int | bool | str
 Function = Callable[..., Mapping[str, Any]]
 
-ERROR, STATUS = "error", "status"  # variables of every result of a sweep; no measured name may be one of them
-DIED = {"error": "WorkerDied: the worker process ended while it ran this case (killed, out of memory, or a crash)"}
+# variables of every result of a sweep; no measured name may be one of them
+ERROR = "error"
+STATUS = "status"
+DIED = {
+    "error": (
+        "WorkerDied: the worker process ended while it ran this case (killed, out "
+        "of memory, or a crash)"
+    )
+}
 
 
 def case_key(values: Mapping[str, AxisValue]) -> str:
@@ -34,19 +42,34 @@ def case_key(values: Mapping[str, AxisValue]) -> str:
 
 
 def case_seed(seed: int, key: str) -> int:
-    """Seed of a case, 63 bits: the same in any sweep with that seed, whatever the order, the workers, the other cases.
+    """Seed of a case, 63 bits: the same in any sweep with that seed, whatever the
+    order, the workers, the other cases.
 
-    The children that ``SeedSequence.spawn`` numbers would change with the axes, hence a keyed hash of the content.
+    The children that ``SeedSequence.spawn`` numbers would change with the axes, hence a
+    keyed hash of the content.
     """
-    root = np.random.SeedSequence(seed).generate_state(16, np.uint32).astype("<u4").tobytes()
-    return int.from_bytes(hashlib.blake2b(key.encode(), digest_size=8, key=root).digest(), "little") >> 1
+    root = (
+        np.random.SeedSequence(seed)
+        .generate_state(16, np.uint32)
+        .astype("<u4")
+        .tobytes()
+    )
+    return (
+        int.from_bytes(
+            hashlib.blake2b(key.encode(), digest_size=8, key=root).digest(), "little"
+        )
+        >> 1
+    )
 
 
-def identity_of(function: Function, names: Iterable[str], seed: int, fingerprint: object) -> dict[str, str]:
-    """What must be equal for a finished case to be the same case, part by part: a message can say what differs.
+def identity_of(
+    function: Function, names: Iterable[str], seed: int, fingerprint: object
+) -> dict[str, str]:
+    """What must be equal for a finished case to be the same case, part by part: a
+    message can say what differs.
 
-    Code that the function calls is not followed: the version of this package stands for its own, `fingerprint` for
-    everything else.
+    Code that the function calls is not followed: the version of this package stands for
+    its own, `fingerprint` for everything else.
     """
     return {
         "stickslip version": __version__,
@@ -54,7 +77,9 @@ def identity_of(function: Function, names: Iterable[str], seed: int, fingerprint
         "seed": str(seed),
         "fingerprint": _digest("fingerprint", fingerprint),
         "function": name_of(function),
-        "what the function does or holds": _digest(f"function = {name_of(function)}", function),
+        "what the function does or holds": _digest(
+            f"function = {name_of(function)}", function
+        ),
     }
 
 
@@ -69,7 +94,8 @@ def _digest(place: str, value: object) -> str:
         return _hash(json.dumps(value, default=_held, sort_keys=True).encode())
     except Exception as error:
         raise InputError(
-            f"{place}: a value in it cannot be read ({error}), so a finished case could not be told from a changed "
+            f"{place}: a value in it cannot be read ({error}), so a finished case "
+            "could not be told from a changed "
             "one; use numbers, text, arrays or frozen records"
         ) from None
 
@@ -79,7 +105,8 @@ def _hash(content: bytes) -> str:
 
 
 def _held(value: Any) -> Any:
-    """What is no JSON, as JSON can hold it, the same in every process; of a function, what it does and all it holds.
+    """What is no JSON, as JSON can hold it, the same in every process; of a function,
+    what it does and all it holds.
 
     That is: what is bound to it, what it closes over, and its defaults.
     """
@@ -92,7 +119,12 @@ def _held(value: Any) -> Any:
         case CodeType():
             return [value.co_code, value.co_consts, value.co_names]
         case FunctionType():
-            return [value.__code__, inspect.getclosurevars(value).nonlocals, value.__defaults__, value.__kwdefaults__]
+            return [
+                value.__code__,
+                inspect.getclosurevars(value).nonlocals,
+                value.__defaults__,
+                value.__kwdefaults__,
+            ]
         case MethodType():
             return [value.__self__, value.__func__]
         case _ if inspect.isroutine(value) or isinstance(value, type):
@@ -105,7 +137,9 @@ def _held(value: Any) -> Any:
 
 
 def check_function(function: Any, axes: Iterable[str]) -> bool:
-    """Refuse a function that cannot be called with the axes; say whether it takes a seed of its own."""
+    """Refuse a function that cannot be called with the axes; say whether it takes a
+    seed of its own.
+    """
     for name in axes:
         check_name("axes", name)
     try:
@@ -115,7 +149,8 @@ def check_function(function: Any, axes: Iterable[str]) -> bool:
         signature.bind(**dict.fromkeys([*axes, *["seed"] * asks_seed]))
     except (TypeError, ValueError) as error:
         raise InputError(
-            f"function = {name_of(function)}: {error}; each axis is a parameter, and each parameter an axis, or has a "
+            f"function = {name_of(function)}: {error}; each axis is a parameter, and "
+            "each parameter an axis, or has a "
             "default, or is bound with functools.partial"
         ) from None
     return asks_seed
@@ -124,12 +159,17 @@ def check_function(function: Any, axes: Iterable[str]) -> bool:
 def check_name(place: str, name: object) -> None:
     """Refuse a name that no variable of a Dataset can have, or that is taken."""
     if not isinstance(name, str) or "/" in name or name in (ERROR, STATUS):
-        raise InputError(f"{place}: {name!r} is taken, or cannot be a name; use another text, without '/'")
+        raise InputError(
+            f"{place}: {name!r} is taken, or cannot be a name; use another text, "
+            "without '/'"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """What is the same for every case of a sweep; `version` is that of the package where it was started."""
+    """What is the same for every case of a sweep; `version` is that of the package
+    where it was started.
+    """
 
     function: Function
     seed: int | None
@@ -150,13 +190,18 @@ def run_batch(job: Job | bytes, keys: Sequence[str], seconds: float) -> list[str
 
 
 def _run(job: Job, key: str) -> str:
-    """Run one case; return ``{"result": {name: value}}`` or ``{"error": text}`` as JSON."""
+    """Run one case; return ``{"result": {name: value}}`` or ``{"error": text}`` as
+    JSON.
+    """
     try:
         values = json.loads(key)
         seed = {} if job.seed is None else {"seed": case_seed(job.seed, key)}
         result: Any = job.function(**values, **seed)
         if not isinstance(result, Mapping) or not result:
-            raise TypeError(f"{name_of(job.function)} returned {result!r}: must be a mapping of names to numbers")
+            raise TypeError(
+                f"{name_of(job.function)} returned {result!r}: must be a mapping of "
+                "names to numbers"
+            )
         packed = {}
         for name, value in result.items():
             check_name("result", name)
@@ -167,7 +212,10 @@ def _run(job: Job, key: str) -> str:
         return json.dumps({"result": packed})
     except (Exception, SystemExit) as error:
         frame = traceback.extract_tb(error.__traceback__)[-1]
-        said = f"{type(error).__name__}: {error} ({os.path.basename(frame.filename)}:{frame.lineno})"
+        said = (
+            f"{type(error).__name__}: {error} "
+            f"({os.path.basename(frame.filename)}:{frame.lineno})"
+        )
         return json.dumps({"error": said})
 
 
@@ -177,7 +225,9 @@ def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | str | 
     if words is not None and found is not None and found not in words:
         raise ValueError(f"{name} = {found!r}: must be one of {', '.join(words)}")
     if not isinstance(found, float | int | str | None):
-        raise TypeError(f"returned {found!r} for {name!r}: must be a number, a text or None")
+        raise TypeError(
+            f"returned {found!r} for {name!r}: must be a number, a text or None"
+        )
     return float(found) if isinstance(found, int) else found
 
 
@@ -185,5 +235,8 @@ def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | str | 
 def _load(job: bytes) -> Job:
     loaded: Job = pickle.loads(job)
     if loaded.version != __version__:
-        raise InputError(f"a worker has stickslip {__version__}, but the sweep {loaded.version}; install the same")
+        raise InputError(
+            f"a worker has stickslip {__version__}, but the sweep {loaded.version}; "
+            "install the same"
+        )
     return loaded

@@ -1,4 +1,6 @@
-"""A function at every combination of the values of some axes, and what became of it as one labelled Dataset."""
+"""A function at every combination of the values of some axes, and what became of it
+as one labelled Dataset.
+"""
 
 import itertools
 import json
@@ -32,7 +34,8 @@ from stickslip.sweep._refine import Refinement, Span, search, spans_of
 from stickslip.sweep._run import Options, Progress, Runner, Threads
 from stickslip.sweep._table import Table, writer_of
 
-STATES = ("not run", "done", "failed")  # what can become of a case; the place is the code in the results
+# what can become of a case; the place is the code in the results
+STATES = ("not run", "done", "failed")
 
 
 def run_cases(
@@ -52,21 +55,25 @@ def run_cases(
     Parameters
     ----------
     function : callable
-        Called with one keyword for each axis, ``function(stiffness=2.0, velocity=0.1)``; returns a mapping of names to
-        numbers (kept as float64), texts, truth values (0 and 1), or None (no value). If it has a parameter ``seed``
-        that is no axis, it is handed a seed of its own, made from `Options.seed` and the values of the axes. An axis
-        that it ignores makes replicas.
+        Called with one keyword for each axis,
+        ``function(stiffness=2.0, velocity=0.1)``; returns a mapping of names to numbers
+        (kept as float64), texts, truth values (0 and 1), or None (no value). If it has
+        a parameter ``seed`` that is no axis, it is handed a seed of its own, made from
+        `Options.seed` and the values of the axes. An axis that it ignores makes
+        replicas.
     axes : mapping of name to values
-        Numbers, texts or truth values, each value once; an `xarray.DataArray` brings its attributes along. A `Span` for
-        each of two axes with a `refinement`.
+        Numbers, texts or truth values, each value once; an `xarray.DataArray` brings
+        its attributes along. A `Span` for each of two axes with a `refinement`.
     store : path, optional
-        File where results land as they finish, at least each second; a second start with the same function runs what is
-        missing, also with other values on the axes. By default results are kept in memory.
+        File where results land as they finish, at least each second; a second start
+        with the same function runs what is missing, also with other values on the axes.
+        By default results are kept in memory.
     executor : Threads, Processes or concurrent.futures.Executor, optional
-        Where cases run; by default threads, one per core. For Dask: ``client.get_executor()``.
+        Where cases run; by default threads, one per core. For Dask:
+        ``client.get_executor()``.
     refinement : Refinement, optional
-        Search in a plane for the boundaries where a category changes, in place of a grid. A second start makes no run
-        twice, also with more runs or in another box.
+        Search in a plane for the boundaries where a category changes, in place of a
+        grid. A second start makes no run twice, also with more runs or in another box.
     progress : callable, optional
         Called with a `Progress` at the start and whenever results have been written.
     options : Options
@@ -75,17 +82,19 @@ def run_cases(
     Returns
     -------
     xarray.Dataset
-        One variable for each measured name, with the axes as dimensions; ``status`` (CF flags: not run, done, failed);
-        ``error``, the error of each case that failed, else empty. See `summary` and `failures`. Of a search, along
-        ``run``, with the axes; and along ``crossing`` a point of the boundary each, ``<name>_at``, the ``<name>_error``
-        to either side, and the categories ``from_<label>`` and ``to_<label>`` there.
+        One variable for each measured name, with the axes as dimensions; ``status`` (CF
+        flags: not run, done, failed); ``error``, the error of each case that failed,
+        else empty. See `summary` and `failures`. Of a search, along ``run``, with the
+        axes; and along ``crossing`` a point of the boundary each, ``<name>_at``, the
+        ``<name>_error`` to either side, and the categories ``from_<label>`` and
+        ``to_<label>`` there.
 
     Raises
     ------
     InputError
-        If an argument cannot be used; if the store holds another sweep, is damaged, is of another version, is being
-        written by another process, or cannot be written (what was written is kept); if the workers cannot load the
-        function.
+        If an argument cannot be used; if the store holds another sweep, is damaged, is
+        of another version, is being written by another process, or cannot be written
+        (what was written is kept); if the workers cannot load the function.
 
     Examples
     --------
@@ -100,33 +109,60 @@ def run_cases(
     if not axes:
         raise InputError("axes: must map at least one name to its values")
     spans = spans_of(axes, refinement)
-    values = {name: axis_values(name, given) for name, given in axes.items() if name not in spans}
-    total = math.prod(map(len, values.values())) * (refinement.runs if refinement else 1)
+    values = {
+        name: axis_values(name, given)
+        for name, given in axes.items()
+        if name not in spans
+    }
+    total = math.prod(map(len, values.values())) * (
+        refinement.runs if refinement else 1
+    )
     if total > options.max_cases:
         raise InputError(
-            f"axes: {total:g} cases are more than max_cases = {options.max_cases:g}; take fewer values, or set "
+            f"axes: {total:g} cases are more than max_cases = {options.max_cases:g}; "
+            "take fewer values, or set "
             "max_cases higher (each case takes about 1 kB)"
         )
     takes_seed = check_function(function, axes)
-    job = Job(function=function, seed=options.seed if takes_seed else None, categories=options.categories)
-    given = {name: {**getattr(axis, "attrs", {}), **options.attributes.get(name, {})} for name, axis in axes.items()}
+    job = Job(
+        function=function,
+        seed=options.seed if takes_seed else None,
+        categories=options.categories,
+    )
+    given = {
+        name: {**getattr(axis, "attrs", {}), **options.attributes.get(name, {})}
+        for name, axis in axes.items()
+    }
     head: dict[str, Any] = {
         "axes": values,
         "total": total,
-        "about": {"stickslip": __version__, "function": name_of(function), "seed": options.seed},
+        "about": {
+            "stickslip": __version__,
+            "function": name_of(function),
+            "seed": options.seed,
+        },
         "attributes": {**options.attributes, **given},
         "categories": options.categories,
         "notes": options.notes,
     }
     if store is not None:
-        head["identity"] = identity_of(function, axes, options.seed, options.fingerprint)
+        head["identity"] = identity_of(
+            function, axes, options.seed, options.fingerprint
+        )
     if refinement is not None:
-        head["search"] = {"box": {name: vars(span) for name, span in spans.items()}, **vars(refinement)}
+        head["search"] = {
+            "box": {name: vars(span) for name, span in spans.items()},
+            **vars(refinement),
+        }
     with closing(Table(None if store is None else Path(store), head)) as table:
         if options.retry_failed:
             # On the disk the rows of failed cases stay until others replace them.
-            table.rows = {key: row for key, row in table.rows.items() if not table.has_failed(key)}
-        runner = Runner(table, job, Threads() if executor is None else executor, total, progress)
+            table.rows = {
+                key: row for key, row in table.rows.items() if not table.has_failed(key)
+            }
+        runner = Runner(
+            table, job, Threads() if executor is None else executor, total, progress
+        )
         if refinement is None:
             runner.run(_keys_of(table))
         else:
@@ -135,7 +171,9 @@ def run_cases(
 
 
 def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
-    """Open the results of a sweep, finished or not, as `run_cases` and `refine` return them."""
+    """Open the results of a sweep, finished or not, as `run_cases` and `refine`
+    return them.
+    """
     with closing(Table(Path(store))) as table:
         return dataset_of(table)
 
@@ -148,7 +186,9 @@ class Failure:
     error: str
 
     def __str__(self) -> str:
-        where = ", ".join(f"{name} = {value!r}" for name, value in self.parameters.items())
+        where = ", ".join(
+            f"{name} = {value!r}" for name, value in self.parameters.items()
+        )
         return f"{where}: {self.error}"
 
 
@@ -163,7 +203,9 @@ class Summary:
 
     def __str__(self) -> str:
         others = {"failed": self.failed, "not run yet": self.missing}
-        return f"{self.done} of {self.total} cases done" + "".join(f", {n} {what}" for what, n in others.items() if n)
+        return f"{self.done} of {self.total} cases done" + "".join(
+            f", {n} {what}" for what, n in others.items() if n
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,14 +216,19 @@ class Status:
     writer: str | None  #: the process that runs it; None if none does
 
     def __str__(self) -> str:
-        at_it = f"running as {self.writer}" if self.writer else "not running; start it again to continue"
+        at_it = (
+            f"running as {self.writer}"
+            if self.writer
+            else "not running; start it again to continue"
+        )
         return f"{self.summary}; {at_it}" if self.summary.missing else str(self.summary)
 
 
 def status_of(store: str | PathLike[str]) -> Status:
     """Say how far the sweep of a store is, also while it runs."""
     with closing(Table(Path(store))) as table:
-        found, going_on = summary(dataset_of(table)), "search" in table.head and "cases" not in table.head
+        found = summary(dataset_of(table))
+        going_on = "search" in table.head and "cases" not in table.head
         total = table.head["total"] if going_on else len(_keys_of(table))
     found = replace(found, total=total, missing=total - found.done - found.failed)
     return Status(summary=found, writer=writer_of(Path(store)))
@@ -197,9 +244,18 @@ def summary(dataset: xr.Dataset) -> Summary:
 def failures(dataset: xr.Dataset) -> list[Failure]:
     """List the cases that raised, with their parameters and errors."""
     status = _status(dataset)
-    cases = dataset[[STATUS, ERROR]].expand_dims("case").to_dataframe().reset_index().to_dict("records")
+    cases = (
+        dataset[[STATUS, ERROR]]
+        .expand_dims("case")
+        .to_dataframe()
+        .reset_index()
+        .to_dict("records")
+    )
     return [
-        Failure(parameters={str(name): case[name] for name in status.coords}, error=case[ERROR])
+        Failure(
+            parameters={str(name): case[name] for name in status.coords},
+            error=case[ERROR],
+        )
         for case in cases
         if STATES[case[STATUS]] == "failed"
     ]
@@ -207,90 +263,146 @@ def failures(dataset: xr.Dataset) -> list[Failure]:
 
 def _status(dataset: xr.Dataset) -> xr.DataArray:
     if STATUS not in dataset or ERROR not in dataset:
-        raise InputError(f"dataset: has no variables {STATUS} and {ERROR}; must be the result of a sweep")
+        raise InputError(
+            f"dataset: has no variables {STATUS} and {ERROR}; must be the result of a "
+            "sweep"
+        )
     return dataset[STATUS]
 
 
-def combinations(axes: Mapping[str, Sequence[AxisValue]]) -> Iterator[dict[str, AxisValue]]:
+def combinations(
+    axes: Mapping[str, Sequence[AxisValue]],
+) -> Iterator[dict[str, AxisValue]]:
     """All combinations of the values of some axes, the last one fastest."""
-    return (dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values()))
+    return (
+        dict(zip(axes, values, strict=True))
+        for values in itertools.product(*axes.values())
+    )
 
 
 def axis_values(name: str, given: object) -> list[AxisValue]:
     """Values of an axis as Python's own numbers, texts or truth values."""
     values = np.asarray(given, dtype=object).tolist()
-    found = [one.item() if isinstance(one, np.generic) else one for one in (values if isinstance(values, list) else [])]
+    found = [
+        one.item() if isinstance(one, np.generic) else one
+        for one in (values if isinstance(values, list) else [])
+    ]
     kinds = {float if type(value) is int else type(value) for value in found}
-    if kinds not in ({float}, {str}, {bool}) or np.array(found).tolist() != found or len({*found}) < len(found):
+    if (
+        kinds not in ({float}, {str}, {bool})
+        or np.array(found).tolist() != found
+        or len({*found}) < len(found)
+    ):
         raise InputError(
-            f"axes[{name!r}] = {shown(given)}: must be a list of numbers, texts or truth values, each once, all of one "
-            "kind, which one axis holds without loss (no NaN); for replicas add an axis of their own, such as seed"
+            f"axes[{name!r}] = {shown(given)}: must be a list of numbers, texts or "
+            "truth values, each once, all of one "
+            "kind, which one axis holds without loss (no NaN); for replicas add an "
+            "axis of their own, such as seed"
         )
     return found
 
 
 def _keys_of(table: Table) -> list[str]:
-    """The cases of a sweep, in the order of its Dataset; of a search that is not done, those that have been run."""
+    """The cases of a sweep, in the order of its Dataset; of a search that is not
+    done, those that have been run.
+    """
     if "search" in table.head:
         return list(table.head.get("cases", sorted(table.rows)))
     return [case_key(values) for values in combinations(table.head["axes"])]
 
 
 def dataset_of(table: Table) -> xr.Dataset:
-    """What came of all cases: over the axes of a grid, or along the ``run`` of a search, with its crossings."""
-    head, keys = table.head, _keys_of(table)
-    sizes, axes = {name: len(values) for name, values in head["axes"].items()}, head["axes"]
+    """What came of all cases: over the axes of a grid, or along the ``run`` of a
+    search, with its crossings.
+    """
+    head = table.head
+    keys = _keys_of(table)
+    sizes = {name: len(values) for name, values in head["axes"].items()}
+    axes = head["axes"]
     if "search" in head:
         keys = [key for key in keys if key in table.rows]
         cases = [json.loads(key) for key in keys]
-        sizes, axes = {"run": len(keys)}, {name: [c[name] for c in cases] for name in (*head["search"]["box"], *axes)}
+        sizes = {"run": len(keys)}
+        axes = {
+            name: [c[name] for c in cases] for name in (*head["search"]["box"], *axes)
+        }
     rows = [json.loads(table.rows.get(key, "{}")) for key in keys]
     results = [row.get("result", {}) for row in rows]
     names = dict.fromkeys(name for result in results for name in result)
     columns = {name: [result.get(name) for result in results] for name in names}
-    columns[STATUS] = ["failed" if "error" in row else "done" if row else "not run" for row in rows]
+    columns[STATUS] = [
+        "failed" if "error" in row else "done" if row else "not run" for row in rows
+    ]
     columns[ERROR] = [row.get("error", "") for row in rows]
     variables = {}
     for name, values in columns.items():
         column, about = _column(head, name, values)
         variables[name] = (*sizes,), column.reshape(*sizes.values()), about
     dims = {name: "run" if "search" in head else name for name in axes}
-    coordinates = {name: (dims[name], *_column(head, name, values)) for name, values in axes.items()}
+    coordinates = {
+        name: (dims[name], *_column(head, name, values))
+        for name, values in axes.items()
+    }
     provenance = json.dumps(head["about"] | head.get("search", {}) | {"axes": sizes})
-    found = xr.Dataset(variables, coordinates, {**head["notes"], "provenance": provenance})
+    found = xr.Dataset(
+        variables, coordinates, {**head["notes"], "provenance": provenance}
+    )
     return _with_crossings(found, head) if "search" in head else found
 
 
 def _with_crossings(found: xr.Dataset, head: Mapping[str, Any]) -> xr.Dataset:
-    """Add the points of the boundary, half way between two runs, with what came of these, once all runs are there."""
+    """Add the points of the boundary, half way between two runs, with what came of
+    these, once all runs are there.
+    """
     sought = head["search"]
-    pairs = head["crossings"] if found.sizes["run"] == len(head.get("cases", ())) else []
+    pairs = (
+        head["crossings"] if found.sizes["run"] == len(head.get("cases", ())) else []
+    )
     sides = np.array(pairs, dtype=int).reshape(-1, 2).T
-    low, high = (found.reset_coords().isel(run=xr.DataArray(side, dims="crossing")) for side in sides)
+    low, high = (
+        found.reset_coords().isel(run=xr.DataArray(side, dims="crossing"))
+        for side in sides
+    )
 
     def titled(values: xr.DataArray, name: str, words: str) -> xr.DataArray:
         about = found[name].attrs
-        return values.assign_attrs({**about, "long_name": f"{about['long_name']}, {words}"})
+        return values.assign_attrs(
+            {**about, "long_name": f"{about['long_name']}, {words}"}
+        )
 
     more = {f"{name}_at": low[name] for name in head["axes"]}
     for name in sought["box"]:
-        more[f"{name}_at"] = titled((low[name] + high[name]) / 2, name, "on the boundary")
-        more[f"{name}_error"] = titled(abs(high[name] - low[name]) / 2, name, "uncertainty")
+        more[f"{name}_at"] = titled(
+            (low[name] + high[name]) / 2, name, "on the boundary"
+        )
+        more[f"{name}_error"] = titled(
+            abs(high[name] - low[name]) / 2, name, "uncertainty"
+        )
     if (label := sought["label"]) in found:
         more[f"from_{label}"] = titled(low[label], label, "on one side")
         more[f"to_{label}"] = titled(high[label], label, "on the other")
     return found.assign(more)
 
 
-def _column(head: Mapping[str, Any], name: str, values: Sequence[Any]) -> tuple[NDArray[Any], dict[str, Any]]:
-    """What stands under a name, as an array with its attributes: codes of words, texts, or numbers."""
-    about = {"long_name": name.replace("_", " "), "units": "1"} | head["attributes"].get(name, {})
-    words = STATES if name == STATUS else ("no result", *head["categories"].get(name, ()))
+def _column(
+    head: Mapping[str, Any], name: str, values: Sequence[Any]
+) -> tuple[NDArray[Any], dict[str, Any]]:
+    """What stands under a name, as an array with its attributes: codes of words,
+    texts, or numbers.
+    """
+    about = {"long_name": name.replace("_", " "), "units": "1"} | head[
+        "attributes"
+    ].get(name, {})
+    words = (
+        STATES if name == STATUS else ("no result", *head["categories"].get(name, ()))
+    )
     if len(words) > 1:
         flags = np.arange(len(words), dtype=np.int8) - (name != STATUS)
         codes = flags[[words.index(value) if value in words else 0 for value in values]]
         meanings = " ".join(word.replace(" ", "_") for word in words)
         return codes, {"flag_values": flags, "flag_meanings": meanings} | about
     if any(isinstance(value, str) for value in values):
-        return np.array(["" if value is None else str(value) for value in values], dtype=object), about
+        return np.array(
+            ["" if value is None else str(value) for value in values], dtype=object
+        ), about
     return np.array([math.nan if value is None else value for value in values]), about

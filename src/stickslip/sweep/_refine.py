@@ -1,4 +1,6 @@
-"""Find where a category changes in a plane, with far fewer runs than a grid: explore, find, polish."""
+"""Find where a category changes in a plane, with far fewer runs than a grid:
+explore, find, polish.
+"""
 
 import itertools
 import json
@@ -14,14 +16,18 @@ from stickslip.errors import InputError, number, whole
 from stickslip.sweep._cases import AxisValue, case_key
 from stickslip.sweep._run import Runner
 
-Point = tuple[float, float]  # a place in the box, as fractions of the way along its two axes
+# a place in the box, as fractions of the way along its two axes
+Point = tuple[float, float]
 Line = tuple[Point, Point]
 
 EXPLORE, FIND, TOGETHER = 0.25, 0.55, 0.05
-"""Fractions of the runs after which exploring ends (evenly over the box), and finding (where categories differ); and of
-those made at a time, on which the result depends."""
+"""Fractions of the runs after which exploring ends (evenly over the box), and finding
+(where categories differ); and of those made at a time, on which the result depends.
+"""
 GOLDEN = 0.5 * math.sqrt(5.0) - 0.5
-"""A step round a circle whose multiples lie apart from one another: what is taken in this order is spread evenly."""
+"""A step round a circle whose multiples lie apart from one another: what is taken in
+this order is spread evenly.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,11 +53,14 @@ class Span:
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    """How the boundaries between the regions of a plane are searched for in which cases are of one category.
+    """How the boundaries between the regions of a plane are searched for in which cases
+    are of one category.
 
-    A quarter of the runs is distributed over the plane, the next go where categories differ, the last bisect lines
-    across the boundary. A region that all of the first quarter miss is not found. With hysteresis, search for each
-    branch, with cases that start on it: every combination of the values of the other axes gets a search of its own.
+    A quarter of the runs is distributed over the plane, the next go where categories
+    differ, the last bisect lines across the boundary. A region that all of the first
+    quarter miss is not found. With hysteresis, search for each branch, with cases that
+    start on it: every combination of the values of the other axes gets a search of its
+    own.
 
     Examples
     --------
@@ -65,8 +74,11 @@ class Refinement:
     """
 
     runs: int = 160  #: to spend on a search at most; at least 16
-    resolution: float = 1 / 40  #: lines across the boundary are bisected until they are this short; 1 is the whole box
-    label: str = "regime"  #: name under which a case returns its category, a text or a number
+    #: lines across the boundary are bisected until they are this short; 1 is the whole
+    #: box
+    resolution: float = 1 / 40
+    #: name under which a case returns its category, a text or a number
+    label: str = "regime"
 
     def __post_init__(self) -> None:
         whole("refine.runs", self.runs, at_least=16)
@@ -74,32 +86,52 @@ class Refinement:
 
 
 def spans_of(axes: Mapping[str, Any], refinement: Refinement | None) -> dict[str, Span]:
-    """Axes that are searched; `InputError` if these are not two of a search, or some of a grid."""
+    """Axes that are searched; `InputError` if these are not two of a search, or some
+    of a grid.
+    """
     spans = {name: axis for name, axis in axes.items() if isinstance(axis, Span)}
     if refinement is None and spans:
-        raise InputError(f"axes.{next(iter(spans))}.count: is missing, the number of values from one end to the other")
+        raise InputError(
+            f"axes.{next(iter(spans))}.count: is missing, the number of values from "
+            "one end to the other"
+        )
     if refinement is not None and len(spans) != 2:
         raise InputError(
-            "axes: [refine] searches the plane of two parameters: give from, to and spacing of two, without count (in "
+            "axes: [refine] searches the plane of two parameters: give from, to and "
+            "spacing of two, without count (in "
             "Python a Span), and lists of the others"
         )
     return spans
 
 
 def search(
-    runner: Runner, spans: Mapping[str, Span], each: Iterable[Mapping[str, AxisValue]], how: Refinement
+    runner: Runner,
+    spans: Mapping[str, Span],
+    each: Iterable[Mapping[str, AxisValue]],
+    how: Refinement,
 ) -> dict[str, list[Any]]:
-    """Search in a plane, for each set of values of the other axes; return all cases, and which pairs are crossings."""
+    """Search in a plane, for each set of values of the other axes; return all cases,
+    and which pairs are crossings.
+    """
     searches = [_Search(runner, spans, fixed, how) for fixed in each]
-    lines = [[search.key(end) for end in line] for search in searches for line in search.boundary()]
+    lines = [
+        [search.key(end) for end in line]
+        for search in searches
+        for line in search.boundary()
+    ]
     cases = [search.key(point) for search in searches for point in search.seen]
     place = {key: i for i, key in enumerate(cases)}
-    return {"cases": cases, "crossings": [[place[end] for end in line] for line in lines]}
+    return {
+        "cases": cases,
+        "crossings": [[place[end] for end in line] for line in lines],
+    }
 
 
 @dataclass
 class _Search:
-    """A search, with the category found at each of its runs so far; None where the case failed."""
+    """A search, with the category found at each of its runs so far; None where the
+    case failed.
+    """
 
     runner: Runner
     spans: Mapping[str, Span]
@@ -109,27 +141,42 @@ class _Search:
 
     def key(self, point: Point) -> str:
         """The case at a point."""
-        here = {name: span.value(part) for (name, span), part in zip(self.spans.items(), point, strict=True)}
+        here = {
+            name: span.value(part)
+            for (name, span), part in zip(self.spans.items(), point, strict=True)
+        }
         return case_key({**here, **self.fixed})
 
     def boundary(self) -> list[Line]:
-        """Spread runs over the box, send some where categories differ, then bisect lines across the boundary."""
-        seen, how, find = self.seen, self.how, math.ceil(FIND * self.how.runs)
+        """Spread runs over the box, send some where categories differ, then bisect
+        lines across the boundary.
+        """
+        seen = self.seen
+        how = self.how
+        find = math.ceil(FIND * self.how.runs)
         self._look([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
         while len(seen) < find:
-            middles = [*dict.fromkeys(map(_middle, self._sides(exploring=len(seen) < EXPLORE * how.runs)))]
+            middles = [
+                *dict.fromkeys(
+                    map(_middle, self._sides(exploring=len(seen) < EXPLORE * how.runs))
+                )
+            ]
             self._look(middles[: min(math.ceil(TOGETHER * how.runs), find - len(seen))])
         lines = self._crossings(how.runs - len(seen))
         while long := [
             i
             for i, line in enumerate(lines)
-            if math.dist(*line) > how.resolution and seen.get(_middle(line), 0) is not None
+            if math.dist(*line) > how.resolution
+            and seen.get(_middle(line), 0) is not None
         ]:
             self._look([_middle(lines[i]) for i in long])
             for i in long:
-                (low, high), middle = lines[i], _middle(lines[i])
+                low, high = lines[i]
+                middle = _middle(lines[i])
                 if seen[middle] is not None:  # else no further here
-                    lines[i] = (middle, high) if seen[middle] == seen[low] else (low, middle)
+                    lines[i] = (
+                        (middle, high) if seen[middle] == seen[low] else (low, middle)
+                    )
         return lines
 
     def _look(self, points: Sequence[Point]) -> None:
@@ -139,28 +186,58 @@ class _Search:
         for point, key in cases.items():
             row = json.loads(self.runner.table.rows[key])
             if self.how.label not in row.get("result", self.how.label):
-                raise InputError(f"label = {self.how.label!r}: is none of the names under which the function returns")
-            self.seen[point] = row["result"][self.how.label] if "result" in row else None
+                raise InputError(
+                    f"label = {self.how.label!r}: is none of the names under which the "
+                    "function returns"
+                )
+            self.seen[point] = (
+                row["result"][self.how.label] if "result" in row else None
+            )
 
     def _sides(self, *, exploring: bool) -> list[Line]:
-        """The longest side of each triangle between the runs, longest first; later, between categories first."""
+        """The longest side of each triangle between the runs, longest first; later,
+        between categories first.
+        """
         sizes = []
         for corners in _triangles(self.seen):
-            longest = max(itertools.combinations(corners, 2), key=lambda side: math.dist(*side))
-            found, size = {self.seen[corner] for corner in corners}, math.dist(*longest)
-            # A case that failed says nothing about categories: its triangles are not looked into.
+            longest = max(
+                itertools.combinations(corners, 2), key=lambda side: math.dist(*side)
+            )
+            found = {self.seen[corner] for corner in corners}
+            size = math.dist(*longest)
+            # A case that failed says nothing about categories: its triangles are not
+            # looked into.
             mixed = len(found) > 1 and None not in found
             sizes.append((size if exploring or mixed else 0.1 * size**2, longest))
         return [side for _, side in sorted(sizes, reverse=True)]
 
     def _crossings(self, budget: int) -> list[Line]:
-        """Sides of triangles whose ends are in different categories, as many as so many runs bisect."""
-        triangles = _triangles(point for point, found in self.seen.items() if found is not None)
-        sides = sorted({side for corners in triangles for side in itertools.combinations(corners, 2)})
-        lines = [(low, high) for low, high in sides if self.seen[low] != self.seen[high]]
+        """Sides of triangles whose ends are in different categories, as many as so
+        many runs bisect.
+        """
+        triangles = _triangles(
+            point for point, found in self.seen.items() if found is not None
+        )
+        sides = sorted(
+            {
+                side
+                for corners in triangles
+                for side in itertools.combinations(corners, 2)
+            }
+        )
+        lines = [
+            (low, high) for low, high in sides if self.seen[low] != self.seen[high]
+        ]
         lines = [lines[i] for i in np.argsort(np.arange(len(lines)) * GOLDEN % 1.0)]
-        runs = [max(0, math.ceil(math.log2(math.dist(*line) / self.how.resolution))) for line in lines]
-        return [line for line, spent in zip(lines, itertools.accumulate(runs), strict=True) if spent <= budget]
+        runs = [
+            max(0, math.ceil(math.log2(math.dist(*line) / self.how.resolution)))
+            for line in lines
+        ]
+        return [
+            line
+            for line, spent in zip(lines, itertools.accumulate(runs), strict=True)
+            if spent <= budget
+        ]
 
 
 def _middle(line: Line) -> Point:
@@ -169,7 +246,9 @@ def _middle(line: Line) -> Point:
 
 
 def _triangles(points: Iterable[Point]) -> list[list[Point]]:
-    """The triangles between points (Delaunay), the corners of each in order; none between fewer than three."""
+    """The triangles between points (Delaunay), the corners of each in order; none
+    between fewer than three.
+    """
     there = list(points)
     found = Delaunay(there).simplices.tolist() if len(there) > 2 else []
     return [sorted(there[i] for i in corners) for corners in found]

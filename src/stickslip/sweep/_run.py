@@ -1,4 +1,5 @@
-"""Run many cases in threads, in processes or on any executor: hand out, gather, write down.
+"""Run many cases in threads, in processes or on any executor: hand out, gather, write
+down.
 
 A Dask client is one more executor: ``client.get_executor()``.
 """
@@ -14,7 +15,13 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent import futures
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice, takewhile
@@ -25,11 +32,15 @@ from stickslip.errors import InputError, instance, whole
 from stickslip.sweep._cases import DIED, Job, name_of, run_batch
 from stickslip.sweep._table import EVERY, Table
 
-SECONDS = 0.5  # longest that a batch takes, unless one case does: long beside the cost of handing it out
+# longest that a batch takes, unless one case does: long beside the cost of handing it
+# out
+SECONDS = 0.5
 _MANY = 256  # workers supposed behind an executor that does not say how many it has
 
 MAX_CASES = 1_000_000
-"""Cases beyond which a sweep is refused unless more are asked for: each takes about 1 kB of memory and of the store."""
+"""Cases beyond which a sweep is refused unless more are asked for: each takes about
+1 kB of memory and of the store.
+"""
 CYCLES = 30.0  # cycles of loading that a run lasts at least
 
 
@@ -38,23 +49,30 @@ class Progress:
     """How far a sweep is."""
 
     total: int  #: cases of the whole sweep
-    finished: int  #: cases with a result or an error by now, those of earlier starts included
+    #: cases with a result or an error by now, those of earlier starts included
+    finished: int
     failed: int  #: those among them that ended with an error
-    found: int  #: cases that earlier starts had finished: rate and time left follow from ``finished - found``
+    #: cases that earlier starts had finished: rate and time left follow from
+    #: ``finished - found``
+    found: int
 
 
 @dataclass(frozen=True, kw_only=True)
 class Runs:
     """What each case of a sweep is, as the table ``[run]`` of a file says.
 
-    It lasts until the drive has gone a distance, for a duration, and through some cycles of loading.
+    It lasts until the drive has gone a distance, for a duration, and through some
+    cycles of loading.
     """
 
-    distance: float | str | None = None  #: in the rig's own units, or a text with a unit
+    #: in the rig's own units, or a text with a unit
+    distance: float | str | None = None
     duration: float | str | None = None  #: likewise
     cycles: float = CYCLES
-    extensions: int = 1  #: how often a run that cannot be classified is made again, twice as long
-    measure: Sequence[str] | None = None  #: what is in the results; see `stickslip.sweep.study.MEASURES`
+    #: how often a run that cannot be classified is made again, twice as long
+    extensions: int = 1
+    #: what is in the results; see `stickslip.sweep.study.MEASURES`
+    measure: Sequence[str] | None = None
     max_cases: int = MAX_CASES  #: cases beyond which the sweep is refused
 
 
@@ -62,20 +80,26 @@ class Runs:
 class Options:
     """What else a sweep may be told."""
 
-    #: Seed of the sweep, at least 0: a function with a parameter ``seed`` that is no axis is handed a seed of its own,
-    #: an int made from this one and the values of the axes.
+    #: Seed of the sweep, at least 0: a function with a parameter ``seed`` that is no
+    #: axis is handed a seed of its own, an int made from this one and the values of the
+    #: axes.
     seed: int = 0
     #: Attributes (``units``, ``long_name``) by name of axis or measured variable.
     attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    #: The words that a measured text can be: it becomes an integer with CF flags, -1 where there is no result.
+    #: The words that a measured text can be: it becomes an integer with CF flags, -1
+    #: where there is no result.
     categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    #: Anything else that results depend on: the text of a configuration file, the version of another package, code that
-    #: the function calls. The function's own code and the version of this package are looked after.
+    #: Anything else that results depend on: the text of a configuration file, the
+    #: version of another package, code that the function calls. The function's own code
+    #: and the version of this package are looked after.
     fingerprint: object = None
-    #: Texts to keep with the results, as attributes of the Dataset; what a case is does not depend on them.
+    #: Texts to keep with the results, as attributes of the Dataset; what a case is does
+    #: not depend on them.
     notes: Mapping[str, str] = field(default_factory=dict)
-    retry_failed: bool = False  #: whether cases that failed in an earlier start are run again
-    max_cases: int = MAX_CASES  #: cases beyond which a sweep is refused before it starts
+    #: whether cases that failed in an earlier start are run again
+    retry_failed: bool = False
+    #: cases beyond which a sweep is refused before it starts
+    max_cases: int = MAX_CASES
 
     def __post_init__(self) -> None:
         whole("seed", self.seed, at_least=0)
@@ -83,22 +107,30 @@ class Options:
 
 
 class Threads(ThreadPoolExecutor):
-    """Run cases in threads of this process, by default one per core: best for kernels, which release the GIL."""
+    """Run cases in threads of this process, by default one per core: best for
+    kernels, which release the GIL.
+    """
 
     def __init__(self, workers: int | None = None) -> None:
         super().__init__(_count("Threads.workers", workers))
 
 
 class Processes(ProcessPoolExecutor):
-    """Run cases in spawned processes, for cases that keep the GIL; a process that dies is replaced.
+    """Run cases in spawned processes, for cases that keep the GIL; a process that dies
+    is replaced.
 
-    The function must be importable: defined at the top of a module, not a lambda. A script that starts processes keeps
-    its own start behind ``if __name__ == "__main__":``. By default there is one per core.
+    The function must be importable: defined at the top of a module, not a lambda. A
+    script that starts processes keeps its own start behind
+    ``if __name__ == "__main__":``. By default there is one per core.
     """
 
     def __init__(self, workers: int | None = None) -> None:
         context = multiprocessing.get_context("spawn")
-        super().__init__(_count("Processes.workers", workers), mp_context=context, initializer=_start_worker)
+        super().__init__(
+            _count("Processes.workers", workers),
+            mp_context=context,
+            initializer=_start_worker,
+        )
 
 
 OURS = Threads | Processes
@@ -106,16 +138,26 @@ Batch = Future[list[str]]
 
 
 def _count(place: str, workers: int | None) -> int:
-    """How many workers: as many as cores that this process may use, if nobody says; not every system tells."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """How many workers: as many as cores that this process may use, if nobody says;
+    not every system tells.
+    """
+    cores = (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1
+    )
     return cores if workers is None else whole(place, workers, at_least=1)
 
 
 def _start_worker() -> None:
-    """Prepare a worker process: deaf to Ctrl-C and to a closed terminal (the parent decides), gone with its parent."""
+    """Prepare a worker process: deaf to Ctrl-C and to a closed terminal (the parent
+    decides), gone with its parent.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
+    threading.Thread(
+        target=_follow, args=(multiprocessing.parent_process(),), daemon=True
+    ).start()
 
 
 def _follow(parent: BaseProcess) -> None:
@@ -124,8 +166,13 @@ def _follow(parent: BaseProcess) -> None:
 
 
 def _sent(job: Job, executor: Executor) -> Job | bytes:
-    """The job as workers get it: pickled by reference for processes of this machine, else by cloudpickle if there."""
-    hint = "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask client: client.get_executor())"
+    """The job as workers get it: pickled by reference for processes of this machine,
+    else by cloudpickle if there.
+    """
+    hint = (
+        "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask "
+        "client: client.get_executor())"
+    )
     instance("executor", executor, Executor, hint)
     if isinstance(executor, ThreadPoolExecutor):
         return job
@@ -137,7 +184,8 @@ def _sent(job: Job, executor: Executor) -> Job | bytes:
         return bytes(by.dumps(job))
     except Exception as error:
         raise InputError(
-            f"function = {name_of(job.function)}: cannot be sent to another process ({error}); define it at the top of "
+            f"function = {name_of(job.function)}: cannot be sent to another process "
+            f"({error}); define it at the top of "
             "a module (no lambda, no function inside a function), or use Threads(n)"
         ) from None
 
@@ -146,18 +194,29 @@ class Runner:
     """Runs cases that the table lacks; one start of a sweep."""
 
     def __init__(
-        self, table: Table, job: Job, executor: Executor, total: int, progress: Callable[[Progress], object] | None
+        self,
+        table: Table,
+        job: Job,
+        executor: Executor,
+        total: int,
+        progress: Callable[[Progress], object] | None,
     ) -> None:
         self.table = table
-        self._job, self._executor, self._total, self._progress = _sent(job, executor), executor, total, progress
+        self._job = _sent(job, executor)
+        self._executor = executor
+        self._total = total
+        self._progress = progress
         self._count = Counter(finished=0, failed=0, found=0)
         self._todo: deque[str] = deque()
         self._running: dict[Batch, list[str]] = {}
-        self._losses: Counter[str] = Counter()  # how often the worker of a case has died
+        # how often the worker of a case has died
+        self._losses: Counter[str] = Counter()
         self._size = 1  # of the next batch: twice what the last one came to in its time
 
     def run(self, keys: Sequence[str]) -> None:
-        """Run those of some cases, no two alike, that the table lacks; after an error, give up those that run."""
+        """Run those of some cases, no two alike, that the table lacks; after an
+        error, give up those that run.
+        """
         there = [self.table.has_failed(key) for key in keys if key in self.table.rows]
         self._count.update(finished=len(there), failed=sum(there), found=len(there))
         self._todo.extend(key for key in keys if key not in self.table.rows)
@@ -168,7 +227,9 @@ class Runner:
             while self._todo or self._running:
                 try:
                     self._fill()
-                    self._gather(futures.wait(self._running, EVERY, futures.FIRST_COMPLETED).done)
+                    self._gather(
+                        futures.wait(self._running, EVERY, futures.FIRST_COMPLETED).done
+                    )
                 except RuntimeError as error:
                     self._renew(error)
                 if self.table.commit(if_due=True):
@@ -178,38 +239,50 @@ class Runner:
                 future.cancel()
             self.table.commit()
             if self._running and isinstance(self._executor, OURS):
-                for process in list((getattr(self._executor, "_processes", None) or {}).values()):
+                for process in list(
+                    (getattr(self._executor, "_processes", None) or {}).values()
+                ):
                     process.terminate()
                 futures.wait(self._running)
         self._tell()
 
     def _renew(self, error: RuntimeError) -> None:
-        """Go on after a worker was lost, with a new executor if it is ours; nothing goes on after a shutdown."""
+        """Go on after a worker was lost, with a new executor if it is ours; nothing
+        goes on after a shutdown.
+        """
         executor = self._executor
         if not (isinstance(executor, OURS) and isinstance(error, BrokenExecutor)):
             raise self._refusal(f"takes no more cases ({error})") from error
         with suppress(BrokenExecutor):
-            self._gather(futures.wait(self._running).done)  # a broken pool ends all its futures, some of them well
+            # a broken pool ends all its futures, some of them well
+            self._gather(futures.wait(self._running).done)
         executor.shutdown(wait=False, cancel_futures=True)
         self._executor = type(executor)(getattr(executor, "_max_workers", None))
         try:
             self._executor.submit(os.getpid).result()
         except BrokenExecutor:
             raise InputError(
-                "executor = Processes(...): no worker process starts; a script that starts processes keeps its own "
+                "executor = Processes(...): no worker process starts; a script that "
+                "starts processes keeps its own "
                 'start behind `if __name__ == "__main__":`'
             ) from None
 
     def _fill(self) -> None:
-        """Keep two batches per worker on the way; cases that were lost twice run alone, to know the culprit."""
+        """Keep two batches per worker on the way; cases that were lost twice run
+        alone, to know the culprit.
+        """
         most = 2 * getattr(self._executor, "_max_workers", _MANY)
         while self._todo and len(self._running) < most:
             size = min(self._size, math.ceil(len(self._todo) / most))
-            batch = [*takewhile(lambda key: self._losses[key] < 2, islice(self._todo, size))]
+            batch = [
+                *takewhile(lambda key: self._losses[key] < 2, islice(self._todo, size))
+            ]
             if not batch and self._running:
                 break
             batch = batch or [self._todo[0]]
-            self._running[self._executor.submit(run_batch, self._job, batch, SECONDS)] = batch
+            self._running[
+                self._executor.submit(run_batch, self._job, batch, SECONDS)
+            ] = batch
             for _ in batch:
                 self._todo.popleft()
 
@@ -224,8 +297,11 @@ class Runner:
                 broken = error
                 self._lost(keys, 1)
             except Exception as error:
-                if type(error).__name__ != "KilledWorker":  # of Dask, after several workers died of this batch
-                    raise self._refusal(f"dropped a batch of cases ({error})") from error
+                # of Dask, after several workers died of this batch
+                if type(error).__name__ != "KilledWorker":
+                    raise self._refusal(
+                        f"dropped a batch of cases ({error})"
+                    ) from error
                 self._lost(keys, 2)
             else:
                 for key, row in zip(keys, rows, strict=False):
@@ -240,18 +316,28 @@ class Runner:
         self._count.update(finished=1, failed=self.table.has_failed(key))
 
     def _lost(self, keys: list[str], times: int) -> None:
-        """Put back the cases of a batch whose worker died, last those that are to run alone; one lost then is named."""
+        """Put back the cases of a batch whose worker died, last those that are to
+        run alone; one lost then is named.
+        """
         if len(keys) == 1 and self._losses[keys[0]] >= 2:
             self._note(keys[0], json.dumps(DIED))
             return
         for key in reversed(keys):
             self._losses[key] += times
-            (self._todo.append if self._losses[key] >= 2 else self._todo.appendleft)(key)
+            (self._todo.append if self._losses[key] >= 2 else self._todo.appendleft)(
+                key
+            )
 
     def _tell(self) -> None:
         if self._progress is not None:
             self._progress(Progress(total=self._total, **self._count))
 
     def _refusal(self, what: str) -> InputError:
-        kept = f"{self._count['finished']} of {self._total} cases are kept in {str(self.table.path)!r}: start again"
-        return InputError(f"executor: {what}; {kept if self.table.path else 'nothing is kept without a store'}")
+        kept = (
+            f"{self._count['finished']} of {self._total} cases are kept in "
+            f"{str(self.table.path)!r}: start again"
+        )
+        return InputError(
+            f"executor: {what}; "
+            f"{kept if self.table.path else 'nothing is kept without a store'}"
+        )

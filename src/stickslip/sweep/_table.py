@@ -1,10 +1,12 @@
-"""The store of a sweep: one sqlite table, a row of JSON for each finished case, each with a checksum.
+"""The store of a sweep: one sqlite table, a row of JSON for each finished case, each
+with a checksum.
 
-The row with the empty key is the head: what the sweep is made of. Transactions (rollback journal, no write-ahead log:
-network file systems will do) leave every commit whole after a kill; checksums tell what a disk has changed since.
+The row with the empty key is the head: what the sweep is made of. Transactions
+(rollback journal, no write-ahead log: network file systems will do) leave every commit
+whole after a kill; checksums tell what a disk has changed since.
 
-Only the process that drives a sweep writes, and holds a lock on ``<store>.lock``, which goes with the process, however
-it ends. Anybody may read meanwhile.
+Only the process that drives a sweep writes, and holds a lock on ``<store>.lock``, which
+goes with the process, however it ends. Anybody may read meanwhile.
 """
 
 import fcntl
@@ -23,19 +25,23 @@ from typing import Any
 from stickslip.errors import InputError, instance
 
 FORMAT = 0x53545332  # "STS2"
-EVERY = 1.0  # seconds between commits: what a kill can cost, together with the batches in flight
+# seconds between commits: what a kill can cost, together with the batches in flight
+EVERY = 1.0
 PATIENCE = 60.0  # seconds that a commit waits for those who read
 
 _HEAD = ""
 
 
 class Table:
-    """What came of the cases of a sweep, as JSON by their keys; in memory if it has no path.
+    """What came of the cases of a sweep, as JSON by their keys; in memory if it has no
+    path.
 
     With a head, what the sweep is made of, it is the table of one who writes.
     """
 
-    def __init__(self, path: Path | None, head: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, path: Path | None, head: Mapping[str, Any] | None = None
+    ) -> None:
         self.path = path
         self.rows: dict[str, str] = {}
         self.head: dict[str, Any] = json.loads(json.dumps(head or {}, default=str))
@@ -44,21 +50,30 @@ class Table:
             if path is not None and head is not None:
                 held.enter_context(_locked(path))
             if path is not None and path.exists() and not path.is_file():
-                raise InputError(f"store = {str(path)!r}: is no regular file; choose another store")
+                raise InputError(
+                    f"store = {str(path)!r}: is no regular file; choose another store"
+                )
             # A file without a page is one whose making was cut short.
             there = path is not None and path.exists() and path.stat().st_size > 0
             if not there and head is None:
                 raise InputError(f"store = {str(path)!r}: there is no such file")
             place = path.absolute() if path else ":memory:"
-            self._connection = sqlite3.connect(place, isolation_level="IMMEDIATE", timeout=PATIENCE)
+            self._connection = sqlite3.connect(
+                place, isolation_level="IMMEDIATE", timeout=PATIENCE
+            )
             held.enter_context(closing(self._connection))
             if there:
                 self._read()
             else:
-                self._connection.execute("BEGIN IMMEDIATE")  # made whole, with its head, or not at all
+                # made whole, with its head, or not at all
+                self._connection.execute("BEGIN IMMEDIATE")
                 self._connection.execute(f"PRAGMA application_id = {FORMAT}")
-                columns = "key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL"
-                self._connection.execute(f"CREATE TABLE cases ({columns}) WITHOUT ROWID")
+                columns = (
+                    "key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL"
+                )
+                self._connection.execute(
+                    f"CREATE TABLE cases ({columns}) WITHOUT ROWID"
+                )
             if head is not None:
                 self.keep_head()
             self._held = held.pop_all()
@@ -83,7 +98,9 @@ class Table:
         self.commit()
 
     def commit(self, *, if_due: bool = False) -> bool:
-        """Write down what was added, or, `if_due`, what was added a while ago; say whether that was done."""
+        """Write down what was added, or, `if_due`, what was added a while ago; say
+        whether that was done.
+        """
         if if_due and time.monotonic() < self._due:
             return False
         self._due = math.inf
@@ -94,22 +111,36 @@ class Table:
     def _write(self, key: str, row: str) -> None:
         self._due = min(self._due, time.monotonic() + EVERY)
         with _in_one_line(self.path):
-            self._connection.execute("INSERT OR REPLACE INTO cases VALUES (?, ?, ?)", (key, row, _checksum(key, row)))
+            self._connection.execute(
+                "INSERT OR REPLACE INTO cases VALUES (?, ?, ?)",
+                (key, row, _checksum(key, row)),
+            )
 
     def _read(self) -> None:
-        """Read all rows; a table that lost or changed anything, or is of another sweep, is refused."""
+        """Read all rows; a table that lost or changed anything, or is of another
+        sweep, is refused.
+        """
         (form,) = self._connection.execute("PRAGMA application_id").fetchone()
         if form != FORMAT:
-            raise InputError(f"store = {str(self.path)!r}: is not the store of a sweep; choose another")
-        for key, row, checksum in self._connection.execute("SELECT key, row, checksum FROM cases"):
+            raise InputError(
+                f"store = {str(self.path)!r}: is not the store of a sweep; choose "
+                "another"
+            )
+        for key, row, checksum in self._connection.execute(
+            "SELECT key, row, checksum FROM cases"
+        ):
             if checksum != _checksum(key, row):
                 raise ValueError("a row is not what was written")
             self.rows[key] = row
         stored = json.loads(self.rows.pop(_HEAD))
-        here, there = self.head.get("identity", stored["identity"]), stored["identity"]
-        if differs := [part for part in {**here, **there} if there.get(part) != here.get(part)]:
+        here = self.head.get("identity", stored["identity"])
+        there = stored["identity"]
+        if differs := [
+            part for part in {**here, **there} if there.get(part) != here.get(part)
+        ]:
             raise InputError(
-                f"store = {str(self.path)!r}: holds another sweep; what differs: {', '.join(differs)}. Choose another "
+                f"store = {str(self.path)!r}: holds another sweep; what differs: "
+                f"{', '.join(differs)}. Choose another "
                 "store, or delete this one to start afresh"
             )
         self.head = self.head or stored
@@ -146,19 +177,36 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (sqlite3.Error, OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (
+        sqlite3.Error,
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        RecursionError,
+    ) as error:
         code = getattr(error, "sqlite_errorname", "")
         if code == "SQLITE_NOTADB":
-            what = "is not the store of a sweep, or its beginning is damaged; choose another"
-        elif isinstance(error, OSError | sqlite3.OperationalError) and code != "SQLITE_ERROR":  # no such table
             what = (
-                f"cannot be written ({getattr(error, 'strerror', None) or error}); what was written is kept: free some "
+                "is not the store of a sweep, or its beginning is damaged; choose "
+                "another"
+            )
+        # no such table
+        elif (
+            isinstance(error, OSError | sqlite3.OperationalError)
+            and code != "SQLITE_ERROR"
+        ):
+            what = (
+                f"cannot be written ({getattr(error, 'strerror', None) or error}); "
+                "what was written is kept: free some "
                 "space, make it writable or choose another place, and start again"
             )
         else:
-            short = " ".join(str(error).split())[:100]  # sqlite quotes what it stumbled over, line ends included
+            # sqlite quotes what it stumbled over, line ends included
+            short = " ".join(str(error).split())[:100]
             what = (
-                f"is damaged ({short}): what it holds cannot be trusted; put back a copy of it, or delete it to start "
+                f"is damaged ({short}): what it holds cannot be trusted; put back a "
+                "copy of it, or delete it to start "
                 "afresh"
             )
         raise InputError(f"store = {str(path)!r}: {what}") from error
@@ -178,7 +226,8 @@ def _locked(path: Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
-                f"store = {str(path)!r}: another sweep ({writer_of(path)}) is writing it; choose another store"
+                f"store = {str(path)!r}: another sweep ({writer_of(path)}) is writing "
+                "it; choose another store"
             ) from None
         try:
             file.truncate(0)

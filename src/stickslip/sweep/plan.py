@@ -1,4 +1,5 @@
-"""Sweeps of a rig: from a file in TOML (rig, parameters to vary, what to measure) to a `Plan`, or from Python.
+"""Sweeps of a rig: from a file in TOML (rig, parameters to vary, what to measure) to a
+`Plan`, or from Python.
 
 >>> from stickslip.sweep.plan import read_plan
 >>> from stickslip.io.rig_files import example_file
@@ -22,7 +23,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip.errors import InputError, instance, number, sequence, shown, together, whole
+from stickslip.errors import (
+    InputError,
+    instance,
+    number,
+    sequence,
+    shown,
+    together,
+    whole,
+)
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
 from stickslip.io.keys import Key
@@ -37,11 +46,19 @@ from stickslip.sweep._refine import Refinement, Span, spans_of
 from stickslip.sweep._run import Options, Progress, Runs
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
-SHORTEST = 120.0  # x_s that a run lasts at least unless something else is asked for: transients last 40 to 100 x_s
+# x_s that a run lasts at least unless something else is asked for: transients last 40
+# to 100 x_s
+SHORTEST = 120.0
 NOTE = "sweep"  # attribute of the results that holds the plan
 PER_CONTACT = ("peak_to_peak", "mean_force", "drop", "stiffness", "mass")
-"""What is that of a contact in natural units, and of the whole interface in SI units."""
-OTHERS = {"contacts": "number of contacts", "seed": "seed of the contacts", "start": "start of the run"}
+"""What is that of a contact in natural units, and of the whole interface in SI
+units.
+"""
+OTHERS = {
+    "contacts": "number of contacts",
+    "seed": "seed of the contacts",
+    "start": "start of the run",
+}
 """What can be an axis besides the parameters of a rig."""
 _START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
 _SPACING = Key("linear", choices=("linear", "log"))
@@ -53,7 +70,8 @@ class Plan:
 
     name: str
     study: Study  #: the case
-    axes: Mapping[str, Any]  #: values in the units of the rig; with a refinement, a `Span` of two parameters
+    #: values in the units of the rig; with a refinement, a `Span` of two parameters
+    axes: Mapping[str, Any]
     logarithmic: tuple[str, ...]  #: axes of equal ratios
     measures: tuple[str, ...]  #: names of the results of each case
     refinement: Refinement | None
@@ -67,17 +85,23 @@ class Plan:
     @property
     def total(self) -> int:
         """Number of cases (at most, with a refinement)."""
-        each = math.prod(len(values) for values in self.axes.values() if not isinstance(values, Span))
+        each = math.prod(
+            len(values) for values in self.axes.values() if not isinstance(values, Span)
+        )
         return each * (self.refinement.runs if self.refinement else 1)
 
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
         rig = self.study.rig
         named = MEASURES | {name: ("1", title) for name, title in OTHERS.items()}
-        named |= {name: (BY_NAME[name].unit, BY_NAME[name].title) for name in self.parameters}
+        named |= {
+            name: (BY_NAME[name].unit, BY_NAME[name].title) for name in self.parameters
+        }
         found: dict[str, dict[str, Any]] = {}
         for name, (unit, title) in named.items():
-            title += ", per contact" if rig.scales is None and name in PER_CONTACT else ""
+            title += (
+                ", per contact" if rig.scales is None and name in PER_CONTACT else ""
+            )
             found[name] = {"units": rig.unit_name(unit), "long_name": title}
             if name in self.axes:
                 found[name]["spacing"] = "log" if name in self.logarithmic else "linear"
@@ -91,7 +115,8 @@ class Plan:
         progress: Callable[[Progress], object] | None = None,
         retry_failed: bool = False,
     ) -> xr.Dataset:
-        """Run what is missing of a sweep; arguments, errors and what is returned are those of `sweep`.
+        """Run what is missing of a sweep; arguments, errors and what is returned are
+        those of `sweep`.
 
         The attribute ``sweep`` of the results holds the plan as JSON.
         """
@@ -103,13 +128,27 @@ class Plan:
             retry_failed=retry_failed,
             max_cases=self.max_cases,
         )
-        axes = self.axes if self.refinement is None else {"start": (self.study.start,), **self.axes}
-        where: Any = {"store": store, "executor": executor, "progress": progress, "options": options}
-        return self.select(run_cases(self.study, axes, refinement=self.refinement, **where))
+        axes = (
+            self.axes
+            if self.refinement is None
+            else {"start": (self.study.start,), **self.axes}
+        )
+        where: Any = {
+            "store": store,
+            "executor": executor,
+            "progress": progress,
+            "options": options,
+        }
+        return self.select(
+            run_cases(self.study, axes, refinement=self.refinement, **where)
+        )
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
         """Of all that is stored of each case, what is asked for."""
-        return found.drop_vars([name for name in MEASURES if name not in (*self.measures, *self.axes)], errors="ignore")
+        return found.drop_vars(
+            [name for name in MEASURES if name not in (*self.measures, *self.axes)],
+            errors="ignore",
+        )
 
 
 def sweep(
@@ -123,16 +162,17 @@ def sweep(
     progress: Callable[[Progress], object] | None = None,
     retry_failed: bool = False,
 ) -> xr.Dataset:
-    """Run a rig at every combination of the values of some of its parameters; public as ``stickslip.sweep``.
+    """Run a rig at every combination of the values of some of its parameters; public as
+    ``stickslip.sweep``.
 
     Parameters
     ----------
     rig : Rig
         Its method and start are those of every case, unless they are an axis.
     axes : mapping of name to values
-        Parameters by name, as `Rig.replace` takes them, and ``contacts``, ``seed``, ``start`` (``"from rest"``,
-        ``"sliding"``). Numbers in the rig's own units, or texts with a unit; a `Span` for each of two parameters with a
-        `refinement`.
+        Parameters by name, as `Rig.replace` takes them, and ``contacts``, ``seed``,
+        ``start`` (``"from rest"``, ``"sliding"``). Numbers in the rig's own units, or
+        texts with a unit; a `Span` for each of two parameters with a `refinement`.
     store : path, optional
         File that keeps all cases; a second start runs what is missing.
     executor : Threads, Processes or concurrent.futures.Executor, optional
@@ -149,7 +189,8 @@ def sweep(
     Returns
     -------
     xarray.Dataset
-        In the rig's own units, with the axes as dimensions. ``regime`` is an integer with CF flags.
+        In the rig's own units, with the axes as dimensions. ``regime`` is an integer
+        with CF flags.
 
     Raises
     ------
@@ -160,16 +201,24 @@ def sweep(
     --------
     >>> from stickslip.sweep import Runs
     >>> short = Runs(distance="4 um", cycles=0)
-    >>> found = ss.sweep(ss.example("pmma_slider"), {"velocity": ["0.4 mm/s"], "contacts": [20]}, runs=short)
+    >>> found = ss.sweep(
+    ...     ss.example("pmma_slider"),
+    ...     {"velocity": ["0.4 mm/s"], "contacts": [20]},
+    ...     runs=short,
+    ... )
     >>> found["peak_to_peak"].dims, found["velocity"].units
     (('velocity', 'contacts'), 'm/s')
     """
     plan = _plan(rig, axes, runs, refinement, rig.name, from_python=True)
-    return plan.run(store=store, executor=executor, progress=progress, retry_failed=retry_failed)
+    return plan.run(
+        store=store, executor=executor, progress=progress, retry_failed=retry_failed
+    )
 
 
 def open_plan(store: str | os.PathLike[str]) -> xr.Dataset:
-    """Open the results of a sweep of a rig, finished or not, as `Plan.run` returns them."""
+    """Open the results of a sweep of a rig, finished or not, as `Plan.run` returns
+    them.
+    """
     found = open_sweep(store)
     return plan_of(found).select(found) if NOTE in found.attrs else found
 
@@ -177,8 +226,13 @@ def open_plan(store: str | os.PathLike[str]) -> xr.Dataset:
 def plan_of(result: xr.Dataset) -> Plan:
     """Return the plan that a result was made from."""
     if NOTE not in result.attrs:
-        raise InputError("this sweep was not made from a rig: what was swept is not known; draw it in Python")
-    kinds = datasets.records() | {kind.__name__: kind for kind in (Plan, Study, Refinement, Span)}
+        raise InputError(
+            "this sweep was not made from a rig: what was swept is not known; draw it "
+            "in Python"
+        )
+    kinds = datasets.records() | {
+        kind.__name__: kind for kind in (Plan, Study, Refinement, Span)
+    }
     try:
         found: Plan = datasets.decode(json.loads(str(result.attrs[NOTE])), kinds)
         instance("rig", found.study.rig, Rig, "a rig")
@@ -193,14 +247,20 @@ _LASTING = tuple(each.name for each in fields(Runs) if each.name != "measure")
 
 
 def read_plan(path: str | os.PathLike[str]) -> Plan:
-    """Read a sweep file or the example of that name, and the rig file that it may name."""
+    """Read a sweep file or the example of that name, and the rig file that it may
+    name.
+    """
     source = Path(path)
     content = rigs.content_of(source, "sweep file", "`stickslip new phase_diagram`")
     return from_document(content, source.name, source.parent)
 
 
-def from_document(document: Mapping[str, Any], place: str = "sweep", directory: Path = Path()) -> Plan:
-    """Make a plan of the content of a file; a rig file that it names is looked for in `directory`."""
+def from_document(
+    document: Mapping[str, Any], place: str = "sweep", directory: Path = Path()
+) -> Plan:
+    """Make a plan of the content of a file; a rig file that it names is looked for
+    in `directory`.
+    """
     try:
         _check_keys(document, ("name", "rig", "axes", "run", "measure", "refine"), "")
         axes, run, refine = (document.get(key, {}) for key in ("axes", "run", "refine"))
@@ -208,7 +268,10 @@ def from_document(document: Mapping[str, Any], place: str = "sweep", directory: 
         _check_keys(run, (*_SIMULATED, *_LASTING), "run")
         _check_keys(refine, ("runs", "resolution"), "refine")
         refinement = Refinement(**refine) if "refine" in document else None
-        runs = Runs(measure=document.get("measure"), **{key: run[key] for key in _LASTING if key in run})
+        runs = Runs(
+            measure=document.get("measure"),
+            **{key: run[key] for key in _LASTING if key in run},
+        )
         rig = _rig_of(document.get("rig"), run, axes.get("velocity"), directory)
         instance("name", name := document.get("name", "sweep"), str, "a text")
         return _plan(rig, axes, runs, refinement, name)
@@ -223,25 +286,49 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
         place = f"rig: {Path(given).name}"
         given = rigs.content_of(directory / given)
     if not isinstance(given, Mapping):
-        raise InputError(f"rig = {shown(given)}: must be the name of a rig file, or a table [rig] with what one holds")
+        raise InputError(
+            f"rig = {shown(given)}: must be the name of a rig file, or a table [rig] "
+            "with what one holds"
+        )
     if "drive" not in given and speeds:  # the axis sets the speed
-        last = speeds.get("to") if isinstance(speeds, dict) else speeds[-1] if isinstance(speeds, list) else speeds
+        last = (
+            speeds.get("to")
+            if isinstance(speeds, dict)
+            else speeds[-1]
+            if isinstance(speeds, list)
+            else speeds
+        )
         given = {**given, "drive": {"velocity": last}}
     own = given.get("simulation", {})
     if isinstance(own, Mapping):
         other = run.get("method")
-        left = [key for key in ("contacts", "seed", "rtol") if other and other not in methods_with(key)]
+        left = [
+            key
+            for key in ("contacts", "seed", "rtol")
+            if other and other not in methods_with(key)
+        ]
         asked = {key: run[key] for key in _SIMULATED if key in run}
-        given = {**given, "simulation": {key: own[key] for key in own if key not in left} | asked}
+        given = {
+            **given,
+            "simulation": {key: own[key] for key in own if key not in left} | asked,
+        }
     try:
         return rigs.from_document(given, place)
     except InputError as error:
-        words = re.sub(r"\bsimulation\.(\w+)", lambda key: f"run.{key[1]}" if key[1] in run else key[0], str(error))
+        words = re.sub(
+            r"\bsimulation\.(\w+)",
+            lambda key: f"run.{key[1]}" if key[1] in run else key[0],
+            str(error),
+        )
         raise InputError(words) from None
 
 
-def _axis(name: str, given: Any, read: Callable[..., float], most: int) -> tuple[Any, ...] | Span:
-    """Values of a list or of ``{from, to, count, spacing}``; a `Span` where the count is left open."""
+def _axis(
+    name: str, given: Any, read: Callable[..., float], most: int
+) -> tuple[Any, ...] | Span:
+    """Values of a list or of ``{from, to, count, spacing}``; a `Span` where the
+    count is left open.
+    """
     place = f"axes.{name}"
 
     def value(given: object, place: str) -> Any:
@@ -249,38 +336,61 @@ def _axis(name: str, given: Any, read: Callable[..., float], most: int) -> tuple
             return _START.read(given, place, natural=True)
         if name in OTHERS:
             return whole(place, given, at_least=name == "contacts", at_most=2**53 - 1)
-        return read(given, place, BY_NAME[name].unit, sign="at least 0" if BY_NAME[name].zero else "above 0")
+        return read(
+            given,
+            place,
+            BY_NAME[name].unit,
+            sign="at least 0" if BY_NAME[name].zero else "above 0",
+        )
 
     if isinstance(given, Span):
         return given
     if not isinstance(given, Mapping) or name == "start":
-        listed = sequence(place, given, "a list of values, or a table with from, to and count")
+        listed = sequence(
+            place, given, "a list of values, or a table with from, to and count"
+        )
         return tuple(value(each, f"{place}.{i}") for i, each in enumerate(listed))
     _check_keys(given, ("from", "to", "count", "spacing"), place)
-    if missing := [key for key in (("count",) if name == "seed" else ("from", "to")) if key not in given]:
+    if missing := [
+        key
+        for key in (("count",) if name == "seed" else ("from", "to"))
+        if key not in given
+    ]:
         raise InputError(f"{place}.{missing[0]}: is missing")
     count = whole(f"{place}.count", given.get("count", 2), at_least=1, at_most=most)
     low, high = (value(given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
     if name == "seed":
         return tuple(range(low, low + count))
-    log = _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True) == "log"
+    log = (
+        _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True)
+        == "log"
+    )
     try:
         span = Span(low=low, high=high, log=log)
     except InputError as error:
-        raise error.at(f"{place}.{'to' if error.place == 'Span.high' else 'from'}") from None
+        raise error.at(
+            f"{place}.{'to' if error.place == 'Span.high' else 'from'}"
+        ) from None
     if "count" not in given:
         return span
     values = (np.geomspace if log else np.linspace)(low, high, count)
-    return tuple((np.unique(np.rint(values).astype(int)) if name == "contacts" else values).tolist())
+    return tuple(
+        (
+            np.unique(np.rint(values).astype(int)) if name == "contacts" else values
+        ).tolist()
+    )
 
 
 def _is_logarithmic(given: Any, values: Any) -> bool:
-    """Whether an axis is one of equal ratios: as it was given, or, of a list, by its values."""
+    """Whether an axis is one of equal ratios: as it was given, or, of a list, by its
+    values.
+    """
     if isinstance(given, Span | Mapping):
         return given.log if isinstance(given, Span) else given.get("spacing") == "log"
     if len(values) < 3 or isinstance(values[0], str) or min(values) <= 0:
         return False
-    steps, ratios = np.diff(np.sort(values)), np.diff(np.log(np.sort(values)))
+    steps = np.diff(np.sort(values))
+    ratios = np.diff(np.log(np.sort(values)))
     return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
 
 
@@ -301,15 +411,22 @@ def _plan(
     *,
     from_python: bool = False,
 ) -> Plan:
-    """Make a plan of a rig with its method and start; from Python, plain numbers are in SI units, too."""
+    """Make a plan of a rig with its method and start; from Python, plain numbers are
+    in SI units, too.
+    """
 
     def read(value: object, place: str, unit: str, sign: Any = "above 0") -> float:
         """A quantity in the rig's own units."""
         natural = rig.scales is None or (from_python and not isinstance(value, str))
-        key = Key(1.0) if unit == "1" else Key(f"2 {rig.unit_name(unit)}", unit=unit, sign=sign)
+        key = (
+            Key(1.0)
+            if unit == "1"
+            else Key(f"2 {rig.unit_name(unit)}", unit=unit, sign=sign)
+        )
         return float(key.read(value, place, natural=natural))
 
-    _check_keys(axes, (*BY_NAME, *OTHERS), "axes")  # parameters registered since then included
+    # parameters registered since then included
+    _check_keys(axes, (*BY_NAME, *OTHERS), "axes")
     most = whole("run.max_cases", runs.max_cases, at_least=1)
     values = {each: _axis(each, given, read, most) for each, given in axes.items()}
     _check(rig, values, refinement)
@@ -325,24 +442,49 @@ def _plan(
     )
     measure = sequence("measure", runs.measure or USUAL, "a list of names")
     if strange := [str(one) for one in measure if one not in MEASURES]:
-        raise InputError(f"measure: {strange[0]!r} is not measured in a sweep; {unknown(strange[0], MEASURES)}")
+        raise InputError(
+            f"measure: {strange[0]!r} is not measured in a sweep; "
+            f"{unknown(strange[0], MEASURES)}"
+        )
     return Plan(
         name=name,
         study=study,
         axes=values,
-        logarithmic=tuple(each for each, given in axes.items() if _is_logarithmic(given, values[each])),
-        measures=tuple(each for each in MEASURES if each in ("regime", "seed", *measure)),
+        logarithmic=tuple(
+            each for each, given in axes.items() if _is_logarithmic(given, values[each])
+        ),
+        measures=tuple(
+            each for each in MEASURES if each in ("regime", "seed", *measure)
+        ),
         refinement=refinement,
         max_cases=most,
     )
 
 
 def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> None:
-    """Refuse a rig that cannot be run along these axes, and axes that are none of a search."""
-    instance("rig.slider", rig.slider, Slider | ElasticBody, "a Slider, Chain or Sheet: an impedance has no motion")
-    instance("rig.simulation.start", rig.start, FromRest | FromSliding, "'from rest' or 'sliding' in a sweep")
-    if len(rig.drive.pieces) > 1 or rig.drive.pieces[0].start != rig.drive.pieces[0].end:
-        raise InputError("rig.drive.pieces: each run of a sweep holds one velocity; give drive.velocity")
+    """Refuse a rig that cannot be run along these axes, and axes that are none of a
+    search.
+    """
+    instance(
+        "rig.slider",
+        rig.slider,
+        Slider | ElasticBody,
+        "a Slider, Chain or Sheet: an impedance has no motion",
+    )
+    instance(
+        "rig.simulation.start",
+        rig.start,
+        FromRest | FromSliding,
+        "'from rest' or 'sliding' in a sweep",
+    )
+    if (
+        len(rig.drive.pieces) > 1
+        or rig.drive.pieces[0].start != rig.drive.pieces[0].end
+    ):
+        raise InputError(
+            "rig.drive.pieces: each run of a sweep holds one velocity; give "
+            "drive.velocity"
+        )
     check_method(rig.interface, rig.method, rig.slider)
     if rig.slider.mass == 0 and "mass" not in axes:
         raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
@@ -351,7 +493,13 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
         if name in BY_NAME:
             rig.value(name)  # it has one
         elif name != "start" and not isinstance(rig.method, DRAWN):
-            raise InputError(f"axes.{name}: changes nothing where no contacts are drawn; use method = 'contacts'")
+            raise InputError(
+                f"axes.{name}: changes nothing where no contacts are drawn; use method "
+                "= 'contacts'"
+            )
     spans = spans_of(axes, refinement)
     if spans and (strange := {*axes} - {*spans, "start"}):
-        raise InputError(f"axes.{strange.pop()}: [refine] takes start alone beside the two parameters")
+        raise InputError(
+            f"axes.{strange.pop()}: [refine] takes start alone beside the two "
+            "parameters"
+        )

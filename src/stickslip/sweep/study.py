@@ -1,4 +1,7 @@
-"""The case of a sweep of a rig: its parameters set, run and classified. Workers load this."""
+"""The case of a sweep of a rig: its parameters set, run and classified.
+
+Workers load this.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -10,15 +13,20 @@ from stickslip.model import FromRest, FromSliding, Rig, Slider, constant
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import simulate
 
-KINDS: tuple[str, ...] = get_args(Kind)  # what a regime can be; its place here is its code in the results
+# what a regime can be; its place here is its code in the results
+KINDS: tuple[str, ...] = get_args(Kind)
 FROM_REST, FROM_SLIDING = "from rest", "sliding"
 """How a run can start: at rest with relaxed contacts, or in steady smooth sliding."""
-PERTURBATION = 0.02  # of the velocity, where the master equation starts in smooth sliding; contacts perturb themselves
+# of the velocity, where the master equation starts in smooth sliding; contacts perturb
+# themselves
+PERTURBATION = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What all cases of a sweep share; called with the values of its axes, it runs one."""
+    """What all cases of a sweep share; called with the values of its axes, it runs
+    one.
+    """
 
     rig: Rig
     distance: float
@@ -30,13 +38,25 @@ class Study:
         """Run one case; return all of `MEASURES`, in the rig's own units."""
         seed = seed >> 10 if seed >= 2**53 else seed
         start = values.pop("start", self.start)
-        method, sliding = self.rig.method, FromSliding(perturbation=PERTURBATION)
+        method = self.rig.method
+        sliding = FromSliding(perturbation=PERTURBATION)
         if isinstance(method, DRAWN):
-            method, sliding = replace(method, count=values.pop("contacts", method.count), seed=seed), FromSliding()
+            method = replace(
+                method, count=values.pop("contacts", method.count), seed=seed
+            )
+            sliding = FromSliding()
         varied = self.rig.replace(**values)
-        rig = replace(varied.natural, method=method, start=FromRest() if start == FROM_REST else sliding)
+        rig = replace(
+            varied.natural,
+            method=method,
+            start=FromRest() if start == FROM_REST else sliding,
+        )
         slider = rig.slider
-        stiffness = slider.stiffness if isinstance(slider, Slider) else float(slider.pulled.mean())
+        stiffness = (
+            slider.stiffness
+            if isinstance(slider, Slider)
+            else float(slider.pulled.mean())
+        )
         distance = max(self.distance, self.cycles * (1.0 + 1.0 / stiffness))
         duration = max(distance / rig.velocity, self.duration)
         for extension in range(self.extensions + 1):
@@ -44,13 +64,28 @@ class Study:
             seen = regime(simulate(replace(rig, drive=drive), long=True))
             if seen.kind != "undecided":
                 break
-        names = ("peak_to_peak", "mean_force", "period", "period_variation", "drop", "drop_variation", "trend")
-        numbers = {name: float(getattr(seen, name)) for name in names} | {"slips": float(seen.cycles)}
+        names = (
+            "peak_to_peak",
+            "mean_force",
+            "period",
+            "period_variation",
+            "drop",
+            "drop_variation",
+            "trend",
+        )
+        numbers = {name: float(getattr(seen, name)) for name in names} | {
+            "slips": float(seen.cycles)
+        }
         fastest = math.nan if seen.largest_velocity is None else seen.largest_velocity
         numbers["largest_velocity"] = (seen.drive_velocity or math.nan) * fastest
         numbers["travel"] = drive.duration * rig.velocity
-        inside = {name: value * varied.unit(MEASURES[name][0]) for name, value in numbers.items()}
-        drawn: dict[str, float | str] = {"seed": seed} if isinstance(method, DRAWN) else {}
+        inside = {
+            name: value * varied.unit(MEASURES[name][0])
+            for name, value in numbers.items()
+        }
+        drawn: dict[str, float | str] = (
+            {"seed": seed} if isinstance(method, DRAWN) else {}
+        )
         return {"regime": seen.kind, "reason": seen.reason} | inside | drawn
 
     @property
@@ -69,12 +104,24 @@ MEASURES: dict[str, tuple[str, str]] = {
     "drop": ("f_s", "mean force drop"),
     "drop_variation": ("1", "coefficient of variation of the force drops"),
     "largest_velocity": ("x_s/time", "largest velocity of the slider"),
-    "trend": ("1", "force drops in the second half of the time evaluated over those in the first"),
+    "trend": (
+        "1",
+        "force drops in the second half of the time evaluated over those in the first",
+    ),
     "travel": ("x_s", "distance that the drive went"),
     "reason": ("1", "why the regime was called so"),
     "seed": ("1", "seed of the contacts"),
 }
 """What is measured of a case: natural unit, and what it is. All of it is stored."""
 
-USUAL = ("regime", "peak_to_peak", "mean_force", "period", "slips", "largest_velocity", "travel", "reason")
+USUAL = (
+    "regime",
+    "peak_to_peak",
+    "mean_force",
+    "period",
+    "slips",
+    "largest_velocity",
+    "travel",
+    "reason",
+)
 """What is in the results unless the file says otherwise."""

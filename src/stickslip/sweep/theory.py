@@ -1,4 +1,6 @@
-"""What theory says of a sweep: the computed boundary of smooth sliding, and how far stick-slip persists beyond it."""
+"""What theory says of a sweep: the computed boundary of smooth sliding, and how far
+stick-slip persists beyond it.
+"""
 
 import itertools
 
@@ -13,38 +15,59 @@ from stickslip.stability import boundary, critical
 from stickslip.sweep.plan import plan_of
 
 
-def with_theory(result: xr.Dataset, *, bistable: bool = False, progress: Progress | None = None) -> xr.Dataset:
-    """Add the computed boundary of smooth sliding to the results of a sweep over one or two parameters.
+def with_theory(
+    result: xr.Dataset, *, bistable: bool = False, progress: Progress | None = None
+) -> xr.Dataset:
+    """Add the computed boundary of smooth sliding to the results of a sweep over one or
+    two parameters.
 
-    The result is from `Plan.run`, `sweep` or `open_plan`; other parameters that were swept are at the value selected.
-    If `bistable`, stick-slip is followed from the boundary to where its branch ends as well, which takes seconds for
-    each of a few values of the first parameter (nonlinear; `stickslip.cycles`).
+    The result is from `Plan.run`, `sweep` or `open_plan`; other parameters that were
+    swept are at the value selected. If `bistable`, stick-slip is followed from the
+    boundary to where its branch ends as well, which takes seconds for each of a few
+    values of the first parameter (nonlinear; `stickslip.cycles`).
 
-    Added are ``edge_<parameter>`` along ``point`` (and ``edge_curve`` in a plane), ``band_...`` along ``band``; the
-    attribute ``theory`` says what is there, or why nothing is.
+    Added are ``edge_<parameter>`` along ``point`` (and ``edge_curve`` in a plane),
+    ``band_...`` along ``band``; the attribute ``theory`` says what is there, or why
+    nothing is.
     """
     plan = plan_of(result)
     order = plan.parameters if "run" in result.dims else result["regime"].dims
-    ranges = {str(name): _reach(result[name]) for name in order if name in plan.parameters}
-    fixed = {name: float(result[name]) for name in plan.parameters if name in result and result[name].ndim == 0}
+    ranges = {
+        str(name): _reach(result[name]) for name in order if name in plan.parameters
+    }
+    fixed = {
+        name: float(result[name])
+        for name in plan.parameters
+        if name in result and result[name].ndim == 0
+    }
     rig = plan.study.rig.replace(**fixed)
     try:
         if not 1 <= len(ranges) <= 2:
             raise InputError("it is drawn over one parameter or two")
-        found = _on_line(rig, ranges, bistable) if len(ranges) == 1 else _in_plane(rig, ranges, bistable, progress)
+        found = (
+            _on_line(rig, ranges, bistable)
+            if len(ranges) == 1
+            else _in_plane(rig, ranges, bistable, progress)
+        )
     except (InputError, UndecidedError) as reason:
         return result.assign_attrs(theory=f"no linear boundary: {reason}")
     for name, part in itertools.product(ranges, found.variables):
         if f"_{name}" in str(part):
             found[part] = found[part].assign_attrs(result[name].attrs)
-    words = "linear stability of smooth sliding" + (", cycles of the master equation" if bistable else "")
+    words = "linear stability of smooth sliding" + (
+        ", cycles of the master equation" if bistable else ""
+    )
     if not found.sizes["point"]:
         words = "no linear boundary in this window"
-    return xr.merge([result, found], combine_attrs="override", compat="override").assign_attrs(theory=words)
+    return xr.merge(
+        [result, found], combine_attrs="override", compat="override"
+    ).assign_attrs(theory=words)
 
 
 def _reach(axis: xr.DataArray) -> tuple[float, float]:
-    """Ends of an axis, half a step beyond its values where that makes sense: cells reach so far."""
+    """Ends of an axis, half a step beyond its values where that makes sense: cells
+    reach so far.
+    """
     values = np.unique(axis.to_numpy().astype(float))
     if "run" in axis.dims or values.size < 2:
         return float(values[0]), float(values[-1])
@@ -56,23 +79,46 @@ def _reach(axis: xr.DataArray) -> tuple[float, float]:
 
 
 def _in_plane(
-    rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool, progress: Progress | None
+    rig: Rig,
+    ranges: dict[str, tuple[float, float]],
+    bistable: bool,
+    progress: Progress | None,
 ) -> xr.Dataset:
-    (one, other), between = ranges, (*ranges.values(),)
+    one, other = ranges
+    between = (*ranges.values(),)
     edge = boundary(rig, over=(one, other), between=(between[0], between[1]))
-    found = edge[[one, other, "curve"]].rename({name: f"edge_{name}" for name in (one, other, "curve")})
+    found = edge[[one, other, "curve"]].rename(
+        {name: f"edge_{name}" for name in (one, other, "curve")}
+    )
     if bistable:
-        bands = bistable_region(rig, over=(one, other), edge=edge, between=between[1], places=17, progress=progress)
+        bands = bistable_region(
+            rig,
+            over=(one, other),
+            edge=edge,
+            between=between[1],
+            places=17,
+            progress=progress,
+        )
         found = found.merge(bands)
     return found.drop_attrs(deep=False)
 
 
-def _on_line(rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool) -> xr.Dataset:
+def _on_line(
+    rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool
+) -> xr.Dataset:
     ((parameter, between),) = ranges.items()
     bands = list(bistable_range(rig, parameter, between=between)) if bistable else []
     columns = {
-        f"edge_{parameter}": ("point", [edge.value for edge in critical(rig, parameter, between=between).edges]),
+        f"edge_{parameter}": (
+            "point",
+            [edge.value for edge in critical(rig, parameter, between=between).edges],
+        ),
         f"band_{parameter}_low": ("band", [band.low.value for band in bands]),
         f"band_{parameter}_high": ("band", [band.high.value for band in bands]),
     }
-    return xr.Dataset({name: (dim, np.array(values, dtype=float)) for name, (dim, values) in columns.items()})
+    return xr.Dataset(
+        {
+            name: (dim, np.array(values, dtype=float))
+            for name, (dim, values) in columns.items()
+        }
+    )

@@ -1,7 +1,8 @@
-"""What every solver is to the driver: an engine that goes on along a leg of the way, and where engines are registered.
+"""What every solver is to the driver: an engine that goes on along a leg of the way,
+and where engines are registered.
 
-To add a solver, write a class that has what `Engine` asks for and register it, with `solves`, for the method that
-selects it.
+To add a solver, write a class that has what `Engine` asks for and register it, with
+`solves`, for the method that selects it.
 """
 
 import copy
@@ -19,7 +20,16 @@ from stickslip.errors import InputError, UndecidedError, shown
 from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.oscillator import Slider as SliderConstants
-from stickslip.model import ElasticBody, ExponentialGrowth, FromRest, FromSliding, Interface, Prestressed, Slider, Start
+from stickslip.model import (
+    ElasticBody,
+    ExponentialGrowth,
+    FromRest,
+    FromSliding,
+    Interface,
+    Prestressed,
+    Slider,
+    Start,
+)
 from stickslip.model.activation import Activation
 from stickslip.model.ageing import FixedGrowth
 from stickslip.model.distribution import check_density
@@ -37,15 +47,18 @@ COLUMNS = (
     "damped_energy",
     "broken_energy",
 )
-"""What an engine samples, in this order; one that does not know the energies stops after `MOTION`."""
+"""What an engine samples, in this order; one that does not know the energies stops
+after `MOTION`.
+"""
 MOTION = COLUMNS[:4]
 
 
 class Leg(NamedTuple):
-    """A part of the way on which the drive moves by one rule, up to the time `end` or to the first sample with `stop`.
+    """A part of the way on which the drive moves by one rule, up to the time `end` or
+    to the first sample with `stop`.
 
-    `times` are those of the samples still wanted, `looks` those at which stretchings are.
-    Looking never changes the motion.
+    `times` are those of the samples still wanted, `looks` those at which stretchings
+    are. Looking never changes the motion.
     """
 
     drive: Quadratic
@@ -57,11 +70,16 @@ class Leg(NamedTuple):
     def drive_position(self, t: Array) -> Array:
         """Position of the drive at times `t`."""
         since = t - self.drive.start
-        return np.asarray(self.drive.position + since * (self.drive.velocity + 0.5 * self.drive.acceleration * since))
+        return np.asarray(
+            self.drive.position
+            + since * (self.drive.velocity + 0.5 * self.drive.acceleration * since)
+        )
 
 
 class Stretchings(NamedTuple):
-    """Stretchings at a moment and the fraction of all contacts at each; `cells`: each stands for its neighbourhood."""
+    """Stretchings at a moment and the fraction of all contacts at each; `cells`:
+    each stands for its neighbourhood.
+    """
 
     stretching: Array
     fraction: Array
@@ -69,14 +87,18 @@ class Stretchings(NamedTuple):
 
 
 class Individuals(NamedTuple):
-    """Every contact by itself, in an order that stays; stretchings of detached contacts mean nothing."""
+    """Every contact by itself, in an order that stays; stretchings of detached
+    contacts mean nothing.
+    """
 
     stretching: Array
     attached: NDArray[np.bool_]
 
 
 class Advance(NamedTuple):
-    """What an engine has passed on a leg: samples, looks, and whether it has come to the end."""
+    """What an engine has passed on a leg: samples, looks, and whether it has come to
+    the end.
+    """
 
     rows: Array
     looks: tuple[Stretchings, ...]
@@ -85,7 +107,9 @@ class Advance(NamedTuple):
 
 @dataclass(frozen=True)
 class Beginning:
-    """What a run begins with; no slider is rigid motion, and the velocity is the drive's first."""
+    """What a run begins with; no slider is rigid motion, and the velocity is the
+    drive's first.
+    """
 
     interface: Interface
     slider: Slider | ElasticBody | None
@@ -93,23 +117,39 @@ class Beginning:
     start: Start = FromRest()
 
     def __post_init__(self) -> None:
-        start, elastic = self.start, isinstance(self.slider, ElasticBody)
-        of_blocks = isinstance(start, Prestressed) or self.at_rest or isinstance(self.perturbation, tuple)
+        start = self.start
+        elastic = isinstance(self.slider, ElasticBody)
+        of_blocks = (
+            isinstance(start, Prestressed)
+            or self.at_rest
+            or isinstance(self.perturbation, tuple)
+        )
         if of_blocks and not elastic:
-            raise InputError(f"Rig.start = {start}: is for an elastic slider, a Chain or a Sheet; start FromRest()")
+            raise InputError(
+                f"Rig.start = {start}: is for an elastic slider, a Chain or a Sheet; "
+                "start FromRest()"
+            )
         if not self.sliding:
             return
         if isinstance(self.slider, ElasticBody) and self.at_rest > self.slider.size:
             raise InputError(
-                f"FromSliding.at_rest = {self.at_rest}: there are {self.slider.size} blocks; give fewer",
+                (
+                    f"FromSliding.at_rest = {self.at_rest}: there are "
+                    f"{self.slider.size} "
+                    "blocks; give fewer"
+                ),
                 "FromSliding.at_rest",
             )
         if self.velocity <= 0:
             raise InputError(
-                f"FromSliding: the drive starts at velocity {self.velocity:g}: steady sliding needs one above 0"
+                f"FromSliding: the drive starts at velocity {self.velocity:g}: steady "
+                "sliding needs one above 0"
             )
         if math.isinf(self.interface.delay.moment(1)):
-            raise InputError("FromSliding: contacts that never re-attach have no steady sliding; start FromRest()")
+            raise InputError(
+                "FromSliding: contacts that never re-attach have no steady sliding; "
+                "start FromRest()"
+            )
 
     @property
     def sliding(self) -> bool:
@@ -118,12 +158,16 @@ class Beginning:
 
     @property
     def at_rest(self) -> int:
-        """How many of the first blocks of an elastic slider stand still while the others slide."""
+        """How many of the first blocks of an elastic slider stand still while the
+        others slide.
+        """
         return self.start.at_rest if isinstance(self.start, FromSliding) else 0
 
     @property
     def perturbation(self) -> float | tuple[float, ...]:
-        """By what part the slider is faster than in steady sliding, or each block of an elastic one."""
+        """By what part the slider is faster than in steady sliding, or each block of
+        an elastic one.
+        """
         return self.start.perturbation if isinstance(self.start, FromSliding) else 0.0
 
     @property
@@ -132,7 +176,11 @@ class Beginning:
         if self.slider is None:
             return self.velocity
         by = self.perturbation
-        return 0.0 if isinstance(by, tuple) or not self.sliding else self.velocity * (1.0 + by)
+        return (
+            0.0
+            if isinstance(by, tuple) or not self.sliding
+            else self.velocity * (1.0 + by)
+        )
 
     @property
     def attached(self) -> float:
@@ -141,7 +189,9 @@ class Beginning:
         return path / (path + self.velocity * self.interface.delay.moment(1))
 
     def drive_position(self, contact_force: float) -> float:
-        """Position of the drive at time 0: a slider that starts sliding starts in balance."""
+        """Position of the drive at time 0: a slider that starts sliding starts in
+        balance.
+        """
         if self.slider is None or not self.sliding:
             return 0.0
         drag = self.slider.mass * self.slider.damping * self.velocity
@@ -152,17 +202,23 @@ class Beginning:
 
 
 class Engine(Protocol):
-    """Contacts and a slider on their way: a state, and a kernel that advances it leg by leg.
+    """Contacts and a slider on their way: a state, and a kernel that advances it leg by
+    leg.
 
-    `stickslip.simulation.follow` joins legs to drives. What has a body here will do for most.
+    `stickslip.simulation.follow` joins legs to drives. What has a body here will do for
+    most.
     """
 
     columns: ClassVar[tuple[str, ...]]
     """What its samples hold: the first of `COLUMNS`, at least `MOTION`."""
     angle: ClassVar[float]
-    """Default distance of samples, in radians of the fastest oscillation of the slider."""
+    """Default distance of samples, in radians of the fastest oscillation of the
+    slider.
+    """
     mechanisms: ClassVar[frozenset[str]] = frozenset()
-    """What it takes of `Interface.mechanisms` besides ageing; the rest is refused before it is asked."""
+    """What it takes of `Interface.mechanisms` besides ageing; the rest is refused
+    before it is asked.
+    """
     smooth: ClassVar[bool] = False
     """Whether thresholds must have a density."""
     slider: SliderConstants | ElasticBody
@@ -174,7 +230,9 @@ class Engine(Protocol):
 
     @staticmethod
     def cost(rig: Rig, method: Any, course: Course) -> tuple[Part, ...]:  # noqa: ARG004
-        """Return the work of a run but for samples, by part: that of the slider, where of contacts nothing is known."""
+        """Return the work of a run but for samples, by part: that of the slider,
+        where of contacts nothing is known.
+        """
         return oscillation(rig, course.turns)
 
     def __init__(self, beginning: Beginning, method: Any) -> None: ...
@@ -193,11 +251,15 @@ class Engine(Protocol):
         return float(np.sum(x * fraction))
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on along a leg, for a while (some 50 ms) or to its end; samples on the end are included."""
+        """Go on along a leg, for a while (some 50 ms) or to its end; samples on the
+        end are included.
+        """
         ...
 
     def marks(self) -> dict[str, Array]:
-        """Return what has happened once to each block of an elastic slider, by the name it has in a run."""
+        """Return what has happened once to each block of an elastic slider, by the
+        name it has in a run.
+        """
         return {}
 
     def copy(self) -> Self:
@@ -212,13 +274,20 @@ E = TypeVar("E", bound=type)
 
 
 ENGINES: dict[tuple[type, type, type, bool], type[Engine]] = {}
-"""Engines by kind of method, of ageing, of thermal activation, and whether for elastic sliders; `solves` adds to it."""
+"""Engines by kind of method, of ageing, of thermal activation, and whether for
+elastic sliders; `solves` adds to it.
+"""
 
 
 def solves(
-    method: type, *ageing: type, temperature: tuple[type, ...] = (type(None),), elastic: bool = False
+    method: type,
+    *ageing: type,
+    temperature: tuple[type, ...] = (type(None),),
+    elastic: bool = False,
 ) -> Callable[[E], E]:
-    """Register an engine for a method on contacts with one of these kinds of ageing and temperature, or none."""
+    """Register an engine for a method on contacts with one of these kinds of ageing
+    and temperature, or none.
+    """
 
     def register(engine: E) -> E:
         for kind in ageing or (type(None),):
@@ -229,15 +298,21 @@ def solves(
     return register
 
 
-def engine_of(interface: Interface, method: object, slider: object = None) -> type[Engine]:
-    """Return the engine for a method on an interface, under a slider; `InputError` if it cannot be taken."""
-    parts, elastic = _parts(interface), isinstance(slider, ElasticBody)
+def engine_of(
+    interface: Interface, method: object, slider: object = None
+) -> type[Engine]:
+    """Return the engine for a method on an interface, under a slider; `InputError`
+    if it cannot be taken.
+    """
+    parts = _parts(interface)
+    elastic = isinstance(slider, ElasticBody)
     engine = _engine(type(method), interface, parts, elastic)
     if engine is None:
         raise _refusal(interface, method, slider)
     if getattr(method, "memoryless", False) and (elastic or {*parts} - {"on_arrest"}):
         raise InputError(
-            "MasterEquation(memoryless=True): is for a rigid slider on contacts with a delay and nothing else of their "
+            "MasterEquation(memoryless=True): is for a rigid slider on contacts with a "
+            "delay and nothing else of their "
             "own; leave it out"
         )
     if engine.smooth:
@@ -248,20 +323,37 @@ def engine_of(interface: Interface, method: object, slider: object = None) -> ty
 
 def _parts(interface: Interface) -> list[str]:
     """What an engine may not take of an interface, ageing and temperature first."""
-    return sorted(interface.mechanisms, key=lambda part: (part != "ageing", part != "temperature", part))
+    return sorted(
+        interface.mechanisms,
+        key=lambda part: (part != "ageing", part != "temperature", part),
+    )
 
 
-def _engine(method: type, interface: Interface, parts: Collection[str], elastic: bool) -> type[Engine] | None:
+def _engine(
+    method: type, interface: Interface, parts: Collection[str], elastic: bool
+) -> type[Engine] | None:
     """Return the engine for an interface that has only these of its parts."""
-    ageing, breaking = (type(getattr(interface, part) if part in parts else None) for part in ("ageing", "temperature"))
+    ageing, breaking = (
+        type(getattr(interface, part) if part in parts else None)
+        for part in ("ageing", "temperature")
+    )
     engine = ENGINES.get((method, ageing, breaking, elastic))
-    return engine if engine is not None and engine.mechanisms.issuperset({*parts} - {"ageing"}) else None
+    return (
+        engine
+        if engine is not None and engine.mechanisms.issuperset({*parts} - {"ageing"})
+        else None
+    )
 
 
 def _refusal(interface: Interface, method: object, slider: object) -> InputError:
-    """Return why there is no engine: the method or the slider, or what cannot be taken together, or at all."""
-    elastic, kind, parts = isinstance(slider, ElasticBody), type(method), _parts(interface)
-    name, body = kind.__name__, type(slider).__name__ if elastic else "Slider"
+    """Return why there is no engine: the method or the slider, or what cannot be
+    taken together, or at all.
+    """
+    elastic = isinstance(slider, ElasticBody)
+    kind = type(method)
+    parts = _parts(interface)
+    name = kind.__name__
+    body = type(slider).__name__ if elastic else "Slider"
     known = {taken for taken, *_, bound in ENGINES if bound is elastic}
 
     def takes(other: type, some: Collection[str]) -> bool:
@@ -282,41 +374,75 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
         return f"{field} = {getattr(interface, field)!r}"
 
     if kind not in known:
-        return InputError(f"method = {shown(method)}: is not for a {body}; {use(()) or 'there is none'}")
-    for first, *others in chain(*(combinations(parts, size) for size in range(1, len(parts) + 1))):
+        return InputError(
+            f"method = {shown(method)}: is not for a {body}; "
+            f"{use(()) or 'there is none'}"
+        )
+    for first, *others in chain(
+        *(combinations(parts, size) for size in range(1, len(parts) + 1))
+    ):
         if not _engine(kind, interface, [first, *others], elastic):
-            who, leave = name, "leave it out"
+            who = name
+            leave = "leave it out"
             if others:
-                who, leave = f"{name} together with {' and '.join(map(said, others))}", "leave one out"
+                who = f"{name} together with {' and '.join(map(said, others))}"
+                leave = "leave one out"
             elif not use([first]):
-                who, leave = (f"a {body}", leave) if elastic else (name, f"no solver takes it; {leave}")
-            return InputError(f"Interface.{said(first)}: not available with {who}; {use(parts) or leave}")
-    return InputError(f"{name}: is only for contacts that age, or at a temperature; use MasterEquation")
+                who, leave = (
+                    (f"a {body}", leave)
+                    if elastic
+                    else (name, f"no solver takes it; {leave}")
+                )
+            return InputError(
+                f"Interface.{said(first)}: not available with {who}; "
+                f"{use(parts) or leave}"
+            )
+    return InputError(
+        f"{name}: is only for contacts that age, or at a temperature; use "
+        "MasterEquation"
+    )
 
 
 def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:
     """Return a slider as the kernels take it; none is rigid motion."""
     assert not isinstance(slider, ElasticBody)
-    return RIGID if slider is None else SliderConstants(slider.stiffness, slider.mass, slider.damping)
+    return (
+        RIGID
+        if slider is None
+        else SliderConstants(slider.stiffness, slider.mass, slider.damping)
+    )
 
 
 def check_newborns(interface: Interface) -> None:
-    """Raise `InputError` for newborns without strength: they break as soon as they attach."""
-    if isinstance(interface.ageing, ExponentialGrowth) and interface.ageing.newborn == 0:
-        which = "MasterEquation" if interface.temperature is None else "Interface.temperature"
+    """Raise `InputError` for newborns without strength: they break as soon as they
+    attach.
+    """
+    if (
+        isinstance(interface.ageing, ExponentialGrowth)
+        and interface.ageing.newborn == 0
+    ):
+        which = (
+            "MasterEquation"
+            if interface.temperature is None
+            else "Interface.temperature"
+        )
         raise InputError(
-            f"ExponentialGrowth.newborn = 0 with {which}: contacts with zero threshold break as soon as they attach; "
+            f"ExponentialGrowth.newborn = 0 with {which}: contacts with zero threshold "
+            "break as soon as they attach; "
             "give newborn > 0"
         )
 
 
 def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ...]:
-    """Return the looks that fall before a time: a copy goes there, so that the run itself need not stop."""
+    """Return the looks that fall before a time: a copy goes there, so that the run
+    itself need not stop.
+    """
     seen = []
     for look in leg.looks:
         if look > until:
             break
-        aside, part = before.copy(), leg._replace(end=look, times=np.empty(0), stop=Stop(), looks=())
+        aside = before.copy()
+        part = leg._replace(end=look, times=np.empty(0), stop=Stop(), looks=())
         while not aside.advance(part).over:
             pass
         seen.append(aside.stretchings())
@@ -324,7 +450,8 @@ def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ..
 
 
 class Cohorts(Engine):
-    """Contacts that attached together, as one; a class says which kernel follows them, and what it is told.
+    """Contacts that attached together, as one; a class says which kernel follows them,
+    and what it is told.
 
     Their state has a record of motion, and no kernel changes it.
     """
@@ -332,7 +459,9 @@ class Cohorts(Engine):
     columns = COLUMNS
     angle = 0.1
     kernel: ClassVar[Callable[..., Any]]
-    """Goes on from a state, in a case, to a time, with samples and a condition, by so many steps."""
+    """Goes on from a state, in a case, to a time, with samples and a condition, by
+    so many steps.
+    """
     steps: ClassVar[int]
     """Steps in an advance."""
     state: Any
@@ -351,15 +480,25 @@ class Cohorts(Engine):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
-        before, case = self.copy(), self._case._replace(drive=leg.drive)
-        self.state, records, reason = type(self).kernel(self.state, case, leg.end, leg.times, leg.stop, self.steps)
+        before = self.copy()
+        case = self._case._replace(drive=leg.drive)
+        self.state, records, reason = type(self).kernel(
+            self.state, case, leg.end, leg.times, leg.stop, self.steps
+        )
         if reason == UNSOLVED:
             raise UndecidedError(
-                f"{self._method}: no step, however short, can be solved from here on; use another rtol, or Contacts"
+                f"{self._method}: no step, however short, can be solved from here on; "
+                "use another rtol, or Contacts"
             )
         # Records of motion begin with what a run samples.
-        rows = np.asarray(records).view(float).reshape(len(records), len(records.dtype))[:, : len(COLUMNS)]
-        return Advance(rows, looks_aside(before, leg, self.here()[0]), over=reason != PAUSED)
+        rows = (
+            np.asarray(records)
+            .view(float)
+            .reshape(len(records), len(records.dtype))[:, : len(COLUMNS)]
+        )
+        return Advance(
+            rows, looks_aside(before, leg, self.here()[0]), over=reason != PAUSED
+        )
 
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""

@@ -1,4 +1,6 @@
-"""What contacts are like at the beginning of a run: drawn one by one, or as nodes of a quadrature."""
+"""What contacts are like at the beginning of a run: drawn one by one, or as nodes of
+a quadrature.
+"""
 
 import math
 from functools import lru_cache
@@ -8,7 +10,16 @@ import numpy as np
 from stickslip.kernels.boxes import Rule, lifetimes
 from stickslip.kernels.breaking import Breaking
 from stickslip.kernels.survival import Table, tabulate, values_at
-from stickslip.model import Bell, Delay, DelayModel, FixedGrowth, FromSliding, Interface, OnArrest, Parabolic
+from stickslip.model import (
+    Bell,
+    Delay,
+    DelayModel,
+    FixedGrowth,
+    FromSliding,
+    Interface,
+    OnArrest,
+    Parabolic,
+)
 from stickslip.model.distributions import Distribution, SteadyState
 from stickslip.model.drive import Piece
 from stickslip.model.newborn import stretchings_within, thresholds_beyond
@@ -22,27 +33,37 @@ _BLURRED = 1e-10  # error of the survival at a temperature
 
 
 def generators(seed: int, count: int = 3) -> list[np.random.Generator]:
-    """Return streams of random numbers: of initial stretchings, of thresholds, of delays, and as many as are wanted."""
-    return [np.random.default_rng(part) for part in np.random.SeedSequence(seed).spawn(count)]
+    """Return streams of random numbers: of initial stretchings, of thresholds, of
+    delays, and as many as are wanted.
+    """
+    return [
+        np.random.default_rng(part)
+        for part in np.random.SeedSequence(seed).spawn(count)
+    ]
 
 
 def first_contacts(
     beginning: Beginning, count: int, rng: np.random.Generator, factor: float = 1.0
 ) -> tuple[Array, Array, Array]:
-    """Draw stretchings and thresholds of all contacts (detached ones last), and when the latter re-attach.
+    """Draw stretchings and thresholds of all contacts (detached ones last), and when
+    the latter re-attach.
 
-    Thresholds are `factor` times those of the distribution; of contacts of different areas, the root.
+    Thresholds are `factor` times those of the distribution; of contacts of different
+    areas, the root.
     """
     interface = beginning.interface
     if beginning.sliding and ("newborn" in interface.mechanisms or factor != 1.0):
         start, threshold = newborns(interface, 4 * count + 1000, factor, rng, rng)
         return lives_met(beginning, count, rng, start, threshold, threshold)[:3]
-    initial, attached = interface.initial, count
+    initial = interface.initial
+    attached = count
     if beginning.sliding:
         initial = SteadyState(thresholds=interface.threshold_distribution)
         attached = round(count * beginning.attached)
     x = stretchings_within(initial, rng, attached, _largest(interface))
-    return with_detached(beginning, count, rng, x, _thresholds_of(interface, rng, x, factor))
+    return with_detached(
+        beginning, count, rng, x, _thresholds_of(interface, rng, x, factor)
+    )
 
 
 def track_factor(interface: Interface, rng: np.random.Generator) -> float:
@@ -54,9 +75,15 @@ def track_factor(interface: Interface, rng: np.random.Generator) -> float:
 
 
 def newborns(
-    interface: Interface, size: int, factor: float, newborns: np.random.Generator, thresholds: np.random.Generator
+    interface: Interface,
+    size: int,
+    factor: float,
+    newborns: np.random.Generator,
+    thresholds: np.random.Generator,
 ) -> tuple[Array, Array]:
-    """Draw stretchings of contacts that re-attach, along the motion, and their thresholds."""
+    """Draw stretchings of contacts that re-attach, along the motion, and their
+    thresholds.
+    """
     if interface.newborn is not None:
         x = stretchings_within(interface.newborn, newborns, size, _largest(interface))
         return x, _thresholds_of(interface, thresholds, x, factor)
@@ -70,51 +97,82 @@ def _largest(interface: Interface) -> float:
     return largest if interface.areas is None else math.sqrt(largest)
 
 
-def _thresholds_of(interface: Interface, rng: np.random.Generator, x: Array, factor: float) -> Array:
+def _thresholds_of(
+    interface: Interface, rng: np.random.Generator, x: Array, factor: float
+) -> Array:
     """Draw thresholds that hold contacts of these stretchings."""
     if interface.areas is None:
         return thresholds_beyond(interface.threshold_distribution, rng, x, factor)
-    return np.sqrt(thresholds_beyond(interface.threshold_distribution, rng, x * x, factor))
+    return np.sqrt(
+        thresholds_beyond(interface.threshold_distribution, rng, x * x, factor)
+    )
 
 
 def lives_met(
-    beginning: Beginning, count: int, rng: np.random.Generator, start: Array, threshold: Array, reached: Array
+    beginning: Beginning,
+    count: int,
+    rng: np.random.Generator,
+    start: Array,
+    threshold: Array,
+    reached: Array,
 ) -> tuple[Array, Array, Array, Array]:
-    """Draw the contacts of steady sliding from lifetimes, as `first_contacts`, and how far each has come since.
+    """Draw the contacts of steady sliding from lifetimes, as `first_contacts`, and how
+    far each has come since.
 
-    Lives go from stretchings at the `start` to those `reached`; long ones are met more often.
+    Lives go from stretchings at the `start` to those `reached`; long ones are met more
+    often.
     """
     path = reached - start
     mean = float(path.mean())
     away = beginning.velocity * beginning.interface.delay.moment(1)
     attached = round(count * mean / (mean + away)) if mean > 0.0 else 0
-    met = rng.choice(path.size, attached, p=path / path.sum()) if attached else np.empty(0, dtype=np.intp)
-    gone = path[met] * rng.random(attached)
-    return *with_detached(beginning, count, rng, gone + start[met], threshold[met]), np.append(
-        gone, np.zeros(count - attached)
+    met = (
+        rng.choice(path.size, attached, p=path / path.sum())
+        if attached
+        else np.empty(0, dtype=np.intp)
     )
+    gone = path[met] * rng.random(attached)
+    return *with_detached(
+        beginning, count, rng, gone + start[met], threshold[met]
+    ), np.append(gone, np.zeros(count - attached))
 
 
 def with_detached(
-    beginning: Beginning, count: int, rng: np.random.Generator, x: Array, threshold: Array
+    beginning: Beginning,
+    count: int,
+    rng: np.random.Generator,
+    x: Array,
+    threshold: Array,
 ) -> tuple[Array, Array, Array]:
     """Add the contacts that are detached, and when they re-attach."""
     none = np.zeros(count - x.size)
-    return np.append(x, none), np.append(threshold, none), pending_times(beginning.interface.delay, none.size, rng)
+    return (
+        np.append(x, none),
+        np.append(threshold, none),
+        pending_times(beginning.interface.delay, none.size, rng),
+    )
 
 
 def pending_times(delay: DelayModel, detached: int, rng: np.random.Generator) -> Array:
-    """Draw when contacts that are caught in the middle of a delay re-attach: long delays are met more often."""
+    """Draw when contacts that are caught in the middle of a delay re-attach: long
+    delays are met more often.
+    """
     if isinstance(delay, Delay):
         return delay.time * rng.random(detached)
     if not detached:
         return np.empty(0)
     pool = delay.sample(rng, 4 * detached + 1000)
-    return np.asarray(rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached))
+    return np.asarray(
+        rng.choice(pool, detached, p=pool / pool.sum()) * rng.random(detached)
+    )
 
 
-def survival_of(distribution: Distribution, width: float = 0.0, squared: bool = False) -> Table:
-    """Return the survival of thresholds as kernels take it; with a width that of newborns, at ``u = A ln G``."""
+def survival_of(
+    distribution: Distribution, width: float = 0.0, squared: bool = False
+) -> Table:
+    """Return the survival of thresholds as kernels take it; with a width that of
+    newborns, at ``u = A ln G``.
+    """
     table: Table = _survival_of(hashable(distribution), width, squared)
     return table
 
@@ -123,69 +181,116 @@ def survival_of(distribution: Distribution, width: float = 0.0, squared: bool = 
 def _survival_of(distribution: Distribution, width: float, squared: bool) -> Table:
     if width == 0.0:
         return tabulate(distribution.survival, *end_and_knots(distribution))
-    known, end, knots = survival_of(distribution), distribution.support[1], np.array(distribution.knots)
+    known = survival_of(distribution)
+    end = distribution.support[1]
+    knots = np.array(distribution.knots)
 
     def survival(at: Array) -> Array:
         return values_at(known, np.sqrt(2.0 * at) if squared else at)
 
     def blurred(u: Array) -> Array:
-        return blurred_survival(survival, width, u, tuple(0.5 * knots**2 if squared else knots))
+        return blurred_survival(
+            survival, width, u, tuple(0.5 * knots**2 if squared else knots)
+        )
 
     high = (0.5 * end**2 if squared else end) + 3.8 * width
-    return tabulate(blurred, high, np.empty(0), tolerance=_BLURRED, most=4096, low=-38.0 * width)
+    return tabulate(
+        blurred, high, np.empty(0), tolerance=_BLURRED, most=4096, low=-38.0 * width
+    )
 
 
 def breaking_of(interface: Interface) -> Breaking:
-    """Return how contacts break as kernels take it, where a clock and a reach say what is left of them."""
-    distribution, temperature = interface.threshold_distribution, interface.temperature
-    growth, table = growth_of(interface.ageing), survival_of(distribution)
+    """Return how contacts break as kernels take it, where a clock and a reach say
+    what is left of them.
+    """
+    distribution = interface.threshold_distribution
+    temperature = interface.temperature
+    growth = growth_of(interface.ageing)
+    table = survival_of(distribution)
     if isinstance(temperature, (Bell, Parabolic)):
         squared = isinstance(temperature, Parabolic)
-        width = temperature.temperature if isinstance(temperature, Parabolic) else temperature.width
+        width = (
+            temperature.temperature
+            if isinstance(temperature, Parabolic)
+            else temperature.width
+        )
         blurred = survival_of(distribution, width, squared)
-        return Breaking(table, np.empty(0), blurred, width, temperature.attempts, growth, squared)
+        return Breaking(
+            table, np.empty(0), blurred, width, temperature.attempts, growth, squared
+        )
     knots = end_and_knots(distribution)[1] if interface.ageing is None else np.empty(0)
     return Breaking(table, knots, table, 0.0, 0.0, growth)
 
 
 def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
-    """Where next to nothing survives any more, and the knots up to there; none is the end itself."""
+    """Where next to nothing survives any more, and the knots up to there; none is
+    the end itself.
+    """
     top = float(distribution.inverse_survival(1e-13))
-    knots = np.array([knot for knot in distribution.knots if 0 < knot < top * (1 + 1e-6)])
+    knots = np.array(
+        [knot for knot in distribution.knots if 0 < knot < top * (1 + 1e-6)]
+    )
     return (1.02 * top if knots.size and knots[-1] > top * (1 - 1e-6) else top), knots
 
 
 _DRAW = (6e-5, 6e-8), (1.2e-4, 3e-7), (2.4e-3, 4.2e-6)
-"""Seconds that the contacts of a block take to be drawn, and each: at rest, and from lives or as roots in sliding."""
+"""Seconds that the contacts of a block take to be drawn, and each: at rest, and from
+lives or as roots in sliding.
+"""
 _DRAWN = 256
-"""Lifetimes drawn to say how many there are: known to a tenth, where a factor of two is what theory tells."""
+"""Lifetimes drawn to say how many there are: known to a tenth, where a factor of two
+is what theory tells.
+"""
 _STILL = 1e-9  # way of a slider at rest, in mean thresholds
 
 
 def drawing(rig: Rig, count: int, blocks: int = 1) -> float:
-    """Seconds that it takes to draw the contacts of each block with which a run begins."""
+    """Seconds that it takes to draw the contacts of each block with which a run
+    begins.
+    """
     still = rig.start.at_rest if isinstance(rig.start, FromSliding) else blocks
-    sliding = _DRAW[1 if rig.interface.mechanisms - {"sliding_force", "on_arrest"} else 2]
-    return sum(n * (block + each * count) for n, (block, each) in ((still, _DRAW[0]), (blocks - still, sliding)))
+    sliding = _DRAW[
+        1 if rig.interface.mechanisms - {"sliding_force", "on_arrest"} else 2
+    ]
+    return sum(
+        n * (block + each * count)
+        for n, (block, each) in ((still, _DRAW[0]), (blocks - still, sliding))
+    )
 
 
 def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
-    """How often a contact breaks in a run, about, and is in a box: as in steady sliding at the drive's velocity."""
-    lives, boxes = np.sum([_lifetimes(rig.interface, piece) for piece in rig.drive.pieces], axis=0)
+    """How often a contact breaks in a run, about, and is in a box: as in steady
+    sliding at the drive's velocity.
+    """
+    lives, boxes = np.sum(
+        [_lifetimes(rig.interface, piece) for piece in rig.drive.pieces], axis=0
+    )
     return lives + course.shaken, boxes
 
 
 def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
-    """How often each contact breaks in a piece of the drive, or at rest, and is in a box of `kernels.boxes`.
+    """How often each contact breaks in a piece of the drive, or at rest, and is in a
+    box of `kernels.boxes`.
 
-    Whatever the distribution of the time `C` from one attachment to the next, a renewal process attaches contacts
-    between once and twice ``T/<min(C, T)>`` times in the time `T`, the beginning included (Erickson's inequality).
+    Whatever the distribution of the time `C` from one attachment to the next, a renewal
+    process attaches contacts between once and twice ``T/<min(C, T)>`` times in the time
+    `T`, the beginning included (Erickson's inequality).
     """
-    way, duration, delay, rule = way_of(piece), piece.duration, interface.delay, rule_of(interface)
+    way = way_of(piece)
+    duration = piece.duration
+    delay = interface.delay
+    rule = rule_of(interface)
     arrests = isinstance(delay, OnArrest)  # one ends each slip
-    if rule is None or not (interface.temperature or isinstance(interface.ageing, FixedGrowth) or interface.areas):
-        mean, away = interface.threshold_distribution.moment(1), 0.0 if arrests else delay.moment(1) * way / duration
-        return (way / (mean + away) if math.isfinite(away) else min(way / mean, 1.0)), 0.0
+    if rule is None or not (
+        interface.temperature
+        or isinstance(interface.ageing, FixedGrowth)
+        or interface.areas
+    ):
+        mean = interface.threshold_distribution.moment(1)
+        away = 0.0 if arrests else delay.moment(1) * way / duration
+        return (
+            way / (mean + away) if math.isfinite(away) else min(way / mean, 1.0)
+        ), 0.0
     velocity = max(way, _STILL) / duration
     start, reached, boxes = drawn_lives(interface, velocity)
     life = (reached - start) / velocity
@@ -197,8 +302,11 @@ def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
 
 
 def drawn_lives(interface: Interface, velocity: float) -> tuple[Array, Array, int]:
-    """Draw some lives in steady sliding, always the same: from which to which stretching, and in how many boxes."""
-    rng, rule = np.random.default_rng(0), rule_of(interface)
+    """Draw some lives in steady sliding, always the same: from which to which
+    stretching, and in how many boxes.
+    """
+    rng = np.random.default_rng(0)
+    rule = rule_of(interface)
     start, strength = newborns(interface, _DRAWN, 1.0, rng, rng)
     if rule is None or velocity <= 0.0:
         return start, strength, 0
@@ -206,19 +314,41 @@ def drawn_lives(interface: Interface, velocity: float) -> tuple[Array, Array, in
 
 
 def rule_of(interface: Interface) -> Rule | None:
-    """Return how contacts break, if not at thresholds of their own that stay as they are."""
-    if interface.temperature is None and interface.ageing is None and interface.areas is None:
+    """Return how contacts break, if not at thresholds of their own that stay as they
+    are.
+    """
+    if (
+        interface.temperature is None
+        and interface.ageing is None
+        and interface.areas is None
+    ):
         return None
-    return Rule(hazard_of(interface.temperature), growth_of(interface.ageing), interface.areas is not None)
+    return Rule(
+        hazard_of(interface.temperature),
+        growth_of(interface.ageing),
+        interface.areas is not None,
+    )
 
 
 def lifetimes_of(
     rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator
 ) -> tuple[Array, int]:
-    """Draw the stretchings at which newborn contacts break in steady sliding; and in how many boxes."""
-    reached, done, boxes = np.empty(strength.size), 0, 0
+    """Draw the stretchings at which newborn contacts break in steady sliding; and in
+    how many boxes.
+    """
+    reached = np.empty(strength.size)
+    done = 0
+    boxes = 0
     drawn = max(16 * strength.size, 2**14)
     while done < strength.size:
-        more = lifetimes(rule, start[done:], strength[done:], velocity, rng.random(drawn), reached[done:])
-        done, boxes = done + more[0], boxes + more[1]
+        more = lifetimes(
+            rule,
+            start[done:],
+            strength[done:],
+            velocity,
+            rng.random(drawn),
+            reached[done:],
+        )
+        done = done + more[0]
+        boxes = boxes + more[1]
     return reached, boxes

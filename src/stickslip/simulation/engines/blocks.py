@@ -1,4 +1,6 @@
-"""Elastic sliders: N contacts on each block, breaks located inside the steps: `stickslip.kernels.blocks`."""
+"""Elastic sliders: N contacts on each block, breaks located inside the steps:
+`stickslip.kernels.blocks`.
+"""
 
 import math
 from abc import abstractmethod
@@ -14,7 +16,15 @@ from stickslip.kernels import block_cohorts, blocks, drive, quasistatic
 from stickslip.kernels.blocks import Draws
 from stickslip.kernels.cohort_store import ALIVE, KEPT, PLACE, Delays, longer
 from stickslip.kernels.drive import Piece, Sampling
-from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS, Motion, Network, at_rest, fastest, stiffest_dashpot
+from stickslip.kernels.leapfrog import (
+    OF_BLOCKS,
+    SUMS,
+    Motion,
+    Network,
+    at_rest,
+    fastest,
+    stiffest_dashpot,
+)
 from stickslip.model import (
     Chain,
     Contacts,
@@ -32,33 +42,68 @@ from stickslip.model import (
 from stickslip.model.body import coupling_matrix
 from stickslip.model.newborn import stretching_nodes, thresholds_beyond
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import Advance, Array, Beginning, Engine, Leg, Stretchings, looks_aside, solves
-from stickslip.simulation.engines.beginnings import drawing, first_contacts, lifetimes_in, survival_of, track_factor
+from stickslip.simulation.engines.base import (
+    Advance,
+    Array,
+    Beginning,
+    Engine,
+    Leg,
+    Stretchings,
+    looks_aside,
+    solves,
+)
+from stickslip.simulation.engines.beginnings import (
+    drawing,
+    first_contacts,
+    lifetimes_in,
+    survival_of,
+    track_factor,
+)
 from stickslip.simulation.work import Course, Part, breaking
 
-ANGLE = 0.05  # longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
+# longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
+ANGLE = 0.05
 _DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
-_POOL = 256  # random numbers drawn at once for a block; the same seed gives another run with another length
-_STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = 2e-8, 3e-8, (4.5e-9, 1.8e-8), 7e-7, 4e-8
-"""Seconds a step of a block takes where no contact breaks, and with cohorts; each of these at the end of a stage, and
-if its contacts are counted; a break; and a block at each break in balance."""
+# random numbers drawn at once for a block; the same seed gives another run with another
+# length
+_POOL = 256
+_STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = (
+    2e-8,
+    3e-8,
+    (4.5e-9, 1.8e-8),
+    7e-7,
+    4e-8,
+)
+"""Seconds a step of a block takes where no contact breaks, and with cohorts; each of
+these at the end of a stage, and if its contacts are counted; a break; and a block at
+each break in balance.
+"""
 _CONTACT = 64.0  # bytes of a contact
 _CELLS = 400.0  # cohorts on a breaking displacement for an error of 1e-5
 _STAGES = 100.0  # stages in a delay, at least
-_BUDGET = 2_000_000  # events, or eight steps of a block each, in an advance: some 50 to 200 ms
+# events, or eight steps of a block each, in an advance: some 50 to 200 ms
+_BUDGET = 2_000_000
 
 
-def balanced(beginning: Beginning, *, always: bool = False) -> tuple[Array, Array, Array]:
-    """Constant forces on the blocks: all of them, and those that no driving spring carries; and the prestress.
+def balanced(
+    beginning: Beginning, *, always: bool = False
+) -> tuple[Array, Array, Array]:
+    """Constant forces on the blocks: all of them, and those that no driving spring
+    carries; and the prestress.
 
-    Raises `InputError` if no spring holds the body, in its balance at the start or `always`.
+    Raises `InputError` if no spring holds the body, in its balance at the start or
+    `always`.
     """
-    body, start = beginning.slider, beginning.start
+    body = beginning.slider
+    start = beginning.start
     assert isinstance(body, ElasticBody)
     if not body.pulled.any() and (always or not isinstance(start, Prestressed)):
         name = type(body).__name__
         instead = "use Contacts" if always else "start Prestressed(...)"
-        raise InputError(f"{name}.leaf = 0 and {name}.side = 0: nothing pulls it; give one, or {instead}")
+        raise InputError(
+            f"{name}.leaf = 0 and {name}.side = 0: nothing pulls it; give one, or "
+            f"{instead}"
+        )
     if not isinstance(start, Prestressed):
         return np.zeros(body.size), np.zeros(body.size), np.zeros(body.size)
     stretching = per_block("Prestressed.stretching", start.stretching, body)
@@ -66,20 +111,31 @@ def balanced(beginning: Beginning, *, always: bool = False) -> tuple[Array, Arra
     beyond = distribution.survival(np.abs(stretching)) < 1e-9
     if beyond.any():
         raise InputError(
-            f"Prestressed.stretching: {stretching[beyond][0]:g} on block {int(np.argmax(beyond))} is not below the "
+            f"Prestressed.stretching: {stretching[beyond][0]:g} on block "
+            f"{int(np.argmax(beyond))} is not below the "
             f"thresholds ({distribution}); give less"
         )
     along = body.size // body.rows
     if start.pushed_blocks > along:
-        raise InputError(f"Prestressed.pushed_blocks = {start.pushed_blocks}: must be at most {along}, all there are")
+        raise InputError(
+            f"Prestressed.pushed_blocks = {start.pushed_blocks}: must be at most "
+            f"{along}, all there are"
+        )
     push = np.where(np.arange(body.size) % along < start.pushed_blocks, start.push, 0.0)
-    return stretching + push, push + np.where(body.pulled > 0, 0.0, stretching), stretching
+    return (
+        stretching + push,
+        push + np.where(body.pulled > 0, 0.0, stretching),
+        stretching,
+    )
 
 
 def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -> Array:
     """One number for all blocks, or one for each, as one for each."""
     if isinstance(value, tuple) and len(value) != body.size:
-        raise InputError(f"{place}: has {len(value)} numbers for {body.size} blocks; give one, or one for each")
+        raise InputError(
+            f"{place}: has {len(value)} numbers for {body.size} blocks; give one, or "
+            "one for each"
+        )
     return np.array(np.broadcast_to(np.asarray(value, dtype=float), body.size))
 
 
@@ -88,13 +144,25 @@ def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
     pairs, stiffness = body.links
     ends = np.concatenate([pairs, pairs[:, ::-1]])
     order = np.argsort(ends[:, 0], kind="stable")
-    first, second, stiff = ends[order, 0], ends[order, 1], np.tile(stiffness, 2)[order]
+    first = ends[order, 0]
+    second = ends[order, 1]
+    stiff = np.tile(stiffness, 2)[order]
     place = np.arange(first.size) - np.searchsorted(first, first)
     most = int(place.max(initial=0)) + 1
     neighbour = np.repeat(np.arange(body.size, dtype=np.int32)[:, None], most, axis=1)
     spring = np.zeros((body.size, most))
-    neighbour[first, place], spring[first, place] = second, stiff
-    return Network(neighbour, spring, body.pulled, load, push, body.mass, body.damping, body.viscosity / body.coupling)
+    neighbour[first, place] = second
+    spring[first, place] = stiff
+    return Network(
+        neighbour,
+        spring,
+        body.pulled,
+        load,
+        push,
+        body.mass,
+        body.damping,
+        body.viscosity / body.coupling,
+    )
 
 
 def longest_step(network: Network) -> float:
@@ -104,24 +172,36 @@ def longest_step(network: Network) -> float:
 
 
 def cells_of(method: MasterEquation | Population) -> float:
-    """Cohorts on a breaking displacement: the error is of second order in the distance between two."""
+    """Cohorts on a breaking displacement: the error is of second order in the
+    distance between two.
+    """
     return _CELLS * math.sqrt(1e-4 / method.rtol)
 
 
 def longest_stage(delay: DelayModel, body: ElasticBody, cells: float) -> float:
-    """Longest stage of cohorts: it resolves the delay, or what a block does on its contacts alone if that is slower."""
+    """Longest stage of cohorts: it resolves the delay, or what a block does on its
+    contacts alone if that is slower.
+    """
     return max(delay.moment(1) / _STAGES, ANGLE * math.sqrt(body.mass)) * _CELLS / cells
 
 
 class Streams:
-    """Random numbers of each block, which do not depend on how many blocks there are."""
+    """Random numbers of each block, which do not depend on how many blocks there
+    are.
+    """
 
     def __init__(self, interface: Interface, seed: int, blocks: int) -> None:
-        delay, self._seed = interface.delay, seed
+        delay = interface.delay
+        self._seed = seed
         fixed = delay.time if isinstance(delay, Delay) else math.nan
-        thresholds, delays = np.empty((blocks, _POOL)), np.empty((blocks, _POOL if math.isnan(fixed) else 0))
-        self.draws = Draws(thresholds, delays, fixed, np.ones(blocks), interface.track_scatter > 0.0)
-        self._pools: dict[int, tuple[Array, Callable[[np.random.Generator, int], Array | float]]] = {
+        thresholds = np.empty((blocks, _POOL))
+        delays = np.empty((blocks, _POOL if math.isnan(fixed) else 0))
+        self.draws = Draws(
+            thresholds, delays, fixed, np.ones(blocks), interface.track_scatter > 0.0
+        )
+        self._pools: dict[
+            int, tuple[Array, Callable[[np.random.Generator, int], Array | float]]
+        ] = {
             1: (thresholds, interface.threshold_distribution.sample),
             2: (delays, delay.sample),
             3: (self.draws.factor, lambda rng, _: track_factor(interface, rng)),
@@ -129,9 +209,14 @@ class Streams:
         self._generators: dict[tuple[int, int], np.random.Generator] = {}
 
     def of(self, block: int, kind: int) -> np.random.Generator:
-        """Begin one of a block's streams: of initial stretchings, of thresholds, of delays, and of tracks."""
-        # What SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind] is, without the others.
-        return np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(block, kind)))
+        """Begin one of a block's streams: of initial stretchings, of thresholds, of
+        delays, and of tracks.
+        """
+        # What SeedSequence(seed).spawn(blocks)[block].spawn(3)[kind] is, without the
+        # others.
+        return np.random.default_rng(
+            np.random.SeedSequence(self._seed, spawn_key=(block, kind))
+        )
 
     def refill(self, block: int, kind: int) -> None:
         """Draw thresholds (1) or delays (2) for a block, or its next track (3)."""
@@ -141,8 +226,12 @@ class Streams:
         pool[block] = sample(self._generators[block, kind], _POOL)
 
 
-def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: Array) -> tuple[Array, Array, Array]:
-    """Stretchings, thresholds and times of re-attachment of the contacts of all blocks, shape (blocks, count) each."""
+def contacts_of(
+    beginning: Beginning, streams: Streams, count: int, prestress: Array
+) -> tuple[Array, Array, Array]:
+    """Stretchings, thresholds and times of re-attachment of the contacts of all
+    blocks, shape (blocks, count) each.
+    """
     body = beginning.slider
     assert isinstance(body, ElasticBody)
     x, threshold = np.empty((2, body.size, count))
@@ -165,7 +254,9 @@ def contacts_of(beginning: Beginning, streams: Streams, count: int, prestress: A
 
 
 class ElasticEngine(Engine):
-    """What engines of elastic sliders share: their motion, whatever the contacts are."""
+    """What engines of elastic sliders share: their motion, whatever the contacts
+    are.
+    """
 
     angle = 0.1
     mechanisms = frozenset({"sliding_force"})
@@ -175,58 +266,93 @@ class ElasticEngine(Engine):
     def __init__(self, beginning: Beginning, method: Method) -> None:
         body = beginning.slider
         assert isinstance(body, ElasticBody)
-        self.slider, self._sliding = body, beginning.interface.sliding_force
-        load, push, self._prestress = balanced(beginning, always=isinstance(method, QuasiStatic))
+        self.slider = body
+        self._sliding = beginning.interface.sliding_force
+        load, push, self._prestress = balanced(
+            beginning, always=isinstance(method, QuasiStatic)
+        )
         self._network = network_of(body, load, push)
         self._longest = longest_step(self._network)
-        self._slides = np.full(body.size, beginning.sliding) & (np.arange(body.size) >= beginning.at_rest)
+        self._slides = np.full(body.size, beginning.sliding) & (
+            np.arange(body.size) >= beginning.at_rest
+        )
         self._anchored = np.where(self._slides, self._sliding, self._prestress)
         self._element = np.clip(self._anchored, -self._sliding, self._sliding)
 
     def _start(self, beginning: Beginning, friction: Array) -> tuple[Array, Array]:
-        """Displacements and velocities of the blocks at the start, in balance with their friction if they slide."""
+        """Displacements and velocities of the blocks at the start, in balance with
+        their friction if they slide.
+        """
         body = self.slider
         if not beginning.sliding:
             return np.zeros(body.size), np.zeros(body.size)
         force = friction + body.mass * body.damping * beginning.velocity * self._slides
         held = sparse.diags_array(body.pulled) + coupling_matrix(body)
         driven = float(force.sum() / body.pulled.sum())
-        X = np.asarray(spsolve(held.tocsc(), body.pulled * driven - force)).reshape(body.size)
-        perturbation = per_block("FromSliding.perturbation", beginning.perturbation, body)
+        X = np.asarray(spsolve(held.tocsc(), body.pulled * driven - force)).reshape(
+            body.size
+        )
+        perturbation = per_block(
+            "FromSliding.perturbation", beginning.perturbation, body
+        )
         return X, beginning.velocity * (1.0 + perturbation) * self._slides
 
     @staticmethod
     def cost(rig: Rig, method: Method, course: Course) -> tuple[Part, ...]:
-        """Return the work of a run, by part: of steps, unless in balance all the time, and of breaks."""
-        body, balanced = rig.slider, isinstance(method, QuasiStatic)
+        """Return the work of a run, by part: of steps, unless in balance all the
+        time, and of breaks.
+        """
+        body = rig.slider
+        balanced = isinstance(method, QuasiStatic)
         assert isinstance(body, ElasticBody)
-        steps, stiff, moving = 0.0, False, _STEP
+        steps = 0.0
+        stiff = False
+        moving = _STEP
         if not balanced:
             network = network_of(body, np.zeros(body.size), np.zeros(body.size))
             step = longest_step(network)
-            stiff = step < longest_step(network._replace(lag=0.0))  # dashpots ask for shorter steps than springs
+            # dashpots ask for shorter steps than springs
+            stiff = step < longest_step(network._replace(lag=0.0))
             steps = body.size * rig.drive.duration / step
         if isinstance(method, MasterEquation | Population):
-            cells, delay, moving = cells_of(method), rig.interface.delay, _STEP_OF_COHORTS
+            cells = cells_of(method)
+            delay = rig.interface.delay
+            moving = _STEP_OF_COHORTS
             distribution = rig.interface.threshold_distribution
             steps *= max(1.0, cells / _CELLS)
             way = course.distance * distribution.moment(1)
-            stages = min(cells * way + rig.drive.duration / longest_stage(delay, body, cells), steps / body.size)
+            stages = min(
+                cells * way + rig.drive.duration / longest_stage(delay, body, cells),
+                steps / body.size,
+            )
             cohorts = cells * min(survival_of(distribution).top, way)
-            what, each = f"{stages:.2g} stages of {cohorts:.2g} cohorts on each block", cohorts * body.size
+            what = f"{stages:.2g} stages of {cohorts:.2g} cohorts on each block"
+            each = cohorts * body.size
             counted = isinstance(method, Population)
-            waiting = 8.0 * KEPT * body.size * (delay.quadrature()[0].size if counted else 1)
-            seconds, room = _COHORT[counted] * each * stages, _CONTACT * each + waiting
-            contacts = Part("simulation.rtol", method.rtol, None, -1.0, what, seconds, room)
+            waiting = (
+                8.0 * KEPT * body.size * (delay.quadrature()[0].size if counted else 1)
+            )
+            seconds = _COHORT[counted] * each * stages
+            room = _CONTACT * each + waiting
+            contacts = Part(
+                "simulation.rtol", method.rtol, None, -1.0, what, seconds, room
+            )
         else:
-            count, each = body.size * method.count, _BALANCE * body.size if balanced else _BREAK
+            count = body.size * method.count
+            each = _BALANCE * body.size if balanced else _BREAK
             # The prestress may break each once, however short the way of the drive.
-            lives = max(lifetimes_in(rig, course)[0], float(isinstance(rig.start, Prestressed)))
+            lives = max(
+                lifetimes_in(rig, course)[0], float(isinstance(rig.start, Prestressed))
+            )
             drawn = drawing(rig, method.count, body.size)
-            contacts = breaking(count, lives, each, _CONTACT, more=drawn)._replace(value=method.count)
+            contacts = breaking(count, lives, each, _CONTACT, more=drawn)._replace(
+                value=method.count
+            )
         name, power = ("viscosity", 1.0) if stiff else ("mass", -0.5)
         words = f"{steps:.2g} steps of blocks"
-        return Part(f"slider.{name}", getattr(body, name), name, power, words, moving * steps), contacts
+        return Part(
+            f"slider.{name}", getattr(body, name), name, power, words, moving * steps
+        ), contacts
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -241,10 +367,16 @@ class ElasticEngine(Engine):
         """Mean friction force of the blocks now, per contact."""
         blocks = self._motion.blocks
         element = np.clip(blocks.X - blocks.anchor, -self._sliding, self._sliding)
-        return float(np.mean(blocks.held * blocks.X - blocks.origins + (1.0 - blocks.held) * element))
+        return float(
+            np.mean(
+                blocks.held * blocks.X - blocks.origins + (1.0 - blocks.held) * element
+            )
+        )
 
     def marks(self) -> dict[str, Array]:
-        """Return when each block first broke, at which spring force, was half detached; and its preload."""
+        """Return when each block first broke, at which spring force, was half
+        detached; and its preload.
+        """
         blocks = self._motion.blocks
         return {
             "first_break": blocks.first_break.copy(),
@@ -263,7 +395,9 @@ class ElasticEngine(Engine):
 
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
-        sampling = Sampling(leg.times, np.empty((leg.times.size, self._motion.rows.shape[1])))
+        sampling = Sampling(
+            leg.times, np.empty((leg.times.size, self._motion.rows.shape[1]))
+        )
         self._motion.now.sampled = 0
         look = leg.looks[0] if leg.looks else math.inf
         piece = Piece(leg.drive, leg.end, leg.stop, look, self._longest)
@@ -280,26 +414,35 @@ class ElasticEngine(Engine):
 class BlocksOfContacts(ElasticEngine):
     """Blocks with N contacts each, fed with random numbers block by block.
 
-    With inertia in steps of time, breaks located inside them: `stickslip.kernels.blocks`; or in balance all the time,
-    from event to event: `stickslip.kernels.quasistatic`.
+    With inertia in steps of time, breaks located inside them:
+    `stickslip.kernels.blocks`; or in balance all the time, from event to event:
+    `stickslip.kernels.quasistatic`.
     """
 
     mechanisms = frozenset({"sliding_force", "track_scatter"})
 
     def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
         super().__init__(beginning, method)
-        body, self._balanced = self.slider, isinstance(method, QuasiStatic)
+        body = self.slider
+        self._balanced = isinstance(method, QuasiStatic)
         if self._balanced and not isinstance(body, Chain):
             raise InputError("QuasiStatic: is for a Chain; use Contacts")
         self._streams = Streams(beginning.interface, method.seed, body.size)
-        x, threshold, waiting = contacts_of(beginning, self._streams, method.count, self._prestress)
-        X, V = self._start(beginning, np.where(threshold > 0, x, self._element[:, None]).mean(axis=1))
-        self._state = blocks.make_state(X[:, None] - x, threshold, waiting, X, V, self._sliding, self._anchored)
+        x, threshold, waiting = contacts_of(
+            beginning, self._streams, method.count, self._prestress
+        )
+        X, V = self._start(
+            beginning, np.where(threshold > 0, x, self._element[:, None]).mean(axis=1)
+        )
+        self._state = blocks.make_state(
+            X[:, None] - x, threshold, waiting, X, V, self._sliding, self._anchored
+        )
         self._motion = self._state.motion
         self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
         self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
         if self._balanced:
-            self._network = self._network._replace(mass=0.0)  # creep has a velocity, but no kinetic energy
+            # creep has a velocity, but no kinetic energy
+            self._network = self._network._replace(mass=0.0)
             self._longest = math.inf
             self._room = np.zeros((7, body.size))
 
@@ -310,72 +453,121 @@ class BlocksOfContacts(ElasticEngine):
         return Stretchings(x, np.full(x.size, 1.0 / contacts.birth.size), cells=False)
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
-        state, network, draws = self._state, self._network, self._streams.draws
+        state = self._state
+        network = self._network
+        draws = self._streams.draws
         if not self._balanced:
-            return blocks.advance(state, network, piece, sampling, draws, self._sliding, _BUDGET)
-        return quasistatic.advance(state, network, piece, sampling, draws, self._sliding, _BUDGET, self._room)
+            return blocks.advance(
+                state, network, piece, sampling, draws, self._sliding, _BUDGET
+            )
+        return quasistatic.advance(
+            state, network, piece, sampling, draws, self._sliding, _BUDGET, self._room
+        )
 
     def _provide(self, why: int) -> bool:
-        contacts, block = self._state.contacts, int(self._motion.now.block)
+        contacts = self._state.contacts
+        block = int(self._motion.now.block)
         if why == drive.UNSOLVED:
             raise InputError(
-                f"QuasiStatic: which of the detached contacts slide is not found at t = {self.here()[0]:g}; use "
+                "QuasiStatic: which of the detached contacts slide is not found at t "
+                f"= {self.here()[0]:g}; use "
                 "Contacts, or Interface.sliding_force = 0"
             )
         kinds = drive.THRESHOLDS_USED_UP, drive.DELAYS_USED_UP, drive.ARRESTED
         if why in kinds:
             self._streams.refill(block, kinds.index(why) + 1)
             if why != drive.ARRESTED:  # what has been drawn is still to be used
-                (contacts.next_threshold if why == kinds[0] else contacts.next_delay)[block] = 0
+                (contacts.next_threshold if why == kinds[0] else contacts.next_delay)[
+                    block
+                ] = 0
         return why in kinds
 
 
 @solves(MasterEquation, elastic=True)
 @solves(Population, elastic=True)
 class BlocksOfCohorts(ElasticEngine):
-    """Blocks with infinitely many contacts each, or counted, in cohorts: `stickslip.kernels.block_cohorts`."""
+    """Blocks with infinitely many contacts each, or counted, in cohorts:
+    `stickslip.kernels.block_cohorts`.
+    """
 
     smooth = True
 
-    def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
+    def __init__(
+        self, beginning: Beginning, method: MasterEquation | Population
+    ) -> None:
         super().__init__(beginning, method)
         interface = beginning.interface
         if beginning.at_rest:
             name = type(method).__name__
-            raise InputError(f"FromSliding.at_rest = {beginning.at_rest}: not available with {name}; use Contacts")
+            raise InputError(
+                f"FromSliding.at_rest = {beginning.at_rest}: not available with "
+                f"{name}; use Contacts"
+            )
         table = survival_of(interface.threshold_distribution)
-        cells, past_rate = cells_of(method), 0.0
+        cells = cells_of(method)
+        past_rate = 0.0
         self._longest *= min(1.0, _CELLS / cells)  # finer cohorts come with finer steps
         if beginning.sliding:
             x, fraction = block_cohorts.smooth_sliding(table, cells, beginning.attached)
-            past_rate = beginning.attached * beginning.velocity / interface.threshold_distribution.moment(1)
+            past_rate = (
+                beginning.attached
+                * beginning.velocity
+                / interface.threshold_distribution.moment(1)
+            )
         elif isinstance(beginning.start, Prestressed):
-            x, fraction = np.zeros(1), np.ones(1)
+            x = np.zeros(1)
+            fraction = np.ones(1)
         else:
-            x, fraction = stretching_nodes(interface.initial, interface.threshold_distribution)
+            x, fraction = stretching_nodes(
+                interface.initial, interface.threshold_distribution
+            )
         x = self._prestress[:, None] + x
-        count, seed = (float(method.count), method.seed) if isinstance(method, Population) else (math.inf, 0)
-        limits = 1.0 / cells, longest_stage(interface.delay, self.slider, cells), count, np.random.default_rng(seed)
-        self._case = block_cohorts.Case(table, Delays(*interface.delay.quadrature()), self._sliding, *limits)
-        X, V = self._start(beginning, (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * self._element)
+        count, seed = (
+            (float(method.count), method.seed)
+            if isinstance(method, Population)
+            else (math.inf, 0)
+        )
+        limits = (
+            1.0 / cells,
+            longest_stage(interface.delay, self.slider, cells),
+            count,
+            np.random.default_rng(seed),
+        )
+        self._case = block_cohorts.Case(
+            table, Delays(*interface.delay.quadrature()), self._sliding, *limits
+        )
+        X, V = self._start(
+            beginning,
+            (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * self._element,
+        )
         self._motion = at_rest(X, V, self._sliding, self._anchored)
         room = int(2.0 * cells * table.top) + x.shape[1] + 64
-        self._state = block_cohorts.make_state(self._motion, X[:, None] - x, fraction, self._case, past_rate, room)
+        self._state = block_cohorts.make_state(
+            self._motion, X[:, None] - x, fraction, self._case, past_rate, room
+        )
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the cohorts of all blocks now."""
         cohort = self._state.cohorts.cohort
-        alive = cohort[:, ALIVE] * (np.arange(cohort.shape[2]) < self._state.cohorts.used[:, None])
+        alive = cohort[:, ALIVE] * (
+            np.arange(cohort.shape[2]) < self._state.cohorts.used[:, None]
+        )
         x = self._motion.blocks.X[:, None] - cohort[:, PLACE]
-        return Stretchings(x[alive > 0], alive[alive > 0] / self.slider.size, cells=True)
+        return Stretchings(
+            x[alive > 0], alive[alive > 0] / self.slider.size, cells=True
+        )
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
-        return block_cohorts.advance(self._state, self._network, piece, sampling, self._case, 50 * _BUDGET)
+        return block_cohorts.advance(
+            self._state, self._network, piece, sampling, self._case, 50 * _BUDGET
+        )
 
     def _provide(self, why: int) -> bool:
         cohorts = self._state.cohorts
         if why == drive.NO_ROOM:
-            cohorts = cohorts._replace(cohort=np.append(cohorts.cohort, np.zeros_like(cohorts.cohort), axis=2))
+            cohorts = cohorts._replace(
+                cohort=np.append(cohorts.cohort, np.zeros_like(cohorts.cohort), axis=2)
+            )
         elif why == drive.NO_HISTORY:
             cohorts = cohorts._replace(history=longer(cohorts.history))
         self._state = self._state._replace(cohorts=cohorts)

@@ -1,6 +1,7 @@
 """N contacts, event by event, exact for their number: `stickslip.kernels.events`.
 
-Whatever makes contacts break before a fixed threshold, or after it has grown, is the rule of `stickslip.kernels.boxes`.
+Whatever makes contacts break before a fixed threshold, or after it has grown, is the
+rule of `stickslip.kernels.boxes`.
 """
 
 import math
@@ -10,138 +11,248 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import InputError
 from stickslip.kernels import events as kernel
-from stickslip.kernels.drive import ARRESTED, DRAWS_USED_UP, LOOK, PAUSED, Piece, Sampling
+from stickslip.kernels.drive import (
+    ARRESTED,
+    DRAWS_USED_UP,
+    LOOK,
+    PAUSED,
+    Piece,
+    Sampling,
+)
 from stickslip.kernels.events import force_of, short_of
 from stickslip.kernels.motion import make_motion
-from stickslip.model import Bell, Contacts, Delay, ExponentialGrowth, Interface, OnArrest
+from stickslip.model import (
+    Bell,
+    Contacts,
+    Delay,
+    ExponentialGrowth,
+    Interface,
+    OnArrest,
+)
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines import base, beginnings
 from stickslip.simulation.work import Course, Part, breaking, oscillation
 
-_BLOCK = 16_384  # random numbers drawn at once; the same seed gives another run with another length
+# random numbers drawn at once; the same seed gives another run with another length
+_BLOCK = 16_384
 _EVENTS = 400_000  # events in an advance: some 50 ms
 _BREAK, _CLOCKED_BREAK, _BOX = 2.4e-7, 6e-7, 2e-7
-"""Seconds a break takes, and one by the shared clock; and another box of a contact that is in boxes of its own."""
-_WINDOW = 2e-7  # seconds that it takes to lay a window of the shared clock, some four on its width
+"""Seconds a break takes, and one by the shared clock; and another box of a contact
+that is in boxes of its own.
+"""
+# seconds that it takes to lay a window of the shared clock, some four on its width
+_WINDOW = 2e-7
 _CONTACT = 150.0  # bytes of a contact
-_FINEST_TURN = 1e-13  # of a run's time; shorter turns of the slider are lost in the rounding of time
-_LIVES = 16  # the same for each contact that keeps its strength: its lifetimes are much alike
+# of a run's time; shorter turns of the slider are lost in the rounding of time
+_FINEST_TURN = 1e-13
+# the same for each contact that keeps its strength: its lifetimes are much alike
+_LIVES = 16
 
 
 @base.solves(Contacts)
 @base.solves(Contacts, type(None), *base.GROWTH, temperature=base.HEAT)
 @base.solves(Contacts, *base.GROWTH)
 class EventByEvent(base.Engine):
-    """Contacts whose next event is always known; fed with random numbers in blocks of a fixed length."""
+    """Contacts whose next event is always known; fed with random numbers in blocks
+    of a fixed length.
+    """
 
     columns = base.COLUMNS
     angle = 0.1
-    mechanisms = frozenset({"sliding_force", "newborn", "track_scatter", "on_arrest", "temperature", "areas"})
+    mechanisms = frozenset(
+        {
+            "sliding_force",
+            "newborn",
+            "track_scatter",
+            "on_arrest",
+            "temperature",
+            "areas",
+        }
+    )
 
     def __init__(self, beginning: base.Beginning, method: Contacts) -> None:
-        interface, self._delay = beginning.interface, beginning.interface.delay
+        interface = beginning.interface
+        self._delay = beginning.interface.delay
         self._interface = interface
-        self._initial, self._thresholds, self._delays, self._newborns, self._tracks, self._chances = (
-            beginnings.generators(method.seed, 6)
-        )
+        (
+            self._initial,
+            self._thresholds,
+            self._delays,
+            self._newborns,
+            self._tracks,
+            self._chances,
+        ) = beginnings.generators(method.seed, 6)
         self._factor = beginnings.track_factor(interface, self._tracks)
         self.slider = base.slider_constants(beginning.slider)
         self._rule = beginnings.rule_of(interface)
         x, strength, pending, since = self._first(beginning, method.count)
         slides = int(beginning.sliding and interface.sliding_force > 0)
-        motion = make_motion(0.0, beginning.slider_velocity, interface.sliding_force, slides)
-        path, boxes = strength[:4096] if strength.size else np.ones(1), 1.0
-        if interface.ageing is not None:  # contacts that grow from little do not get as far as their strengths
+        motion = make_motion(
+            0.0, beginning.slider_velocity, interface.sliding_force, slides
+        )
+        path = strength[:4096] if strength.size else np.ones(1)
+        boxes = 1.0
+        # contacts that grow from little do not get as far as their strengths
+        if interface.ageing is not None:
             _, path, lived = beginnings.drawn_lives(interface, beginning.velocity)
-            if interface.temperature is None:  # by heat most boxes are left before the contact is at their side
+            # by heat most boxes are left before the contact is at their side
+            if interface.temperature is None:
                 boxes = max(lived / path.size, 1.0)
-        self._state = kernel.make_state(-x, strength, pending, path, self._delay.moment(1), motion, boxes)
+        self._state = kernel.make_state(
+            -x, strength, pending, path, self._delay.moment(1), motion, boxes
+        )
         self._boxes = None
         if self._rule is not None:
             own = strength if interface.areas == "site" else np.empty(0)
             self._boxes = kernel.boxed(self._state, self._rule, since, own)
             self._stiffest = self._boxes.stiffest / math.sqrt(self._factor)
-        fixed = self._delay.moment(1) if isinstance(self._delay, Delay | OnArrest) else math.nan
+        fixed = (
+            self._delay.moment(1)
+            if isinstance(self._delay, Delay | OnArrest)
+            else math.nan
+        )
         happens = isinstance(self._delay, OnArrest), interface.track_scatter > 0
-        self._draws = self._with_thresholds(kernel.Draws(np.empty(0), np.empty(0), fixed, np.empty(0), *happens))
+        self._draws = self._with_thresholds(
+            kernel.Draws(np.empty(0), np.empty(0), fixed, np.empty(0), *happens)
+        )
 
     @staticmethod
     def check(interface: Interface) -> None:
-        """Raise `InputError` for contacts that could break and re-attach for ever at one moment."""
+        """Raise `InputError` for contacts that could break and re-attach for ever at
+        one moment.
+        """
         if interface.temperature is not None:
             base.check_newborns(interface)
         if interface.newborn is None:
             return
         if isinstance(interface.ageing, ExponentialGrowth):
-            held = interface.newborn.survival([-interface.ageing.newborn, interface.ageing.newborn])
+            held = interface.newborn.survival(
+                [-interface.ageing.newborn, interface.ageing.newborn]
+            )
             if (lost := 1.0 - float(held[0] - held[1])) > 1e-3:
                 raise InputError(
-                    f"Interface.newborn = {interface.newborn}: {100 * lost:.3g} % of the contacts would re-attach "
-                    f"beyond ExponentialGrowth.newborn = {interface.ageing.newborn:g}; narrow it",
+                    f"Interface.newborn = {interface.newborn}: {100 * lost:.3g} % of "
+                    "the contacts would re-attach "
+                    f"beyond ExponentialGrowth.newborn = {interface.ageing.newborn:g}; "
+                    "narrow it",
                     "Interface.newborn",
                 )
-        if interface.delay.moment(1) == 0 and (interface.track_scatter > 0 or interface.areas == "site"):
+        if interface.delay.moment(1) == 0 and (
+            interface.track_scatter > 0 or interface.areas == "site"
+        ):
             raise InputError(
-                f"Interface.delay = {interface.delay}: must be above 0 with newborn stretchings that a weak track or a "
+                f"Interface.delay = {interface.delay}: must be above 0 with newborn "
+                "stretchings that a weak track or a "
                 "small site does not hold",
                 "Interface.delay",
             )
 
     @staticmethod
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
-        """Return the work of a run, by part: of breaks, and of turns while the slider rings."""
-        interface, count = rig.interface, method.count
+        """Return the work of a run, by part: of breaks, and of turns while the
+        slider rings.
+        """
+        interface = rig.interface
+        count = method.count
         how = " by thermal activation" if interface.temperature is not None else ""
         lives, boxes = beginnings.lifetimes_in(rig, course)
-        each, more = _BREAK, _BOX * count * boxes
+        each = _BREAK
+        more = _BOX * count * boxes
         if isinstance(interface.temperature, Bell) and interface.ageing is None:
-            way = interface.threshold_distribution.moment(1) * (course.distance + course.shaken)
-            each, more = _CLOCKED_BREAK, _WINDOW * 4.0 * way / interface.temperature.width
-        # Once it rings no more, turns cost nothing, unless rounding hides them or detached contacts hold again there.
-        radians = course.turns if interface.sliding_force > 0.0 or course.turns * _FINEST_TURN > 1.0 else course.rung
+            way = interface.threshold_distribution.moment(1) * (
+                course.distance + course.shaken
+            )
+            each = _CLOCKED_BREAK
+            more = _WINDOW * 4.0 * way / interface.temperature.width
+        # Once it rings no more, turns cost nothing, unless rounding hides them or
+        # detached contacts hold again there.
+        radians = (
+            course.turns
+            if interface.sliding_force > 0.0 or course.turns * _FINEST_TURN > 1.0
+            else course.rung
+        )
         more += beginnings.drawing(rig, count)
-        return *oscillation(rig, radians), breaking(count, lives, each, _CONTACT, how, more)
+        return *oscillation(rig, radians), breaking(
+            count, lives, each, _CONTACT, how, more
+        )
 
-    def _first(self, beginning: base.Beginning, count: int) -> tuple[Array, Array, Array, Array]:
-        """Draw stretchings and strengths of all contacts (detached last), when these re-attach, and when those did.
+    def _first(
+        self, beginning: base.Beginning, count: int
+    ) -> tuple[Array, Array, Array, Array]:
+        """Draw stretchings and strengths of all contacts (detached last), when these
+        re-attach, and when those did.
 
         Detached contacts that keep their strengths have them, too.
         """
-        rng, interface, velocity = self._initial, self._interface, beginning.velocity
+        rng = self._initial
+        interface = self._interface
+        velocity = beginning.velocity
         keeps = interface.areas == "site"
         if self._rule is None or not beginning.sliding:
             # Growth towards a strength has come to its end; growth without end begins.
-            since = np.full(count, -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0)
-            return *beginnings.first_contacts(beginning, count, rng, self._factor), since
+            since = np.full(
+                count,
+                -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0,
+            )
+            return *beginnings.first_contacts(
+                beginning, count, rng, self._factor
+            ), since
         drawn = count if keeps else 4 * count + 1000
         start, strength = beginnings.newborns(interface, drawn, self._factor, rng, rng)
         if not keeps:
-            reached, _ = beginnings.lifetimes_of(self._rule, start, strength, velocity, rng)
-            x, strength, pending, gone = beginnings.lives_met(beginning, count, rng, start, strength, reached)
+            reached, _ = beginnings.lifetimes_of(
+                self._rule, start, strength, velocity, rng
+            )
+            x, strength, pending, gone = beginnings.lives_met(
+                beginning, count, rng, start, strength, reached
+            )
             return x, strength, pending, -gone / velocity
-        # Each is met somewhere in one of its own lifetimes and the time after it, the long ones more often.
+        # Each is met somewhere in one of its own lifetimes and the time after it, the
+        # long ones more often.
         every = np.repeat(start, _LIVES), np.repeat(strength, _LIVES)
         reached, _ = beginnings.lifetimes_of(self._rule, *every, velocity, rng)
         path = reached.reshape(count, _LIVES) - start[:, None]
-        length = path + velocity * self._delay.sample(rng, path.size).reshape(path.shape)
-        met = np.argmax(rng.random((count, 1)) * length.sum(axis=1, keepdims=True) < np.cumsum(length, axis=1), axis=1)
-        path, length = (np.take_along_axis(one, met[:, None], axis=1)[:, 0] for one in (path, length))
+        length = path + velocity * self._delay.sample(rng, path.size).reshape(
+            path.shape
+        )
+        met = np.argmax(
+            rng.random((count, 1)) * length.sum(axis=1, keepdims=True)
+            < np.cumsum(length, axis=1),
+            axis=1,
+        )
+        path, length = (
+            np.take_along_axis(one, met[:, None], axis=1)[:, 0]
+            for one in (path, length)
+        )
         gone = length * rng.random(count)
         order = np.argsort(gone >= path, kind="stable")  # the attached first
-        held, gone = np.count_nonzero(gone < path), gone[order]
+        held = np.count_nonzero(gone < path)
+        gone = gone[order]
         pending = (length[order] - gone)[held:] / velocity
         return (start[order] + gone), strength[order], pending, -gone / velocity
 
     def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
-        """Return the draws with new thresholds of contacts that attach; fewer where they are soon out of date."""
-        count = min(_BLOCK, max(2 * self._state.size, 64)) if self._interface.track_scatter else _BLOCK
-        x, threshold = beginnings.newborns(self._interface, count, self._factor, self._newborns, self._thresholds)
+        """Return the draws with new thresholds of contacts that attach; fewer where
+        they are soon out of date.
+        """
+        count = (
+            min(_BLOCK, max(2 * self._state.size, 64))
+            if self._interface.track_scatter
+            else _BLOCK
+        )
+        x, threshold = beginnings.newborns(
+            self._interface, count, self._factor, self._newborns, self._thresholds
+        )
         self._state.motion[0].thresholds_used = 0
-        return draws._replace(thresholds=threshold, stretchings=x if self._interface.newborn else np.empty(0))
+        return draws._replace(
+            thresholds=threshold,
+            stretchings=x if self._interface.newborn else np.empty(0),
+        )
 
     def _refill(self) -> None:
         """Draw what is used up."""
-        m, draws = self._state.motion[0], self._draws
+        m = self._state.motion[0]
+        draws = self._draws
         thresholds, delays, variates = short_of(m, draws, self._boxes)
         if thresholds:
             draws = self._with_thresholds(draws)
@@ -149,7 +260,11 @@ class EventByEvent(base.Engine):
             draws = draws._replace(delays=self._delay.sample(self._delays, _BLOCK))
             m.delays_used = 0
         if variates:
-            wanted = int(self._boxes.clock.window[0].wanted) if self._boxes is not None else 0
+            wanted = (
+                int(self._boxes.clock.window[0].wanted)
+                if self._boxes is not None
+                else 0
+            )
             draws = draws._replace(variates=self._chances.random(_BLOCK + wanted))
             m.variates_used = 0
         self._draws = draws
@@ -164,13 +279,18 @@ class EventByEvent(base.Engine):
         return force_of(self._state)
 
     def stretchings(self, X: float | None = None) -> base.Stretchings:
-        """Stretchings of the attached contacts now, with the slider at `X` or where it is."""
-        x = (self.here()[1] if X is None else X) - kernel.attached_contacts(self._state)["birth"]
+        """Stretchings of the attached contacts now, with the slider at `X` or where
+        it is.
+        """
+        x = (self.here()[1] if X is None else X) - kernel.attached_contacts(
+            self._state
+        )["birth"]
         return base.Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
     def individuals(self) -> base.Individuals:
         """Every contact by itself, now."""
-        stretching, attached = np.zeros(self._state.size), np.zeros(self._state.size, dtype=bool)
+        stretching = np.zeros(self._state.size)
+        attached = np.zeros(self._state.size, dtype=bool)
         contacts = kernel.attached_contacts(self._state)
         stretching[contacts["slot"]] = self.here()[1] - contacts["birth"]
         attached[contacts["slot"]] = True
@@ -178,11 +298,15 @@ class EventByEvent(base.Engine):
 
     def _arrest(self) -> None:
         """The slider has stopped after a break: contacts attach to another track."""
-        before, self._factor = self._factor, beginnings.track_factor(self._interface, self._tracks)
+        before = self._factor
+        self._factor = beginnings.track_factor(self._interface, self._tracks)
         self._draws = self._with_thresholds(self._draws)
-        if self._boxes is not None and self._interface.areas:  # those of a strong track are stiffer, too
+        # those of a strong track are stiffer, too
+        if self._boxes is not None and self._interface.areas:
             self._boxes.own[:] *= math.sqrt(self._factor / before)
-            stiffest = max(self._boxes.stiffest, self._stiffest * math.sqrt(self._factor))
+            stiffest = max(
+                self._boxes.stiffest, self._stiffest * math.sqrt(self._factor)
+            )
             self._boxes = self._boxes._replace(stiffest=stiffest)
 
     def advance(self, leg: base.Leg) -> base.Advance:
@@ -196,15 +320,26 @@ class EventByEvent(base.Engine):
         while True:
             piece = Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
             left = last - m.events
-            why = kernel.advance(self._state, self.slider, piece, sampling, self._draws, left, self._boxes)
+            why = kernel.advance(
+                self._state,
+                self.slider,
+                piece,
+                sampling,
+                self._draws,
+                left,
+                self._boxes,
+            )
             if why == DRAWS_USED_UP:
                 self._refill()
             elif why == ARRESTED:
                 self._arrest()
-            elif why == LOOK:  # before the flight that passes it, so that none is cut in two
+            # before the flight that passes it, so that none is cut in two
+            elif why == LOOK:
                 seen.append(self.stretchings(m.looked))
             else:
                 break
         while looks[len(seen)] <= m.time:  # at the very end
             seen.append(self.stretchings())
-        return base.Advance(sampling.samples[: m.sample], tuple(seen), over=why != PAUSED)
+        return base.Advance(
+            sampling.samples[: m.sample], tuple(seen), over=why != PAUSED
+        )

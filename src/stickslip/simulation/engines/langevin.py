@@ -1,4 +1,6 @@
-"""Thresholds that age by Langevin, Eqs. (13)-(17): N contacts, and their kinetic equation."""
+"""Thresholds that age by Langevin, Eqs. (13)-(17): N contacts, and their kinetic
+equation.
+"""
 
 import math
 from typing import ClassVar, Protocol
@@ -10,31 +12,50 @@ from stickslip.errors import InputError
 from stickslip.kernels import stepping
 from stickslip.kernels.drive import Quadratic, Stop, holds
 from stickslip.kernels.langevin_contacts import SLEEP, advance_contacts, awake
-from stickslip.kernels.langevin_density import Cohorts, advance_density, cell_widths, density_nodes
+from stickslip.kernels.langevin_density import (
+    Cohorts,
+    advance_density,
+    cell_widths,
+    density_nodes,
+)
 from stickslip.model import Contacts, Delay, Interface, Langevin, MasterEquation
 from stickslip.model.distributions import SteadyState
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines import base
-from stickslip.simulation.engines.beginnings import first_contacts, generators, lifetimes_in
+from stickslip.simulation.engines.beginnings import (
+    first_contacts,
+    generators,
+    lifetimes_in,
+)
 from stickslip.simulation.work import Course, Part, breaking, oscillation
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 
-_STEP = 0.02  # largest step of N contacts in units of ``1/rate**2``, and of the slider in mean breaking displacements
+# largest step of N contacts in units of ``1/rate**2``, and of the slider in mean
+# breaking displacements
+_STEP = 0.02
 _TAKEN, _ASLEEP, _LOOK, _HOT = 5e-7, 1.7e-9, 3e-8, (9e-6, 8e-6)
-"""Seconds a step takes, a contact asleep in it, and a look at one; at a temperature a time of ageing, and a break."""
+"""Seconds a step takes, a contact asleep in it, and a look at one; at a temperature
+a time of ageing, and a break.
+"""
 _CONTACT = 150.0  # bytes of a contact
-_POOL = 65_536  # delays drawn for contacts to choose from; one will do if all are the same
-_AGED = 9.6e-3  # seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4; of second order
-_BUDGET, _HOT_BUDGET = 500_000, 25_000  # steps of a contact in an advance; with temperature each is a step of many
+# delays drawn for contacts to choose from; one will do if all are the same
+_POOL = 65_536
+# seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4;
+# of second order
+_AGED = 9.6e-3
+# steps of a contact in an advance; with temperature each is a step of many
+_BUDGET = 500_000
+_HOT_BUDGET = 25_000
 
 
 class Steps(base.Engine, Protocol):
     """An engine that takes steps of time, and samples no energies."""
 
     columns: ClassVar[tuple[str, ...]] = base.MOTION
-    angle: ClassVar[float] = 0.35  # that of its steps: samples finer than that show no more
+    # that of its steps: samples finer than that show no more
+    angle: ClassVar[float] = 0.35
 
     state: Array  # time, position of the slider, and what else the kernel keeps there
     longest: float  # largest step of time
@@ -55,8 +76,18 @@ class Steps(base.Engine, Protocol):
         wanted = times.size
         if wanted == 0 or times[-1] < leg.end:
             times = np.append(times, leg.end)
-        before, look = self.here()[0], leg.looks[0] if leg.looks else math.inf
-        course = stepping.Course(leg.drive, self.slider, times, self.longest, self.reach, leg.stop, look, self.budget)
+        before = self.here()[0]
+        look = leg.looks[0] if leg.looks else math.inf
+        course = stepping.Course(
+            leg.drive,
+            self.slider,
+            times,
+            self.longest,
+            self.reach,
+            leg.stop,
+            look,
+            self.budget,
+        )
         samples = self.take(course)[:wanted]
         now = self.here()[0]
         stopped = len(samples) > 0 and holds(leg.stop, samples[-1, 0], samples[-1, 2])
@@ -66,10 +97,17 @@ class Steps(base.Engine, Protocol):
         return base.Advance(samples[:, [0, 1, 3, 4]], seen, over)
 
     def settle(self, beginning: base.Beginning) -> None:
-        """Put the slider at its start; where it slides, up to time and position 0 rigidly at first, and unseen."""
+        """Put the slider at its start; where it slides, up to time and position 0
+        rigidly at first, and unseen.
+        """
         if beginning.sliding:
             self.slider = base.slider_constants(None)
-            leg = base.Leg(Quadratic(*self.here(), beginning.velocity, 0.0), 0.0, np.empty(0), Stop())
+            leg = base.Leg(
+                Quadratic(*self.here(), beginning.velocity, 0.0),
+                0.0,
+                np.empty(0),
+                Stop(),
+            )
             while not self.advance(leg).over:
                 pass
             self.state[:2] = 0.0
@@ -78,27 +116,47 @@ class Steps(base.Engine, Protocol):
 
 
 def _start(beginning: base.Beginning, rate: float) -> float:
-    """When to begin to slide rigidly, to be in the steady state at time 0: lifetimes, and times of ageing before."""
+    """When to begin to slide rigidly, to be in the steady state at time 0:
+    lifetimes, and times of ageing before.
+    """
     if not beginning.sliding:
         return 0.0
-    velocity, delay = beginning.velocity, beginning.interface.delay.moment(1)
-    return -5.0 * (beginning.interface.threshold_distribution.moment(1) / velocity + delay) - 5.0 / rate**2
+    velocity = beginning.velocity
+    delay = beginning.interface.delay.moment(1)
+    return (
+        -5.0 * (beginning.interface.threshold_distribution.moment(1) / velocity + delay)
+        - 5.0 / rate**2
+    )
 
 
 def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]:
-    """Return the work of a run, by part; a time of ageing takes the seconds `aged`, at rest as in motion."""
+    """Return the work of a run, by part; a time of ageing takes the seconds `aged`,
+    at rest as in motion.
+    """
     assert isinstance(rig.interface.ageing, Langevin)
-    case, rate = rig.natural, rig.interface.ageing.rate
-    begin = _start(base.Beginning(case.interface, case.slider, case.velocity, case.start), rate)
+    case = rig.natural
+    rate = rig.interface.ageing.rate
+    begin = _start(
+        base.Beginning(case.interface, case.slider, case.velocity, case.start), rate
+    )
     ages = (rig.drive.duration - begin) * rate**2
-    ageing = Part("interface.ageing.time", rate**-2, "time", -1.0, f"{ages:.2g} times of ageing", aged * ages)
+    ageing = Part(
+        "interface.ageing.time",
+        rate**-2,
+        "time",
+        -1.0,
+        f"{ages:.2g} times of ageing",
+        aged * ages,
+    )
     return *oscillation(rig, course.rung), part, ageing
 
 
 @base.solves(Contacts, Langevin)
 @base.solves(Contacts, Langevin, temperature=base.HEAT)
 class LangevinContacts(Steps):
-    """N contacts in small steps, with exact moments of breaking: `stickslip.kernels.langevin_contacts`."""
+    """N contacts in small steps, with exact moments of breaking:
+    `stickslip.kernels.langevin_contacts`.
+    """
 
     mechanisms = frozenset({"temperature"})
 
@@ -106,13 +164,22 @@ class LangevinContacts(Steps):
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
         self._hazard = hazard_of(beginning.interface.temperature)
-        self.budget = max((_BUDGET if beginning.interface.temperature is None else _HOT_BUDGET) // method.count, 1)
-        self.longest, self.reach = _STEP / self._constants.rate**2, _STEP * self._constants.mean
+        self.budget = max(
+            (_BUDGET if beginning.interface.temperature is None else _HOT_BUDGET)
+            // method.count,
+            1,
+        )
+        self.longest, self.reach = (
+            _STEP / self._constants.rate**2,
+            _STEP * self._constants.mean,
+        )
         delay = beginning.interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else _POOL)
         x, threshold, pending = first_contacts(beginning, method.count, initial)
         start = _start(beginning, self._constants.rate)
-        attach = np.append(np.full(method.count - pending.size, -math.inf), pending + start)
+        attach = np.append(
+            np.full(method.count - pending.size, -math.inf), pending + start
+        )
         self.state = np.array([start, beginning.velocity * start, 0.0, 0.0])
         self._contacts = awake(x, threshold, attach, self.state[0], self.state[1])
         self.settle(beginning)
@@ -125,26 +192,49 @@ class LangevinContacts(Steps):
     @staticmethod
     def cost(rig: Rig, method: Contacts, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
-        count, thresholds = method.count, rig.interface.threshold_distribution
+        count = method.count
+        thresholds = rig.interface.threshold_distribution
         if rig.interface.temperature is not None:
-            broken = breaking(count, lifetimes_in(rig, course)[0], _HOT[1], _CONTACT, " by thermal activation")
+            broken = breaking(
+                count,
+                lifetimes_in(rig, course)[0],
+                _HOT[1],
+                _CONTACT,
+                " by thermal activation",
+            )
             return _cost(rig, course, _HOT[0] * count, broken)
-        # All are looked at in each step of a moving slider; in one of ageing, of margins uniform up to the mean, those
-        # too small for sleep. Larger ones sleep for a time that goes as their square: as many looks again.
-        moved, step = (course.distance + course.shaken) / _STEP, _TAKEN + count * _ASLEEP
-        awake = math.sqrt(2.0 * _STEP / SLEEP) * thresholds.standard_deviation() / thresholds.moment(1)
-        seconds, what = (step + count * _LOOK) * moved, f"{moved:.2g} steps of {count:.2g} contacts"
-        looks = Part("simulation.contacts", count, None, 1.0, what, seconds, _CONTACT * count)
-        return _cost(rig, course, (step + count * _LOOK * min(2.0 * awake, 1.0)) / _STEP, looks)
+        # All are looked at in each step of a moving slider; in one of ageing, of
+        # margins uniform up to the mean, those too small for sleep. Larger ones sleep
+        # for a time that goes as their square: as many looks again.
+        moved = (course.distance + course.shaken) / _STEP
+        step = _TAKEN + count * _ASLEEP
+        awake = (
+            math.sqrt(2.0 * _STEP / SLEEP)
+            * thresholds.standard_deviation()
+            / thresholds.moment(1)
+        )
+        seconds = (step + count * _LOOK) * moved
+        what = f"{moved:.2g} steps of {count:.2g} contacts"
+        looks = Part(
+            "simulation.contacts", count, None, 1.0, what, seconds, _CONTACT * count
+        )
+        return _cost(
+            rig, course, (step + count * _LOOK * min(2.0 * awake, 1.0)) / _STEP, looks
+        )
 
     def stretchings(self) -> base.Stretchings:
         """Stretchings of the attached contacts now."""
         x, held = self.individuals()
-        return base.Stretchings(x[held], np.full(np.count_nonzero(held), 1.0 / x.size), cells=False)
+        return base.Stretchings(
+            x[held], np.full(np.count_nonzero(held), 1.0 / x.size), cells=False
+        )
 
     def individuals(self) -> base.Individuals:
         """Every contact by itself, now."""
-        return base.Individuals(self._contacts.stretching + self.state[1], self._contacts.attach <= self.state[0])
+        return base.Individuals(
+            self._contacts.stretching + self.state[1],
+            self._contacts.attach <= self.state[0],
+        )
 
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
@@ -161,14 +251,25 @@ class LangevinDensity(Steps):
         # A scheme of second order, with an error of 1e-3 where this is 400.
         cells = 400.0 * math.sqrt(1e-4 / method.rtol)
         step = 4.0 / cells
-        self.longest, self.reach = step / self._constants.rate**2, step * self._constants.mean
-        self.budget = math.ceil(8e7 / cells**2)  # of some cells^2 cells of the density each
+        self.longest, self.reach = (
+            step / self._constants.rate**2,
+            step * self._constants.mean,
+        )
+        # of some cells^2 cells of the density each
+        self.budget = math.ceil(8e7 / cells**2)
         self._nodes = density_nodes(self._constants, cells / 40.0)
-        cohorts = _first_cohorts(beginning, self._nodes, 4.0 * step * self._constants.mean)
-        count, room = cohorts[0].size, math.ceil(self._nodes[-1] / self.reach) + 3
-        self._cohorts = Cohorts(*(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts))
+        cohorts = _first_cohorts(
+            beginning, self._nodes, 4.0 * step * self._constants.mean
+        )
+        count = cohorts[0].size
+        room = math.ceil(self._nodes[-1] / self.reach) + 3
+        self._cohorts = Cohorts(
+            *(np.append(part, np.zeros((room, *part.shape[1:])), 0) for part in cohorts)
+        )
         start = _start(beginning, self._constants.rate)
-        self.state = np.array([start, beginning.velocity * start, 0.0, 0.0, count, 0.0, 0.0, 0.0])
+        self.state = np.array(
+            [start, beginning.velocity * start, 0.0, 0.0, count, 0.0, 0.0, 0.0]
+        )
         self._cohorts.place[:] += self.state[1]
         self.settle(beginning)
         self.state[6:] = 0.0
@@ -179,44 +280,67 @@ class LangevinDensity(Steps):
         ageing_constants(interface)
         if interface.delay.moment(1) > 0:
             raise InputError(
-                f"Interface.delay = {interface.delay}: not available with MasterEquation together with "
+                f"Interface.delay = {interface.delay}: not available with "
+                "MasterEquation together with "
                 f"ageing = {interface.ageing}; use Contacts"
             )
 
     @staticmethod
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
-        path, aged = course.distance + course.shaken + 0.01 * course.rung, _AGED * 1e-4 / method.rtol
-        part = Part("simulation.rtol", method.rtol, None, -1.0, f"a path of {path:.2g} mean thresholds", aged * path)
+        path = course.distance + course.shaken + 0.01 * course.rung
+        aged = _AGED * 1e-4 / method.rtol
+        part = Part(
+            "simulation.rtol",
+            method.rtol,
+            None,
+            -1.0,
+            f"a path of {path:.2g} mean thresholds",
+            aged * path,
+        )
         return _cost(rig, course, aged, part)
 
     def stretchings(self) -> base.Stretchings:
         """Mean stretchings of the cohorts now."""
         fraction = self._cohorts.mass.sum(axis=1)
         kept = fraction > 0.0
-        place = self._cohorts.place[kept] + self._cohorts.moment[kept].sum(axis=1) / fraction[kept]
+        place = (
+            self._cohorts.place[kept]
+            + self._cohorts.moment[kept].sum(axis=1) / fraction[kept]
+        )
         return base.Stretchings(self.state[1] - place, fraction[kept], cells=True)
 
     def take(self, course: stepping.Course) -> Array:
         """Follow a course, and return the samples."""
-        return advance_density(self.state, self._cohorts, self._nodes, course, self._constants)
+        return advance_density(
+            self.state, self._cohorts, self._nodes, course, self._constants
+        )
 
 
-def _first_cohorts(beginning: base.Beginning, margins: Array, width: float) -> tuple[Array, Array, Array]:
-    """Cohorts of contacts whose stretchings are no farther apart than `width`, the slider at 0.
+def _first_cohorts(
+    beginning: base.Beginning, margins: Array, width: float
+) -> tuple[Array, Array, Array]:
+    """Cohorts of contacts whose stretchings are no farther apart than `width`, the
+    slider at 0.
 
-    Returns the places where they attached, the fraction of contacts by cohort and rupture margin, and its moment about
-    these places.
+    Returns the places where they attached, the fraction of contacts by cohort and
+    rupture margin, and its moment about these places.
     """
     distribution = beginning.interface.threshold_distribution
-    initial = SteadyState(thresholds=distribution) if beginning.sliding else beginning.interface.initial
+    initial = (
+        SteadyState(thresholds=distribution)
+        if beginning.sliding
+        else beginning.interface.initial
+    )
     x, fraction = stretching_nodes(initial, distribution)
     kept = fraction > 1e-12
-    x, fraction = x[kept], fraction[kept]
+    x = x[kept]
+    fraction = fraction[kept]
     mass = distribution.density(margins + np.abs(x)[:, None]) * cell_widths(margins)
     mass[:, 0] = 0.0  # none is on its boundary
     mass *= (fraction / mass.sum(axis=1) / fraction.sum())[:, None]
-    # Those pulled back and those pulled ahead apart: as the slider moves, the margins of ones widen, of others narrow.
+    # Those pulled back and those pulled ahead apart: as the slider moves, the margins
+    # of ones widen, of others narrow.
     _, into = np.unique(np.floor(x / width), return_inverse=True)
     place = -np.bincount(into, fraction * x) / np.bincount(into, fraction)
     together, moment = np.zeros((2, place.size, margins.size))

@@ -1,4 +1,6 @@
-"""The master equation, Eqs. (1)-(4), on the panels of `stickslip.kernels.panels`: for N contacts or infinitely many."""
+"""The master equation, Eqs. (1)-(4), on the panels of `stickslip.kernels.panels`:
+for N contacts or infinitely many.
+"""
 
 import copy
 import math
@@ -10,12 +12,25 @@ import numpy as np
 
 from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
-from stickslip.kernels.breaking import NEVER, Breaking, energy, is_fixed, sliding_lives, survivals
+from stickslip.kernels.breaking import (
+    NEVER,
+    Breaking,
+    energy,
+    is_fixed,
+    sliding_lives,
+    survivals,
+)
 from stickslip.kernels.cohorts import CLOCK, MASS, REACH, gauss_rule, spread_out
 from stickslip.kernels.drive import PAUSED, Quadratic, Stop
 from stickslip.kernels.finite_population import counted
 from stickslip.kernels.lifetimes import reach
-from stickslip.kernels.panel_state import NEGLIGIBLE, UNSTRETCHED, Accuracy, Delays, Newborn
+from stickslip.kernels.panel_state import (
+    NEGLIGIBLE,
+    UNSTRETCHED,
+    Accuracy,
+    Delays,
+    Newborn,
+)
 from stickslip.kernels.panels import advance
 from stickslip.kernels.records import Record
 from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
@@ -36,27 +51,53 @@ from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines.base import Array, Beginning, Cohorts, Stretchings, slider_constants, solves
-from stickslip.simulation.engines.beginnings import breaking_of, end_and_knots, survival_of
+from stickslip.simulation.engines.base import (
+    Array,
+    Beginning,
+    Cohorts,
+    Stretchings,
+    slider_constants,
+    solves,
+)
+from stickslip.simulation.engines.beginnings import (
+    breaking_of,
+    end_and_knots,
+    survival_of,
+)
 from stickslip.simulation.work import Course, Part, course_of
 
 _SAFETY = 1e-4, 0.87
-"""Tolerance of a step for an error of 1e-4, and the power by which it falls: errors of steps fall a little faster."""
-_AT_BENDS = 0.3  # part of the tolerance of a step that is left where the survival has knots, or cohorts are not cut
+"""Tolerance of a step for an error of 1e-4, and the power by which it falls: errors
+of steps fall a little faster.
+"""
+# part of the tolerance of a step that is left where the survival has knots, or cohorts
+# are not cut
+_AT_BENDS = 0.3
 _WIDEST = 0.3, 0.1
-"""Widest panel, over the mean threshold: where it is cut at all that is not smooth, and where it may bend."""
-_BROKEN = 0.02  # fraction of all contacts that may break in a step where they are counted, for an error of 1e-4
+"""Widest panel, over the mean threshold: where it is cut at all that is not smooth,
+and where it may bend.
+"""
+# fraction of all contacts that may break in a step where they are counted, for an error
+# of 1e-4
+_BROKEN = 0.02
 _GRAIN = 0.15
-"""Distance of contacts that may count as if they had attached at one place, in standard deviations of thresholds."""
-_PATH = 2.5e-3, 10.0  # seconds over a mean threshold, about, and how many times that where cohorts have clocks
+"""Distance of contacts that may count as if they had attached at one place, in
+standard deviations of thresholds.
+"""
+# seconds over a mean threshold, about, and how many times that where cohorts have
+# clocks
+_PATH = 2.5e-3, 10.0
 _STEP, _DRAW, _NODE, _AT_RISK, _PULLED = 1.7e-5, 1.3e-7, 7.5e-8, (5e-7, 1e-6), 9e-6
-"""Seconds that a step takes, and a node of counted contacts in it; in a sweep of Newton's method a node, and so much
-more where thresholds have knots or grow, or, at a temperature, it may break; and where it is pulled too fast for heat
-to break it."""
+"""Seconds that a step takes, and a node of counted contacts in it; in a sweep of
+Newton's method a node, and so much more where thresholds have knots or grow, or, at a
+temperature, it may break; and where it is pulled too fast for heat to break it.
+"""
 _WORTH = 0.05  # seconds from which a run is tried
 _TRIED = (0.15, 6.0, 0.4), (0.1, 0.03, 1.0)
-"""As far as this part of it, or these mean thresholds once the spring is loaded, but no further than that part; and for
-so many seconds, or this part of what it takes, but no longer than that."""
+"""As far as this part of it, or these mean thresholds once the spring is loaded, but no
+further than that part; and for so many seconds, or this part of what it takes, but no
+longer than that.
+"""
 _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
@@ -67,20 +108,30 @@ _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 @solves(Population, ExponentialGrowth)
 @solves(Population, temperature=(Parabolic,))
 class Panels(Cohorts):
-    """Cohorts of contacts that attached in the same step: fractions of infinitely many, or counted."""
+    """Cohorts of contacts that attached in the same step: fractions of infinitely
+    many, or counted.
+    """
 
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "temperature"})
     smooth = True
     kernel = advance
     steps = 2_000
 
-    def __init__(self, beginning: Beginning, method: MasterEquation | Population) -> None:
-        self._method, self.slider = method, slider_constants(beginning.slider)
-        interface, count = beginning.interface, method.count if isinstance(method, Population) else 0
-        self._interface, distribution = interface, interface.threshold_distribution
+    def __init__(
+        self, beginning: Beginning, method: MasterEquation | Population
+    ) -> None:
+        self._method = method
+        self.slider = slider_constants(beginning.slider)
+        interface = beginning.interface
+        count = method.count if isinstance(method, Population) else 0
+        self._interface = interface
+        distribution = interface.threshold_distribution
         breaking = breaking_of(interface)
-        newborn = _newborn(hashable(distribution), hashable(interface.newborn), method.rtol)
-        if isinstance(interface.ageing, ExponentialGrowth):  # all are as strong at first
+        newborn = _newborn(
+            hashable(distribution), hashable(interface.newborn), method.rtol
+        )
+        # all are as strong at first
+        if isinstance(interface.ageing, ExponentialGrowth):
             newborn = newborn._replace(tried=0.0)
         self._case = kernel.Case(
             breaking,
@@ -90,16 +141,21 @@ class Panels(Cohorts):
             newborn=newborn,
             sliding_force=interface.sliding_force,
         )
-        attached, rate, lives = 1.0, 0.0, None
+        attached = 1.0
+        rate = 0.0
+        lives = None
         if beginning.sliding:
-            x, fraction, lives, path = _lives_met(distribution, self._case, beginning.velocity)
+            x, fraction, lives, path = _lives_met(
+                distribution, self._case, beginning.velocity
+            )
             if is_fixed(breaking):
                 path = mean_life(interface)[0]
             attached = path / (path + beginning.velocity * interface.delay.moment(1))
             rate = attached * beginning.velocity / path
         else:
             x, fraction = _nodes(interface.initial, distribution, self._case.accuracy)
-            if isinstance(interface.ageing, ExponentialGrowth):  # it has come to its end
+            # it has come to its end
+            if isinstance(interface.ageing, ExponentialGrowth):
                 lives = np.full(x.shape, NEVER), np.abs(x), np.full(x.shape, math.inf)
         self.state = kernel.initial_state(
             breaking,
@@ -112,16 +168,31 @@ class Panels(Cohorts):
             element=interface.sliding_force if beginning.sliding else 0.0,
         )
         if isinstance(method, Population):
-            grain = _GRAIN * distribution.standard_deviation() * min(math.sqrt(method.rtol / 1e-4), 2.0)
-            finite = kernel.FiniteNumber(float(count), np.random.default_rng(method.seed), grain)
+            grain = (
+                _GRAIN
+                * distribution.standard_deviation()
+                * min(math.sqrt(method.rtol / 1e-4), 2.0)
+            )
+            finite = kernel.FiniteNumber(
+                float(count), np.random.default_rng(method.seed), grain
+            )
             self._case = self._case._replace(finite=finite)
             self.state = counted(self.state, self._case, finite)
 
     @staticmethod
-    def cost(rig: Rig, method: MasterEquation | Population, course: Course) -> tuple[Part, ...]:
-        """Return the work of a run: no theory says how many slips there are, so one worth it is tried for a while."""
-        interface, path = rig.interface, course.distance + course.shaken
-        seconds = _PATH[0] * path * (_PATH[1] if interface.mechanisms & {"ageing", "temperature"} else 1.0)
+    def cost(
+        rig: Rig, method: MasterEquation | Population, course: Course
+    ) -> tuple[Part, ...]:
+        """Return the work of a run: no theory says how many slips there are, so one
+        worth it is tried for a while.
+        """
+        interface = rig.interface
+        path = course.distance + course.shaken
+        seconds = (
+            _PATH[0]
+            * path
+            * (_PATH[1] if interface.mechanisms & {"ageing", "temperature"} else 1.0)
+        )
         what = f"a path of {path:.2g} mean thresholds"
         if seconds > _WORTH:
             seconds, steps = _tried(hashable(rig.natural))
@@ -129,8 +200,14 @@ class Panels(Cohorts):
         return (Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds),)
 
     def tried(self, drive: Quadratic, end: float, part: float, loaded: float) -> Array:
-        """Seconds of a run by count, and steps: of a first part, until its spring is loaded and more, then as there."""
-        case, passed, spent, why, total = self._case._replace(drive=drive), [0.0], [np.zeros(2)], PAUSED, np.zeros(2)
+        """Seconds of a run by count, and steps: of a first part, until its spring is
+        loaded and more, then as there.
+        """
+        case = self._case._replace(drive=drive)
+        passed = [0.0]
+        spent = [np.zeros(2)]
+        why = PAUSED
+        total = np.zeros(2)
         least, share, most = _TRIED[1]
         while why == PAUSED and passed[-1] < part and spent[-1][0] < most:
             if passed[-1] > loaded and spent[-1][0] > max(least, share * total[0]):
@@ -139,63 +216,99 @@ class Panels(Cohorts):
             self.state, _, why = advance(self.state, case, end, np.empty(0), Stop(), 20)
             passed.append(self.here()[0] / end)
             spent.append(spent[-1] + self._spent(before))
-            late = int(np.searchsorted(passed, 0.4 * passed[-1], side="right")) - 1  # first slips are not as others
-            rate = (spent[-1] - spent[late]) / (passed[-1] - passed[late] or math.inf)  # none where the run will fail
+            # first slips are not as others
+            late = int(np.searchsorted(passed, 0.4 * passed[-1], side="right")) - 1
+            # none where the run will fail
+            rate = (spent[-1] - spent[late]) / (passed[-1] - passed[late] or math.inf)
             total = spent[-1] + rate * (1.0 - passed[-1])
         return total
 
     def _spent(self, before: Record) -> Array:
         """Seconds and steps since there were these counts, by those there are now."""
-        used, breaking, counted = self.state.used, self._case.breaking, self._case.finite is not None
-        nodes, (clock, most) = Q * used.cohorts, self.state.cohorts[[CLOCK, REACH], : used.cohorts]
-        may_break, pulled = (breaking.thresholds.bottom <= most) | (breaking.blurred.bottom <= clock), np.zeros(1)
+        used = self.state.used
+        breaking = self._case.breaking
+        counted = self._case.finite is not None
+        nodes = Q * used.cohorts
+        clock, most = self.state.cohorts[[CLOCK, REACH], : used.cohorts]
+        may_break = (breaking.thresholds.bottom <= most) | (
+            breaking.blurred.bottom <= clock
+        )
+        pulled = np.zeros(1)
         if breaking.width > 0.0:
             # where `survival` is an integral
-            pulled = np.abs((clock - energy(breaking, most)) / breaking.width + 16.0) < 20.0
+            pulled = (
+                np.abs((clock - energy(breaking, most)) / breaking.width + 16.0) < 20.0
+            )
             pulled &= breaking.thresholds.bottom < most
         elif is_fixed(breaking):
             may_break[:] = breaking.knots.size > 0 and not counted
-        each = _NODE * nodes + _AT_RISK[breaking.width > 0.0] * may_break.sum() + _PULLED * pulled.sum()
-        steps, sweeps = used.steps - before.steps, used.sweeps - before.sweeps
-        return np.array([steps * (_STEP + _DRAW * nodes * counted) + sweeps * each, steps])
+        each = (
+            _NODE * nodes
+            + _AT_RISK[breaking.width > 0.0] * may_break.sum()
+            + _PULLED * pulled.sum()
+        )
+        steps = used.steps - before.steps
+        sweeps = used.sweeps - before.sweeps
+        return np.array(
+            [steps * (_STEP + _DRAW * nodes * counted) + sweeps * each, steps]
+        )
 
     def stretchings(self) -> Stretchings:
-        """Stretchings of the attached contacts now, those that attached in one step spread over its panel."""
+        """Stretchings of the attached contacts now, those that attached in one step
+        spread over its panel.
+        """
         state = self.state
-        place, mass, reach, clock = spread_out(state.cohorts[:, : state.used.cohorts], _FINE)
+        place, mass, reach, clock = spread_out(
+            state.cohorts[:, : state.used.cohorts], _FINE
+        )
         fraction = mass * survivals(self._case.breaking, clock, reach)
         kept = fraction > 0.0
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
 
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
-        other = super().copy()  # what the kernel takes, it leaves as it is, but for random numbers
+        # what the kernel takes, it leaves as it is, but for random numbers
+        other = super().copy()
         if self._case.finite is not None:
             other._case = self._case._replace(finite=copy.deepcopy(self._case.finite))
         return other
 
     def turned(self, interface: Interface, slider: Slider) -> Self:
-        """Return an engine that goes on with other contacts and another slider; forces, positions and masses stay.
+        """Return an engine that goes on with other contacts and another slider; forces,
+        positions and masses stay.
 
-        Detached contacts stay so for the same fraction of the new delay. Cohorts keep what is attached of them.
+        Detached contacts stay so for the same fraction of the new delay. Cohorts keep
+        what is attached of them.
         """
-        turned, case = self.copy(), self._case
-        turned._interface, turned.slider = interface, slider_constants(slider)
+        turned = self.copy()
+        case = self._case
+        turned._interface = interface
+        turned.slider = slider_constants(slider)
         turned._case = case._replace(slider=turned.slider)
         state = turned.state = copy.deepcopy(self.state)
         past = state.panels[: state.used.panels]
         if interface.delay != self._interface.delay:
             delays = _delays(hashable(interface.delay), self._method)
-            ratio, now = _stretched(case.delays, delays), state.motion.time
+            ratio = _stretched(case.delays, delays)
+            now = state.motion.time
             past[:, 0] = now - ratio * (now - past[:, 0])
             past[:, 1] *= ratio
             state.rough[:] = now - ratio * (now - state.rough)
             turned._case = turned._case._replace(delays=delays)
-        if any(getattr(interface, part) != getattr(self._interface, part) for part in ("thresholds", "temperature")):
+        if any(
+            getattr(interface, part) != getattr(self._interface, part)
+            for part in ("thresholds", "temperature")
+        ):
             breaking = breaking_of(interface)
-            accuracy = _accuracy(interface.threshold_distribution, breaking, self._method.rtol, 0)
-            clock, reach, mass = state.cohorts[[CLOCK, REACH, MASS], : state.used.cohorts]
-            old, new = (survivals(one, clock, reach) for one in (case.breaking, breaking))
+            accuracy = _accuracy(
+                interface.threshold_distribution, breaking, self._method.rtol, 0
+            )
+            clock, reach, mass = state.cohorts[
+                [CLOCK, REACH, MASS], : state.used.cohorts
+            ]
+            old, new = (
+                survivals(one, clock, reach) for one in (case.breaking, breaking)
+            )
             held = new > 1e-12  # the others break at once
             mass = np.where(held, mass * old / np.where(held, new, 1.0), 0.0)
             state.cohorts[MASS, : state.used.cohorts] = mass
@@ -203,7 +316,8 @@ class Panels(Cohorts):
             state.motion.mass_in -= lost
             state.motion.attached -= lost
             state.motion.mass_out += lost
-            past[:, 2 : 3 + P] -= lost  # it re-attaches with what breaks in the next step
+            # it re-attaches with what breaks in the next step
+            past[:, 2 : 3 + P] -= lost
             turned._case = turned._case._replace(breaking=breaking, accuracy=accuracy)
         return turned
 
@@ -211,26 +325,49 @@ class Panels(Cohorts):
 @lru_cache(maxsize=256)
 def _tried(rig: Rig) -> Array:
     """Seconds of a run by count, and steps, at the mean velocity of its drive."""
-    method, course, duration, (least, some, most) = rig.method, course_of(rig), rig.drive.duration, _TRIED[0]
+    method = rig.method
+    course = course_of(rig)
+    duration = rig.drive.duration
+    least, some, most = _TRIED[0]
     assert isinstance(method, MasterEquation | Population)
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
     engine = Panels(beginning, method)
-    velocity = course.distance * rig.interface.threshold_distribution.moment(1) / duration
-    drive = Quadratic(0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0)
-    loaded = 1.0 / (rig.slider.stiffness * max(course.distance, 1.0))  # contacts hold no more than their thresholds
-    return engine.tried(drive, duration, min(max(least, some / max(course.distance, 1.0) + loaded), most), loaded)
+    velocity = (
+        course.distance * rig.interface.threshold_distribution.moment(1) / duration
+    )
+    drive = Quadratic(
+        0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0
+    )
+    # contacts hold no more than their thresholds
+    loaded = 1.0 / (rig.slider.stiffness * max(course.distance, 1.0))
+    return engine.tried(
+        drive,
+        duration,
+        min(max(least, some / max(course.distance, 1.0) + loaded), most),
+        loaded,
+    )
 
 
 def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
     """Ratio of two distributions of delays that differ in scale only."""
-    if old.time.size == new.time.size and np.allclose(old.weight, new.weight, rtol=1e-6) and old.mean > 0:
+    if (
+        old.time.size == new.time.size
+        and np.allclose(old.weight, new.weight, rtol=1e-6)
+        and old.mean > 0
+    ):
         ratio = new.mean / old.mean
         same = np.allclose(new.time, ratio * old.time, rtol=1e-6)
         same = same and math.isclose(old.fraction, new.fraction, rel_tol=1e-6)
-        if same and (old.fraction == 0.0 or math.isclose(new.continuous.top, ratio * old.continuous.top, rel_tol=1e-6)):
+        if same and (
+            old.fraction == 0.0
+            or math.isclose(
+                new.continuous.top, ratio * old.continuous.top, rel_tol=1e-6
+            )
+        ):
             return ratio
     raise InputError(
-        "Interface.delay: a cycle can be carried over only to a delay that is the old one scaled (the parameter DELAY "
+        "Interface.delay: a cycle can be carried over only to a delay that is the old "
+        "one scaled (the parameter DELAY "
         "does that); use is_sustained() afresh at each value"
     )
 
@@ -239,26 +376,36 @@ def _tolerance(rtol: float) -> float:
     return _SAFETY[0] * float((rtol / 1e-4) ** _SAFETY[1])
 
 
-def _accuracy(distribution: Distribution, breaking: Breaking, rtol: float, count: int) -> kernel.Accuracy:
-    """Tolerance of a step, and the widest panel on which a sum over nodes is good to it.
+def _accuracy(
+    distribution: Distribution, breaking: Breaking, rtol: float, count: int
+) -> kernel.Accuracy:
+    """Tolerance of a step, and the widest panel on which a sum over nodes is good to
+    it.
 
-    Of counted contacts, what re-attaches is as rough as the breaks were, and what fluctuates does so a few breaks at
-    a time.
+    Of counted contacts, what re-attaches is as rough as the breaks were, and what
+    fluctuates does so a few breaks at a time.
     """
     tolerance = _tolerance(rtol)
-    if breaking.knots.size or not is_fixed(breaking):  # where the order is lost, and again a delay later
+    # where the order is lost, and again a delay later
+    if breaking.knots.size or not is_fixed(breaking):
         tolerance *= _AT_BENDS
     most = _WIDEST[0 if is_fixed(breaking) else 1] * distribution.moment(1)
     local = breaking.width / (distribution.moment(1) if breaking.squared else 1.0)
     width = _width(hashable(distribution), local, is_fixed(breaking), tolerance, most)
     if not count:
         return Accuracy(tolerance, width)
-    return Accuracy(tolerance, width, 1.0 / math.sqrt(count), _BROKEN * math.sqrt(rtol / 1e-4))
+    return Accuracy(
+        tolerance, width, 1.0 / math.sqrt(count), _BROKEN * math.sqrt(rtol / 1e-4)
+    )
 
 
 @lru_cache(maxsize=64)
-def _width(distribution: Distribution, width: float, fixed: bool, tolerance: float, most: float) -> float:
-    """Widest panel, up to the most, on which a sum over nodes is good to a tolerance: between knots where it is cut."""
+def _width(
+    distribution: Distribution, width: float, fixed: bool, tolerance: float, most: float
+) -> float:
+    """Widest panel, up to the most, on which a sum over nodes is good to a
+    tolerance: between knots where it is cut.
+    """
     knots = end_and_knots(distribution)[1] if fixed else np.empty(0)
     return widest(survival_of(distribution, width), knots, tolerance, most, order=1)
 
@@ -266,7 +413,8 @@ def _width(distribution: Distribution, width: float, fixed: bool, tolerance: flo
 @lru_cache(maxsize=64)
 def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.Delays:
     """Times until a broken contact re-attaches, as the kernel takes them."""
-    mean, arrest = delay.moment(1), isinstance(delay, OnArrest)
+    mean = delay.moment(1)
+    arrest = isinstance(delay, OnArrest)
     if isinstance(method, MasterEquation) and method.memoryless:
         return Delays(np.zeros(1), np.ones(1), EMPTY, 0.0, 1.0, mean, arrest, True)
     (time, weight), continuous = delay.parts()
@@ -276,7 +424,12 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
     top = max(end_and_knots(distribution)[0] for _, distribution in continuous)
 
     def survival(t: Array) -> Array:
-        return np.asarray(sum(part / fraction * distribution.survival(t) for part, distribution in continuous))
+        return np.asarray(
+            sum(
+                part / fraction * distribution.survival(t)
+                for part, distribution in continuous
+            )
+        )
 
     table = tabulate(survival, top, np.empty(0))
     grain = widest(table, np.empty(0), _tolerance(method.rtol), 0.3 * mean, order=0)
@@ -284,8 +437,12 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
 
 
 @lru_cache(maxsize=64)
-def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float) -> kernel.Newborn:
-    """Stretchings of contacts that attach: as few as give their force to the tolerance, however far they are pulled."""
+def _newborn(
+    thresholds: Distribution, newborn: Distribution | None, rtol: float
+) -> kernel.Newborn:
+    """Stretchings of contacts that attach: as few as give their force to the
+    tolerance, however far they are pulled.
+    """
     if newborn is None:
         return UNSTRETCHED
     x, weight = stretching_nodes(newborn, thresholds, finer=4)
@@ -299,13 +456,15 @@ def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float
         held = thresholds.survival(np.maximum(np.abs(far), np.abs(x))) / survival(x)
         return np.asarray((held * far) @ weight)
 
-    exact, tolerance = pulled(x, weight), _tolerance(rtol)
+    exact = pulled(x, weight)
+    tolerance = _tolerance(rtol)
     for count in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32):
         if count >= x.size:
             break
         nodes, part = gauss_rule(x, weight, count)
         if np.abs(pulled(nodes, part) - exact).max() < tolerance:
-            x, weight = nodes, part
+            x = nodes
+            weight = part
             break
     return Newborn(x, weight, 1.0)
 
@@ -313,43 +472,68 @@ def _newborn(thresholds: Distribution, newborn: Distribution | None, rtol: float
 def _lives_met(
     thresholds: Distribution, case: kernel.Case, velocity: float
 ) -> tuple[Array, Array, tuple[Array, Array, Array], float]:
-    """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the way from each newborn one.
+    """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the
+    way from each newborn one.
 
     Then the clocks, reaches and ages there, and the mean length of a life.
     """
-    breaking, newborn, width, parts = case.breaking, case.newborn, case.accuracy.width, []
+    breaking = case.breaking
+    newborn = case.newborn
+    width = case.accuracy.width
+    parts = []
     strongest = end_and_knots(thresholds)[0]
-    end = max(reach(breaking.growth, strongest, velocity), newborn.stretching.max() + width)
+    end = max(
+        reach(breaking.growth, strongest, velocity), newborn.stretching.max() + width
+    )
     for begin, fraction in zip(newborn.stretching, newborn.fraction, strict=True):
         begun = newborn.tried * abs(begin)
         mass = fraction / max(float(thresholds.survival(begun)), 1e-13)
         if is_fixed(breaking):
-            x, weight = _on_panels({abs(begin), *_knots(thresholds)}, begin, strongest, width)
+            x, weight = _on_panels(
+                {abs(begin), *_knots(thresholds)}, begin, strongest, width
+            )
         else:
-            early = begin + width * 0.25 ** np.arange(1, 24)  # what breaks at a rate, or as it grows, does so at once
+            # what breaks at a rate, or as it grows, does so at once
+            early = begin + width * 0.25 ** np.arange(1, 24)
             x, weight = _on_panels({0.0, *early}, begin, end, width)
         clock, most, age = sliding_lives(breaking, begin, begun, x, velocity)
         alive = np.maximum(survivals(breaking, clock, most), 0.0)  # but for rounding
         parts.append((x, mass * weight * alive, clock, most, age))
-    x, weight, clock, most, age = (np.concatenate(part) for part in zip(*parts, strict=True))
+    x, weight, clock, most, age = (
+        np.concatenate(part) for part in zip(*parts, strict=True)
+    )
     path = float(weight.sum())
-    beyond = np.cumsum((weight * (1.0 + x)).sum(axis=1)[::-1])[::-1]  # mass and force of all that follow
+    # mass and force of all that follow
+    beyond = np.cumsum((weight * (1.0 + x)).sum(axis=1)[::-1])[::-1]
     kept = beyond > NEGLIGIBLE * case.accuracy.tolerance * path
-    return x[kept], weight[kept] / weight[kept].sum(), (clock[kept], most[kept], age[kept]), path
+    return (
+        x[kept],
+        weight[kept] / weight[kept].sum(),
+        (clock[kept], most[kept], age[kept]),
+        path,
+    )
 
 
-def _nodes(initial: Distribution, thresholds: Distribution, accuracy: kernel.Accuracy) -> tuple[Array, Array]:
-    """Initial stretchings at nodes of Gauss, and the weight of each, of sum 1; both of shape (n, Q).
+def _nodes(
+    initial: Distribution, thresholds: Distribution, accuracy: kernel.Accuracy
+) -> tuple[Array, Array]:
+    """Initial stretchings at nodes of Gauss, and the weight of each, of sum 1; both of
+    shape (n, Q).
 
     The panels lie between the jumps of both distributions.
     """
     std = initial.standard_deviation()
     if std == 0:
         return np.full((1, Q), initial.moment(1)), WEIGHT[None]
-    (low, high), end = initial.support, end_and_knots(thresholds)[0]
+    low, high = initial.support
+    end = end_and_knots(thresholds)[0]
     # Weights of a bell as wide as that are good to the tolerance.
-    width = min(std * min(1.5 * (accuracy.tolerance / 1e-5) ** (0.5 / Q), 1.0), accuracy.width)
-    x, weight = _on_panels({*initial.knots, *_knots(thresholds)}, max(low, -end), min(high, end), width)
+    width = min(
+        std * min(1.5 * (accuracy.tolerance / 1e-5) ** (0.5 / Q), 1.0), accuracy.width
+    )
+    x, weight = _on_panels(
+        {*initial.knots, *_knots(thresholds)}, max(low, -end), min(high, end), width
+    )
     weight = weight * initial.density(x) * (thresholds.survival(np.abs(x)) > 1e-12)
     kept = weight.sum(axis=1) > 1e-17
     return x[kept], weight[kept] / weight[kept].sum()
@@ -360,9 +544,18 @@ def _knots(thresholds: Distribution) -> set[float]:
     return {0.0, *thresholds.knots, *(-knot for knot in thresholds.knots)}
 
 
-def _on_panels(knots: set[float], low: float, high: float, width: float) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss on panels no wider than `width`, between these knots; both of shape (n, Q)."""
+def _on_panels(
+    knots: set[float], low: float, high: float, width: float
+) -> tuple[Array, Array]:
+    """Nodes and weights of Gauss on panels no wider than `width`, between these
+    knots; both of shape (n, Q).
+    """
     edges = [low, *(knot for knot in sorted(knots) if low < knot < high), high]
-    parts = [np.linspace(a, b, math.ceil((b - a) / width) + 1) for a, b in pairwise(edges)]
-    left, right = (np.concatenate(ends)[:, None] for ends in zip(*((p[:-1], p[1:]) for p in parts), strict=True))
+    parts = [
+        np.linspace(a, b, math.ceil((b - a) / width) + 1) for a, b in pairwise(edges)
+    ]
+    left, right = (
+        np.concatenate(ends)[:, None]
+        for ends in zip(*((p[:-1], p[1:]) for p in parts), strict=True)
+    )
     return left + (right - left) * GAUSS, (right - left) * WEIGHT
