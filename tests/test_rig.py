@@ -6,7 +6,7 @@ import json
 import math
 import re
 import tomllib
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 from benches import with_value
@@ -582,6 +582,51 @@ def test_a_rig_says_itself_in_its_own_units():
     assert "20 mm/s" in str(read)
     assert ">Brake pad, creep groan</b>" in read._repr_html_()
     assert ">30 MN/m</td>" in read._repr_html_()
+
+
+def _every_rig():
+    """Rigs that ship, in SI units; the same without units; and one that keeps its time
+    in milliseconds, with every part other than its default.
+    """
+    shipped = [rigs.example(name) for name in rigs.example_names()]
+    drive = ss.ramp(0.3, 2.0, 4.0).then(
+        ss.constant(2.0, 1.0).until(ss.model.Travel(0.7))
+    )
+    first = shipped[0].natural.replace(
+        drive=drive,
+        output=ss.Output(interval=0.3, snapshots=(0.7, 1.9), bins=30),
+        start=ss.Prestressed(stretching=0.3, push=0.7),
+        method=ss.Contacts(30, seed=4),
+    )
+    scales = ss.model.Scales(force=700.0, stretching=3e-6, time=1e-3)
+    return [
+        *shipped,
+        *(rig.natural for rig in shipped),
+        first,
+        replace(first, scales=scales),
+    ]
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(ss.Rig)])
+def test_what_is_read_from_a_rig_can_be_given_back(name):
+    for rig in _every_rig():
+        assert rig.replace(**{name: getattr(rig, name)}) == rig
+        other = rig.replace(name="another")
+        assert (
+            other.replace(**{name: getattr(rig, name)}).natural
+            == (rig if name == "name" else other).natural
+        )
+
+
+def test_a_record_in_the_units_of_a_rig_becomes_one_of_the_rig():
+    for rig in _every_rig():
+        speed, force = rig.unit("velocity"), rig.unit("force")
+        given = ss.ramp(3.0 * speed, 5.0 * speed, 0.2 * rig.unit("time"))
+        ends = given.until(ss.model.ForceAbove(0.7 * force))
+        (piece,) = rig.replace(drive=rig.to_natural(ends)).drive.pieces
+        assert (piece.start, piece.end, piece.duration, piece.until.force) == (
+            pytest.approx((3.0, 5.0, 0.2, 0.7))
+        )
 
 
 def test_a_drive_that_runs_backwards_may_run_forwards():

@@ -32,7 +32,8 @@ def pull(bench: ss.Rig, stiffness: float):
     """
     damping = bench.value("damping") * math.sqrt(stiffness / bench.value("stiffness"))
     long = ss.constant(bench.velocity, duration=DURATION)
-    return ss.simulate(bench.replace(stiffness=stiffness, damping=damping, drive=long))
+    stiffer = bench.replace(stiffness=stiffness, damping=damping)
+    return ss.simulate(stiffer.replace(drive=bench.to_natural(long)))
 
 
 def draw(rig: str | Path = RIG) -> Figure:

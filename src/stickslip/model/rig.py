@@ -22,7 +22,7 @@ from stickslip.model.methods import (
 )
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_number, read_value
-from stickslip.model.records import Number, Part, Record, check, converted
+from stickslip.model.records import AnyRecord, Number, Part, Record, check, converted
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
 
 if TYPE_CHECKING:
@@ -264,9 +264,10 @@ class Rig(Answer):
         Parameters
         ----------
         **changes
-            A field of this record (`drive` and `output` in the rig's own units), or a
-            parameter by name, in the rig's own units: ``velocity``, ``stiffness``,
-            ``mass``, ``damping``, ``delay``, ``std``, ``ageing``.
+            A field of this record, as it is read from it: in natural units, so that
+            ``rig.replace(drive=rig.drive) == rig``; see `to_natural`. Or a parameter by
+            name, in the rig's own units: ``velocity``, ``stiffness``, ``mass``,
+            ``damping``, ``delay``, ``std``, ``ageing``.
 
         Raises
         ------
@@ -284,9 +285,6 @@ class Rig(Answer):
             for name, value in changes.items()
             if name in self.__dataclass_fields__
         }
-        for name, kind in (("drive", Drive), ("output", Output)):
-            if isinstance(fields.get(name), kind) and self.scales is not None:
-                fields[name] = converted(fields[name], self.scales.natural)
         changed = replace(self, **fields)
         for name in [name for name in changes if name not in fields]:
             known = parameter_named(name, place="replace")
@@ -295,6 +293,19 @@ class Rig(Answer):
                 changed.read(name, changes[name], known.unit, above=None, at_least=0),
             )
         return changed
+
+    def to_natural(self, record: AnyRecord) -> AnyRecord:
+        """Return a record whose numbers are in the rig's own units, such as a drive in
+        m/s and s, in natural units, as the rig holds it.
+
+        Examples
+        --------
+        >>> rig = ss.read_rig("brake_pad")
+        >>> slow = rig.to_natural(ss.constant(0.05, duration=2.0))
+        >>> round(rig.replace(drive=slow).velocity, 3)
+        0.05
+        """
+        return converted(record, lambda value, unit: value / self.unit(unit))
 
     def read(self, place: str, value: object, natural: str, **bounds: Any) -> float:
         """Return a number in the rig's own unit, or a text with a unit, in the

@@ -56,7 +56,8 @@ def simulate(
     start : FromRest, FromSliding or Prestressed, optional
         By default the rig's own.
     output : Output, optional
-        Sampling and snapshots, in the rig's own units; by default the rig's own. It
+        Sampling and snapshots, as a rig holds them: in its unit of time, which is the
+        second for one from a file; by default the rig's own. It
         never changes the motion of contacts that do not age; those that age are
         followed in steps, which end at the samples.
     progress : bool or callable, optional
