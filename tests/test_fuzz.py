@@ -26,7 +26,7 @@ from stickslip.errors import LONGEST_MESSAGE, UndecidedError
 from stickslip.explorer import documents, simulate
 from stickslip.io import rig_files
 from stickslip.simulation import estimate
-from stickslip.sweep import run_cases, status_of
+from stickslip.sweep import Options, run_cases, status_of
 
 OTHERS = "FUZZ_EXAMPLES" in os.environ
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "25"))
@@ -398,6 +398,11 @@ def messages(draw):
     )
 
 
+def halves(store):
+    options = Options(study="half", version="1")
+    return run_cases(half, {"a": [1.0, 2.0, 3.0]}, store=store, options=options)
+
+
 @cache
 def run_as_bytes():
     from tempfile import TemporaryDirectory
@@ -407,7 +412,7 @@ def run_as_bytes():
         # The same bytes at every commit.
         run.attrs["provenance"] = run.attrs["provenance"].replace(ss.__version__, "0.1")
         ss.save(run, f"{folder}/run.nc")
-        run_cases(half, {"a": [1.0, 2.0, 3.0]}, store=f"{folder}/s.sqlite")
+        halves(f"{folder}/s.sqlite")
         found = []
         for name in ("run.nc", "s.sqlite"):
             with open(f"{folder}/{name}", "rb") as file:
@@ -448,7 +453,7 @@ def with_a_damaged_store(damage, tmp_path):
     place = tmp_path / "s.sqlite"
     place.write_bytes(damaged(run_as_bytes()[1], *damage))
     status_of(place)
-    found = run_cases(half, {"a": [1.0, 2.0, 3.0]}, store=place)
+    found = halves(place)
     assert np.array_equal(found["b"], [0.5, 1.0, 1.5]), (
         "a damaged store is read as if it were whole"
     )

@@ -14,7 +14,7 @@ import threading
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +56,7 @@ def product(a, b):
 
 
 ONE = {"a": [1], "b": [1]}
+NAMED = Options(study="product", version="1")  # what a store needs
 
 
 # Cases for other processes live in a module that these can import; each run leaves a
@@ -162,7 +163,8 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
     options = Options(
         attributes=notes, categories={"kind": ["soft", "hard", "never seen"]}
     )
-    kept = run_cases(odd, axes, store=tmp_path / "s.sqlite", options=options)
+    named = replace(options, study="odd", version="1")
+    kept = run_cases(odd, axes, store=tmp_path / "s.sqlite", options=named)
     xr.testing.assert_identical(kept, run_cases(odd, axes, options=options))
     xr.testing.assert_identical(kept, open_sweep(tmp_path / "s.sqlite"))
     kept = kept.isel(flag=0)
@@ -191,7 +193,11 @@ def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp
         (Threads(2), Threads(5), Processes(2), ThreadPoolExecutor(2))
     ):
         found = run_cases(
-            cases.logged, LOGGED_AXES, executor=executor, store=tmp_path / f"{i}.sqlite"
+            cases.logged,
+            LOGGED_AXES,
+            executor=executor,
+            store=tmp_path / f"{i}.sqlite",
+            options=NAMED,
         )
         xr.testing.assert_identical(found, expected)
     assert not expected.equals(
@@ -225,7 +231,10 @@ def test_a_case_that_raises_is_recorded_and_run_again_on_request_only(tmp_path):
         seen.clear()
         where = {"store": tmp_path / "s.sqlite", "progress": seen.append}
         return run_cases(
-            moody, {"a": range(4), "b": range(3)}, options=Options(**options), **where
+            moody,
+            {"a": range(4), "b": range(3)},
+            options=replace(NAMED, **options),
+            **where,
         )
 
     found = result()
@@ -292,6 +301,9 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
     expected = run_cases(cases.logged, LOGGED_AXES)
     log.unlink()
 
+    given = {"function": cases.logged, "axes": dict(LOGGED_AXES), "store": store}
+    given["options"] = NAMED
+
     def look_and_stop(p):
         if p.finished:
             lines.append(str(status_of(store)))
@@ -299,7 +311,7 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
         stop_after(20)(p)
 
     with pytest.raises(EnoughError):
-        run_cases(cases.logged, LOGGED_AXES, store=store, progress=look_and_stop)
+        run_cases(**given, progress=look_and_stop)
     assert re.match(
         (
             rf"\d+ of 60 cases done, \d+ not run yet; running as process {os.getpid()} "
@@ -317,15 +329,14 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
         f"{len(before)} of 60 cases done, {60 - len(before)} not run yet; not running"
     )
     log.unlink()
-    xr.testing.assert_identical(
-        run_cases(cases.logged, LOGGED_AXES, store=store), expected
-    )
+    xr.testing.assert_identical(run_cases(**given), expected)
     assert (
         set(runs(tmp_path))
         == {(a, b) for a in range(12) for b in LOGGED_AXES["b"]} - before
     )
     wide = {"b": [1.0, 0.0, 9.0], "a": [1, 30]}
-    found = run_cases(cases.logged, wide, store=store)
+    given["axes"] = wide
+    found = run_cases(**given)
     assert sum(runs(tmp_path).values()) == 60 - len(before) + 4
     assert max(runs(tmp_path).values()) == 1
     xr.testing.assert_identical(found, open_sweep(store))
@@ -336,18 +347,7 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%9%'")
     assert summary(open_sweep(store)).missing == status_of(store).summary.missing == 2
-    xr.testing.assert_identical(run_cases(cases.logged, wide, store=store), found)
-
-
-@dataclass(frozen=True)
-class Mass:
-    mass: float
-
-    def __call__(self, x):
-        return {"y": self.mass * x}
-
-    def times(self, x):
-        return {"y": self.mass * x}
+    xr.testing.assert_identical(run_cases(**given), found)
 
 
 def closing_over(k):
@@ -357,45 +357,48 @@ def closing_over(k):
     return f
 
 
-@pytest.mark.parametrize(
-    "made",
-    [
-        Mass,
-        closing_over,
-        lambda k: lambda x, k=k: {"y": k * x},
-        lambda k: lambda x, *, k=k: {"y": k * x},
-        lambda k: Mass(k).times,
-        lambda k: [lambda x: {"y": 2 * x}, lambda x: {"y": 3 * x}][k - 2],
-    ],
-)
-def test_another_function_is_another_sweep(tmp_path, made):
-    """The closure, the defaults and the object of a method included; the store of
-    one never answers for another.
-    """
-    store = tmp_path / "s.sqlite"
-    for _ in range(2):
-        assert run_cases(made(2), {"x": [1.0, 2.0]}, store=store)[
-            "y"
-        ].values.tolist() == [2.0, 4.0]
-    before = store.read_bytes()
-    with pytest.raises(
-        InputError,
-        match="holds another sweep; what differs: what the function does or holds",
+def test_a_study_is_its_name_and_version_and_nothing_is_guessed(tmp_path):
+    """Finished cases are those of the name and the version, whatever the function."""
+    same = {"axes": {"x": [1.0, 2.0]}, "store": tmp_path / "s.sqlite"}
+
+    def found(k, **named):
+        options = Options(**({"study": "beam", "version": "1"} | named))
+        return run_cases(closing_over(k), **same, options=options)["y"].values.tolist()
+
+    assert found(2) == [2.0, 4.0]
+    assert found(3) == [2.0, 4.0]
+    before = same["store"].read_bytes()
+    for change, part in (
+        ({"version": "1.0"}, "version of the study"),
+        ({"study": "Beam"}, "study"),
+        ({"version": "2", "study": "bar"}, "study, version of the study"),
     ):
-        run_cases(made(3), {"x": [1.0, 2.0]}, store=store)
-    assert store.read_bytes() == before
+        with pytest.raises(InputError, match=f"what differs: {part}. Choose"):
+            found(3, **change)
+    assert same["store"].read_bytes() == before
 
 
-def test_names_seed_fingerprint_and_version_are_part_of_the_case(tmp_path, monkeypatch):
-    same = {"function": product, "axes": ONE, "store": tmp_path / "s.sqlite"}
+@pytest.mark.parametrize("given", ["", " ", 2, None])
+@pytest.mark.parametrize("place", ["study", "version"])
+def test_a_store_needs_the_name_and_the_version_of_its_study(tmp_path, place, given):
+    options = replace(NAMED, **{place: given})
+    store = tmp_path / "s.sqlite"
+    with pytest.raises(InputError, match=rf"^options\.{place} = .*[^\n]$"):
+        run_cases(product, ONE, store=store, options=options)
+    assert not store.exists()
+    assert summary(run_cases(product, ONE, options=options)).done == 1
+
+
+def test_names_seed_and_version_are_part_of_the_case(tmp_path, monkeypatch):
+    store = tmp_path / "s.sqlite"
+    same = {"function": product, "axes": ONE, "store": store, "options": NAMED}
     run_cases(**same)
     for change, part in (
         (
             {"function": lambda **values: {"n": len(values)}, "axes": {"x": [1]}},
             "names of the axes",
         ),
-        ({"options": Options(seed=7)}, "seed"),
-        ({"options": Options(fingerprint="rig.toml, second version")}, "fingerprint"),
+        ({"options": replace(NAMED, seed=7)}, "seed"),
     ):
         with pytest.raises(InputError, match=f"what differs: {part}"):
             run_cases(**(same | change))
@@ -415,7 +418,9 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
         "UPDATE cases SET row = replace(row, '6.0', '7.0')",
         "DELETE FROM cases WHERE key = ''",
     ):
-        run_cases(product, {"a": [3], "b": [2]}, store=tmp_path / damage[:6])
+        run_cases(
+            product, {"a": [3], "b": [2]}, store=tmp_path / damage[:6], options=NAMED
+        )
         with changing(tmp_path / damage[:6]) as connection:
             connection.execute(damage)
     with changing(tmp_path / "other.sqlite") as connection:
@@ -431,7 +436,9 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
     )
     for name, words in (refusals | {"x" * 300: "File name too long"}).items():
         with pytest.raises(InputError, match=words):
-            run_cases(product, {"a": [3], "b": [2]}, store=tmp_path / name)
+            run_cases(
+                product, {"a": [3], "b": [2]}, store=tmp_path / name, options=NAMED
+            )
         with pytest.raises(InputError, match=words):
             open_sweep(tmp_path / name)
     with pytest.raises(InputError, match="there is no such file"):
@@ -447,7 +454,8 @@ def test_two_sweeps_of_one_process_on_one_store(tmp_path):
         GO_ON.wait(30)
         return {"b": a}
 
-    given = {"axes": {"a": [1, 2]}, "store": tmp_path / "s.sqlite"}
+    store = tmp_path / "s.sqlite"
+    given = {"axes": {"a": [1, 2]}, "store": store, "options": NAMED}
     with ThreadPoolExecutor(1) as pool:
         first = pool.submit(run_cases, waiting, **given)
         BEGUN.wait(30)
@@ -481,10 +489,11 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
     script = f"""
         import resource
         from stickslip.errors import InputError
-        from stickslip.sweep import Threads, _run, _table, open_sweep, run_cases, summary
+        from stickslip.sweep import Options, Threads, _run, _table, open_sweep, run_cases, summary
 
         _table.EVERY = _run.SECONDS = 0.0
         given = {{"axes": {{"a": range(60)}}, "store": {str(tmp_path / "s.sqlite")!r}}}
+        given["options"] = Options(study="long texts", version="1")
 
         def case(a):
             return {{"y": 200 * str(a)}}
@@ -514,7 +523,11 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
 def test_a_case_that_kills_its_worker_is_found_and_recorded(cases, tmp_path):
     axes = {"a": range(6), "b": range(4)}
     result = run_cases(
-        cases.deadly, axes, executor=Processes(2), store=tmp_path / "s.sqlite"
+        cases.deadly,
+        axes,
+        executor=Processes(2),
+        store=tmp_path / "s.sqlite",
+        options=NAMED,
     )
     assert str(summary(result)) == "23 of 24 cases done, 1 failed"
     assert failures(result)[0].parameters == {"a": 3, "b": 2}
@@ -614,11 +627,18 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     expected = refine(branches, plane, runs=40)
     COUNT.clear()
     with pytest.raises(EnoughError):
-        refine(branches, plane, runs=40, store=store, progress=stop_after(55))
+        refine(
+            branches,
+            plane,
+            runs=40,
+            store=store,
+            progress=stop_after(55),
+            options=NAMED,
+        )
     part = open_sweep(store)
     assert 55 <= part.sizes["run"] < expected.sizes["run"] <= 80
     assert status_of(store).summary.missing == 80 - part.sizes["run"]
-    found = refine(branches, plane, runs=40, store=store)
+    found = refine(branches, plane, runs=40, store=store, options=NAMED)
     xr.testing.assert_identical(found, expected)
     xr.testing.assert_identical(open_sweep(store), expected)
     assert (
@@ -629,9 +649,11 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%up%'")
     assert status_of(store).summary.missing > 30
-    xr.testing.assert_identical(refine(branches, plane, runs=40, store=store), expected)
+    xr.testing.assert_identical(
+        refine(branches, plane, runs=40, store=store, options=NAMED), expected
+    )
     with pytest.raises(InputError, match="holds another sweep; what differs: seed"):
-        refine(branches, plane, runs=40, store=store, options=Options(seed=1))
+        refine(branches, plane, runs=40, store=store, options=replace(NAMED, seed=1))
 
 
 # ---------------------------------------------------------------- what is refused
@@ -696,12 +718,6 @@ BAD_AXES = [
         (
             lambda: run_cases(closing_over(2), {"x": [1]}, executor=Processes(1)),
             r"function = .*f: cannot be sent to another process .*use Threads",
-        ),
-        (
-            lambda: run_cases(
-                closing_over(threading.Lock()), {"x": [1]}, store="s.sqlite"
-            ),
-            "^function = .*f: a value in it cannot be read",
         ),
         (lambda: summary(xr.Dataset()), "must be the result of a sweep"),
         (lambda: refine(parabola, UNIT | {"x": [1]}), "plane of two parameters"),

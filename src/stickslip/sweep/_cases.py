@@ -13,14 +13,13 @@ import pickle
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from types import CodeType, FunctionType, MethodType
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from stickslip import __version__
-from stickslip.errors import InputError
+from stickslip.errors import InputError, instance
 
 AxisValue = float | int | bool | str
 Function = Callable[..., Mapping[str, Any]]
@@ -63,23 +62,31 @@ def case_seed(seed: int, key: str) -> int:
 
 
 def identity_of(
-    function: Function, names: Iterable[str], seed: int, fingerprint: object
+    names: Iterable[str], seed: int, study: str, version: str
 ) -> dict[str, str]:
     """What must be equal for a finished case to be the same case, part by part: a
     message can say what differs.
 
-    Code that the function calls is not followed: the version of this package stands for
-    its own, `fingerprint` for everything else.
+    Nothing is guessed of the function, whose code, and all that it reads, may change
+    unseen: `study` and `version` stand for it, and are the caller's to change.
     """
+    for place, text, example in (
+        ("study", study, "beam of two parts"),
+        ("version", version, "1"),
+    ):
+        instance(f"options.{place}", text, str, f"a text, such as {example!r}")
+        if not text.strip():
+            raise InputError(
+                f"options.{place} = {text!r}: a store needs the name and the version "
+                f"of its study; give Options({place}={example!r}, ...), and another "
+                "version whenever results change"
+            )
     return {
         "stickslip version": __version__,
         "names of the axes": ", ".join(sorted(names)),
         "seed": str(seed),
-        "fingerprint": _digest("fingerprint", fingerprint),
-        "function": name_of(function),
-        "what the function does or holds": _digest(
-            f"function = {name_of(function)}", function
-        ),
+        "study": study,
+        "version of the study": version,
     }
 
 
@@ -87,53 +94,6 @@ def name_of(function: object) -> str:
     """Name of a function, for a person."""
     function = getattr(function, "func", function)  # of functools.partial
     return str(getattr(function, "__qualname__", type(function).__qualname__))
-
-
-def _digest(place: str, value: object) -> str:
-    try:
-        return _hash(json.dumps(value, default=_held, sort_keys=True).encode())
-    except Exception as error:
-        raise InputError(
-            f"{place}: a value in it cannot be read ({error}), so a finished case "
-            "could not be told from a changed "
-            "one; use numbers, text, arrays or frozen records"
-        ) from None
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.blake2b(content, digest_size=16).hexdigest()
-
-
-def _held(value: Any) -> Any:
-    """What is no JSON, as JSON can hold it, the same in every process; of a function,
-    what it does and all it holds.
-
-    That is: what is bound to it, what it closes over, and its defaults.
-    """
-    value = getattr(value, "py_func", value)  # compiled by numba
-    match value:
-        case bytes():
-            return _hash(value)
-        case set() | frozenset():
-            return sorted(map(repr, value))
-        case CodeType():
-            return [value.co_code, value.co_consts, value.co_names]
-        case FunctionType():
-            return [
-                value.__code__,
-                inspect.getclosurevars(value).nonlocals,
-                value.__defaults__,
-                value.__kwdefaults__,
-            ]
-        case MethodType():
-            return [value.__self__, value.__func__]
-        case _ if inspect.isroutine(value) or isinstance(value, type):
-            return [getattr(value, "__module__", ""), name_of(value)]
-        case _ if is_dataclass(value):
-            held = [getattr(value, one.name) for one in fields(value) if one.compare]
-        case _:  # as it is pickled: arrays, partial functions, objects
-            held = list(value.__reduce_ex__(4)[1:])
-    return [type(value), held, type(value).__call__]
 
 
 def check_function(function: Any, axes: Iterable[str]) -> bool:

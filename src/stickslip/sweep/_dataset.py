@@ -65,9 +65,9 @@ def run_cases(
         Numbers, texts or truth values, each value once; an `xarray.DataArray` brings
         its attributes along. A `Span` for each of two axes with a `refinement`.
     store : path, optional
-        File where results land as they finish, at least each second; a second start
-        with the same function runs what is missing, also with other values on the axes.
-        By default results are kept in memory.
+        File where results land as they finish, at least each second; a second start of
+        the same study and version, as `options` name them, runs what is missing, also
+        with other values on the axes. By default results are kept in memory.
     executor : Threads, Processes or concurrent.futures.Executor, optional
         Where cases run; by default threads, one per core. For Dask:
         ``client.get_executor()``.
@@ -147,7 +147,7 @@ def run_cases(
     }
     if store is not None:
         head["identity"] = identity_of(
-            function, axes, options.seed, options.fingerprint
+            axes, options.seed, options.study, options.version
         )
     if refinement is not None:
         head["search"] = {

@@ -89,10 +89,13 @@ class Options:
     #: The words that a measured text can be: it becomes an integer with CF flags, -1
     #: where there is no result.
     categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    #: Anything else that results depend on: the text of a configuration file, the
-    #: version of another package, code that the function calls. The function's own code
-    #: and the version of this package are looked after.
-    fingerprint: object = None
+    #: Name of the study, which a store needs: finished cases are those of this name and
+    #: version. The function is not looked into.
+    study: str = ""
+    #: Version of the study, which a store needs, too: give another one whenever the
+    #: function, or anything that it reads or calls, changes what it returns. The
+    #: version of this package is looked after.
+    version: str = ""
     #: Texts to keep with the results, as attributes of the Dataset; what a case is does
     #: not depend on them.
     notes: Mapping[str, str] = field(default_factory=dict)

@@ -125,6 +125,9 @@ class Plan:
             attributes=self.attributes(),
             categories={"regime": KINDS},
             notes={NOTE: json.dumps(datasets.encode(self))},
+            # all that a case of a rig depends on, besides the version of this package
+            study="sweep of a rig",
+            version=json.dumps(datasets.encode(self.study)),
             retry_failed=retry_failed,
             max_cases=self.max_cases,
         )
@@ -435,7 +438,7 @@ def _plan(
         if (value := getattr(runs, key)) is not None:
             lasting[key] = read(value, f"run.{key}", unit) / rig.unit(unit)
     study = Study(
-        rig=replace(rig, name="", assumed={}, source=""),
+        rig=replace(rig, name="", assumed={}, fitted={}, source=""),
         cycles=number("run.cycles", runs.cycles, at_least=0),
         extensions=whole("run.extensions", runs.extensions, at_least=0, at_most=10),
         **lasting,
