@@ -11,12 +11,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.special import iv
 
+import stickslip as ss
 from stickslip.errors import InputError
+from stickslip.model.distribution import table_of
 from stickslip.model.distributions import (
     Distribution,
     Empirical,
     Exponential,
+    Gamma,
     Gaussian,
     LogNormal,
     SteadyState,
@@ -402,3 +406,105 @@ def test_a_gaussian_of_which_little_is_left_is_sampled_at_once():
     assert values.mean() == pytest.approx(
         tail.moment(1), abs=5 * tail.standard_deviation() / 100
     )
+
+
+@dataclass(frozen=True)
+class RaisedCosine(Distribution):
+    """Smooth, of ever fewer digits towards its ends, where 1 + cos cancels."""
+
+    half: float
+
+    def density(self, x):
+        y = (np.asarray(x, dtype=float) - 1.0) / self.half
+        inside = (1.0 + np.cos(np.pi * y)) / (2.0 * self.half)
+        return np.where(np.abs(y) < 1.0, inside, 0.0)
+
+    def exact(self, q):
+        s = q * self.half
+        return np.exp(-q) * np.sinh(s) / s * math.pi**2 / (math.pi**2 + s * s)
+
+
+@dataclass(frozen=True)
+class Semicircle(Distribution):
+    """Of infinite slope at its ends."""
+
+    half: float
+
+    def density(self, x):
+        y = (np.asarray(x, dtype=float) - 1.0) / self.half
+        root = np.sqrt(np.maximum(1.0 - y * y, 0.0))
+        return 2.0 / (math.pi * self.half) * root
+
+    def exact(self, q):
+        s = q * self.half
+        return np.exp(-q) * 2.0 * iv(1, s) / s
+
+
+@pytest.mark.parametrize("half", [0.003, 0.02, 0.1, 0.4, 0.97])
+@pytest.mark.parametrize("kind", [RaisedCosine, Semicircle])
+def test_a_density_of_few_digits_has_its_transform(kind, half):
+    own = kind(half)
+    q = np.array([1e-3, 1.0, 0.3 + 2.0j, 5.0 - 7.0j, 1e-4 + 40.0j])
+    assert np.abs(own.laplace(q) - own.exact(q)).max() < 1e-12
+    assert len(table_of(own).x) < 4000
+
+
+@pytest.mark.parametrize("std", [0.002, 0.0137, 0.05, 0.3, 0.9])
+@pytest.mark.parametrize("kind", [Gamma, Gaussian, LogNormal])
+def test_the_table_of_any_width_is_bounded_and_right(kind, std):
+    wanted = kind(mean=1.0, std=std)
+    told = Told(wanted)
+    assert len(table_of(wanted).x) < 4000
+    for order in (0, 1, 2):
+        found = float(Distribution.partial_moment(told, 1.0 + 0.5 * std, order))
+        exact = float(wanted.partial_moment(1.0 + 0.5 * std, order))
+        assert found == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("std", [0.005, 0.0137, 0.03])
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_narrow_thresholds_of_every_kind_slide_alike(std, delay):
+    """Rates of growth differ by the skewness alone, by some std."""
+    rates = []
+    for kind in (Gamma, Gaussian, LogNormal):
+        interface = ss.Interface(
+            thresholds=kind(mean=1.0, std=std),
+            newborn=Gaussian(mean=0.5, std=0.0),
+            delay=ss.Delay(delay),
+        )
+        slider = ss.Slider(stiffness=1.0, mass=0.003, damping=5.0)
+        rates.append(ss.growth_rate(ss.Rig(interface, slider, ss.constant(1.0))))
+    assert rates == pytest.approx([rates[1]] * 3, rel=std)
+
+
+@dataclass(frozen=True)
+class Noisy(Distribution):
+    """A Gaussian with a relative error that no panel resolves."""
+
+    error: float
+
+    def density(self, x):
+        x = np.asarray(x, dtype=float)
+        noise = np.sin(1e11 * x)
+        return Gaussian(mean=1.0, std=0.2).density(x) * (1.0 + self.error * noise)
+
+
+def test_a_noisy_density_ends_as_one_or_in_a_refusal():
+    assert Noisy(1e-7).moment(1) == pytest.approx(1.0, abs=1e-7)
+    with pytest.raises(InputError, match="do not resolve its density near x = "):
+        Noisy(0.1).moment(1)
+
+
+@pytest.mark.takes(4)  # a search along the mass
+@pytest.mark.parametrize("own", [RaisedCosine(0.4), Semicircle(0.4)])
+def test_a_smooth_density_is_enough_for_a_critical_mass(own):
+    """Lighter sliders stick and slip, heavier ones do not."""
+    interface = ss.Interface(
+        thresholds=own, newborn=Gaussian(mean=0.5, std=0.0), delay=ss.Delay(0.1)
+    )
+    slider = ss.Slider(stiffness=1.0, mass=0.02, damping=5.0)
+    rig = ss.Rig(interface, slider, ss.constant(1.0))
+    (found,) = ss.critical(rig, "mass", between=(0.015, 0.03))
+    lighter = ss.growth_rate(rig.replace(mass=0.98 * found.value))
+    heavier = ss.growth_rate(rig.replace(mass=1.02 * found.value))
+    assert heavier.real < 0.0 < lighter.real

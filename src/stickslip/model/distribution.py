@@ -287,6 +287,15 @@ _FIRST = np.unique(
 )
 
 
+# most panels of a table; the narrowest densities take some 4000
+_PANELS = 1 << 15
+# change of a panel, over its integral, below which one that stalls is rounding: the
+# logarithm of a density of relative width 1e-3 is a difference of terms of 1e6
+_ROUNDED = 1e-9
+# probability that is below rounding on any of the panels
+_TAIL = 1e-18
+
+
 @lru_cache(maxsize=64)
 def table_of(distribution: Distribution) -> Table:
     """Return the table of a distribution, its panels halved until halving changes
@@ -296,28 +305,10 @@ def table_of(distribution: Distribution) -> Table:
     integral is not 1: peaks narrower than a hundredth of their place may be missed
     unless they are among the `knots`.
     """
-
-    def integral(left: Array, right: Array) -> Array:
-        x, weight = nodes_between(left, right)
-        return np.asarray(np.sum(weight * _density(distribution, x), axis=1))
-
     knots = np.array([knot for knot in distribution.knots if math.isfinite(knot)])
     edges = np.union1d(np.concatenate([-_FIRST, [0.0], _FIRST]), knots)
-    left = edges[:-1]
-    right = edges[1:]
-    kept: list[Array] = []
-    for _ in range(64):
-        middle = 0.5 * (left + right)
-        halves = integral(left, middle) + integral(middle, right)
-        # Relative, so that far tails are right as well.
-        coarse = np.abs(halves - integral(left, right)) > 1e-13 * np.abs(halves) + 1e-25
-        coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
-        kept.append(left[~coarse])
-        left = np.r_[left[coarse], middle[coarse]]
-        right = np.r_[middle[coarse], right[coarse]]
-        if not left.size:
-            break
-    edges = np.append(np.sort(np.concatenate([*kept, left])), edges[-1])
+    begins = _resolved(distribution, edges[:-1], edges[1:])
+    edges = np.append(begins, edges[-1])
     x, weight = nodes_between(edges[:-1], edges[1:])
     weight = weight * _density(distribution, x)
     held = np.flatnonzero(weight.sum(axis=1))
@@ -332,6 +323,65 @@ def table_of(distribution: Distribution) -> Table:
     weight = weight[part] / total
     survival = np.append(np.cumsum(weight.sum(axis=1)[::-1])[::-1], 0.0)
     return Table(edges[held[0] : held[-1] + 2], x[part], weight, survival, total)
+
+
+def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:
+    """Return where the panels begin once these are halved until halving changes
+    nothing, or nothing but rounding.
+
+    Where the density is smooth, each halving divides what it changes by thousands;
+    where it bends or jumps, the panel with that place goes on. Where the change is
+    small and yet stalls, the density itself is rounded so: halving would multiply the
+    panels, not the digits.
+    """
+
+    def integral(left: Array, right: Array) -> Array:
+        x, weight = nodes_between(left, right)
+        return np.asarray(np.sum(weight * _density(distribution, x), axis=1))
+
+    whole = integral(left, right)
+    before = np.full_like(whole, np.inf)
+    stalled = np.zeros(whole.shape, dtype=int)
+    kept: list[Array] = []
+    panels = 0
+    while left.size:
+        middle = 0.5 * (left + right)
+        first = integral(left, middle)
+        second = integral(middle, right)
+        halves = np.abs(first + second)
+        change = np.abs(first + second - whole)
+        relative = np.divide(
+            change, halves, out=np.zeros_like(change), where=halves > 0
+        )
+        stalled = np.where(relative > 0.25 * before, stalled + 1, 0)
+        # Relative, so that far tails are right as well.
+        coarse = change > 1e-13 * halves + 1e-25
+        coarse &= (stalled < 2) | (change > _ROUNDED * halves + _TAIL)
+        coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
+        kept.append(left[~coarse])
+        panels += kept[-1].size
+        if panels + 2 * int(np.count_nonzero(coarse)) > _PANELS:
+            _check_noise(distribution, left[coarse], change[coarse])
+            kept.append(left[coarse])
+            break
+        middle = middle[coarse]
+        whole = np.r_[first[coarse], second[coarse]]
+        before = np.tile(relative[coarse], 2)
+        stalled = np.tile(stalled[coarse], 2)
+        left = np.r_[left[coarse], middle]
+        right = np.r_[middle, right[coarse]]
+    return np.sort(np.concatenate(kept))
+
+
+def _check_noise(distribution: Distribution, left: Array, change: Array) -> None:
+    """Raise `InputError` if what halving still changes is not small."""
+    if change.sum() < 1e-6:
+        return
+    place = left[int(np.argmax(change))]
+    raise InputError(
+        f"{distribution}: {_PANELS} panels do not resolve its density near x = "
+        f"{place:.6g}; give one without noise, and the places of jumps as its knots"
+    )
 
 
 def _density(distribution: Distribution, x: Array) -> Array:
