@@ -101,6 +101,31 @@ def test_every_equation_of_the_paper_is_in_the_theory_once_and_can_be_pointed_at
     )
 
 
+TESTS_ONLY = (
+    "hypothesis",
+    "httpx",
+    "mypy",
+    "playwright",
+    "pytest",
+    "pytest_benchmark",
+    "sybil",
+)
+"""Packages that `make docs` does not install: the extra `docs` is without them."""
+
+
+@pytest.mark.parametrize(
+    "part", ["commands", "rig_keys", "mechanisms", "claims", "made_by", "stale_report"]
+)
+def test_pages_are_made_without_the_packages_of_the_tests(house, monkeypatch, part):
+    for name, module in list(sys.modules.items()):
+        file = Path(getattr(module, "__file__", None) or "/")
+        if file.parent in (ROOT / "tests", ROOT / "tools", ROOT / "verification"):
+            monkeypatch.delitem(sys.modules, name)
+    for package in TESTS_ONLY:
+        monkeypatch.setitem(sys.modules, package, None)
+    assert isinstance(getattr(house, part)(), str)
+
+
 def test_every_command_comes_with_its_options(house):
     text = house.commands()
     assert re.findall(r"^## stickslip (\w+)$", text, re.MULTILINE) == [

@@ -19,7 +19,7 @@ import pytest
 import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from test_laws import MECHANISMS, TENTH
+from mechanisms import MECHANISMS, TENTH
 
 import stickslip as ss
 from stickslip.errors import LONGEST_MESSAGE, UndecidedError

@@ -13,17 +13,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from drawn import assert_kept
-from test_laws import (
-    BARRIER,
-    CHAIN,
-    DELAY,
-    DRIVE,
-    MECHANISMS,
-    PAIRS,
-    SLIDER,
-    TENTH,
-    run_of,
-)
+from mechanisms import BARRIER, CHAIN, DELAY, MECHANISMS, SLIDER, TENTH
+from test_laws import DRIVE, PAIRS, run_of
 
 import stickslip as ss
 

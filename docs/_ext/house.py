@@ -206,33 +206,33 @@ def mechanisms() -> str:
     import stickslip as ss
     from stickslip.simulation.engines import engine_of
 
-    if str(ROOT / "tests") not in sys.path:
-        sys.path.append(str(ROOT / "tests"))
-    laws = importlib.import_module("test_laws")
+    if str(ROOT / "tools") not in sys.path:
+        sys.path.append(str(ROOT / "tools"))
+    rigs = importlib.import_module("mechanisms")
 
     def taken(fields: dict[str, Any], method: object, body: object) -> str:
         try:
-            engine_of(ss.Interface(thresholds=laws.TENTH, **fields), method, body)
+            engine_of(ss.Interface(thresholds=rigs.TENTH, **fields), method, body)
         except ss.InputError:
             return ""
         return "yes"
 
     columns = [
         (method, body)
-        for body in (laws.SLIDER, laws.CHAIN)
-        for method in laws.METHODS.values()
+        for body in (rigs.SLIDER, rigs.CHAIN)
+        for method in rigs.METHODS.values()
     ]
     columns = [
         column
         for column in columns
-        if any(taken(fields, *column) for fields in laws.MECHANISMS.values())
+        if any(taken(fields, *column) for fields in rigs.MECHANISMS.values())
     ]
     heads = [
         f"`{type(method).__name__}`, {type(body).__name__.lower()}"
         for method, body in columns
     ]
     lines = [f"| interface | {' | '.join(heads)} |", "|---" * (1 + len(heads)) + "|"]
-    for name, fields in laws.MECHANISMS.items():
+    for name, fields in rigs.MECHANISMS.items():
         lines.append(
             f"| {name} | {' | '.join(taken(fields, *column) for column in columns)} |"
         )
