@@ -277,6 +277,38 @@ def _written(path: str, value: float, digits: int) -> Any:
     return engineering(value, unit, digits) if unit else float(f"{value:.{digits}g}")
 
 
+def _bench_displacement(
+    strength: float,
+    K: float,
+    v: float,
+    loading_rate: object | None,
+    breaking_displacement: object | None,
+) -> float:
+    """Return the breaking displacement that was given, or that of the loading rate.
+
+    With contacts of stiffness ``N k`` in series with the spring the force rises at
+    ``R = K v/(1 + K/(N k))``, so ``N f_s/(N k) = N f_s (K v/R - 1)/K``.
+    """
+    if (loading_rate is None) == (breaking_displacement is None):
+        raise InputError(
+            "quick_fit: give either loading_rate or breaking_displacement",
+            "loading_rate",
+        )
+    if breaking_displacement is not None:
+        return read_value("breaking_displacement", breaking_displacement, "m", "0.2 mm")
+    rate = read_value("loading_rate", loading_rate, "N/s", "7 N/s")
+    ratio = K * v / rate - 1.0
+    if ratio < _LEAST_RATIO:
+        raise InputError(
+            f"loading_rate = {rate:.4g} N/s: stiffness times speed, {K * v:.4g} "
+            "N/s, must be at least "
+            f"{100 * _LEAST_RATIO:g} % more to tell how stiff the interface is; "
+            "give breaking_displacement",
+            "loading_rate",
+        )
+    return strength * ratio / K
+
+
 def quick_fit(
     *,
     static_friction: object,
@@ -349,25 +381,7 @@ def quick_fit(
     except InputError as error:
         words = str(error).replace("mu_s/mu_k", "static_friction/kinetic_friction")
         raise InputError(words, "static_friction") from None
-    if (loading_rate is None) == (breaking_displacement is None):
-        raise InputError(
-            "quick_fit: give either loading_rate or breaking_displacement",
-            "loading_rate",
-        )
-    if breaking_displacement is not None:
-        x_s = read_value("breaking_displacement", breaking_displacement, "m", "0.2 mm")
-    else:
-        rate = read_value("loading_rate", loading_rate, "N/s", "7 N/s")
-        ratio = K * v / rate - 1.0
-        if ratio < _LEAST_RATIO:
-            raise InputError(
-                f"loading_rate = {rate:.4g} N/s: stiffness times speed, {K * v:.4g} "
-                "N/s, must be at least "
-                f"{100 * _LEAST_RATIO:g} % more to tell how stiff the interface is; "
-                "give breaking_displacement",
-                "loading_rate",
-            )
-        x_s = strength * ratio / K
+    x_s = _bench_displacement(strength, K, v, loading_rate, breaking_displacement)
     delay = 0.0
     assumed = {
         "slider.damping_ratio": "let the slider ring on its spring",

@@ -3,11 +3,12 @@ their effective stiffness.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from scipy import optimize
 
 import stickslip as ss
@@ -209,12 +210,19 @@ def _drawing_8(picture: Picture, data: xr.Dataset) -> None:
     axes = picture.subplot_mosaic(
         "ad;bd;cd", width_ratios=(1.25, 1.0), gridspec_kw={"hspace": 0.02}
     )
+    _draw_forces([axes["a"], axes["b"]], data)
+    _draw_thresholds(axes["c"], data)
+    _draw_oscillation(axes["d"], data)
+
+
+def _draw_forces(axes: Sequence[Axes], data: xr.Dataset) -> None:
+    """Draw the spring force at some rates of ageing, for each start below the other."""
     titles = {
         "relaxed": "(a) from relaxed contacts",
         "smooth": "(b) from smooth sliding",
     }
     for row, (start, title) in enumerate(titles.items()):
-        ax = axes["ab"[row]]
+        ax = axes[row]
         for rate, colour in _SHOWN.items():
             if rate in data["rate"]:
                 force = data["spring_force"].sel(
@@ -241,7 +249,10 @@ def _drawing_8(picture: Picture, data: xr.Dataset) -> None:
             borderaxespad=0.0,
         )
         ax.tick_params(labelbottom=row == 1)
-    ax = axes["c"]
+
+
+def _draw_thresholds(ax: Axes, data: xr.Dataset) -> None:
+    """Draw the thresholds of contacts aged at rest beside those of Eq. (17)."""
     edges = np.linspace(0.5, 1.5, _BINS + 1)
     ax.stairs(
         data["P_c_seen"],
@@ -260,7 +271,9 @@ def _drawing_8(picture: Picture, data: xr.Dataset) -> None:
         xlim=(0.15, 1.5),
     )
 
-    ax = axes["d"]
+
+def _draw_oscillation(ax: Axes, data: xr.Dataset) -> None:
+    """Draw peak to peak of the force against the rate of ageing."""
     shade(ax, data["unstable"], "smooth\nsliding\nunstable", 0.04)
     marks = (("contacts", "o", "-"), ("kinetic equation", "x", "none"))
     starts = (

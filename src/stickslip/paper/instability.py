@@ -678,6 +678,12 @@ def _data_3(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _claims_3(data: xr.Dataset) -> Iterator[Claim]:
+    yield _claim_5(data)
+    yield _claim_6(data)
+    yield _claim_18(data)
+
+
+def _claim_5(data: xr.Dataset) -> Claim:
     K = data["critical_stiffness"].sel(reattachment="at once")
     slope = power([0.02, 0.05], K.sel(initial_std=0.0, threshold_std=[0.02, 0.05]))
     estimate = data["critical_stiffness_estimate"].sel(_PAPER)
@@ -687,7 +693,7 @@ def _claims_3(data: xr.Dataset) -> Iterator[Claim]:
         (0.01, 0.2): 1.033,
         (0.01, 0.3): 0.438,
     }
-    yield weighed(
+    return weighed(
         5,
         "K* decreases with the standard deviation of the thresholds and of the initial "
         "forces; it is largest "
@@ -729,8 +735,10 @@ def _claims_3(data: xr.Dataset) -> Iterator[Claim]:
         ),
     )
 
+
+def _claim_6(data: xr.Dataset) -> Claim:
     at_once, never = data["critical_stiffness"].sel(_PAPER).to_numpy().tolist()
-    yield weighed(
+    return weighed(
         6,
         f"K*/N = {_PRINTED} k for Df_s = .1 and Df_0 = .01",
         near("K*, contacts re-attach at once", at_once, CRITICAL_STIFFNESS, 0.003, "k"),
@@ -749,9 +757,11 @@ def _claims_3(data: xr.Dataset) -> Iterator[Claim]:
         ),
     )
 
+
+def _claim_18(data: xr.Dataset) -> Claim:
     narrow, wide = data["linear_critical_delay"].to_numpy()
     sticks = data["kind"].to_series() == "stick-slip"
-    yield weighed(
+    return weighed(
         18,
         "wide thresholds, or a start in the steady state, avoid stick-slip",
         *(

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, sequence, shown, whole
 from stickslip.io import datasets as store
 from stickslip.model import (
@@ -128,6 +129,38 @@ def velocity_step(
     return told.in_its_units(data)
 
 
+def _of_holds(
+    times: Array, rows: list[tuple[float, float, float]], steady: float
+) -> dict[str, tuple[str | tuple[str, ...], ArrayLike, str, str]]:
+    """Return dimensions, values, unit and description of each variable by its name.
+
+    A row holds the relaxation, the peak and the slip to the peak of one hold.
+    """
+    relaxation, peak, slip = np.array(rows).T
+    return {
+        "relaxation": (
+            "hold",
+            relaxation,
+            "f_s",
+            "force at the end of the hold less that of sliding, per contact",
+        ),
+        "peak": (
+            "hold",
+            peak,
+            "f_s",
+            "largest force after the hold less that of sliding, per contact",
+        ),
+        "slip_to_peak": (
+            "hold",
+            slip,
+            "x_s",
+            "displacement from the end of the hold to the peak",
+        ),
+        "sliding_force": ((), steady, "f_s", "friction force of sliding, per contact"),
+        "hold": ("hold", times, "time", "time of rest"),
+    }
+
+
 def slide_hold_slide(
     rig: Rig | Interface,
     *,
@@ -224,30 +257,8 @@ def slide_hold_slide(
                 track["displacement"][best] - track["displacement"][0],
             )
         )
-    relaxation, peak, slip = np.array(rows).T
     arguments = {"velocity": velocity, "holds": tuple(listed), "stiffness": stiffness}
-    found: dict[str, tuple[str | tuple[str, ...], ArrayLike, str, str]] = {
-        "relaxation": (
-            "hold",
-            relaxation,
-            "f_s",
-            "force at the end of the hold less that of sliding, per contact",
-        ),
-        "peak": (
-            "hold",
-            peak,
-            "f_s",
-            "largest force after the hold less that of sliding, per contact",
-        ),
-        "slip_to_peak": (
-            "hold",
-            slip,
-            "x_s",
-            "displacement from the end of the hold to the peak",
-        ),
-        "sliding_force": ((), steady, "f_s", "friction force of sliding, per contact"),
-        "hold": ("hold", times, "time", "time of rest"),
-    }
+    found = _of_holds(times, rows, steady)
     data = xr.Dataset(
         {
             name: labelled(words, dims, value, unit)
