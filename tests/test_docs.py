@@ -245,8 +245,12 @@ def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
         ("kernels/panels.py", ": gamma, fits."),
     )
     for file, stale in changes:
-        (package / file).write_text((package / file).read_text() + "# changed\n")
+        text = (package / file).read_text()
+        (package / file).write_text(text + "# neither layout nor words compute\n")
+        before = house.stale_report(report)
+        (package / file).write_text(text + "changed = True\n")
         assert stale in house.stale_report(report)
+        assert bool(stale) == (before != house.stale_report(report))
         assert bool(stale) == bool(house.stale_report(report))
     assert "`make verify`" in house.made_by(report)
 
