@@ -4,11 +4,10 @@ A result carries, as one JSON string in its attribute ``provenance``, all that i
 to make it again.
 """
 
+import io
 import json
 import math
 import os
-import sys
-import warnings
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -28,6 +27,15 @@ from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.model.methods import METHODS
 
 LARGEST_RUN = 8_000_000_000  # bytes that a run may have, as a file and in memory
+
+_CDF = "NetCDF 3"
+_CDF5 = "CDF-5"
+_MARKS = {
+    b"\x89HDF\r\n\x1a\n": "NetCDF 4",
+    b"CDF\x01": _CDF,
+    b"CDF\x02": _CDF,  # the same with 64-bit offsets
+    b"CDF\x05": _CDF5,
+}
 
 Plain = Any
 """Values of JSON: None, bool, int, float, str, list, dict."""
@@ -188,45 +196,67 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     InputError
         If there is no such file or it is not NetCDF.
     """
-    import h5py
-
     files.size(path, "run", largest=LARGEST_RUN)
     source = Path(path)
-    before = sys.unraisablehook
-    if not is_netcdf(source):
+    kind = _kind_of(source)
+    if kind is None:
         raise InputError(
             f"{source}: is not a NetCDF file; a run is made with `stickslip simulate "
             "RIG -o run.nc`"
         )
-    sys.unraisablehook = lambda _: None
+    if kind == _CDF5:
+        raise InputError(
+            f"{source}: is a NetCDF file of the kind CDF-5, which is not read here; "
+            "make it one of NetCDF 4: nccopy -k nc4 OLD NEW"
+        )
     try:
-        with warnings.catch_warnings(action="ignore"):
-            # h5netcdf prints a traceback of its own over a file that is cut short
-            h5py.File(source, mode="r").close()
-            # A time is a number here; its unit may be anything in a damaged file.
-            with xr.open_dataset(source, engine="h5netcdf", decode_times=False) as data:
-                if data.nbytes > LARGEST_RUN:
-                    raise ValueError(
-                        f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than "
-                        f"{LARGEST_RUN / 1e9:g}"
-                    )
-                for attrs in (
-                    data.attrs,
-                    *(data[name].attrs for name in data.variables),
-                ):
-                    # may stand for no letter
-                    "".join(map(str, [*attrs, *attrs.values()])).encode()
-                return data.load()
+        # A time is a number here; its unit may be anything in a damaged file.
+        with xr.open_dataset(**_opened(source, kind), decode_times=False) as data:
+            if data.nbytes > LARGEST_RUN:
+                raise ValueError(
+                    f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than "
+                    f"{LARGEST_RUN / 1e9:g}"
+                )
+            for attrs in (
+                data.attrs,
+                *(data[name].attrs for name in data.variables),
+            ):
+                # may stand for no letter
+                "".join(map(str, [*attrs, *attrs.values()])).encode()
+            return data.load()
     except Exception as error:  # a damaged file fails in many ways
         why = str(error).splitlines()[0] if str(error) else type(error).__name__
-    finally:
-        sys.unraisablehook = before
     raise InputError(
         f"{source}: cannot be read as NetCDF ({why}); the file may be damaged"
     )
 
 
+def _opened(source: Path, kind: str) -> dict[str, Any]:
+    """Return what xarray is to open, and with which of its readers."""
+    if kind == _CDF:
+        # from memory: scipy would map the file, and warn when it is closed
+        return {"filename_or_obj": io.BytesIO(source.read_bytes()), "engine": "scipy"}
+    import h5py
+
+    # h5netcdf prints a traceback of its own over a file that fails in either of these
+    with h5py.File(source, mode="r") as file:
+        file.attrs.get("_nc3_strict")
+    # dimensions without a name are said, else h5netcdf warns of its default
+    return {
+        "filename_or_obj": source,
+        "engine": "h5netcdf",
+        "phony_dims": "access",
+    }
+
+
 def is_netcdf(path: str | os.PathLike[str]) -> bool:
-    """Whether a file begins as NetCDF 4 (HDF5) files do."""
-    with Path(path).open("rb") as file:
-        return file.read(8) == b"\x89HDF\r\n\x1a\n"
+    """Whether a file begins as NetCDF files do, of any version."""
+    return _kind_of(Path(path)) is not None
+
+
+def _kind_of(source: Path) -> str | None:
+    """Return the kind of a NetCDF file, which its first bytes tell."""
+    with source.open("rb") as file:
+        begin = file.read(8)
+    kinds = (kind for mark, kind in _MARKS.items() if begin.startswith(mark))
+    return next(kinds, None)

@@ -7,7 +7,6 @@ import datetime as dt
 import io
 import math
 import re
-import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from statistics import mode
@@ -403,9 +402,7 @@ def _cells(
         mark = "\t"
     width = columns[-1]
     full = mark.join("0" * (width + 1)) + "\n"  # a row that has them all
-    with warnings.catch_warnings(), suppress(pd.errors.ParserError):
-        # texts among numbers are reported later
-        warnings.simplefilter("ignore", pd.errors.DtypeWarning)
+    with suppress(pd.errors.ParserError):
         cells = pd.read_csv(
             io.BytesIO(b"".join([full.encode(), rows])),
             sep=r"\s+" if mark == _BLANKS else mark,
@@ -418,6 +415,8 @@ def _cells(
             skipinitialspace=True,
             quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
             encoding_errors="replace",
+            # else pandas warns of texts among numbers, which are reported later
+            low_memory=False,
         )[1:]
         if len(cells) == count:
             return cells
