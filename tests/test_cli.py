@@ -343,3 +343,41 @@ def test_quantities_of_a_trace_are_in_si_units(tmp_path, capsys):
     assert "is not in a unit of 's'" in refused(
         capsys, "measure", file, "--after", "10 N"
     )
+
+
+def in_a_process(*arguments, reader="cat", **environment):
+    """Exit code, output and errors of the command whose reader is another."""
+    shell = f'"$0" -m stickslip "$@" | {reader}; exit "${{PIPESTATUS[0]}}"'
+    done = subprocess.run(
+        ["bash", "-c", shell, sys.executable, *arguments],
+        env=os.environ | environment,
+        capture_output=True,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.takes(6)  # interpreters start
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp437"])
+def test_letters_that_a_terminal_lacks_are_replaced(encoding):
+    script = (
+        "from stickslip import cli, console\n"
+        "console.print_what_can_be()\n"
+        "cli._answer('\\u00b1 6 \\u00b5m \\u2265 \\u03c3', {}, False)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env=os.environ | {"PYTHONIOENCODING": encoding},
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b" 6 " in done.stdout
+
+
+@pytest.mark.takes(6)
+@pytest.mark.parametrize("arguments", [["--help"], ["new"], ["new", "wiper"]])
+def test_a_reader_that_goes_away_ends_a_command_quietly(arguments):
+    for reader in ("true", "head -c 1 > /dev/null"):
+        code, _, errors = in_a_process(*arguments, reader=reader)
+        assert (code, errors) == (0, b"")

@@ -167,6 +167,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1
     for a claim or case that fails.
     """
+    console.print_what_can_be()
+    try:
+        code = _run(arguments)
+        sys.stdout.flush()  # else the interpreter does, and complains of a closed pipe
+    except BrokenPipeError:  # the reader went away, as `head` does
+        console.hush()
+        return 0
+    except SystemExit as left:
+        # rich ends so where the reader of a help went away
+        if isinstance(left.__context__, BrokenPipeError):
+            return 0
+        raise
+    return code
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    """Run a command, and say in one line why it failed."""
     try:
         with console.stoppable():
             result = app(arguments, exit_on_error=False, print_error=False)
@@ -180,9 +197,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"{error}{hint} (see stickslip --help)")
     except KeyboardInterrupt:
         return _fail("interrupted; no half-written file was left behind", code=130)
-    except BrokenPipeError:  # the reader went away, as `head` does
-        sys.stderr.close()
-        return 0
     except MemoryError:
         return _fail("not enough memory for this case; take fewer contacts or samples")
     return result if isinstance(result, int) else 0

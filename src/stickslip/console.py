@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json as jsonlib
 import logging
+import os
 import signal
 import sys
 import threading
@@ -122,6 +123,20 @@ def stoppable() -> Iterator[None]:
     finally:
         for n, handler in before.items():
             signal.signal(n, handler)
+
+
+def print_what_can_be() -> None:
+    """Let a terminal that lacks a letter, as of ASCII or Latin-1, show it replaced."""
+    out: Any = sys.stdout  # whoever calls us from Python may have put anything there
+    if hasattr(out, "reconfigure") and out.errors == "strict":
+        out.reconfigure(errors="replace")
+
+
+def hush() -> None:
+    """Send what is still to be printed nowhere: its reader went away."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
 
 
 def print_json(value: Any) -> None:
