@@ -17,7 +17,14 @@ from scipy.linalg import expm
 
 import stickslip as ss
 from stickslip.kernels import events as kernel
-from stickslip.kernels.drive import FINISHED, Piece, Quadratic, Sampling
+from stickslip.kernels.drive import (
+    FINISHED,
+    Piece,
+    Quadratic,
+    Sampling,
+    drive_at,
+    turns_at,
+)
 from stickslip.kernels.motion import make_motion
 from stickslip.kernels.oscillator import Slider
 
@@ -287,3 +294,48 @@ def test_ageing_contacts_hold_an_overdamped_slider_as_springs_do(
     ]
     for name in ("displacement", "friction_force"):
         assert run[name].to_numpy() == pytest.approx(exact, abs=1e-7)
+
+
+def pieces_of(seed):
+    """Holds, ramps that turn round and jumps of the velocity, at odd times."""
+    rng = np.random.default_rng([seed, 31])
+    drive = ss.constant(rng.uniform(0.3, 2.0), rng.uniform(0.1, 5.0))
+    for kind in rng.integers(0, 3, rng.integers(2, 7)):
+        duration = rng.uniform(0.1, 3.0)
+        v, w = rng.uniform(0.2, 2.0, 2)
+        piece = [
+            ss.constant(0.0, duration),
+            ss.ramp(v, -w, duration),
+            ss.constant(-v, duration),
+        ][kind]
+        drive = drive.then(piece)
+    return drive
+
+
+@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("sliding", [0.0, 0.2])
+def test_a_chain_in_balance_gets_to_the_end_of_every_drive(seed, sliding):
+    drive = pieces_of(seed)
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(1.0, 0.1), delay=ss.Delay(0.05), sliding_force=sliding
+    )
+    chain = ss.Chain(blocks=1, coupling=3.0, mass=0.03, damping=6.0, side=2.0)
+    calls = iter(range(50))
+
+    def report(_):
+        assert next(calls, None) is not None, "the run stands still"
+
+    rig = ss.Rig(interface, chain, drive, method=ss.QuasiStatic(20))
+    run = ss.simulate(rig, progress=report)
+    assert run["time"][-1] == pytest.approx(drive.duration, rel=1e-9)
+    assert np.isfinite(run["friction_force"]).all()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_piece_of_a_drive_turns_once(seed):
+    rng = np.random.default_rng([seed, 32])
+    start, velocity, acceleration = rng.uniform(-10.0, 10.0, 3)
+    drive = Quadratic(start, 0.0, velocity, acceleration)
+    turn = turns_at(drive, -1e6)
+    assert abs(drive_at(drive, turn)[1]) < 1e-12
+    assert turns_at(drive, turn) == math.inf

@@ -25,9 +25,10 @@ STILL = Quadratic(0.0, 0.0, 0.0, 0.0)
 # Why a kernel came back: the end of a piece is reached, its condition holds, its budget
 # is spent; or, to go on, a look has to be taken, the slider has stopped, there is no
 # more room for cohorts or for steps in a delay, random numbers are used up. `UNSOLVED`:
-# the next step has no solution.
+# the next step has no solution. `STANDS_STILL`: an event took no time and changed
+# nothing, and would do so again.
 ON_THE_WAY, FINISHED, STOPPED, PAUSED, LOOK, ARRESTED, NO_ROOM, NO_HISTORY = range(8)
-DRAWS_USED_UP, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED = range(8, 12)
+DRAWS_USED_UP, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED, STANDS_STILL = range(8, 13)
 
 # Kinds of conditions.
 NOWHERE, TRAVEL, FORCE_ABOVE, FORCE_BELOW = range(4)
@@ -77,6 +78,19 @@ def drive_at(drive: Quadratic, time: float) -> tuple[float, float]:
     v = drive.velocity
     a = drive.acceleration
     return drive.position + u * (v + 0.5 * a * u), v + a * u
+
+
+@inlined
+def turns_at(drive: Quadratic, now: float) -> float:
+    """When the drive next turns round, after `now`; infinite where it does not.
+
+    The moment is computed from the piece alone: a time to go, as the velocity over the
+    acceleration, stays above 0 by rounding where the moment itself is reached.
+    """
+    if drive.acceleration == 0.0:
+        return math.inf
+    turn = drive.start - drive.velocity / drive.acceleration
+    return turn if turn > now else math.inf
 
 
 @inlined

@@ -26,7 +26,7 @@ from .blocks import (
     next_delay,
     next_threshold,
 )
-from .drive import NOWHERE, Piece, Sampling, drive_at, holds
+from .drive import NOWHERE, Piece, Sampling, drive_at, holds, turns_at
 from .leapfrog import Network, element, fill_row, slide, stretch
 from .records import Floats
 from .tournament import smallest, winner
@@ -366,15 +366,10 @@ def advance(
                 return drive.ARRESTED
         # As far as the drive goes one way, or to the next re-attachment.
         time = now.time
-        D, v = drive_at(piece.drive, time)
-        until = piece.end
+        D, _ = drive_at(piece.drive, time)
+        until = min(piece.end, turns_at(piece.drive, time))
         for j in range(n):
             until = min(until, state.contacts.next_attach[j])
-        turn = (
-            -v / piece.drive.acceleration if piece.drive.acceleration != 0.0 else -1.0
-        )
-        if 0.0 < turn < until - time:
-            until = time + turn
         D_until, _ = drive_at(piece.drive, until)
         direction = math.copysign(1.0, D_until - D)
         if not _answer(state, network, sliding, network.pull, direction, room):
@@ -382,6 +377,8 @@ def advance(
         distance, j, is_break = _first(
             state, sliding, direction, abs(D_until - D), room
         )
+        if j < 0 and until <= time < piece.end:
+            return drive.STANDS_STILL
         event = until if j < 0 else time
         if j >= 0 and distance > 0.0:
             event = min(_time_of(piece, time, direction * distance), until)

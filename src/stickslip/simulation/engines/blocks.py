@@ -473,6 +473,11 @@ class BlocksOfContacts(ElasticEngine):
                 f"= {self.here()[0]:g}; use "
                 "Contacts, or Interface.sliding_force = 0"
             )
+        if why == drive.STANDS_STILL:
+            raise InputError(
+                f"QuasiStatic: time stands still at t = {self.here()[0]:g}: the events "
+                "are closer than rounding; use Contacts"
+            )
         kinds = drive.THRESHOLDS_USED_UP, drive.DELAYS_USED_UP, drive.ARRESTED
         if why in kinds:
             self._streams.refill(block, kinds.index(why) + 1)
