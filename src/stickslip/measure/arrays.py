@@ -32,6 +32,9 @@ stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer.
 """
 # relative change of the drive's velocity that still counts as constant
 CONSTANT_DRIVE = 0.01
+# A measured trace that begins this many of its lengths after zero has an origin that
+# is not its own, such as 1970: differences of its times would lose digits.
+_FAR = 10.0
 _VARIABLES = {
     "t": "time",
     "force": "spring_force",
@@ -81,7 +84,24 @@ def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
         data = data.assign_coords(
             time=("time", seconds, {"units": "s", "long_name": "time"})
         )
-    return data
+    return _from_first(data)
+
+
+def _from_first(data: xr.Dataset) -> xr.Dataset:
+    """The same trace with its times from the first reading, where they are counted
+    from far before it; times of a run are those of its drive, and stay.
+    """
+    if "time" not in data.coords or "drive_velocity" in data:
+        return data
+    time = data["time"]
+    if time.ndim != 1 or time.dtype.kind not in "fiu" or time.size < 2:
+        return data
+    first = float(time[0])
+    length = float(time[-1]) - first
+    if not (math.isfinite(first) and abs(first) > _FAR * length > 0.0):
+        return data
+    times = time.values - time.values[0]
+    return data.assign_coords(time=("time", times.astype(float), time.attrs))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -160,7 +160,8 @@ class Window:
         sizes = np.log(sizes[sizes > 0])
         if sizes.size < FEWEST_CYCLES:
             return math.nan, 0.0
-        (rate, _), covariance = np.polyfit(times / np.ptp(trace.t), sizes, 1, cov=True)
+        at = (times - times.mean()) / np.ptp(trace.t)  # an origin afar loses digits
+        (rate, _), covariance = np.polyfit(at, sizes, 1, cov=True)
         # by Student: few parts tell their scatter badly
         few = float(stdtrit(sizes.size - 2, 1.0 - CHANCE)) / ERRORS
         return math.exp(0.5 * rate), 0.5 * few * math.sqrt(covariance[0, 0])
