@@ -5,7 +5,13 @@ What the laws hold for, they compile: every engine with every mechanism that it 
 The cases of test_plain.py go through the rest.
 """
 
+import sys
+from pathlib import Path
+
 from stickslip.kernels import _jit
+
+# pytest finds the tools by its settings, a script does not
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
 
 def compile_all() -> None:
