@@ -9,6 +9,7 @@ difference before it is kept.
 import os
 import re
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from matplotlib import colors
@@ -29,9 +30,10 @@ def assert_drawn(figure, name):
     assert_kept(as_drawn(figure), name)
 
 
-def assert_kept(now, name, rtol=0.002, atol=1e-6):
+def assert_kept(now, name, rtol=0.002, atol=1e-6, errors=MappingProxyType({})):
     """Compare a text with the one that is kept under a name: the words exactly,
-    numbers within tolerances.
+    numbers within tolerances, absolute ones of their own where a line holds the
+    words of `errors`.
     """
     file = KEPT / f"{name}.txt"
     if os.environ.get("REDRAW"):
@@ -44,9 +46,9 @@ def assert_kept(now, name, rtol=0.002, atol=1e-6):
             np.array([float(word) for word in NUMBER.findall(line)])
             for line in (old, new)
         ]
-        assert np.allclose(*numbers, rtol=rtol, atol=0.5 if "panel" in now else atol), (
-            f"{old}\n{new}"
-        )
+        own = [error for words, error in errors.items() if words in old]
+        error = max(own, default=0.5 if "panel" in now else atol)
+        assert np.allclose(*numbers, rtol=rtol, atol=error), f"{old}\n{new}"
 
 
 def as_drawn(figure: Figure) -> str:

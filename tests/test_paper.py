@@ -6,6 +6,7 @@ The quick versions here; `python -m verification` makes the full ones.
 
 import json
 import math
+import re
 
 import pytest
 import reference
@@ -39,6 +40,24 @@ QUICKLY = [pytest.param(name, marks=LONG.get(name, ())) for name in FIGURES]
 # far that goes.
 ROUNDED = {"fig4": {"atol": 1e-4}, "fig5": {"rtol": 0.03}}
 
+# Quick runs of Fig. 5 ask for this rtol, and Eq. (12) without damping errs most at
+# this Omega dt.
+RTOL_5 = 1e-4
+WORST_5 = 0.8
+
+
+def error_of_eq_12(claims):
+    """How far the error of Eq. (12) without damping may move on another processor.
+
+    The slip is a difference of two displacements, each right to the rtol of the run
+    times the mean threshold, 1; relative to the slip their errors are amplified by the
+    inverse of it. The slip is Omega dt / Omega times the velocity of the drive, times
+    the factor that the claims print beside it.
+    """
+    (factor,) = re.findall(r"as printed, .*eta 0 = ([\d.]+)", claims)
+    slip = WORST_5 / FIG5.slider.frequency * float(factor) * FIG5.velocity
+    return 2.0 * RTOL_5 / slip
+
 
 @pytest.fixture(scope="session")
 def quick():
@@ -61,7 +80,11 @@ def test_claims_come_out_as_settled_and_are_what_they_were(quick, name):
     claims = FIGURES[name].check(quick(name))
     failed = [str(claim) for claim in claims if not claim.ok]
     assert not failed, "\n".join(failed)
-    assert_kept("\n".join(map(str, claims)), f"{name}_claims", **ROUNDED.get(name, {}))
+    text = "\n".join(map(str, claims))
+    errors = {}
+    if name == "fig5":
+        errors["actual velocity, Omega dt <= 1, eta 0 "] = error_of_eq_12(text)
+    assert_kept(text, f"{name}_claims", errors=errors, **ROUNDED.get(name, {}))
 
 
 @pytest.mark.parametrize("name", QUICKLY)
