@@ -172,7 +172,9 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(
     ("content", "message"),
     [
         (b"", "is not a NetCDF file; a run is made with `stickslip simulate"),
-        (b"CDF\x01" + bytes(100), "is not a NetCDF file"),
+        (b"CDF\x03" + bytes(100), "is not a NetCDF file"),
+        (b"CDF\x01" + bytes(100), r"cannot be read as NetCDF \(it holds no variable"),
+        (b"CDF\x05" + bytes(100), "is a NetCDF file of the kind CDF-5"),
         (b"\x89HDF\r\n\x1a\n", "cannot be read as NetCDF .*damaged"),
     ],
 )

@@ -417,7 +417,7 @@ def test_cases_that_fail_are_recorded_and_told(tmp_path, capsys):
     for arguments, words in (
         (
             (other, "--store", store),
-            "holds another sweep; what differs: what the function does or holds",
+            "holds another sweep; what differs: version of the study",
         ),
         (("--status", "--store", nowhere), "there is no such file"),
         (("--store", store), "give a sweep file"),

@@ -212,6 +212,8 @@ def load(path: str | os.PathLike[str]) -> xr.Dataset:
     try:
         # A time is a number here; its unit may be anything in a damaged file.
         with xr.open_dataset(**_opened(source, kind), decode_times=False) as data:
+            if not data.variables:
+                raise ValueError("it holds no variable")
             if data.nbytes > LARGEST_RUN:
                 raise ValueError(
                     f"it unfolds to {data.nbytes / 1e9:.3g} GB, more than "
