@@ -4,6 +4,8 @@ refusals.
 
 import json
 import math
+import pickle
+import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +16,7 @@ import xarray as xr
 from drawn import assert_drawn, assert_kept
 
 import stickslip as ss
-from stickslip import fitting
+from stickslip import cli, fitting
 from stickslip.advise import Doubt
 from stickslip.advise.runs import Trials
 from stickslip.errors import InputError
@@ -26,6 +28,7 @@ from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
 from stickslip.fitting.tables import Observation, Table, folder_of, table
 from stickslip.io.rig_files import to_toml
 from stickslip.kernels.turning_points import Sampling
+from stickslip.rate_state.fitting import Estimate
 
 BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 TRUTH = (20.0, 0.25, 0.5, 0.05, 0.2, 0.1)
@@ -77,7 +80,7 @@ def force7(**how):
 
 @pytest.mark.parametrize("smallest", [None, 0.15, 0.3])
 def test_the_slips_of_a_measured_trace(smallest):
-    events = force7(after=45, smallest=smallest)
+    events = force7(after=45, minimum_drop=smallest)
     found = dict(zip(NAMES, events.statistics, strict=True))
     for value, expected, error in (
         (len(events), 167, 2),
@@ -101,7 +104,7 @@ def test_the_count_of_slips_at_other_samplings_and_noise(samples, noise):
     peaks, troughs = simulate(np.array(TRUTH), 168, np.random.default_rng(3))
     trace = saw(peaks, troughs, samples=samples, noise=noise)
     large = peaks - troughs > 0.1 * peaks.mean()
-    events = fitting.pick_events(trace, smallest=1.0)
+    events = fitting.pick_events(trace, minimum_drop=1.0)
     # the first is left out, and the trace ends with the last
     assert abs(len(events) - (large.sum() - 2)) <= 1
 
@@ -355,17 +358,17 @@ def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
         trace,
         prior=NARROW,
         draws=4000,
-        known={"stiffness": K, "speed": (speed, 0.02 * speed)},
+        known={"stiffness": K, "velocity": (speed, 0.02 * speed)},
     )
     assert found["stiffness_ratio"].median == pytest.approx(0.25, abs=0.06)
     with pytest.raises(
-        InputError, match="cannot rise faster than stiffness times speed"
+        InputError, match="cannot rise faster than stiffness times velocity"
     ):
         ss.fit(
             trace,
             prior=NARROW,
             draws=1500,
-            known={"stiffness": K, "speed": 0.5 * speed},
+            known={"stiffness": K, "velocity": 0.5 * speed},
         )
 
 
@@ -551,3 +554,57 @@ def test_speeds_in_a_file(tmp_path, text, pairs):
             match=r"speeds\.txt: needs two columns of numbers, in m/s and N; there are",
         ):
             read_pairs(path, "m/s")
+
+
+@pytest.mark.parametrize("number", [3, 3.0, -3, 0.5, np.float64(3.0), np.int64(-2)])
+def test_an_estimate_keeps_its_error_through_arithmetic_with_numbers(number):
+    one = Estimate(4.0, 0.2)
+    x = float(number)
+    for found, value, error in (
+        (one * number, 4.0 * x, 0.2 * abs(x)),
+        (number * one, 4.0 * x, 0.2 * abs(x)),
+        (one / number, 4.0 / x, 0.2 / abs(x)),
+        (number / one, x / 4.0, 0.2 * abs(x) / 16.0),
+        (one + number, 4.0 + x, 0.2),
+        (number + one, 4.0 + x, 0.2),
+        (one - number, 4.0 - x, 0.2),
+        (number - one, x - 4.0, 0.2),
+        (-one, -4.0, 0.2),
+        (abs(-one), 4.0, 0.2),
+        (pickle.loads(pickle.dumps(one)), 4.0, 0.2),
+    ):
+        assert isinstance(found, Estimate)
+        assert (found, found.error) == (pytest.approx(value), pytest.approx(error))
+    # the error of two would need their covariance: a plain number, not a wrong error
+    assert not isinstance(one - one, Estimate)
+    assert not isinstance(one * one, Estimate)
+    assert (np.ones(2) * one).tolist() == (one * np.ones(2)).tolist() == [4.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--minimum-drop", "5 kN"), r"fit: 0 drops of at least 5e\+06"),
+        (("--minimum-drop", "7"), r"fit: 0 drops of at least 7e\+03"),
+        (("--after", "1.99 min"), r"2 samples of spring_force are too few"),
+        (("--after", "5 mm"), r"--after: '5 mm'"),
+        (("--minimum-drop", "5 s"), r"--minimum-drop: '5 s'"),
+        (("--smallest", "3"), r"--smallest: is called --minimum-drop now"),
+        (("--speed=3 mm/s",), r"--speed: is called --velocity now"),
+        (("--velocity", "3 s"), r"known\.velocity = '3 s'"),
+    ],
+)
+def test_a_fit_takes_on_the_command_line_what_a_reading_takes(
+    options, words, tmp_path, capsys
+):
+    file = tmp_path / "saw.csv"
+    saw = np.tile(np.linspace(1000.0, 1100.0, 10), 48)
+    file.write_text("force (mN)\n" + "\n".join(map(str, saw)))
+    assert cli.main(["fit", str(file), "--step", "250 ms", *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(words, line), line
+
+
+def test_the_velocity_of_a_drive_has_one_name():
+    with pytest.raises(InputError, match="known: 'speed': is called 'velocity' now"):
+        fitting.bench.read_known({"speed": "1 mm/s"})

@@ -185,6 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     """Run a command, and say in one line why it failed."""
     try:
+        _refuse_old_names(sys.argv[1:] if arguments is None else arguments)
         with console.stoppable():
             result = app(arguments, exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
@@ -200,6 +201,19 @@ def _run(arguments: Sequence[str] | None) -> int:
     except MemoryError:
         return _fail("not enough memory for this case; take fewer contacts or samples")
     return result if isinstance(result, int) else 0
+
+
+def _refuse_old_names(arguments: Sequence[str]) -> None:
+    """Refuse an option by a name that it has no more, with the one it has."""
+    renamed = _RENAMED.get(arguments[0], {}) if arguments else {}
+    for argument in arguments[1:]:
+        old = argument.partition("=")[0]
+        if old in renamed:
+            raise InputError(f"{old}: is called {renamed[old]} now, as in `measure`")
+
+
+_RENAMED = {"fit": {"--smallest": "--minimum-drop", "--speed": "--velocity"}}
+"""Options of a command that have another name now."""
 
 
 def _fail(message: str, code: int = 2) -> int:
@@ -249,6 +263,21 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
             )
         return run
     return ss.read_trace(data, **vars(columns), **more)
+
+
+def _since_and_least(
+    trace: xr.Dataset, after: str | None, minimum_drop: str | None
+) -> tuple[float | None, float | None]:
+    """Where to begin in a trace, and the smallest drop of it that counts, in its
+    units.
+    """
+    time, force = (
+        str(trace[name].attrs.get("units", "")) for name in ("time", "spring_force")
+    )
+    return (
+        _quantity("--after", after, "s", "10 s", unit=time),
+        _quantity("--minimum-drop", minimum_drop, "N", "5 mN", unit=force),
+    )
 
 
 def _quantity(
@@ -491,14 +520,7 @@ def measure(
 
     _check_outputs(events, picture=plot, read=data)
     trace = bench.read(data, columns)
-    units = {
-        name: str(trace[name].attrs.get("units", ""))
-        for name in ("time", "spring_force")
-    }
-    since = _quantity("--after", after, "s", "10 s", unit=units["time"])
-    smallest = _quantity(
-        "--minimum-drop", minimum_drop, "N", "5 mN", unit=units["spring_force"]
-    )
+    since, smallest = _since_and_least(trace, after, minimum_drop)
     seen, catalogue = ss.measure.regime_and_drops(
         trace, minimum_drop=smallest, after=since
     )
@@ -535,7 +557,7 @@ def measure(
     where = (
         "in all of the data"
         if since is None
-        else f"after t = {engineering(since, units['time'])}"
+        else f"after t = {engineering(since, str(trace.time.attrs.get('units', '')))}"
     )
     head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"  # noqa: E501
     lines = [_motion(trace, seen), *([str(moves)] if moves else []), "", head]
@@ -617,8 +639,8 @@ def fit(
     stiffness: Annotated[
         str | None, Parameter(help="Stiffness of the driving spring: '350 N/m'.")
     ] = None,
-    speed: Annotated[
-        str | None, Parameter(help="Speed of the drive: '0.1 mm/s'.")
+    velocity: Annotated[
+        str | None, Parameter(help="Velocity of the drive: '0.1 mm/s'.")
     ] = None,
     mass: Annotated[str | None, Parameter(help="Mass of the slider: '0.4 kg'.")] = None,
     load: Annotated[str | None, Parameter(help="Normal load: '20 N'.")] = None,
@@ -630,11 +652,12 @@ def fit(
     ] = None,
     columns: Columns = Columns(),
     flip: Flip = False,
-    smallest: Annotated[
-        Number | None, Parameter(help="Smallest drop that counts as a slip.")
+    minimum_drop: Annotated[
+        str | None,
+        Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N."),
     ] = None,
     after: Annotated[
-        Number | None, Parameter(help="Leave out slips before this time.")
+        str | None, Parameter(help="Ignore data before this time: '10 ms', or in s.")
     ] = None,
     output: Annotated[
         Output, Parameter(help="Write the rig; needs --stiffness.")
@@ -655,17 +678,18 @@ def fit(
             "which a force trace gives no "
             "length; give --stiffness '350 N/m'"
         )
-    given = {"stiffness": stiffness, "speed": speed, "mass": mass, "load": load}
+    given = {"stiffness": stiffness, "velocity": velocity, "mass": mass, "load": load}
     known = {name: value for name, value in given.items() if value is not None}
     means = read_pairs(speeds, "m/s")
     peaks = read_pairs(holds, "s")
     data = _read_data(trace, columns, flip=flip)
+    since, least = _since_and_least(data, after, minimum_drop)
     with console.working("simulating") as progress:
         found = ss.fit(
             data,
             known=known,
-            smallest=smallest,
-            after=after,
+            minimum_drop=least,
+            after=since,
             speeds=means,
             holds=peaks,
             progress=progress,

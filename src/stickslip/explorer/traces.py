@@ -275,7 +275,7 @@ def _overlay(
     made = xr.Dataset({"spring_force": force}, {"time": times})
     try:
         slips = fitting.pick_events(
-            made, smallest=events.smallest, after=min(settle, 0.5 * float(t[-1]))
+            made, minimum_drop=events.smallest, after=min(settle, 0.5 * float(t[-1]))
         )
         told, fits = compared(slips, events)
         words = (

@@ -23,7 +23,7 @@ from stickslip.rate_state.fitting import Estimate, least_squares
 
 _UNITS = {
     "stiffness": ("N/m", "350 N/m"),
-    "speed": ("m/s", "0.1 mm/s"),
+    "velocity": ("m/s", "0.1 mm/s"),
     "mass": ("kg", "75.6 g"),
     "load": ("N", "20 N"),
 }
@@ -49,6 +49,8 @@ def read_known(given: Mapping[str, object] | None) -> Known:
     )
     found = {}
     for name, value in (given or {}).items():
+        if name == "speed":
+            raise InputError("known: 'speed': is called 'velocity' now", "known")
         if name not in _UNITS:
             raise InputError(
                 f"known: {name!r}: must be one of {', '.join(_UNITS)}", "known"
@@ -102,18 +104,18 @@ def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array]:
     """What stiffness and speed say of the stiffness ratio,
     ``K v = R (1 + K/(N k))``: 1 if they are not known.
     """
-    if not known.keys() >= {"stiffness", "speed"}:
+    if not known.keys() >= {"stiffness", "velocity"}:
         return lambda values: np.ones(len(values))
     K, of_stiffness = known["stiffness"]
-    v, of_speed = known["speed"]
+    v, of_speed = known["velocity"]
     loading = events.loading_rate * newtons(events, known) / seconds(events)
     product = K * v
     error = math.hypot(of_stiffness / K, of_speed / v, events.rate_error)
     if product * (1.0 + 3.0 * error) < loading:
         raise InputError(
-            f"known: stiffness times speed is {product:.4g} N/s, but the force rises "
-            f"at {loading:.4g} N/s: the "
-            "force cannot rise faster than stiffness times speed; check both"
+            f"known: stiffness times velocity is {product:.4g} N/s, but the force "
+            f"rises at {loading:.4g} N/s: the "
+            "force cannot rise faster than stiffness times velocity; check both"
         )
 
     def away(values: Array) -> Array:

@@ -217,14 +217,14 @@ class Events(Answer):
 
 
 def pick_events(
-    trace: xr.Dataset, *, smallest: float | None = None, after: float | None = None
+    trace: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None
 ) -> Events:
     """Pick the slips of a trace: peaks and troughs by hysteresis, above noise and the
     steps of the recording.
 
     The trace holds `spring_force` along `time`, as `stickslip.read_trace` and
-    `stickslip.simulate` return; `smallest` is the smallest drop that counts, `after` a
-    time before which slips are left out.
+    `stickslip.simulate` return; `minimum_drop` is the smallest drop that counts,
+    `after` a time before which slips are left out.
 
     By default a drop counts from six standard deviations of the noise, three steps of
     the recording, and a hundredth of the peak on, or from where the widest range begins
@@ -271,7 +271,7 @@ def pick_events(
     def on_a_plateau(drop: float) -> bool:
         return len(picked(PLATEAU * drop)[0]) >= (1.0 - LOST) * len(picked(drop)[0]) > 0
 
-    if smallest is None:
+    if minimum_drop is None:
         least = max(_NOISES * noise, _STEPS * step, FLOOR * height)
         finer = range(1 + math.floor(math.log(LARGEST_DROP * height / least, _FINER)))
         plateaus = [
@@ -282,15 +282,15 @@ def pick_events(
         smallest = max(plateaus, key=len, default=[least])[0]
     else:
         smallest = number(
-            "smallest", smallest, above=0, hint="drop that counts as a slip"
+            "minimum_drop", minimum_drop, above=0, hint="drop that counts as a slip"
         )
     peaks, troughs = picked(smallest)
     if len(peaks) < 2:
         raise InputError(
             f"fit: {len(peaks)} drops of at least {smallest:.3g} (noise {noise:.2g}, "
             f"resolution {step:.2g}): "
-            f"at least {FEWEST} slips are needed; stick-slip shows more, or --smallest "
-            "is too large"
+            f"at least {FEWEST} slips are needed; stick-slip shows more, or "
+            "--minimum-drop is too large"
         )
     steps = np.diff(read.t[~kept["filled"].values] if "filled" in kept else read.t)
     load = (
@@ -416,7 +416,7 @@ def _faults(events: Events) -> Iterator[str]:
         yield (
             f"{count} drops of at least {least}, but {events.doubled} of at least "
             "twice that: the slip count depends "
-            "on the detection threshold; give the smallest drop (--smallest), on a "
+            "on the detection threshold; give the smallest drop (--minimum-drop), on a "
             "plateau of n(h)"
         )
     change, when = _largest_step(events)

@@ -330,7 +330,7 @@ def fit(
     *,
     known: Mapping[str, object] | None = None,
     prior: Prior = Prior(),
-    smallest: float | None = None,
+    minimum_drop: float | None = None,
     after: float | None = None,
     speeds: bench.Pairs = (),
     holds: bench.Pairs = (),
@@ -353,12 +353,12 @@ def fit(
     trace : Dataset or Events
         A measured force, as `stickslip.read_trace` returns, or its slips.
     known : mapping, optional
-        Of ``stiffness``, ``speed``, ``mass``, ``load``, what is known: a number in SI
-        units, a text such as ``"350 N/m"``, or either with its standard error,
+        Of ``stiffness``, ``velocity``, ``mass``, ``load``, what is known: a number in
+        SI units, a text such as ``"350 N/m"``, or either with its standard error,
         ``("350 N/m", "10 N/m")``; 2 % where none is given.
     prior : Prior
         What is held possible.
-    smallest, after : float, optional
+    minimum_drop, after : float, optional
         Smallest drop that counts as a slip, and a time before which slips are left out.
     speeds : sequence of pairs, optional
         Other speeds with the mean friction there: they tell the delay.
@@ -393,7 +393,7 @@ def fit(
     events = (
         trace
         if isinstance(trace, Events)
-        else pick_events(trace, smallest=smallest, after=after)
+        else pick_events(trace, minimum_drop=minimum_drop, after=after)
     )
     given = bench.read_known(known)
     notes = list(check(events))

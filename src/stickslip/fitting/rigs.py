@@ -199,7 +199,7 @@ def remade(rig: Rig, events: Events, known: Known) -> Events:
         },
     )
     return pick_events(
-        data, smallest=events.smallest, after=_SETTLED * events.recurrence
+        data, minimum_drop=events.smallest, after=_SETTLED * events.recurrence
     )
 
 
@@ -238,8 +238,12 @@ def _draws(found: Fit, known: Known) -> dict[str, Array]:
         **in_si(values, found.strength, events, known),
     }
     quantities |= {
-        name: drawn(known, name, count)
-        for name in ("stiffness", "mass", "speed")
+        quantity: drawn(known, name, count)
+        for quantity, name in (
+            ("stiffness", "stiffness"),
+            ("mass", "mass"),
+            ("speed", "velocity"),
+        )
         if name in known
     }
     # what lets a slip be as short as it was recorded, or anything lighter where none is

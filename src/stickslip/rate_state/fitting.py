@@ -5,6 +5,7 @@ of a fit.
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
+from numbers import Real
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -28,14 +29,65 @@ class Estimate(float):
         one.error = float(error)
         return one
 
+    # Above that of numpy's numbers, so that ``np.float64(3.0)*e`` asks `__rmul__`.
+    __array_priority__ = 100.0
+
+    def _times(self, factor: float) -> "Estimate":
+        return Estimate(float(self) * factor, self.error * abs(factor))
+
     def __mul__(self, factor: Any) -> Any:
-        """Return it in another unit, with its error; as a plain number where the
-        factor is no number.
+        """Return it in another unit, with its error; as plain numbers where the
+        factor is no exact number: an array, or another estimate.
         """
-        value = float(self) * factor
-        return (
-            Estimate(value, self.error * factor) if isinstance(factor, float) else value
-        )
+        if _exact(factor):
+            return self._times(float(factor))
+        return float(self) * _plain(factor)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: Any) -> Any:
+        """As a product."""
+        if _exact(divisor):
+            value = float(self) / float(divisor)
+            return Estimate(value, self.error / abs(float(divisor)))
+        return float(self) / _plain(divisor)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        """As a product, with the same relative error."""
+        value = _plain(other) / float(self)
+        if not _exact(other):
+            return value
+        return Estimate(float(value), abs(float(value) / float(self)) * self.error)
+
+    def __add__(self, other: Any) -> Any:
+        """Return it counted from elsewhere, with its error; as plain numbers as for a
+        product.
+        """
+        if _exact(other):
+            return Estimate(float(self) + float(other), self.error)
+        return float(self) + _plain(other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        """As a sum."""
+        return self + -other if _exact(other) else float(self) - _plain(other)
+
+    def __rsub__(self, other: Any) -> Any:
+        """As a sum."""
+        return -self + other if _exact(other) else _plain(other) - float(self)
+
+    def __neg__(self) -> "Estimate":
+        """The other way round, with its error."""
+        return self._times(-1.0)
+
+    def __abs__(self) -> "Estimate":
+        """Its size, with its error."""
+        return -self if self < 0 else +self
+
+    def __pos__(self) -> "Estimate":
+        """Itself."""
+        return self
 
     def words(self, unit: str = "") -> str:
         """``(8.602 ± 0.082) N``: to two digits of the error, in one unit, with the
@@ -56,6 +108,18 @@ class Estimate(float):
             else f"{value:.4g} ± {error:.2g}"
         )
         return f"({said}) {unit}" if unit else said
+
+
+def _exact(other: object) -> bool:
+    """Whether this is one number without an error: an error of two estimates would
+    need their covariance.
+    """
+    return isinstance(other, Real) and not isinstance(other, Estimate)
+
+
+def _plain(other: Any) -> Any:
+    """What is no exact number, without an error of its own."""
+    return float(other) if isinstance(other, Estimate) else other
 
 
 class Fit(NamedTuple):
