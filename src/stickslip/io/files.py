@@ -9,6 +9,7 @@ import os
 import secrets
 import stat
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 from stickslip.errors import InputError, instance
@@ -122,8 +123,10 @@ def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
                 file.flush()
                 os.fsync(file.fileno())  # a disk that is full may say so only now
             part.replace(place)
-        finally:
-            part.unlink(missing_ok=True)
+        except BaseException:
+            with suppress(OSError):  # the first error is the one to be told
+                part.unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise _failed(path, "written", error) from None
     return Path(path)

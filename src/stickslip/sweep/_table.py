@@ -46,7 +46,7 @@ class Table:
         self.rows: dict[str, str] = {}
         self.head: dict[str, Any] = json.loads(json.dumps(head or {}, default=str))
         self._due = math.inf  # when what was added is to be committed
-        with ExitStack() as held, _in_one_line(path):
+        with _in_one_line(path), ExitStack() as held:
             if path is not None and head is not None:
                 held.enter_context(_locked(path))
             if path is not None and path.exists() and not path.is_file():
@@ -62,6 +62,9 @@ class Table:
                 place, isolation_level="IMMEDIATE", timeout=PATIENCE
             )
             held.enter_context(closing(self._connection))
+            there = there and not self._is_empty()
+            if not there and head is None:
+                raise InputError(f"store = {str(path)!r}: holds no case yet")
             if there:
                 self._read()
             else:
@@ -80,7 +83,8 @@ class Table:
 
     def close(self) -> None:
         """Let others write."""
-        self._held.close()
+        with _in_one_line(self.path):
+            self._held.close()
 
     def has_failed(self, key: str) -> bool:
         """Whether a finished case has ended with an error."""
@@ -115,6 +119,16 @@ class Table:
                 "INSERT OR REPLACE INTO cases VALUES (?, ?, ?)",
                 (key, row, _checksum(key, row)),
             )
+
+    def _is_empty(self) -> bool:
+        """Whether there is nothing in the file: its making was cut short, and taken
+        back.
+        """
+        (form,) = self._connection.execute("PRAGMA application_id").fetchone()
+        (tables,) = self._connection.execute(
+            "SELECT count(*) FROM sqlite_master"
+        ).fetchone()
+        return bool(form == tables == 0)
 
     def _read(self) -> None:
         """Read all rows; a table that lost or changed anything, or is of another
@@ -235,4 +249,5 @@ def _locked(path: Path) -> Iterator[None]:
             file.flush()
             yield
         finally:
-            lock.unlink(missing_ok=True)
+            with suppress(OSError):  # what is left behind holds no lock
+                lock.unlink(missing_ok=True)
