@@ -7,6 +7,7 @@ To add a solver, write a class that has what `Engine` asks for and register it, 
 
 import copy
 import math
+import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import chain, combinations
@@ -51,6 +52,10 @@ COLUMNS = (
 after `MOTION`.
 """
 MOTION = COLUMNS[:4]
+
+
+_LASTS = 0.1
+"""Seconds that an advance lasts, about: only between two is an interrupt answered."""
 
 
 class Leg(NamedTuple):
@@ -463,7 +468,9 @@ class Cohorts(Engine):
     so many steps.
     """
     steps: ClassVar[int]
-    """Steps in an advance."""
+    """Steps in an advance, at most."""
+    _some: int = 20
+    """Steps in the next advance: so many that it lasts about `_LASTS`."""
     state: Any
     _case: Any
     _method: Any
@@ -482,9 +489,14 @@ class Cohorts(Engine):
         """Go on by some steps."""
         before = self.copy()
         case = self._case._replace(drive=leg.drive)
+        begun = time.perf_counter()
         self.state, records, reason = type(self).kernel(
-            self.state, case, leg.end, leg.times, leg.stop, self.steps
+            self.state, case, leg.end, leg.times, leg.stop, self._some
         )
+        took = max(time.perf_counter() - begun, 1e-9)
+        # twice as many at most: later steps may have more cohorts
+        grown = self._some * min(_LASTS / took, 2.0)
+        self._some = int(min(max(grown, 1.0), self.steps))
         if reason == UNSOLVED:
             raise UndecidedError(
                 f"{self._method}: no step, however short, can be solved from here on; "

@@ -1,0 +1,57 @@
+"""An interrupt is answered soon, however much a step takes: kernels come back by time
+and not by steps.
+"""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.simulation.engines import Beginning, base, engine_of
+from stickslip.simulation.follow import follow
+
+INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
+RIG = ss.Rig(INTERFACE, SLIDER, ss.constant(1.0, 1.0), method=ss.MasterEquation())
+KINDS = {
+    "panels": INTERFACE,
+    "bell": replace(INTERFACE, temperature=ss.Bell(width=0.02, attempts=1e4)),
+    "parabolic": replace(
+        INTERFACE, temperature=ss.model.Parabolic(temperature=0.01, attempts=1e3)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_how_often_a_kernel_comes_back_changes_nothing(name, monkeypatch):
+    rig = RIG.replace(interface=KINDS[name], drive=ss.constant(1.0, 0.2))
+    runs = []
+    for lasts in (1e9, 1e-3):
+        monkeypatch.setattr(base, "_LASTS", lasts)
+        runs.append(ss.simulate(rig))
+    assert runs[0].equals(runs[1])
+
+
+@pytest.mark.parametrize("slow", [1e-3, 2e-2, 0.1])
+def test_an_advance_is_bounded_by_time(slow, monkeypatch):
+    """A kernel whose steps take so long, until each takes longer than an advance."""
+    engine = engine_of(INTERFACE, RIG.method)
+    beginning = Beginning(INTERFACE, SLIDER, 1.0)
+    running = engine(beginning, RIG.method)
+    clock = [0.0]
+    kernel = engine.kernel
+    lasted = []
+
+    def heavy(state, case, until, times, stop, steps):
+        lasted.append(slow * steps)
+        clock[0] += slow * steps
+        return kernel(state, case, until, times, stop, steps)
+
+    monkeypatch.setattr(engine, "kernel", staticmethod(heavy))
+    monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+    follow(running, ss.constant(1.0, 20.0), 0.0, np.zeros(1))
+    assert len(lasted) > 2
+    assert max(lasted) <= 2.0
+    assert max(lasted[1:]) <= max(2.0 * base._LASTS, slow)
