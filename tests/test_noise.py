@@ -88,6 +88,44 @@ def test_contacts_fluctuate_as_theory_says(interface):
     assert velocity == pytest.approx(1.0, abs=0.055)  # its fluctuations forget faster
 
 
+LIGHT = {  # rate, std, newborn; stiffness, mass, damping
+    "tenths": (0.63, 0.153, 0.0, 0.57, 4e-5, 11.0),
+    "narrow": (0.6, 0.11, 0.0, 0.51, 1e-5, 30.0),
+    "broad": (0.45, 0.19, 0.0, 0.8, 1e-4, 9.0),
+    "newborn": (0.55, 0.13, 0.03, 0.7, 5e-5, 12.0),
+}
+
+
+def light_rig(rate, std, newborn, stiffness, mass, damping):
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=std),
+        ageing=ss.Langevin(rate=rate, newborn=newborn),
+    )
+    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
+    rig = rig_of(interface, 1000, slider)
+    assert ss.stability.count_unstable(rig) == 0
+    return rig
+
+
+@pytest.mark.parametrize("numbers", LIGHT.values(), ids=LIGHT)
+def test_a_light_slider_on_ageing_contacts_is_as_steady_as_theory_says(numbers):
+    """Stable, it answers within the contacts' memory, however short; three standard
+    errors.
+    """
+    rig = light_rig(*numbers)
+    force, _ = in_runs(rig, contact_noise(rig), error=0.05)
+    assert force == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("numbers", LIGHT.values(), ids=LIGHT)
+def test_a_light_slider_on_a_kinetic_equation_that_ages_settles(numbers):
+    rig = replace(light_rig(*numbers), method=ss.MasterEquation())
+    drive = ss.constant(1.0, duration=12.0)
+    run = ss.simulate(rig.replace(drive=drive)).sel(time=slice(8.0, None))
+    # A run is right to its rtol of the mean threshold, 1, and no better.
+    assert run.spring_force.std() < rig.method.rtol
+
+
 def test_a_population_fluctuates_as_theory_says():
     rig = replace(rig_of(TENTHS), method=ss.Population(100_000))
     force, _ = in_runs(rig, contact_noise(rig), error=0.03)
