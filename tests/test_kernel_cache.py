@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -108,9 +109,85 @@ def test_kernels_in_a_folder_that_cannot_be_written_are_kept_for_the_user(house)
     assert run(house, **user)[:2] == [4.0, 1]
     (house / "user" / "numba").rename(house / "moved")
     (house / "user" / "numba").write_text("")
-    assert run(house, **user) == [4.0, 0, "None", False]  # nowhere: compiled each time
+    temporary = house / "temporary"
+    temporary.mkdir()
+    place = run(house, **user, TMPDIR=str(temporary))[2]
+    assert Path(place).parent.parent == temporary
 
 
 def test_a_cache_of_the_users_choice_is_used(house):
     folder = Path(run(house, NUMBA_CACHE_DIR=str(house / "chosen"))[2])
     assert folder.parent == house / "chosen"
+
+
+@pytest.mark.takes(6)  # six interpreters start
+@pytest.mark.parametrize("ending", [".nbi", ".nbc"])
+def test_files_of_machine_code_that_were_cut_are_compiled_anew(house, ending):
+    place = Path(run(house)[2])
+    for kept in (0, 40):
+        files = list(place.rglob(f"caller.product*{ending}"))
+        assert files
+        for file in files:
+            file.write_bytes(file.read_bytes()[:kept])
+        assert run(house)[:2] == [4.0, 0]
+        assert run(house)[:2] == [4.0, 1]
+
+
+@pytest.mark.takes(6)  # four interpreters start
+def test_without_a_home_machine_code_is_kept_among_temporary_files(house, tmp_path):
+    here = tmp_path / "elsewhere"
+    temporary = tmp_path / "tmp"
+    here.mkdir()
+    temporary.mkdir()
+    (house / "kernels" / "__pycache__").touch()  # no folder can be made of it
+    environment = os.environ | {
+        "HOME": "/proc/nowhere",
+        "TMPDIR": str(temporary),
+        "PYTHONPATH": str(house),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    environment.pop("NUMBA_CACHE_DIR", None)
+    environment.pop("XDG_CACHE_HOME", None)
+
+    def used():
+        return subprocess.run(
+            [sys.executable, "-c", RUN],
+            cwd=here,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+
+    first, second = used(), used()
+    place = Path(json.loads(first.stdout)[2])
+    assert place.parent.parent == temporary
+    assert place.parent.stat().st_mode & 0o777 == 0o700
+    assert "NUMBA_CACHE_DIR" in first.stderr
+    assert json.loads(second.stdout)[:2] == [4.0, 1]
+    assert second.stderr == ""
+    assert not list(here.iterdir())
+    place.parent.chmod(0o755)  # anybody may look into it, but not be trusted
+    assert json.loads(used().stdout)[2] == "None"
+
+
+@pytest.mark.parametrize(
+    "cache", ["~/.cache", "cache"], ids=["no home", "a relative one"]
+)
+def test_the_folder_of_a_user_without_a_home_is_not_taken(monkeypatch, tmp_path, cache):
+    from stickslip.kernels import _jit
+
+    class Folders:
+        user_cache_dir = cache
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr(_jit, "_folders", lambda *_, **__: Folders)
+    monkeypatch.setattr(_jit, "__file__", "/proc/nowhere/_jit.py")
+    monkeypatch.setattr(_jit._numba.config, "CACHE_DIR", "")
+    place = _jit._place()
+    assert place.is_absolute()
+    assert place.parents[1] == tmp_path / "tmp"
+    assert [found.name for found in tmp_path.iterdir()] == ["tmp"]

@@ -1,5 +1,6 @@
 """What `import stickslip` gives, and what it leaves alone."""
 
+import inspect
 import subprocess
 import sys
 
@@ -67,3 +68,13 @@ def test_the_version_is_that_of_the_package():
 def test_a_name_that_does_not_exist():
     with pytest.raises(AttributeError, match="No stickslip attribute stick"):
         _ = ss.stick
+
+
+def test_the_room_of_the_sweeps_takes_what_its_function_takes():
+    from stickslip.sweep.plan import sweep
+
+    room = inspect.signature(ss.sweep).parameters.values()
+    function = inspect.signature(sweep).parameters.values()
+    assert [(one.name, one.kind, one.default) for one in room] == [
+        (one.name, one.kind, one.default) for one in function
+    ]

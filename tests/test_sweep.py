@@ -455,15 +455,19 @@ def test_two_sweeps_of_one_process_on_one_store(tmp_path):
         return {"b": a}
 
     store = tmp_path / "s.sqlite"
+    link = tmp_path / "link.sqlite"
+    link.symlink_to(store)
     given = {"axes": {"a": [1, 2]}, "store": store, "options": NAMED}
+    through_link = given | {"store": link}
     with ThreadPoolExecutor(1) as pool:
         first = pool.submit(run_cases, waiting, **given)
         BEGUN.wait(30)
-        with pytest.raises(
-            InputError,
-            match=f"another sweep .process {os.getpid()} on .* is writing it",
-        ):
-            run_cases(waiting, **given)
+        for again in (given, through_link):
+            with pytest.raises(
+                InputError,
+                match=f"another sweep .process {os.getpid()} on .* is writing it",
+            ):
+                run_cases(waiting, **again)
         GO_ON.set()
         assert summary(first.result()).done == 2
 

@@ -4,21 +4,25 @@ code is kept.
 
 import contextlib
 import hashlib
+import logging
 import os
 import re
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
 from numba.misc.appdirs import AppDirs
 
 F = TypeVar("F", bound=Callable[..., object])
 _numba: Any = numba  # its stubs know neither all of its settings nor all options
 _folders: Any = AppDirs  # nor this
+_FunctionCache: Any = FunctionCache
 
 # folders of machine code that stay: a switch between two branches, and back, compiles
 # nothing anew
@@ -36,6 +40,7 @@ def _place() -> Path | None:
     digest = hashlib.sha256()
     for file in sorted(here.glob("*.py")):
         digest.update(file.name.encode() + b"\0" + file.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:16]}"
     if given := _numba.config.CACHE_DIR:
         homes = [Path(given)]
     else:
@@ -44,16 +49,51 @@ def _place() -> Path | None:
             Path(_folders("numba", appauthor=False).user_cache_dir),
         ]
     for home in homes:
-        folder = home / f"kernels-{digest.hexdigest()[:16]}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            os.utime(folder)  # the last use, by which `_sweep` goes
-            tempfile.TemporaryFile(dir=folder).close()
-        except OSError:
-            continue
-        _sweep(home)
-        return folder
-    return None
+        # without a home, the user's folder is "~/.cache" below the working directory
+        if (given or home.is_absolute()) and _is_usable(home / name):
+            _sweep(home)
+            return home / name
+    return _temporary(name)
+
+
+def _is_usable(folder: Path) -> bool:
+    """Make a folder, and return whether files can be written to it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)  # the last use, by which `_sweep` goes
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def _temporary(name: str) -> Path | None:
+    """Return a folder of this user alone among the temporary files; none if none can
+    be had.
+
+    Whoever can write there decides what code runs here: a folder of somebody else, or
+    open to others, is not used.
+    """
+    home = Path(tempfile.gettempdir()) / f"stickslip-{os.getuid()}"
+    try:
+        home.mkdir(mode=0o700, exist_ok=True)
+        found = home.lstat()
+    except OSError:
+        return None
+    is_folder = stat.S_ISDIR(found.st_mode)
+    if not is_folder or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        return None
+    is_new = not (home / name).exists()
+    if not _is_usable(home / name):
+        return None
+    _sweep(home)
+    if is_new:
+        logging.getLogger("stickslip").warning(
+            "compiled code is kept in %s, which may not last; NUMBA_CACHE_DIR names "
+            "another folder",
+            home,
+        )
+    return home / name
 
 
 def _sweep(home: Path) -> None:
@@ -79,6 +119,19 @@ def compiled_before() -> bool:
     return _PLACE is not None and any(_PLACE.rglob("*.nbi"))
 
 
+class _Cache(_FunctionCache):  # type: ignore[misc]
+    """Machine code on disk; what cannot be read, such as a file that was cut, is
+    removed and compiled anew.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # unpickling what is damaged raises nearly anything
+            self.flush()  # write an empty index: new code is kept beside it
+            return None
+
+
 def _compiled(function: F, **options: bool) -> F:
     """Compile a kernel: without the GIL, numpy's rules for division by zero, machine
     code in our own folder.
@@ -95,9 +148,12 @@ def _compiled(function: F, **options: bool) -> F:
         **options,
     }
     try:
-        return cast(F, _numba.njit(error_model="numpy", **options)(function))
+        kernel = _numba.njit(error_model="numpy", **options)(function)
+        if options["cache"] and not _numba.config.DISABLE_JIT:
+            kernel._cache = _Cache(function)
     finally:
         _numba.config.CACHE_DIR = given
+    return cast(F, kernel)
 
 
 def jit(function: F) -> F:

@@ -5,9 +5,14 @@ Of a rig: `stickslip.sweep` called as a function, and files, which
 `stickslip.sweep.plan` reads. Of any function: `run_cases`.
 """
 
+from __future__ import annotations
+
+import os
 import sys
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING
 
 from stickslip.sweep._dataset import (
     Failure,
@@ -22,6 +27,11 @@ from stickslip.sweep._dataset import (
 from stickslip.sweep._refine import Refinement, Span
 from stickslip.sweep._run import MAX_CASES, Options, Processes, Progress, Runs, Threads
 from stickslip.sweep._table import is_store
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from stickslip.model import Rig
 
 __all__ = [
     "MAX_CASES",
@@ -51,11 +61,31 @@ class _Callable(ModuleType):
     ``stickslip.sweep(rig, axes)``.
     """
 
-    def __call__(self, *arguments: Any, **options: Any) -> Any:
+    def __call__(
+        self,
+        rig: Rig,
+        axes: Mapping[str, Sequence[float | str] | Span],
+        *,
+        store: str | os.PathLike[str] | None = None,
+        executor: Executor | None = None,
+        refinement: Refinement | None = None,
+        runs: Runs = Runs(),
+        progress: Callable[[Progress], object] | None = None,
+        retry_failed: bool = False,
+    ) -> xr.Dataset:
         """Run a rig over some of its parameters; see `stickslip.sweep.plan.sweep`."""
         from stickslip.sweep.plan import sweep
 
-        return sweep(*arguments, **options)
+        return sweep(
+            rig,
+            axes,
+            store=store,
+            executor=executor,
+            refinement=refinement,
+            runs=runs,
+            progress=progress,
+            retry_failed=retry_failed,
+        )
 
 
 sys.modules[__name__].__class__ = _Callable

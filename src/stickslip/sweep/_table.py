@@ -227,7 +227,8 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
 
 
 def _lock_of(path: Path) -> Path:
-    return path.with_name(path.name + ".lock")
+    place = path.resolve()  # a store and a link to it are one
+    return place.with_name(place.name + ".lock")
 
 
 @contextmanager
