@@ -97,17 +97,7 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
 
     def show(i: int) -> None:
         x = seen.stretching[i]
-        tips = np.stack(
-            [feet[i] - np.where(held[i], x, 0.0), np.where(held[i], 0.0, 0.5 * _HIGH)],
-            axis=1,
-        )
-        bristles.set_segments(
-            list(
-                np.stack(
-                    [np.stack([feet[i], np.full(x.size, _HIGH)], axis=1), tips], axis=1
-                )
-            )
-        )
+        bristles.set_segments(_bristles(feet[i], x, held[i]))
         bristles.set_color(
             np.where(held[i, :, None], colours(np.abs(x) / 1.2), to_rgba(palette.GREY))
         )
@@ -117,14 +107,8 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
         spring.set_data(
             coil, _HIGH + 0.5 * high + np.r_[0, 0, np.tile([0.5, -0.5], 9), 0, 0]
         )
-        marks = (
-            np.arange(right.min() - wide - 4, 3, 2.0)
-            + (right[i] - seen.slider[i]) % 2.0
-        )
-        ground.set_data(
-            np.ravel([marks, marks - 0.6, marks * np.nan], "F"),
-            np.tile([0.0, -0.8, np.nan], marks.size),
-        )
+        shift = (right[i] - seen.slider[i]) % 2.0
+        ground.set_data(*_ground_marks(right.min() - wide - 4, shift))
         lately = broke[max(i - 2, 0) : i + 1].any(axis=0)
         flashes.set_data(feet[i][lately], np.full(int(lately.sum()), 0.4 * _HIGH))
         cursor.set_data([seen.times[i]], [seen.force[i]])
@@ -135,6 +119,29 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     return FuncAnimation(
         figure, show, len(seen.times), interval=1000 / style.PER_SECOND
     )
+
+
+def _bristles(feet: Array, stretching: Array, attached: Array) -> list[Array]:
+    """Return a segment for each contact, from the slider to its tip.
+
+    The tip of an attached contact is on the ground, behind its foot by its stretching;
+    that of a detached one hangs half-way down.
+    """
+    behind = np.where(attached, stretching, 0.0)
+    height = np.where(attached, 0.0, 0.5 * _HIGH)
+    tips = np.stack([feet - behind, height], axis=1)
+    roots = np.stack([feet, np.full(feet.size, _HIGH)], axis=1)
+    return list(np.stack([roots, tips], axis=1))
+
+
+def _ground_marks(left: float, shift: float) -> tuple[Array, Array]:
+    """Return the strokes below the ground, which stand still while the picture moves
+    with the drive; NaN parts one stroke from the next.
+    """
+    marks = np.arange(left, 3, 2.0) + shift
+    x = np.ravel([marks, marks - 0.6, marks * np.nan], "F")
+    y = np.tile([0.0, -0.8, np.nan], marks.size)
+    return x, y
 
 
 def sound(run: xr.Dataset) -> tuple[int, Array]:
