@@ -325,6 +325,28 @@ class Fit(Answer):
         )
 
 
+def _notes_on(found: Fit) -> list[str]:
+    """Return what a reader of the fit should know of its limits."""
+    surprises = [name for name, p in found.p_values.items() if p < LOW]
+    worth_saying = {
+        f"the trace lies at the edge of what the model makes ({found.sample.edge:.3g} "
+        f"percentile, above {EDGE:g}): the draws "
+        "were not moved by a regression, and the intervals are wider than need "
+        "be": not found.sample.adjusted,
+        **{
+            f"{one.title}: at a bound of its prior": one.verdict == "at a bound"
+            for one in found.parameters
+        },
+        f"the model does not make these of the trace's {len(NAMES)} statistics (p < "
+        f"{LOW:g}; by chance "
+        f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}": bool(surprises),
+        "N is an effective number of independent strength units, inferred from the "
+        "scatter; not a count of "
+        "asperities": found["contacts"].high < 100,
+    }
+    return [words for words, worth in worth_saying.items() if worth]
+
+
 def fit(
     trace: xr.Dataset | Events,
     *,
@@ -436,24 +458,7 @@ def fit(
         notes=(),
         strengthening=bench.strengthening_of(holds) if holds else None,
     )
-    surprises = [name for name, p in found.p_values.items() if p < LOW]
-    worth_saying = {
-        f"the trace lies at the edge of what the model makes ({sample.edge:.3g} "
-        f"percentile, above {EDGE:g}): the draws "
-        "were not moved by a regression, and the intervals are wider than need "
-        "be": not sample.adjusted,
-        **{
-            f"{one.title}: at a bound of its prior": one.verdict == "at a bound"
-            for one in found.parameters
-        },
-        f"the model does not make these of the trace's {len(NAMES)} statistics (p < "
-        f"{LOW:g}; by chance "
-        f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}": bool(surprises),
-        "N is an effective number of independent strength units, inferred from the "
-        "scatter; not a count of "
-        "asperities": found["contacts"].high < 100,
-    }
-    notes += [words for words, worth in worth_saying.items() if worth]
+    notes += _notes_on(found)
     delays = (
         bench.delays_of(found.values, found.draws("breaking_displacement"), speeds)
         if speeds

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import jit
-from .records import Floats
+from .records import Counts, Floats
 from .tournament import enter, smallest, winner
 from .turning_points import PEAK, START, TROUGH, turn
 
@@ -106,6 +106,39 @@ def _arc(
 
 
 @jit
+def _attached_at_first(
+    model: Arrest, rng: np.random.Generator, breaks_at: Floats
+) -> Floats:
+    """Draw the positions of the slider at which contacts attached, each part of its
+    way to its threshold behind, and enter where they break.
+    """
+    count = model.contacts
+    attached_at = np.empty(count)
+    for i in range(count):
+        threshold = _threshold(rng, model.std, 1.0, 0.0)
+        attached_at[i] = -rng.random() * threshold
+        enter(breaks_at, count, i, attached_at[i] + threshold)
+    return attached_at
+
+
+@jit
+def _attach(
+    model: Arrest,
+    rng: np.random.Generator,
+    factor: float,
+    contacts: Counts,
+    place: float,
+    attached_at: Floats,
+    breaks_at: Floats,
+) -> None:
+    """Attach contacts at a place, with new thresholds, and enter where they break."""
+    for contact in contacts:
+        attached_at[contact] = place
+        threshold = _threshold(rng, model.std, factor, model.residual)
+        enter(breaks_at, model.contacts, contact, place + threshold)
+
+
+@jit
 def slips(
     model: Arrest,
     floor: float,
@@ -125,12 +158,8 @@ def slips(
     count = model.contacts
     kappa = model.stiffness
     residual = model.residual
-    attached_at = np.empty(count)  # positions of the slider
+    attached_at = _attached_at_first(model, rng, breaks_at)
     broken = np.empty(count, np.int64)
-    for i in range(count):
-        threshold = _threshold(rng, model.std, 1.0, 0.0)
-        attached_at[i] = -rng.random() * threshold
-        enter(breaks_at, count, i, attached_at[i] + threshold)
     total = attached_at.sum()
     # of the logarithm of the factor, whose mean is 1
     track = math.sqrt(math.log1p(model.track_scatter**2))
@@ -179,10 +208,9 @@ def slips(
             X = smallest(breaks_at)
 
         factor = math.exp(track * (rng.normal() - 0.5 * track)) if track > 0.0 else 1.0
-        for contact in broken[:loose]:
-            attached_at[contact] = X - residual
-            threshold = _threshold(rng, model.std, factor, residual)
-            enter(breaks_at, count, contact, attached_at[contact] + threshold)
+        _attach(
+            model, rng, factor, broken[:loose], X - residual, attached_at, breaks_at
+        )
         # Summed anew now and then, so that no rounding adds up.
         total = (
             attached_at.sum()

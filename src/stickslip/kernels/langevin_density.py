@@ -376,6 +376,19 @@ def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
 
 
 @jit
+def _birth_node(newborn: float, nodes: Floats) -> tuple[int, float]:
+    """Node at or below the margin of a newborn contact, and how far it lies towards the
+    next one.
+    """
+    if not newborn > 0.0:
+        return 0, 0.0
+    below = int(np.searchsorted(nodes, newborn, side="right")) - 1
+    birth = min(max(below, 1), nodes.size - 2)
+    fraction = (newborn - nodes[birth]) / (nodes[birth + 1] - nodes[birth])
+    return birth, min(max(fraction, 0.0), 1.0)
+
+
+@jit
 def _age(
     cohorts: Cohorts,
     grid: _Grid,
@@ -396,16 +409,7 @@ def _age(
     step = _prepare(langevin, stroke)
     X = stroke.X
     newborn = langevin.newborn
-    birth = 0
-    fraction = 0.0
-    if newborn > 0.0:
-        birth = min(
-            max(int(np.searchsorted(nodes, newborn, side="right")) - 1, 1),
-            nodes.size - 2,
-        )
-        fraction = min(
-            max((newborn - nodes[birth]) / (nodes[birth + 1] - nodes[birth]), 0.0), 1.0
-        )
+    birth, fraction = _birth_node(newborn, nodes)
     path = 8.0 * np.sqrt(2.0 * step.diffusion * step.dt) + abs(step.dX)
     first = 0.0
     second = 0.0

@@ -285,6 +285,19 @@ def _gone(z: complex) -> complex:
 
 
 @jit
+def _with_caps(
+    lifetimes: Lifetimes, q: complex, fast: bool, breaks: complex, yields: complex
+) -> tuple[complex, complex]:
+    """Add what breaks at the ends of lives, all at once, and its stretching."""
+    for k in range(lifetimes.cap_x.size):
+        gone = 1.0 + 0.0j if fast else _gone(q * lifetimes.cap_x[k])
+        more = lifetimes.cap_weight[k] * gone
+        breaks += more
+        yields += lifetimes.cap_x[k] * more
+    return breaks, yields
+
+
+@jit
 def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complexes:
     """Transforms of a life under a perturbation, at each `q`, shape (4, n):
     ``M_0 - Sq``, ``W``, ``L``, ``Y``.
@@ -359,12 +372,7 @@ def perturbed(lifetimes: Lifetimes, q: Complexes, fast: bool = False) -> Complex
                     breaks += more
                     yields += x * more
             left *= turn[NODES - 1]
-        for k in range(lifetimes.cap_x.size):
-            more = lifetimes.cap_weight[k] * (
-                1.0 + 0.0j if fast else _gone(here * lifetimes.cap_x[k])
-            )
-            breaks += more
-            yields += lifetimes.cap_x[k] * more
+        breaks, yields = _with_caps(lifetimes, here, fast, breaks, yields)
         if fast:
             lost -= 1.0 / here
             work = 1.0 / here**2

@@ -342,6 +342,34 @@ def _begin(state: State, work: Work, case: Case, dt: float) -> None:
 
 
 @bare
+def _start(state: State, work: Work, case: Case, count: int, velocity: float) -> None:
+    """Set the node at the start of a step: motion, force and energy of the contacts."""
+    nodes = work.nodes
+    nodes[0].x = 0.0
+    nodes[0].v = velocity
+    F, A, S, E, _, _ = force_at(
+        work.reading,
+        state.cohorts,
+        state.motion.position,
+        count,
+        case.breaking,
+        0.0,
+        nodes.size - FIRST - 1,
+    )
+    nodes[0].force = F
+    nodes[0].attached = A
+    nodes[0].stored = E
+    if is_fixed(case.breaking):  # else clocks have made it what it was
+        nodes[0].slope = S
+    if case.sliding_force > 0.0:
+        _slide(state, work, case, 0, heading(state, work))
+    nodes[0].broken = nodes[0].reattached = nodes[0].known = 0.0
+    for k in range(P + 1):
+        nodes[k].young = 0.0
+    nodes[FIRST] = nodes[0]
+
+
+@bare
 def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -> float:
     """Solve a step without taking it; its error in tolerances (above 1: too long), or
     `NOT_CONVERGED`.
@@ -373,29 +401,7 @@ def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -
     low = low - margin
     high = high + margin
     count = _gather(state, work, case, low, high)
-    # the start
-    nodes[0].x = 0.0
-    nodes[0].v = V0
-    F, A, S, E, _, _ = force_at(
-        work.reading,
-        state.cohorts,
-        motion.position,
-        count,
-        case.breaking,
-        0.0,
-        nodes.size - FIRST - 1,
-    )
-    nodes[0].force = F
-    nodes[0].attached = A
-    nodes[0].stored = E
-    if is_fixed(case.breaking):  # else clocks have made it what it was
-        nodes[0].slope = S
-    if case.sliding_force > 0.0:
-        _slide(state, work, case, 0, heading(state, work))
-    nodes[0].broken = nodes[0].reattached = nodes[0].known = 0.0
-    for k in range(P + 1):
-        nodes[k].young = 0.0
-    nodes[FIRST] = nodes[0]
+    _start(state, work, case, count, V0)
     moved = math.inf
     for sweep in range(MOST_SWEEPS):
         state.used.sweeps += 1

@@ -133,6 +133,20 @@ def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
 
 
 @bare
+def _keep_panel(state: State, nodes: Record, dt: float) -> None:
+    """Keep what broke in a step, for the contacts that re-attach later."""
+    motion = state.motion
+    n = state.used.panels
+    for j in range(Q):
+        state.panels[n, 3 + P + j] = dot(INCREASE[P - 1, j], nodes.broken)
+    state.panels[n, 0] = motion.time
+    state.panels[n, 1] = dt
+    for k in range(P + 1):
+        state.panels[n, 2 + k] = motion.broken + nodes[k].broken
+    state.used.panels = n + 1
+
+
+@bare
 def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -> None:
     """Make cohorts and a panel of what a step has done to infinitely many contacts."""
     nodes = work.nodes
@@ -203,17 +217,10 @@ def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -
                 )
             kept += 1
     state.used.cohorts = kept
-    n = state.used.panels
     if not case.delays.memoryless and (
         case.delays.time.size > 0 or case.delays.fraction > 0.0
     ):
-        for j in range(Q):
-            state.panels[n, 3 + P + j] = dot(INCREASE[P - 1, j], nodes.broken)
-        state.panels[n, 0] = motion.time
-        state.panels[n, 1] = dt
-        for k in range(P + 1):
-            state.panels[n, 2 + k] = motion.broken + nodes[k].broken
-        state.used.panels = n + 1
+        _keep_panel(state, nodes, dt)
     if case.sliding_force > 0.0:
         motion.element = element_at(state, case, y)
 
