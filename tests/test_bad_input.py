@@ -354,6 +354,21 @@ REFUSED = [
         lambda: is_sustained(RIG.replace(drive=ss.constant(1e-25))),
         "velocity = 1e-25 x_s/time: the .* give at least",
     ),
+    *(
+        (
+            lambda points=points: ss.sustained(
+                RIG, "velocity", between=(0.5, 2.0), points=points
+            ),
+            f"^points = .*: must be {remedy}",
+        )
+        for points, remedy in (
+            (ss.Contacts(), "a number"),
+            ("8", "a number"),
+            (0, "a number at least 1|a finite number at least 1"),
+            (2.5, "a whole number"),
+            (10**9, "a finite number at least 1 and at most 10000"),
+        )
+    ),
     (lambda: is_sustained(RIG.replace(mass=0.0)), "mass above 0"),
     (lambda: is_sustained(RIG.replace(interface=AGEING)), "ageing"),
     (

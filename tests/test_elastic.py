@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -281,6 +282,30 @@ def test_a_run_has_dimensions_units_and_sums() -> None:
     assert set(ss.simulate(small(method=ss.MasterEquation())).data_vars) == set(
         run.data_vars
     )
+
+
+@pytest.mark.parametrize(
+    ("start", "place"),
+    [
+        ({"pushed_blocks": 7}, "pushed_blocks = 7: must be at most 6"),
+        ({"pushed_blocks": 1e30}, r"pushed_blocks = 1e\+30: must be at most 6"),
+        ({"stretching": (0.1,) * 5}, "stretching: has 5 numbers for 6 blocks"),
+    ],
+)
+def test_a_start_that_no_run_could_take_is_refused_with_the_rig(
+    start: dict[str, Any], place: str
+) -> None:
+    prestress = ss.Prestressed(**({"stretching": 0.1} | start))
+    with pytest.raises(ss.InputError, match=f"^Prestressed.{place}"):
+        small().replace(start=prestress)
+    document = rig_files.to_document(small())
+    document["simulation"]["start"] = {"stretching": 0.1}
+    document["simulation"]["start"] |= {
+        key: list(value) if isinstance(value, tuple) else int(value)
+        for key, value in start.items()
+    }
+    with pytest.raises(ss.InputError, match=r"^rig: simulation\.start\."):
+        ss.read_rig(document)
 
 
 RIGID = ss.Rig(

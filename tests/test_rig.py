@@ -422,6 +422,43 @@ MISTAKES = [
         "not in a unit of 'kg'",
     ),
     ("fitted", {"slider.mass": DRAWS}, "fitted.slider.mass.draws", "is missing"),
+    *(
+        (
+            "fitted",
+            {key: DRAWS | {"draws": [0.5, draw, 0.25]}},
+            f"fitted.{key}.draws[1] = {draw}",
+            "must be above 0",
+        )
+        for key, draw in (
+            ("slider.mass", 0.0),
+            ("slider.stiffness", -2.0),
+            ("slider.damping_ratio", -0.1),
+            ("interface.thresholds.std", -1.0),
+            ("interface.newborn.std", -1.0),
+            ("interface.delay", 0.0),
+            ("interface.breaking_displacement", -1e-6),
+            ("drive.velocity", 0.0),
+            ("simulation.contacts", -3.0),
+        )
+    ),
+    (
+        "fitted",
+        {"slider.mass": DRAWS | {"draws": [1.0, 1e40]}},
+        "fitted.slider.mass.draws[1] = 1e+40",
+        "must be between",
+    ),
+    (
+        "fitted",
+        {"interface.thresholds": DRAWS | {"draws": [1.0]}},
+        "fitted.interface.thresholds.draws",
+        "is no number",
+    ),
+    (
+        "fitted",
+        {"interface.newborn.colour": DRAWS | {"draws": [1.0]}},
+        "fitted.interface.newborn.colour.draws",
+        "is no key of a rig file",
+    ),
 ]
 
 

@@ -531,6 +531,60 @@ def test_a_tdms_file_is_read(tmp_path):
     assert data["spring_force"].attrs["units"] == "mN"
 
 
+def test_sheets_and_channels_left_out_are_noted(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.title = "Run 1"
+    book.create_sheet("Run 2")
+    book.create_sheet("Notes").append(["bench", 7])
+    for sheet, last in (("Run 1", None), ("Run 2", -5)):
+        book[sheet].append(["Time (s)", "Force (N)"])
+        rows = zip(TIMES.tolist()[:last], FORCES.tolist()[:last], strict=True)
+        for row in rows:
+            book[sheet].append(row)
+    book.save(tmp_path / "runs.xlsx")
+    data = read_trace(tmp_path / "runs.xlsx")
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    assert data.attrs["note"] == (
+        "read was sheet 'Run 1'; 1 other sheet with numbers left out: 'Run 2'"
+    )
+    nptdms = pytest.importorskip("nptdms")
+    waveform = {"wf_increment": 0.25, "unit_string": "N"}
+    channels = [
+        nptdms.ChannelObject("Run 1", "Force", FORCES, properties=waveform),
+        nptdms.ChannelObject("Run 1", "Force B", FORCES[:-5], properties=waveform),
+    ]
+    channels.append(
+        nptdms.ChannelObject("Run 1", "Room", FORCES, properties={"unit_string": "K"})
+    )
+    with nptdms.TdmsWriter(tmp_path / "runs.tdms") as writer:
+        writer.write_segment(channels)
+    note = read_trace(tmp_path / "runs.tdms").attrs["note"]
+    assert "1 other channel with numbers left out: Run 1/Force B" in note
+
+
+@pytest.mark.parametrize(
+    ("unit", "second"),
+    [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("", 1.0), ("Hz", None)],
+)
+def test_the_interval_of_a_waveform_is_in_the_unit_that_it_names(
+    tmp_path, unit, second
+):
+    nptdms = pytest.importorskip("nptdms")
+    waveform = {"wf_increment": 0.25, "wf_xunit_string": unit, "unit_string": "N"}
+    with nptdms.TdmsWriter(tmp_path / "bench.tdms") as writer:
+        writer.write_segment(
+            [nptdms.ChannelObject("Run", "Force", FORCES, properties=waveform)]
+        )
+    if second is None:
+        with pytest.raises(InputError, match=r"give the step"):
+            read_trace(tmp_path / "bench.tdms")
+        return
+    data = read_trace(tmp_path / "bench.tdms")
+    np.testing.assert_allclose(data["time"], second * TIMES)
+    assert data["time"].attrs["units"] == "s"
+
+
 @pytest.mark.parametrize(
     ("name", "start", "module"),
     [("a.xlsx", b"PK\x03\x04", "openpyxl"), ("a.tdms", b"TDSm", "nptdms")],

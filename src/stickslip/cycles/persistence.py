@@ -8,9 +8,12 @@ from dataclasses import dataclass
 
 from stickslip.cycles.edges import TOLERANCE, Edge, Interval, Intervals, Span, halved
 from stickslip.cycles.verdict import Verdict
+from stickslip.errors import whole
 from stickslip.model import FromRest, Start
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
+
+_MOST_POINTS = 10_000  # runs per factor of 10: more take longer than anyone waits
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -103,6 +106,7 @@ def sustained(
     >>> window.low.kind, round(window.low.value, 1)
     ('decay', 0.7)
     """
+    points = whole("points", points, at_least=1, at_most=_MOST_POINTS)
     span = Span(rig, parameter, between, start, tolerance=tolerance)
     known: dict[float, Verdict] = {}
 

@@ -230,6 +230,33 @@ def keys_of(record: type) -> Mapping[str, Key]:
     return found
 
 
+def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
+    """The key at a path of a rig file, such as ``"interface.thresholds.std"``, in the
+    table that the file has there, or could have; None where there is no such key.
+    """
+    table, *names = path.split(".")
+    keys: Mapping[str, Key] = tables().get(table, TOP if not names else {})
+    if table == "simulation":
+        keys = keys_of_simulation(_within(document, table).get("method"))
+    content = _within(document, table)
+    found = None if names else keys.get(table)
+    for i, name in enumerate(names):
+        found = keys.get(name)
+        word, kinds = KINDS.get(name, ("", {}))
+        content = _within(content, name)
+        here: Any = kinds.get(content.get(word, ""))
+        possible = [keys_of(kind) for kind in ([here] if here else kinds.values())]
+        following = names[i + 1 : i + 2]
+        keys = next((each for each in possible if each.keys() >= {*following}), {})
+    return found
+
+
+def _within(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """A table within a table; an empty one where there is none."""
+    found = content.get(name)
+    return found if isinstance(found, Mapping) else {}
+
+
 def by_time(record: type) -> bool:
     """Whether a model of ageing has a rate, which a file gives as a time."""
     return "rate" in declared(record) and hasattr(record, "with_time")

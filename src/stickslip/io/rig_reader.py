@@ -7,6 +7,7 @@ Every mistake is noted, and all are reported in one line.
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
 from typing import Any
@@ -28,7 +29,7 @@ from stickslip.model import (
 from stickslip.model.body import BODIES
 from stickslip.model.delays import DelayModel, OnArrest
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
-from stickslip.model.methods import METHODS
+from stickslip.model.methods import METHODS, check_start
 from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import BY_NAME, converted_ranges
 from stickslip.model.records import converted, declared
@@ -113,6 +114,8 @@ class _Reader:
         body = self._body(slider)
         blocks = 1 if self.body == "slider" else body.size
         start = self._start(simulation["start"], blocks)
+        with at(_START):
+            check_start(start, body)
         # forces are those of all blocks in SI files only
         blocks = 1 if file.natural else blocks
         scales = self._scales(interface, pulled, blocks)
@@ -491,11 +494,39 @@ class _Reader:
             path: self.file.table(entry, rig_keys.FITTED, f"fitted.{path}")
             for path, entry in entries
         }
+        for path, values in read.items():
+            self._check_draws(path, values.get("draws", ()))
         self.file.stop()
         return {
             path: Fitted(self._value_at(path), **values)
             for path, values in read.items()
         }
+
+    def _check_draws(self, path: str, draws: tuple[float, ...]) -> None:
+        """Note the first draw that the key could not have as its value."""
+        key = rig_keys.key_at(path, self.document)
+        place = f"fitted.{path}.draws"
+        if key is None:
+            self.file.wrong(place, f"{path} is no key of a rig file; leave it out")
+            return
+        whole = type(key.example) is int
+        if not (key.unit or key.si or whole or type(key.example) is float):
+            self.file.wrong(place, f"{path} is no number; leave its draws out")
+            return
+        own = None
+        with suppress(InputError):  # noted where the value itself is read
+            own = key.read(self._at(path), place, natural=self.file.natural)
+        sign = key.sign
+        # 0 is a limit that may be chosen, such as no mass, and is not drawn
+        if own != 0 and (sign or whole or path == "drive.velocity"):
+            sign = "above 0"
+        plain = replace(key, example=1.0, sign=sign, choices=(), also=())
+        for i, draw in enumerate(draws):
+            try:
+                plain.read(draw, f"{place}[{i}]", natural=True)
+            except InputError as error:
+                self.file.note(error)
+                return
 
     def _at(self, path: str) -> Any:
         """What stands at a path of the file; empty if nothing does."""

@@ -132,6 +132,7 @@ def read_trace(
             else {}
         )
         values, notes = _rows(table, chosen, seconds or table.step or 0.0)
+        notes = [*table.notes, *notes]
         del table
     except InputError as error:
         raise InputError(f"{path}: {error}") from None

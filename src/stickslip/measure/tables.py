@@ -7,7 +7,7 @@ import datetime as dt
 import io
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from statistics import mode
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
-from stickslip.measure.arrays import Array
+from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.headings import (
     Heading,
     headings_of,
@@ -72,7 +72,7 @@ class Table(NamedTuple):
     in s where the file says so.
 
     `read` returns columns as numbers, NaN where a cell holds none, and the line of each
-    row; `line` the text of one.
+    row; `line` the text of one; `notes` say what of the file was left out.
     """
 
     headings: list[Heading]
@@ -80,6 +80,7 @@ class Table(NamedTuple):
     read: Callable[[Iterable[int]], Columns]
     line: Callable[[int], str]
     step: float | None = None
+    notes: tuple[str, ...] = ()
 
     def listed(self) -> str:
         """The columns, for a message."""
@@ -449,15 +450,32 @@ def _of_spreadsheet(raw: bytes) -> Table:
     sheets = pd.read_excel(
         io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl"
     )
-    sheet = max(
-        sheets.values(),
-        key=lambda sheet: sheet.apply(pd.to_numeric, errors="coerce").count().sum(),
-    )
+    numbers = {
+        name: sheet.apply(pd.to_numeric, errors="coerce").count()
+        for name, sheet in sheets.items()
+    }
+    chosen = max(sheets, key=lambda name: numbers[name].sum())
+    left = [
+        f"{str(name)!r}"
+        for name, counts in numbers.items()
+        if name != chosen and counts.max() >= FEWEST_READINGS
+    ]
+    sheet = sheets[chosen]
     plain = sheet.replace(r"[\t\r\n\"]", " ", regex=True)
     text: str = plain.to_csv(
         sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE
     )
-    return _of_text(text.encode(), "\t", ".")
+    found = _of_text(text.encode(), "\t", ".")
+    return found._replace(notes=_left_out(f"sheet {str(chosen)!r}", "sheet", left))
+
+
+def _left_out(read: str, kind: str, left: list[str]) -> tuple[str, ...]:
+    """A note of tables besides the one that was read, if there are any."""
+    if not left:
+        return ()
+    named = ", ".join(left[:5]) + (f" and {len(left) - 5} more" * (len(left) > 5))
+    many = f"{len(left)} other {kind}{'s' * (len(left) > 1)}"
+    return (f"read was {read}; {many} with numbers left out: {named}",)
 
 
 def _of_tdms(raw: bytes) -> Table:
@@ -473,6 +491,11 @@ def _of_tdms(raw: bytes) -> Table:
         one for one in channels if len(one) and np.issubdtype(one[:].dtype, np.number)
     ]
     length = mode(len(one) for one in channels)
+    left = [
+        f"{one.group_name}/{one.name}"
+        for one in channels
+        if len(one) != length and len(one) >= FEWEST_READINGS
+    ]
     channels = [one for one in channels if len(one) == length]
     named = [Heading.read(one.name) for one in channels]
     units = [
@@ -484,9 +507,7 @@ def _of_tdms(raw: bytes) -> Table:
         for each, unit in zip(named, units, strict=True)
     ]
     columns = [np.array(one[:], dtype=float) for one in channels]
-    steps = {float(one.properties.get("wf_increment") or 0.0) for one in channels} - {
-        0.0
-    }
+    steps = {_step_of(one.properties) for one in channels} - {0.0}
     rows = np.arange(1, length + 1)
     step = steps.pop() if len(steps) == 1 else None
 
@@ -499,7 +520,17 @@ def _of_tdms(raw: bytes) -> Table:
         read,
         "sample {}".format,
         step,
+        _left_out(f"the channels of {length} readings", "channel", left),
     )
+
+
+def _step_of(properties: Mapping[str, Any]) -> float:
+    """Sampling interval of a channel of a TDMS file in s; 0 where it tells none, as
+    that of a spectrum, whose readings lie apart in 1/s.
+    """
+    step = float(properties.get("wf_increment") or 0.0)
+    size = unit_size(str(properties.get("wf_xunit_string") or "s").strip())
+    return step * size[0] if size and size[1] == {"s": 1} else 0.0
 
 
 _NO_TEXT: dict[bytes, Callable[[bytes], Table]] = {

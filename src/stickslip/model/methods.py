@@ -5,6 +5,8 @@ starts from.
 from dataclasses import dataclass
 from typing import Annotated
 
+from stickslip.errors import InputError
+from stickslip.model.body import ElasticBody
 from stickslip.model.records import Number, Record, registry
 
 METHODS, register = registry("method")
@@ -251,3 +253,25 @@ class Prestressed(Record):
 
 
 Start = FromRest | FromSliding | Prestressed
+
+
+def check_start(start: object, body: object) -> None:
+    """Raise `InputError` if a prestress is not one of the blocks of an elastic
+    body.
+    """
+    if not (isinstance(start, Prestressed) and isinstance(body, ElasticBody)):
+        return
+    profile = start.stretching
+    if isinstance(profile, tuple) and len(profile) != body.size:
+        raise InputError(
+            f"Prestressed.stretching: has {len(profile)} numbers for {body.size} "
+            "blocks; give one, or one for each",
+            "Prestressed.stretching",
+        )
+    along = body.size // body.rows
+    if start.pushed_blocks > along:
+        raise InputError(
+            f"Prestressed.pushed_blocks = {start.pushed_blocks:g}: must be at most "
+            f"{along}, all there are",
+            "Prestressed.pushed_blocks",
+        )

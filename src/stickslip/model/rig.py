@@ -19,6 +19,7 @@ from stickslip.model.methods import (
     Method,
     Output,
     Start,
+    check_start,
 )
 from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_number, read_value
@@ -216,6 +217,7 @@ class Rig(Answer):
             tuple(METHODS.values()),
             "Contacts(...) or MasterEquation(...)",
         )
+        check_start(self.start, self.slider)
 
     @property
     def natural(self) -> Self:

@@ -116,11 +116,6 @@ def balanced(
             f"thresholds ({distribution}); give less"
         )
     along = body.size // body.rows
-    if start.pushed_blocks > along:
-        raise InputError(
-            f"Prestressed.pushed_blocks = {start.pushed_blocks}: must be at most "
-            f"{along}, all there are"
-        )
     push = np.where(np.arange(body.size) % along < start.pushed_blocks, start.push, 0.0)
     return (
         stretching + push,
