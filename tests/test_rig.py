@@ -259,6 +259,42 @@ def test_every_key_is_written_and_reads_back(kind, natural, factor):
     assert rigs.to_toml(again) == text
 
 
+OWN = [
+    {"mu_s": 0.16, "mu_k": 0.13, "v_half": "1.5 mm/s"},
+    {"mu_s": 0.4123456, "mu_k": 0.3217654, "v_half": "0.3141592 mm/s"},
+    {"contact_strength": "44.123456 N", "v_half": "20 mm/s"},
+    {"contact_strength": "41 N", "delay": "3.14159265 ms"},
+]
+
+
+@pytest.mark.parametrize("changes", [{}, {"delay": "7 ms", "std": 0.0987}])
+@pytest.mark.parametrize("given", OWN)
+def test_a_rig_is_shown_in_the_keys_that_it_was_given_by(given, changes):
+    interface = {"normal_load": "220 N", "breaking_displacement": "8 um"} | given
+    if "mu_s" not in given:
+        interface["thresholds"] = {"distribution": "gaussian", "std": 0.2}
+    rig = ss.read_rig(
+        {
+            "slider": {"mass": "22 kg", "stiffness": "1.2 MN/m", "damping": "40.9 1/s"},
+            "interface": interface,
+            "drive": {"velocity": "0.2 mm/s"},
+        }
+    ).replace(**changes)
+    shown = tomllib.loads(rigs.to_toml(rig, own=True))
+    defaults = {"initial"} | ({"delay"} if "v_half" not in given else set())
+    assert shown["interface"].keys() | defaults == interface.keys() | defaults
+    again = ss.read_rig(shown)
+    for name in ("mass", "stiffness", "damping", "velocity", "delay", "std", "load"):
+        assert again.value(name) == pytest.approx(rig.value(name), rel=2e-4, abs=0)
+    for unit in ("force", "length"):
+        assert again.unit(unit) == pytest.approx(rig.unit(unit), rel=1e-4)
+    if not changes:
+        for key in given.keys() & {"mu_s", "mu_k"}:
+            assert shown["interface"][key] == pytest.approx(given[key], rel=1e-4)
+        digits = re.findall(r"\d+(?:\.\d+)?", shown["interface"].get("v_half", "1"))
+        assert len(digits[0].replace(".", "").lstrip("0")) <= 4
+
+
 def test_every_key_is_in_a_file_above():
     used = {
         (kind.split()[0], name) for kind in FILES for name in FILES[kind][0].split()

@@ -59,7 +59,7 @@ def report(
         f'initial-scale=1"><style>{_STYLE}</style></head><body>'
         f"<h1>{name}</h1><p "
         f'class="verdict">{html.escape(found.headline)}</p>{pictures}{found.tables()}'
-        f"<h2>The rig</h2><pre>{html.escape(to_toml(found.rig))}</pre>"
+        f"<h2>The rig</h2><pre>{html.escape(to_toml(found.rig, own=True))}</pre>"
         f"<footer>stickslip {__version__}: <code>stickslip report</code> of the rig "
         "above</footer></body></html>\n"
     )

@@ -104,8 +104,10 @@ def content_of(
     return read_toml(path, kind, example)
 
 
-def to_toml(rig: Rig) -> str:
+def to_toml(rig: Rig, *, own: bool = False) -> str:
     """Return the rig as the text of a file from which `read_rig` makes the same rig.
+
+    With `own` it is in the keys that the rig was given by, and in four digits.
 
     Raises
     ------
@@ -113,6 +115,8 @@ def to_toml(rig: Rig) -> str:
         If the rig has a part that no file can hold.
     """
     import tomli_w
+
+    document = to_document(rig, digits=4, own=True) if own else to_document(rig)
 
     # which it writes each into a line of its own
     def wrapped(numbers: re.Match[str]) -> str:
@@ -122,6 +126,4 @@ def to_toml(rig: Rig) -> str:
             subsequent_indent="    ",
         )
 
-    return re.sub(
-        r"\[\n((?: {4}[-+.\de]+,\n)+)\]", wrapped, tomli_w.dumps(to_document(rig))
-    )
+    return re.sub(r"\[\n((?: {4}[-+.\de]+,\n)+)\]", wrapped, tomli_w.dumps(document))

@@ -152,6 +152,11 @@ class _Reader:
                 scales=None if file.natural else scales,
                 assumed=assumed,
                 fitted=fitted,
+                given=tuple(
+                    f"interface.{name}"
+                    for name in ("mu_s", "mu_k", "v_half")
+                    if name in interface
+                ),
                 **{name: top[name] for name in ("name", "source")},
             )
             rig = converted(rig, scales.natural)

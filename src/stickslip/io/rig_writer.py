@@ -4,18 +4,27 @@ same.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from contextlib import suppress
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import TABLES, keys_of
-from stickslip.model import Delay, FromRest, FromSliding, Prestressed, Slider
+from stickslip.model import (
+    Delay,
+    FromRest,
+    FromSliding,
+    Gaussian,
+    Prestressed,
+    Slider,
+)
 from stickslip.model.body import BODIES
 from stickslip.model.delays import OnArrest
 from stickslip.model.drive import USUAL_DISTANCE
 from stickslip.model.methods import METHODS
+from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.records import converted
@@ -23,16 +32,22 @@ from stickslip.model.rig import Rig
 from stickslip.model.units import Scales, engineering, si_unit
 
 Document = dict[str, Any]
+_FOUR_DIGITS = 5e-5  # the error of a number of four digits, at most its half digit
 
 
 def to_document(
-    rig: Rig, *, digits: int | None = None, damping_ratio: bool | None = None
+    rig: Rig,
+    *,
+    digits: int | None = None,
+    damping_ratio: bool | None = None,
+    own: bool = False,
 ) -> Document:
     """Return what a rig file holds, from the records, in so many digits, or in as few
     as read back the same.
 
     The damping is given by its ratio if `damping_ratio` says so, by default if that is
-    a number of few digits.
+    a number of few digits. With `own`, coefficients of friction and `v_half` stand for
+    what follows from them where the rig was given by these.
     """
     writer = _Writer(rig, digits)
     found = {
@@ -40,7 +55,7 @@ def to_document(
         "units": "natural" if writer.natural else None,
         "source": rig.source,
         **writer.body(damping_ratio),
-        "interface": writer.interface(),
+        "interface": writer.in_own_keys() if own else writer.interface(),
         "drive": writer.drive(),
         "simulation": writer.simulation(),
         "feasible": {
@@ -176,6 +191,54 @@ class _Writer:
             read_back = lambda si: si / blocks / scales.force == force  # noqa: E731
             found["sliding_force"] = self.quantity(blocks * force, "f_s", read_back)
         return found
+
+    def in_own_keys(self) -> Document:
+        """The interface in the keys that the rig was given by."""
+        rig = self.rig
+        found = self.interface()
+        contacts = rig.interface
+        by_friction = self._coefficients() if "interface.mu_s" in rig.given else {}
+        if by_friction:
+            del found["contact_strength"], found["thresholds"]
+            found |= by_friction
+        delay = contacts.delay
+        if (
+            "interface.v_half" in rig.given
+            and isinstance(delay, Delay)
+            and 0 < delay.time < math.inf
+            and contacts.areas is None
+        ):
+            with suppress(InputError):  # changed, the friction may never halve
+                half = half_distance(contacts) / delay.time
+                found["v_half"] = self.quantity(half, "x_s/time")
+                del found["delay"]
+        return found
+
+    def _coefficients(self) -> Document:
+        """Coefficients of friction from which thresholds and strength follow; none
+        where no coefficients give these.
+        """
+        from stickslip.sliding.rigid_motion import slow_friction, thresholds_of
+
+        contacts = self.rig.interface
+        load = self.rig.operation.normal_load
+        thresholds = contacts.thresholds
+        usual = contacts.newborn is None and contacts.areas is None
+        if not (load and usual and type(thresholds) is Gaussian and not self.natural):
+            return {}
+        static, kinetic = slow_friction(thresholds, contacts.initial)
+        for digits in range(4, 17):
+            mu_s, mu_k = (
+                float(f"{force / load:.{digits}g}") for force in (static, kinetic)
+            )
+            # the spread amplifies an error of their ratio
+            with suppress(InputError):
+                again, strength = thresholds_of(mu_s, mu_k, contacts.initial)
+                same = math.isclose(again.std, thresholds.std, rel_tol=_FOUR_DIGITS)
+                if same and math.isclose(strength * load, 1.0, rel_tol=_FOUR_DIGITS):
+                    alike = replace(thresholds, std=again.std) == again
+                    return {"mu_s": mu_s, "mu_k": mu_k} if alike else {}
+        return {}
 
     def drive(self) -> Document:
         pieces = self.rig.drive.pieces

@@ -165,6 +165,9 @@ class Rig(Answer):
         Keys of the rig's file that were fitted to a trace, with intervals and draws.
     source : str
         Where the numbers come from.
+    given : tuple of str
+        Keys of the rig's file that it gives in place of others, such as
+        ``"interface.mu_s"``, in which the rig can be shown again.
 
     Examples
     --------
@@ -197,6 +200,7 @@ class Rig(Answer):
     assumed: Mapping[str, Assumption] = field(default_factory=dict, compare=False)
     fitted: Mapping[str, Fitted] = field(default_factory=dict, compare=False)
     source: str = field(default="", compare=False)
+    given: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         instance("Rig.name", self.name, str, "a text")
