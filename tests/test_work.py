@@ -145,6 +145,63 @@ def test_breaks_are_counted_as_theory_has_them(interface, velocity, expected):
     assert expected / 2 < breaks < 2 * expected
 
 
+AGED = {  # rate, std and newborn of the contacts; mass; velocities of the drive
+    "tenths": (0.63, 0.153, 0.0, 1e-6, (1.0, 1.0)),
+    "narrow": (0.6, 0.05, 0.0, 1e-7, (1.0, 1.0)),
+    "broad": (0.4, 0.2, 0.0, 1e-8, (1.0, 1.0)),
+    "newborns": (0.55, 0.13, 0.1, 1e-6, (1.0, 1.0)),
+    "slower and slower": (0.5, 0.1, 0.0, 1e-7, (2.0, 0.5)),
+    "backwards": (0.5, 0.1, 0.0, 1e-8, (-1.0, -3.0)),
+    "heavy": (0.5, 0.1, 0.3, 1.0, (1.0, 1.0)),
+}
+
+
+def steps_of(rig, at_once=10):
+    """Count the steps of a run of ageing contacts, to some at once."""
+    solver = engine_of(rig.interface, rig.method)
+    courses = []
+
+    class Counting(solver):
+        def take(self, course):
+            courses.append(course)
+            return super().take(course._replace(budget=at_once))
+
+    beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
+    engine = Counting(beginning, rig.method)
+    position = beginning.drive_position(engine.contact_force())
+    follow(engine, rig.drive, position, np.zeros(1))
+    return at_once * len(courses)
+
+
+@pytest.mark.parametrize(
+    ("method", "words"),
+    [
+        (ss.Contacts(200, seed=1), "(.*) steps of 2e\\+02 contacts"),
+        (ss.MasterEquation(rtol=1e-2), "(.*) steps of cohorts"),
+    ],
+    ids=["contacts", "kinetic equation"],
+)
+@pytest.mark.parametrize("numbers", AGED.values(), ids=AGED)
+def test_contacts_that_age_take_as_many_steps_as_were_said(numbers, method, words):
+    """However soon they forget: a slider, so damped that it never rings, answers
+    within that time.
+    """
+    rate, std, newborn, mass, velocities = numbers
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=std),
+        ageing=ss.Langevin(rate=rate, newborn=newborn),
+    )
+    damping = 4.0 * math.sqrt(1.7 / mass)
+    slider = ss.Slider(stiffness=0.7, mass=mass, damping=damping)
+    rig = ss.Rig(interface, slider, ss.ramp(*velocities, 3.0), method=method)
+    (said,) = (
+        found[1]
+        for part in estimate(rig).parts
+        if (found := re.fullmatch(words, part.what))
+    )
+    assert float(said) / 2 < steps_of(rig) < 2 * float(said)
+
+
 @pytest.mark.takes(8)
 @pytest.mark.parametrize("name", rig_files.example_names())
 def test_the_estimate_holds_for_the_examples(name):

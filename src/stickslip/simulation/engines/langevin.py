@@ -70,6 +70,24 @@ def _memory(constants: Constants, speed: float) -> float:
     return noise / fall**2 + constants.newborn / fall
 
 
+def _longest(constants: Constants, part: float, *speeds: float) -> float:
+    """Largest step of a free slider on a piece of a drive that has these speeds at its
+    ends: a part of the contacts' memory.
+
+    At the speed of the drive: a faster slider slips, and does not slide smoothly.
+    """
+    return part * _memory(constants, max(abs(speed) for speed in speeds))
+
+
+def _remembered(rig: Rig, part: float) -> float:
+    """Steps of a run, at least, by the contacts' memory."""
+    constants = ageing_constants(rig.natural.interface)
+    return sum(
+        piece.duration / _longest(constants, part, piece.start, piece.end)
+        for piece in rig.natural.drive.pieces
+    )
+
+
 class Steps(base.Engine, Protocol):
     """An engine that takes steps of time, and samples no energies."""
 
@@ -101,12 +119,8 @@ class Steps(base.Engine, Protocol):
         before = self.here()[0]
         longest = self.longest
         if not is_rigid(self.slider):
-            ends = leg.drive.start, leg.end
-            # At the speed of the drive: a faster slider slips, and does not slide
-            # smoothly.
-            speed = max(abs(drive_at(leg.drive, t)[1]) for t in ends)
-            memory = _memory(self._constants, speed)
-            longest = min(longest, self.remembered * memory)
+            speeds = (drive_at(leg.drive, t)[1] for t in (leg.drive.start, leg.end))
+            longest = min(longest, _longest(self._constants, self.remembered, *speeds))
         look = leg.looks[0] if leg.looks else math.inf
         course = stepping.Course(
             leg.drive,
@@ -225,6 +239,7 @@ class LangevinContacts(Steps):
         """Return the work of a run, by part."""
         count = method.count
         thresholds = rig.interface.threshold_distribution
+        remembered = _remembered(rig, _OF_MEMORY)
         if rig.interface.temperature is not None:
             broken = breaking(
                 count,
@@ -232,12 +247,13 @@ class LangevinContacts(Steps):
                 _HOT[1],
                 _CONTACT,
                 " by thermal activation",
+                _HOT[0] * _STEP * count * remembered,
             )
             return _cost(rig, course, _HOT[0] * count, broken)
         # All are looked at in each step of a moving slider; in one of ageing, of
         # margins uniform up to the mean, those too small for sleep. Larger ones sleep
         # for a time that goes as their square: as many looks again.
-        moved = (course.distance + course.shaken) / _STEP
+        moved = max((course.distance + course.shaken) / _STEP, remembered)
         step = _TAKEN + count * _ASLEEP
         awake = (
             math.sqrt(2.0 * _STEP / SLEEP)
@@ -281,8 +297,7 @@ class LangevinDensity(Steps):
 
     def __init__(self, beginning: base.Beginning, method: MasterEquation) -> None:
         self._constants = ageing_constants(beginning.interface)
-        # A scheme of second order, with an error of 1e-3 where this is 400.
-        cells = 400.0 * math.sqrt(1e-4 / method.rtol)
+        cells = _cells_of_density(method.rtol)
         step = 4.0 / cells
         self.longest, self.reach = (
             step / self._constants.rate**2,
@@ -323,13 +338,17 @@ class LangevinDensity(Steps):
         """Return the work of a run, by part."""
         path = course.distance + course.shaken + 0.01 * course.rung
         aged = _AGED * 1e-4 / method.rtol
+        step = 4.0 / _cells_of_density(method.rtol)
+        steps = path / step
+        remembered = _remembered(rig, _OF_MEMORY_DENSITY)
+        # A step of way is as the root of rtol, one of the memory does not change.
         part = Part(
             "simulation.rtol",
             method.rtol,
             None,
-            -1.0,
-            f"a path of {path:.2g} mean thresholds",
-            aged * path,
+            -1.0 if steps > remembered else -0.5,
+            f"{max(steps, remembered):.2g} steps of cohorts",
+            aged * step * max(steps, remembered),
         )
         return _cost(rig, course, aged, part)
 
@@ -348,6 +367,13 @@ class LangevinDensity(Steps):
         return advance_density(
             self.state, self._cohorts, self._nodes, course, self._constants
         )
+
+
+def _cells_of_density(rtol: float) -> float:
+    """Cells by which a run is right to `rtol`; the largest step is 4/cells, in units of
+    ``1/rate**2`` and of the slider in mean thresholds. Of second order.
+    """
+    return 400.0 * math.sqrt(1e-4 / rtol)
 
 
 def _first_cohorts(
