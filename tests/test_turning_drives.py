@@ -27,6 +27,9 @@ from stickslip.kernels.drive import (
 )
 from stickslip.kernels.motion import make_motion
 from stickslip.kernels.oscillator import Slider
+from stickslip.simulation.engines import Beginning, engine_of
+from stickslip.simulation.engines.base import Advance
+from stickslip.simulation.follow import follow
 
 BROAD = ss.Uniform(low=0.3, high=1.7)
 COARSE = ss.MasterEquation(rtol=2e-4)
@@ -339,3 +342,54 @@ def test_a_piece_of_a_drive_turns_once(seed):
     turn = turns_at(drive, -1e6)
     assert abs(drive_at(drive, turn)[1]) < 1e-12
     assert turns_at(drive, turn) == math.inf
+
+
+AGEING = ss.Langevin(rate=0.3, newborn=0.2)
+GROWING = ss.LogarithmicGrowth(slope=0.05, time=0.1)
+HOT = ss.Bell(width=0.02, attempts=1e3)
+FREE = ss.Slider(stiffness=1.0, mass=0.03, damping=6.0)
+BAR = ss.Chain(blocks=2, coupling=3.0, mass=0.03, damping=6.0, side=2.0)
+OF_ALL = {
+    "contacts": ({}, FREE, ss.Contacts(20, seed=1)),
+    "contacts that age": ({"ageing": AGEING}, FREE, ss.Contacts(10)),
+    "contacts that grow": ({"ageing": GROWING}, FREE, ss.Contacts(10)),
+    "hot contacts": ({"temperature": HOT}, FREE, ss.Contacts(10)),
+    "master equation": ({}, FREE, ss.MasterEquation(rtol=1e-2)),
+    "kinetic equation": (
+        {"ageing": AGEING, "delay": ss.Delay(0.0)},
+        FREE,
+        ss.MasterEquation(rtol=1e-2),
+    ),
+    "blocks": ({}, BAR, ss.Contacts(10)),
+    "blocks of cohorts": ({}, BAR, ss.MasterEquation(rtol=1e-2)),
+}
+
+
+@pytest.mark.parametrize("name", OF_ALL)
+@pytest.mark.parametrize("seed", range(3))
+def test_engines_get_to_the_end_of_every_drive(seed, name):
+    parts, slider, method = OF_ALL[name]
+    interface = ss.Interface(
+        **{"thresholds": ss.Gaussian(1.0, 0.1), "delay": ss.Delay(0.05), **parts}
+    )
+    drive = pieces_of(seed)
+    run = ss.simulate(ss.Rig(interface, slider, drive, method=method))
+    assert run["time"][-1] == pytest.approx(drive.duration, rel=1e-9)
+    assert np.isfinite(run["friction_force"]).all()
+
+
+@pytest.mark.parametrize("method", [ss.Contacts(20), ss.MasterEquation(rtol=1e-2)])
+def test_an_engine_that_stands_still_is_no_run_without_end(method):
+    interface = ss.Interface(thresholds=ss.Gaussian(1.0, 0.1))
+    solver = engine_of(interface, method)
+
+    class Stuck(solver):
+        def advance(self, leg):
+            if self.here()[0] > 0.0:
+                none = np.empty((0, len(self.columns)))
+                return Advance(none, (), over=False)
+            return super().advance(leg._replace(end=0.5))._replace(over=False)
+
+    engine = Stuck(Beginning(interface, FREE, 1.0), method)
+    with pytest.raises(RuntimeError, match=r"^Stuck: stands still at t = 0\.\d+ on"):
+        follow(engine, ss.constant(1.0, 1.0), 0.0, np.zeros(1))

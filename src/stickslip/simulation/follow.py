@@ -91,17 +91,27 @@ def follow(
     )
 
 
+_IDLE = 1000
+"""Advances in which an engine may stand where it was: one may end before a look, at a
+sample, or where its draws are used up, but not without end.
+"""
+
+
 def follow_leg(
     engine: Engine, leg: Leg, report: Progress = lambda _: None
 ) -> tuple[Array, list[Stretchings]]:
     """Follow a leg to its end; returns a row for each sample that was passed, and
     what the looks have seen.
+
+    Raises `RuntimeError` if the engine no longer gets on.
     """
     parts = list[Array]()
     seen = list[Stretchings]()
     filled = 0
+    idle = 0
     over = False
     while not over:
+        before = engine.here()
         passed = engine.advance(
             leg._replace(times=leg.times[filled:], looks=leg.looks[len(seen) :])
         )
@@ -110,7 +120,15 @@ def follow_leg(
         filled = filled + len(passed.rows)
         over = passed.over
         seen += passed.looks
-        report(engine.here()[0])
+        here = engine.here()
+        stood = here == before and not len(passed.rows) and not passed.looks
+        idle = idle + 1 if stood else 0
+        if idle > _IDLE and not over:
+            raise RuntimeError(
+                f"{type(engine).__name__}: stands still at t = {here[0]!r} on the way "
+                f"to {leg.end!r}: a fault of this package, please report it"
+            )
+        report(here[0])
     return np.concatenate(parts), seen
 
 
