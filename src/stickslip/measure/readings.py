@@ -179,8 +179,14 @@ def _rows(
             f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after "
             "that of the row before"
         )
+        clock = ":" in table.line(lines[back[0]])
+        remedy = (
+            "where a clock was set back, write times with their offset from UTC"
+            if clock
+            else "sort the rows"
+        )
         raise InputError(
-            f"{late}; times must rise: sort the rows, or give the step instead "
+            f"{late}; times must rise: {remedy}, or give the step instead "
             "(--step, or step=)"
         )
     told += [f"and {len(bad) - 5} more"] if len(bad) > 5 else []

@@ -3,7 +3,6 @@ of its rows, then its columns.
 """
 
 import csv
-import datetime as dt
 import io
 import math
 import re
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
 from stickslip.measure.arrays import FEWEST_READINGS, Array
+from stickslip.measure.clocks import has_date, seconds_of
 from stickslip.measure.headings import (
     Heading,
     headings_of,
@@ -38,10 +38,6 @@ _CONTROLS = bytes([*range(9), *range(13, 32), 127])
 _ROW = re.compile(r"\s*(?![#%!]|//)\S")  # neither blank nor a comment
 _NUMBER = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
-)
-# 2024-02-01T12:00:00
-_CLOCK = re.compile(
-    r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,3}):([0-5]\d)(?::([0-5]\d(?:\.\d*)?))?Z?"
 )
 _BLANKS, _BEFORE_NUMBERS = " ", "  "
 """What separates columns besides one character: blanks, or only those before a
@@ -118,20 +114,12 @@ def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
     where it holds no finite number.
     """
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
-    plain = (
-        (cell.translate(_COMMAS) if comma else cell)
-        if len(cell) <= _LONGEST_NUMBER
-        else ""
-    )
-    if clock := _CLOCK.fullmatch(plain):
-        with suppress(ValueError):  # a thirtieth of February
-            days = (
-                dt.date.fromisoformat(clock[1] or "2000-01-01").toordinal()
-                - dt.date(2000, 1, 1).toordinal()
-            )
-            return 86400.0 * days + 3600.0 * int(clock[2]) + 60.0 * int(
-                clock[3]
-            ) + float(clock[4] or 0), "s"
+    if len(cell) > _LONGEST_NUMBER:
+        return None, ""
+    # as it stands: 25.04.2026 has points where decimals have commas, too
+    if (seconds := seconds_of(cell)) is not None:
+        return seconds, "s"
+    plain = cell.translate(_COMMAS) if comma else cell
     match = _NUMBER.fullmatch(plain)
     value, unit = (
         (float(match[1].translate(_FORTRAN)), (match[2] or "").strip())
@@ -240,12 +228,12 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         if i < start
     )
     named = [row for row in above if _numbers(row, none=1.0) < 1.0]
-    if mark == "," and not (
-        comma or named or delimiter or decimal or "." in "".join(sample)
-    ):
+    points = any("." in cell for i in numeric for cell in columns[i] if ":" not in cell)
+    if mark == "," and not (comma or named or delimiter or decimal or points):
         ways = (
-            f"{width} columns, or fewer with decimal commas; say decimal=',' or "
-            "delimiter=',', or export with ';'"
+            f"{width} columns, or fewer with decimal commas; write decimal points, or "
+            "a line of names above, one to a column, as 'time (s),force (N)' (in "
+            "Python say decimal=',' or delimiter=',', too)"
         )
         raise InputError(
             f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {ways}"
@@ -254,6 +242,7 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     step = _labview([line for _, line in labview], headings, numeric, mark, comma)
     units = {i: mode(read_cell(cell, comma)[1] for cell in columns[i]) for i in numeric}
     clocks = [i for i in numeric if ":" in columns[i][0]]
+    dated = {i for i in clocks if has_date(columns[i][0].strip(' "'))}
     for i in clocks:  # whose heading may hold their form, hh:mm:ss
         headings[i] = Heading(headings[i].name or "time", "s")
     for i, unit in units.items():
@@ -302,8 +291,10 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         ] = True
         kept = {i: numbers[keep] for i, numbers in values.items()}
         for i in {*clocks} & {*kept}:  # since the first, over midnight, too
-            days = np.cumsum(np.append(False, np.diff(kept[i]) < -43200.0))
-            kept[i] += 86400.0 * days - kept[i][np.isfinite(kept[i])][:1]
+            if i not in dated:
+                days = np.cumsum(np.append(False, np.diff(kept[i]) < -43200.0))
+                kept[i] += 86400.0 * days
+            kept[i] -= kept[i][np.isfinite(kept[i])][:1]
         return kept, np.flatnonzero(keep) + start + 1
 
     return Table(
@@ -319,7 +310,7 @@ def _layout(
     sample: list[str], delimiter: str | None, decimal: str | None
 ) -> tuple[str, bool]:
     """What separates the columns, and whether the decimal sign is a comma: that by
-    which most cells are numbers.
+    which most cells are numbers, and no number is left within a cell.
     """
     if decimal not in (None, ".", ","):
         raise InputError(f"decimal = {decimal!r}: must be '.' or ','")
@@ -349,11 +340,22 @@ def _layout(
         if decimal in (None, ".,"[comma])
     ]
     some = sample[:: len(sample) // _LOOKED_AT + 1]
-    return max(
-        ways,
-        key=lambda way: _numbers(
-            (c for line in some for c in _split(line, way[0])[:_LOOKED_AT]), way[1]
-        ),
+
+    def fit(way: tuple[str, bool]) -> tuple[bool, float]:
+        mark, comma = way
+        rows = [_split(line, mark)[:_LOOKED_AT] for line in some]
+        cut = sum(any(_holds_number(cell, comma) for cell in row) for row in rows)
+        cells = (cell for row in rows for cell in row)
+        return 2 * cut < len(rows), _numbers(cells, comma)
+
+    return max(ways, key=fit)
+
+
+def _holds_number(cell: str, comma: bool) -> bool:
+    """Whether a number stands within a cell beside another mark between columns."""
+    parts = re.split(r"[\t;|]", cell)
+    return len(parts) > 1 and any(
+        read_cell(part, comma)[0] is not None for part in parts
     )
 
 

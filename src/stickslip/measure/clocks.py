@@ -1,0 +1,57 @@
+"""Times of the day, and dates with them, as instruments write them."""
+
+import datetime as dt
+import re
+
+_DAY = 86400.0  # s
+_DATES = {
+    # 2024-02-01, 2024/02/01
+    "year": r"(?P<year>\d{4})(?P<mark>[-/.])(?P<month>\d\d?)(?P=mark)(?P<day>\d\d?)",
+    # 25.04.2026, 25.4.26
+    "day": r"(?P<day>\d\d?)\.(?P<month>\d\d?)\.(?P<year>\d{4}|\d\d)",
+    # 4/25/2026, with AM or PM only: else the day may stand first
+    "month": r"(?P<month>\d\d?)/(?P<day>\d\d?)/(?P<year>\d{4})",
+}
+_TIME = r"(?P<hours>\d{1,3}):(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d(?:[.,]\d*)?))?"
+_HALF = r"\s?(?P<half>[AaPp])\.?[Mm]\.?"
+_OFFSET = r"\s?(?:Z|UTC|(?P<sign>[-+])(?P<east>\d\d):?(?P<least>[0-5]\d)?)"
+_BETWEEN = r"(?:[Tt]|,?\s)"
+_CLOCKS = [
+    re.compile(rf"(?:{_DATES['year']}{_BETWEEN})?{_TIME}(?:{_HALF})?(?:{_OFFSET})?"),
+    re.compile(rf"{_DATES['day']}{_BETWEEN}{_TIME}(?:{_HALF})?(?:{_OFFSET})?"),
+    re.compile(rf"{_DATES['month']}{_BETWEEN}{_TIME}{_HALF}(?:{_OFFSET})?"),
+]
+_FIRST_DAY = dt.date(2000, 1, 1).toordinal()
+
+
+def seconds_of(text: str) -> float | None:
+    """The seconds that a time of the day tells, those since 2000 in UTC if it has a
+    date and an offset; None if it is none.
+    """
+    match = next((found for each in _CLOCKS if (found := each.fullmatch(text))), None)
+    if match is None:
+        return None
+    told = match.groupdict()
+    hours = int(told["hours"])
+    if told["half"]:
+        if not 1 <= hours <= 12:
+            return None
+        hours = hours % 12 + 12 * (told["half"] in "Pp")
+    days = 0
+    if told.get("year"):
+        year = int(told["year"]) + (2000 if len(told["year"]) == 2 else 0)
+        try:
+            date = dt.date(year, int(told["month"]), int(told["day"]))
+        except ValueError:  # a thirtieth of February
+            return None
+        days = date.toordinal() - _FIRST_DAY
+    east = 3600.0 * int(told["east"] or 0) + 60.0 * int(told["least"] or 0)
+    if told["sign"] == "-":
+        east = -east
+    seconds = float((told["seconds"] or "0").replace(",", "."))
+    return _DAY * days + 3600.0 * hours + 60.0 * int(told["minutes"]) + seconds - east
+
+
+def has_date(text: str) -> bool:
+    """Whether a time of the day comes with its date."""
+    return re.match(r"\d+[-/.]\d+[-/.]\d", text) is not None
