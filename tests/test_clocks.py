@@ -69,3 +69,23 @@ def test_the_offset_decides_the_order_across_a_change_of_the_clock(tmp_path):
     with pytest.raises(InputError, match="with their offset from UTC") as refused:
         read_trace(_table(tmp_path, shown, ";", False))
     assert "sort" not in str(refused.value)
+
+
+@pytest.mark.parametrize("count", [-3, 0])
+def test_a_number_of_contacts_below_one_is_refused_in_one_line(tmp_path, count, capsys):
+    from stickslip.cli import main
+
+    path = _table(tmp_path, [str(i) for i in range(_FORCES.size)], ";", False)
+    assert main(["measure", str(path), f"--contacts={count}"]) == 2
+    assert "--contacts" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("unit", ["$x^$", "$\\frac$", "a$b$c", "$", "$k$", "$N_1"])
+def test_a_unit_of_a_file_is_drawn_as_text_and_never_as_a_formula(unit):
+    from matplotlib.cbook import is_math_text
+
+    from stickslip import plot
+
+    drawn = plot.unit_text(unit)
+    assert not is_math_text(drawn)
+    assert drawn.replace(r"\$", "$") == unit

@@ -15,7 +15,14 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
 import stickslip as ss
 from stickslip import __version__, console
 from stickslip.answers import plain
-from stickslip.errors import InputError, UndecidedError, one_line, shortened, shown
+from stickslip.errors import (
+    InputError,
+    UndecidedError,
+    one_line,
+    shortened,
+    shown,
+    whole,
+)
 from stickslip.io import files
 from stickslip.progress import in_time, part
 
@@ -135,6 +142,8 @@ class Bench:
 
     def read(self, data: Path, columns: Columns) -> xr.Dataset:
         """Read a run, or a measured trace with what is known of its bench."""
+        if self.contacts is not None:
+            whole("--contacts", self.contacts, at_least=1, hint="their number")
         trace = _read_data(
             data,
             columns,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
-from stickslip.errors import SMALLEST, InputError, extreme, printable
+from stickslip.errors import SMALLEST, InputError, extreme, printable, whole
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import rig_of
@@ -197,7 +197,9 @@ class Trace:
             sign=sign,
             largest=float(np.max(np.abs(force))),
             rig=rig,
-            contacts=None if contacts is None else int(contacts),
+            contacts=None
+            if contacts is None
+            else whole("measure: contacts", contacts, at_least=1, hint="their number"),
             measured=drive is None or "stiffness" in data.attrs,
             time_unit=printable(str(time.get("units", ""))),
             force_unit=printable(str(told.get("units", ""))),

@@ -38,6 +38,7 @@ _FORMATS = {
     "sound": ("sound", "wav"),
 }
 _FORMATS |= {"page": ("page", "html")}
+_POWER = re.compile(r"\$10\^\{-?\d+\}\$(?: |$)")
 PER_SECOND = 20  # frames of a film
 # a line of more is drawn by its envelope: the picture is the same, the file is not
 MOST_POINTS = 6_000
@@ -73,6 +74,11 @@ def unit_text(units: str) -> str:
         return ""
     if units == "time":
         return "time units"
+    if power := _POWER.match(units):  # of `dress`
+        return (power[0] + unit_text(units[power.end() :])).strip()
+    if "$" in units:
+        # of a file: it is text, and no formula
+        return printable(units).replace("$", r"\$")
     text = re.sub(
         r"/time\b",
         " per time unit",
