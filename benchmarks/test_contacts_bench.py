@@ -1,5 +1,13 @@
 """The contacts engine and the renewal convolution beside the plain loop over
 contacts, in the same run.
+
+What counting gives for 1e4 contacts: ten time units are 1e9 contact steps of the plain
+loop and 127,065 events (`count_events.py`), 7,870 contact steps an event. A contact
+step waits for the addition before it, in the sum of the forces: 3 or 4 cycles of the
+processors measured, where an event took the time of 125 to 155 contact steps and the
+engine 50 to 63 times less than the loop. An addition takes 2 cycles on the quickest
+processors of today, while the chain of square roots, divisions and exponentials of an
+event gains little there: at most 200 contact steps an event, 7,870/200 = 40.
 """
 
 import numpy as np
@@ -58,7 +66,7 @@ def test_plain_loop(benchmark, count, fraction, rounds):
 
 @pytest.mark.parametrize(
     ("count", "promised", "rounds"),
-    [(10_000, 60, 10), (1_000_000, 40, 1)],
+    [(10_000, 40, 10), (1_000_000, 40, 1)],
     ids=["1e4", "1e6"],
 )
 def test_contacts_engine(benchmark, count, promised, rounds):
