@@ -16,8 +16,7 @@ os.environ["MPLBACKEND"] = "Agg"
 project = "stickslip"
 author = "The stickslip developers"
 copyright = f"2026, {author}"
-release = importlib.metadata.version("stickslip")
-version = release.split("+")[0]
+release = version = importlib.metadata.version("stickslip")
 
 EXAMPLES = ROOT / "examples"
 

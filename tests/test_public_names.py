@@ -1,13 +1,17 @@
 """What `import stickslip` gives, and what it leaves alone."""
 
 import inspect
+import re
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 
 import stickslip as ss
 
+ROOT = Path(__file__).parents[1]
 HEAVY = (
     "numba",
     "xarray",
@@ -59,10 +63,12 @@ def test_every_public_name_is_there_and_says_what_it_is():
         assert getattr(ss, name).__doc__, name
 
 
-def test_the_version_is_that_of_the_package():
-    from importlib.metadata import version
-
-    assert ss.__version__ == version("stickslip")
+def test_the_version_is_stated_once():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    others = [ROOT / "CITATION.cff", ROOT / "README.md", ROOT / "docs" / "conf.py"]
+    others += (ROOT / "src").rglob("*.py*")
+    stated = re.compile(rf"\b{re.escape(project['version'])}\b".encode())
+    assert [str(file) for file in others if stated.search(file.read_bytes())] == []
 
 
 def test_a_name_that_does_not_exist():
