@@ -148,7 +148,7 @@ def main() -> None:
             f"{loop / taken:<13.0f} {loop / (1e-9 * closed * events):<24.0f} "
             f"{random_read(count):.0f} ns"
         )
-    warm = replace(FIG4.interface, temperature=ss.Bell(width=0.01, attempts=1e6))
+    warm = replace(FIG4.interface, activation=ss.Bell(width=0.01, attempts=1e6))
     for what in ("events", "breaks"):
         costs = []
         for interface in (FIG4.interface, warm):

@@ -31,23 +31,26 @@ EXPONENTIAL = ss.ExponentialGrowth(rate=1.0, newborn=0.3)
 LANGEVIN = ss.Langevin(rate=1.0, newborn=0.1)
 
 MECHANISMS: dict[str, tuple[dict[str, Any], float]] = {
-    "of different areas": ({"areas": "fresh"}, 1.8),
+    "of different areas": (
+        {"thresholds": None, "areas": ss.Areas(ss.Gaussian(mean=1.0, std=0.1))},
+        1.8,
+    ),
     "that strengthen, logarithmically": ({"ageing": LOGARITHMIC}, 7),
     "that strengthen, exponentially": ({"ageing": EXPONENTIAL}, 40),
-    "that break by heat, Bell's rate": ({"temperature": BELL}, 4.5),
-    "that break by heat, a parabolic barrier": ({"temperature": PARABOLIC}, 10),
-    "that break by heat, a power-law barrier": ({"temperature": BARRIER}, 15),
+    "that break by heat, Bell's rate": ({"activation": BELL}, 4.5),
+    "that break by heat, a parabolic barrier": ({"activation": PARABOLIC}, 10),
+    "that break by heat, a power-law barrier": ({"activation": BARRIER}, 15),
     "that strengthen logarithmically, Bell's rate": (
-        {"temperature": BELL, "ageing": LOGARITHMIC},
+        {"activation": BELL, "ageing": LOGARITHMIC},
         13,
     ),
     "that strengthen exponentially, a power-law barrier": (
-        {"temperature": BARRIER, "ageing": EXPONENTIAL},
+        {"activation": BARRIER, "ageing": EXPONENTIAL},
         50,
     ),
     "whose thresholds age by Langevin": ({"ageing": LANGEVIN}, 10),
     "whose thresholds age by Langevin, Bell's rate": (
-        {"ageing": LANGEVIN, "temperature": BELL},
+        {"ageing": LANGEVIN, "activation": BELL},
         60,
     ),
 }
@@ -158,14 +161,14 @@ def test_master_equation_to_a_tolerance(benchmark, rtol, promised):
 HOT = {width: ss.Bell(width=width, attempts=1e6) for width in (0.1, 0.01, 0.001)}
 OTHERS: dict[str, dict[str, Any]] = {
     **{
-        f"Bell's rate of width {width:g}": {"temperature": bell}
+        f"Bell's rate of width {width:g}": {"activation": bell}
         for width, bell in HOT.items()
     },
     "logarithmic growth": {"ageing": LOGARITHMIC},
-    "a parabolic barrier": {"temperature": Parabolic(temperature=0.01, attempts=1e6)},
+    "a parabolic barrier": {"activation": Parabolic(temperature=0.01, attempts=1e6)},
     "Bell's rate of width 0.01, logarithmic growth": {
         "ageing": LOGARITHMIC,
-        "temperature": HOT[0.01],
+        "activation": HOT[0.01],
     },
 }
 
@@ -217,7 +220,7 @@ ANSWERS: dict[str, tuple[Any, float]] = {
         250,
     ),
     "rate-and-state parameters, Bell's rate": (
-        lambda: ss.rate_and_state(ss.Interface(**PLAIN | {"temperature": BELL}), 1.0),
+        lambda: ss.rate_and_state(ss.Interface(**PLAIN | {"activation": BELL}), 1.0),
         300,
     ),
     "whether it stick-slips, to three speeds": (lambda: ss.predict(RIG), 3000),

@@ -21,7 +21,7 @@ contact_strength = "768 N"
 breaking_displacement = "2 um"
 thresholds = { distribution = "gaussian", std = 0.3 }
 ageing = { model = "logarithmic", slope = 0.02, time = "1 ms" }
-[interface.temperature]
+[interface.activation]
 kind = "bell"
 temperature = "293 K"
 activation_volume = "0.4 nm^3"

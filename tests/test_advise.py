@@ -523,7 +523,7 @@ def test_contacts_that_break_by_heat():
     interface = ss.Interface(
         thresholds=thresholds,
         delay=ss.Delay(0.5),
-        temperature=ss.Bell(width=0.1, attempts=10.0),
+        activation=ss.Bell(width=0.1, attempts=10.0),
     )
     rig = ss.Rig(
         interface, ss.Slider(stiffness=0.5, mass=1e-3, damping=20.0), ss.constant(1.0)
@@ -534,7 +534,7 @@ def test_contacts_that_break_by_heat():
         2,
         "",
     )
-    cold = replace(interface, temperature=None)
+    cold = replace(interface, activation=None)
     assert found.static_friction == ss.static_friction(cold)[0]
     assert (
         found.kinetic_friction
@@ -614,7 +614,9 @@ def test_contacts_that_attach_on_arrest_are_judged_by_runs():
         "drive": ss.constant(0.85),
     }
     found = ss.predict(
-        make(**light, delay=ss.OnArrest(), track_scatter=0.1, contacts=300, seed=0)
+        make(
+            **light, delay=ss.OnArrest(), slip_to_slip_scatter=0.1, contacts=300, seed=0
+        )
     )
     assert found.regime.kind == "stick-slip"
     assert "no smooth sliding for linear theory to judge" in found.verdict

@@ -184,7 +184,7 @@ def test_fast_motion_to_and_fro_agrees_with_many_contacts():
 @pytest.mark.eq(11)
 def test_recorded_friction_of_hot_contacts_moves_the_slider():
     """M X'' + M eta X' = K (X_lp - X) - F, over many steps."""
-    hot = aged(1.0, newborn=0.5, temperature=ss.Bell(width=0.05, attempts=1.0))
+    hot = aged(1.0, newborn=0.5, activation=ss.Bell(width=0.05, attempts=1.0))
     rig = ss.Rig(
         hot, ss.Slider(stiffness=2.0, mass=0.01, damping=2.0), ss.constant(1.0, 1.0)
     )

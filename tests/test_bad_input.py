@@ -51,8 +51,8 @@ EQUAL = interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
 AGEING, LASTING = (
     interface(ageing=ss.Langevin(rate=1.0, newborn=newborn)) for newborn in (0.0, 0.3)
 )
-TRACK = interface(newborn=ss.Uniform(-0.1, 0.4), track_scatter=0.1)
-WARM = interface(temperature=ss.Bell(width=0.01, attempts=1e6))
+TRACK = interface(newborn=ss.Uniform(-0.1, 0.4), slip_to_slip_scatter=0.1)
+WARM = interface(activation=ss.Bell(width=0.01, attempts=1e6))
 
 
 def run_of(**changes):
@@ -196,8 +196,8 @@ REFUSED = [
         "^Interface.sliding_force = -0.1: must be .* at least 0",
     ),
     (
-        lambda: interface(track_scatter=1.5),
-        "^Interface.track_scatter = 1.5: must be .* at most 1",
+        lambda: interface(slip_to_slip_scatter=1.5),
+        "^Interface.slip_to_slip_scatter = 1.5: must be .* at most 1",
     ),
     # drives
     (
@@ -252,11 +252,11 @@ REFUSED = [
         "sliding_force = 0.1: not",
     ),
     (
-        lambda: ss.kinetic_friction(interface(track_scatter=0.1)),
+        lambda: ss.kinetic_friction(interface(slip_to_slip_scatter=0.1)),
         "0.1: not available with smooth sliding",
     ),
     (
-        lambda: ss.static_friction(interface(track_scatter=0.1)),
+        lambda: ss.static_friction(interface(slip_to_slip_scatter=0.1)),
         "0.1: not available with static_friction",
     ),
     (
@@ -394,11 +394,24 @@ REFUSED = [
         "no driving spring",
     ),
     (
-        lambda: contact_noise(RIG.replace(interface=interface(areas="site"))),
-        "areas = 'site': not available with",
+        lambda: contact_noise(
+            RIG.replace(interface=ss.Interface(areas=ss.Areas(TENTH, kept=True)))
+        ),
+        r"areas = Areas\(.*\): not available with",
     ),
     (
-        lambda: contact_noise(RIG.replace(interface=interface(track_scatter=0.1))),
+        lambda: interface(areas=ss.Areas(TENTH)),
+        r"^Interface\.thresholds = .* and areas = .*: give one of them",
+    ),
+    (lambda: interface(thresholds=None), "areas = None: give one of them"),
+    (
+        lambda: interface(areas="site"),
+        r"^Interface\.areas = 'site': .*such as Areas\(",
+    ),
+    (
+        lambda: contact_noise(
+            RIG.replace(interface=interface(slip_to_slip_scatter=0.1))
+        ),
         "scatter = 0.1: not available with",
     ),
     # rigid motion
@@ -446,7 +459,7 @@ REFUSED = [
         lambda: ss.velocity_step(
             INTERFACE, before=1.0, after=2.0, distance=1.0, stiffness=1.0
         ),
-        "temperature = None: not available with a spring",
+        "activation = None: not available with a spring",
     ),
 ]
 

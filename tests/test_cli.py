@@ -193,7 +193,7 @@ def unusable(tmp_path, monkeypatch):
         ("rsf warm.toml --plot holds.svg", "--plot holds.svg: needs --holds"),
         ("rsf warm.toml --area '1 cm^2'", "--area 1 cm^2: needs --export"),
         ("rsf warm.toml --export qdyn", "--export qdyn: needs --load"),
-        ("rsf rig.toml", "; add [interface.temperature]"),
+        ("rsf rig.toml", "; add [interface.activation]"),
         *(
             (f"rsf trace.csv{speeds}", "of a measured trace say --step-at")
             for speeds in ("", " --from 3um/s")

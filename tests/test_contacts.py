@@ -267,7 +267,7 @@ def test_a_box_reaches_half_of_the_way_to_a_threshold(
     [
         {"ageing": ss.LogarithmicGrowth(slope=0.01, time=1.0)},
         {"ageing": ss.ExponentialGrowth(rate=0.5, newborn=0.1)},
-        {"temperature": ss.model.Parabolic(temperature=0.01, attempts=1e3)},
+        {"activation": ss.model.Parabolic(temperature=0.01, attempts=1e3)},
     ],
 )
 def test_thresholds_below_the_rounding_of_positions_break(mechanism):

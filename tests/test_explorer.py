@@ -164,9 +164,9 @@ def test_a_parameter_turned_keeps_the_kelvins():
     document = documents.turned(
         preset("Teaching bench, contacts broken by heat"), {"stiffness": 500.0}
     )
-    assert document["interface"]["temperature"]["temperature"] == "293 K"
+    assert document["interface"]["activation"]["temperature"] == "293 K"
     natural = documents.in_units(document, "natural")["document"]
-    assert natural["interface"]["temperature"]["width"] == pytest.approx(
+    assert natural["interface"]["activation"]["width"] == pytest.approx(
         0.00809, rel=1e-3
     )
 

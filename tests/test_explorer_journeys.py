@@ -308,7 +308,7 @@ def test_the_cursor_chooses_the_time_and_the_contacts_are_replayed_in_step(
         here = "document.querySelector('#plot-law').data[1].y[0]"
         assert "maximum at" in page.text_content("#law-turning")
         cold = page.evaluate(here)
-        move(page, 1200, "#field-interface-temperature-temperature")
+        move(page, 1200, "#field-interface-activation-temperature")
         settled(page, "law")
         assert page.evaluate(here) < 0.9 * cold, "a warmer interface has less friction"
 

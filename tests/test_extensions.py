@@ -434,7 +434,7 @@ def test_a_barrier_of_ones_own():
     rig = rig_with(ss.Delay(0.1), ss.Gaussian(mean=1.0, std=0.1), distance=1.0)
     bell = ss.Bell(width=0.01, attempts=1e6)
     own, known = (
-        replace(rig, interface=replace(rig.interface, temperature=each))
+        replace(rig, interface=replace(rig.interface, activation=each))
         for each in (Steep(slope=100.0, period=1e-6), bell)
     )
     assert own.interface == known.interface  # which keeps the form
@@ -446,16 +446,16 @@ def test_a_barrier_of_ones_own():
     assert ss.growth_rate(own) == ss.growth_rate(known)
     assert np.isfinite(ss.sweep(own, {"stiffness": [1.0, 3.0]})["mean_force"]).all()
     document = rig_files.to_document(ss.example("pmma_slider"))
-    document["interface"]["temperature"] = {
+    document["interface"]["activation"] = {
         "kind": "steep of a test",
         "slope": "20 1/um",
         "period": "10 ns",
     }
     read = ss.read_rig(document)
-    assert read.interface.temperature.width * read.unit("x_s") == pytest.approx(
+    assert read.interface.activation.width * read.unit("x_s") == pytest.approx(
         50e-9, rel=1e-12
     )
-    assert read.interface.temperature.attempts * read.unit("1/time") == pytest.approx(
+    assert read.interface.activation.attempts * read.unit("1/time") == pytest.approx(
         1e8, rel=1e-12
     )
 
@@ -467,9 +467,9 @@ class Formless(activation.ActivationModel):
 
 def test_an_ageing_or_a_barrier_that_says_nothing_is_refused_by_name():
     with pytest.raises(
-        InputError, match=r"Interface\.temperature = Formless\(\): needs a method form"
+        InputError, match=r"Interface\.activation = Formless\(\): needs a method form"
     ):
-        ss.Interface(thresholds=THRESHOLDS, temperature=Formless())
+        ss.Interface(thresholds=THRESHOLDS, activation=Formless())
     rig = rig_with(ss.Delay(0.1))
     rig = replace(rig, interface=replace(rig.interface, ageing=Unknown()))
     for ask, told in (

@@ -42,12 +42,12 @@ def contacts(
     ageing=None,
     delay=0.0,
     thresholds=None,
-    temperature=None,
+    activation=None,
     sliding_force=0.0,
 ):
     return ss.Interface(
         thresholds=thresholds or ss.Gaussian(mean=1.0, std=std),
-        temperature=temperature
+        activation=activation
         or (ss.Bell(width=width, attempts=1e6) if width else None),
         ageing=ss.LogarithmicGrowth(slope=ageing, time=1e-3)
         if isinstance(ageing, float)
@@ -92,7 +92,7 @@ fitted = lru_cache(ss.rate_and_state)
         (contacts(0.1), 1.0, (0.45670, 1e-4), (0.004938, 2e-5)),
         (THERMAL, 1.0, (0.50096, 2e-4), (0.004455, 3e-5)),
         (
-            contacts(0.1, temperature=parabolic(0.01)),
+            contacts(0.1, activation=parabolic(0.01)),
             1.0,
             (0.45415, 1e-4),
             (0.005473, 3e-5),
@@ -125,7 +125,7 @@ def test_force_in_steady_sliding_and_its_slope(interface, velocity, force, slope
         contacts(0.2, width=0.02, delay=0.2, sliding_force=0.3),
         contacts(ageing=0.02, delay=0.05, sliding_force=0.2),
         contacts(
-            0.1, temperature=barrier(1.0, kramers=False), delay=0.1, sliding_force=0.6
+            0.1, activation=barrier(1.0, kramers=False), delay=0.1, sliding_force=0.6
         ),
         contacts(0.2, width=None, ageing=GROWN, delay=0.2, sliding_force=0.3),
         THERMAL,
@@ -180,7 +180,7 @@ def by_quadrature(barrier, thresholds, velocity):
 
 
 @pytest.mark.parametrize(
-    ("temperature", "velocity"),
+    ("activation", "velocity"),
     [
         *(
             (ss.Bell(width=0.01, attempts=1e6), velocity)
@@ -198,25 +198,26 @@ def by_quadrature(barrier, thresholds, velocity):
     ],
     ids=str,
 )
-def test_every_barrier_by_quadrature(temperature, velocity):
+def test_every_barrier_by_quadrature(activation, velocity):
     for std in (0.1, 0.3):
-        interface = contacts(std, temperature=temperature)
-        force = by_quadrature(temperature, interface.threshold_distribution, velocity)
+        interface = contacts(std, activation=activation)
+        force = by_quadrature(activation, interface.threshold_distribution, velocity)
         assert ss.kinetic_friction(interface, velocity) == pytest.approx(
             force, abs=1e-4
         )
 
 
-AREAS = ss.Interface(thresholds=ss.Exponential(mean=1.0), areas="site")
+KEPT = ss.Areas(ss.Exponential(mean=1.0), kept=True)
+AREAS = ss.Interface(areas=KEPT)
 
 
 @pytest.mark.parametrize(
-    ("areas", "cold", "warm"), [("fresh", 0.75, 0.5832), ("site", 0.5, 0.3935)]
+    ("kept", "cold", "warm"), [(False, 0.75, 0.5832), (True, 0.5, 0.3935)]
 )
-def test_contacts_of_different_areas(areas, cold, warm):
-    interface = replace(AREAS, areas=areas)
+def test_contacts_of_different_areas(kept, cold, warm):
+    interface = ss.Interface(areas=replace(KEPT, kept=kept))
     assert ss.kinetic_friction(interface) == pytest.approx(cold, abs=1e-6)
-    activated = replace(interface, temperature=barrier(1.0, kramers=False, height=50))
+    activated = replace(interface, activation=barrier(1.0, kramers=False, height=50))
     assert ss.kinetic_friction(activated, 1.0) == pytest.approx(warm, abs=1e-4)
     for moved in (
         activated,
@@ -232,11 +233,7 @@ def test_contacts_of_different_areas(areas, cold, warm):
     x = 4.0 * (1.0 + root)
     weight = 4.0 * share * 2.0 * x * np.exp(-(x**2))
     work = weight * 0.5 * x**3
-    expected = (
-        work.sum() / (weight @ x + 1.0)
-        if areas == "fresh"
-        else np.sum(work / (x + 1.0))
-    )
+    expected = work.sum() / (weight @ x + 1.0) if not kept else np.sum(work / (x + 1.0))
     assert ss.kinetic_friction(
         replace(interface, delay=ss.Delay(1.0)), 1.0
     ) == pytest.approx(expected, abs=1e-6)
@@ -355,8 +352,8 @@ def test_a_step_on_a_stiff_spring_is_nearly_that_of_a_rigid_slider():
 
 
 SLOW = [
-    contacts(temperature=parabolic(0.01)),
-    contacts(temperature=barrier(1.5, kramers=True)),
+    contacts(activation=parabolic(0.01)),
+    contacts(activation=barrier(1.5, kramers=True)),
 ]
 SLOW.append(contacts(ageing=0.02, delay=0.001))
 
@@ -480,7 +477,7 @@ def test_a_direct_effect_that_is_missing_is_told_with_its_size():
         (AGEING, True, "ageing"),
         (contacts(ageing=0.02, delay=0.001), False, "b changes by"),
         (contacts(ageing=0.02, delay=0.05), False, "fitted to"),
-        (contacts(temperature=parabolic(0.01)), True, "slip"),
+        (contacts(activation=parabolic(0.01)), True, "slip"),
     ],
 )
 def test_verdicts(interface, holds, word):
@@ -672,7 +669,7 @@ def test_exports_are_scripts_in_si_units(tmp_path):
 
 # ---------------------------------------------------------------- what is refused
 
-NOT_WITH_AREAS = r"Interface\.areas = 'site': not available with"
+NOT_WITH_AREAS = r"Interface\.areas = Areas\(.*\): not available with"
 LANGEVIN = replace(THERMAL, ageing=ss.Langevin(rate=1.0))
 RUNS_AWAY = RateAndState(law="slip", a=0.005, b=0.01, distance=10.0)
 REFUSED = [
@@ -685,8 +682,8 @@ REFUSED = [
         NOT_WITH_AREAS,
     ),
     (
-        lambda: replace(AREAS, temperature=ss.Bell(width=0.01, attempts=1e6)),
-        "not available with temp",
+        lambda: replace(AREAS, activation=ss.Bell(width=0.01, attempts=1e6)),
+        "not available with activation",
     ),
     (
         lambda: dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j),
@@ -698,7 +695,7 @@ REFUSED = [
     ),
     (
         lambda: ss.kinetic_friction(LANGEVIN, 1.0),
-        r"Langevin\.newborn = 0 with Interface\.temperature: .*; give newborn > 0",
+        r"Langevin\.newborn = 0 with Interface\.activation: .*; give newborn > 0",
     ),
     (lambda: ss.kinetic_friction(THERMAL, 0.0), "there is no slow limit"),
     (lambda: exported(THERMAL, "tandem"), "knows the ageing law only"),
@@ -745,7 +742,7 @@ def warm(tmp_path):
 
 
 def test_temperature_in_a_rig_file(warm):
-    bell = ss.read_rig(warm).natural.interface.temperature
+    bell = ss.read_rig(warm).natural.interface.activation
     assert bell.width == pytest.approx(1.380649e-23 * 293 / (1e9 * 0.4e-27))
     assert bell.attempts == pytest.approx(1e6)
     for here, instead, message in (
@@ -754,7 +751,7 @@ def test_temperature_in_a_rig_file(warm):
             'temperature = "20 m"',
             "temperature = '20 m': is not in a unit of 'K'",
         ),
-        ('shear_strength = "1 GPa"\n', "", "interface.temperature.shear_strength"),
+        ('shear_strength = "1 GPa"\n', "", "interface.activation.shear_strength"),
         ('kind = "bell"', 'kind = "arrhenius"', "must be one of the known kinds"),
         ('kind = "bell"', 'kind = "bell"\nwidth = "20 nm"', "not both"),
     ):

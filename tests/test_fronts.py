@@ -328,7 +328,9 @@ def test_modes_in_si_units():
 
 ALIKE = bar(0.04, 0.01, 0.2)
 SPREAD = bar(0.04, 0.01, 0.2, std=0.1)
-SCATTERED = replace(SPREAD, interface=replace(SPREAD.interface, track_scatter=0.1))
+SCATTERED = replace(
+    SPREAD, interface=replace(SPREAD.interface, slip_to_slip_scatter=0.1)
+)
 RIGID = replace(SPREAD, slider=ss.Slider(stiffness=1.0, mass=1e-4, damping=42.0))
 BAR = sliding(blocks=8, coupling=20.0, leaf=1.0)
 RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
@@ -356,7 +358,7 @@ RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
         (
             speed,
             (SCATTERED, 0.5),
-            "Interface.track_scatter = .* not available with front_speed",
+            "Interface.slip_to_slip_scatter = .* not available with front_speed",
         ),
         (elastic.precursor_force, (ALIKE,), r"Rig.slider = .*pulled at one end only"),
         (

@@ -19,7 +19,7 @@ import pytest
 import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mechanisms import MECHANISMS, TENTH
+from mechanisms import MECHANISMS, TENTH, interface_with
 
 import stickslip as ss
 from stickslip.errors import LONGEST_MESSAGE, UndecidedError
@@ -119,9 +119,7 @@ def documents_to_begin_with():
         **small,
         "drive": {"pieces": [{"start": 1.0, "end": -1.0, "duration": 2.0}]},
     }
-    interfaces = [
-        ss.Interface(thresholds=TENTH, **fields) for fields in MECHANISMS.values()
-    ]
+    interfaces = [interface_with(fields) for fields in MECHANISMS.values()]
     mechanisms = [
         rig_files.to_document(replace(RIG, interface=interface))
         for interface in interfaces
@@ -318,7 +316,7 @@ USUAL = {
             "slope",
             "width",
             "time",
-            "temperature",
+            "activation",
             "stretching",
             "prestress",
             "speed",

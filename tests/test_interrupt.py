@@ -17,9 +17,9 @@ SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
 RIG = ss.Rig(INTERFACE, SLIDER, ss.constant(1.0, 1.0), method=ss.MasterEquation())
 KINDS = {
     "panels": INTERFACE,
-    "bell": replace(INTERFACE, temperature=ss.Bell(width=0.02, attempts=1e4)),
+    "bell": replace(INTERFACE, activation=ss.Bell(width=0.02, attempts=1e4)),
     "parabolic": replace(
-        INTERFACE, temperature=ss.model.Parabolic(temperature=0.01, attempts=1e3)
+        INTERFACE, activation=ss.model.Parabolic(temperature=0.01, attempts=1e3)
     ),
 }
 

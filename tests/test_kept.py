@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from drawn import assert_kept
-from mechanisms import BARRIER, CHAIN, DELAY, MECHANISMS, SLIDER, TENTH
+from mechanisms import BARRIER, CHAIN, DELAY, MECHANISMS, SLIDER, TENTH, interface_with
 from test_laws import DRIVE, PAIRS, run_of
 
 import stickslip as ss
@@ -28,15 +28,12 @@ population, which numbers are drawn.
 """
 DELAYED = ss.Interface(thresholds=TENTH, delay=DELAY)
 KINDS = {
-    **{
-        mechanism: ss.Interface(thresholds=TENTH, **fields)
-        for mechanism, fields in MECHANISMS.items()
-    },
+    **{mechanism: interface_with(fields) for mechanism, fields in MECHANISMS.items()},
     "parabolic": ss.Interface(
-        thresholds=TENTH, temperature=ss.model.Parabolic(temperature=0.01, attempts=1e6)
+        thresholds=TENTH, activation=ss.model.Parabolic(temperature=0.01, attempts=1e6)
     ),
     "Kramers": ss.Interface(
-        thresholds=TENTH, temperature=replace(BARRIER, kramers=True)
+        thresholds=TENTH, activation=replace(BARRIER, kramers=True)
     ),
     "wide at the beginning": ss.Interface(
         thresholds=TENTH, initial=ss.Uniform(low=-0.6, high=0.7)

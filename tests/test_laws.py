@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from benches import imbalance
-from mechanisms import CHAIN, MECHANISMS, METHODS, SLIDER, TENTH
+from mechanisms import CHAIN, MECHANISMS, METHODS, SLIDER, interface_with
 
 import stickslip as ss
 from stickslip.simulation import estimate
@@ -57,7 +57,7 @@ def _pairs() -> dict[str, Pair]:
     found = {}
     for body in (SLIDER, CHAIN):
         for mechanism, fields in MECHANISMS.items():
-            interface = ss.Interface(thresholds=TENTH, **fields)
+            interface = interface_with(fields)
             for name, method in METHODS.items():
                 if isinstance(body, ss.Chain) and isinstance(method, ss.Contacts):
                     method = replace(method, count=20)
@@ -108,11 +108,9 @@ def test_a_refusal_names_what_cannot_be_taken_together_or_by_whom(
     """What a method takes by itself is not what it cannot take."""
     fields = MECHANISMS[mechanism]
     method = METHODS[method]
-    said = refusal(ss.Interface(thresholds=TENTH, **fields), method, body)
+    said = refusal(interface_with(fields), method, body)
     alone = {
-        field: refusal(
-            ss.Interface(thresholds=TENTH, **{field: fields[field]}), method, body
-        )
+        field: refusal(interface_with({field: fields[field]}), method, body)
         for field in fields
     }
     named = [field for field in fields if f"{field} = " in said]
@@ -133,7 +131,7 @@ def test_a_refusal_names_what_cannot_be_taken_together_or_by_whom(
         else ()
     ):
         assert other == "or" or not refusal(
-            ss.Interface(thresholds=TENTH, **fields), METHODS[other], body
+            interface_with(fields), METHODS[other], body
         )
 
 
@@ -319,12 +317,12 @@ def test_backwards_is_the_mirror_image(name):
     back = simulate(pair, drive=ss.constant(-1.0, 1.6).then(ss.ramp(-1.0, 1.0, 1.0)))
     # Bell contacts ahead of the slider share a clock, those behind have their own:
     # other numbers, of one distribution.
-    other_numbers = isinstance(pair.interface.temperature, ss.Bell) and pair.one_by_one
+    other_numbers = isinstance(pair.interface.activation, ss.Bell) and pair.one_by_one
     # Whether counted ones that attach stretched are tried in the first step is up to
     # rounding.
     if isinstance(pair.method, ss.Population) and pair.interface.newborn is not None:
         other_numbers = (
-            pair.interface.temperature is not None or pair.interface.ageing is not None
+            pair.interface.activation is not None or pair.interface.ageing is not None
         )
     # Rounding may cost a step of the master equation one more sweep, worth a thousandth
     # of its tolerance.

@@ -19,6 +19,8 @@ from stickslip.rigid import effective_stiffness
 from stickslip.theory import attached_fraction
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
+NARROW = ss.Gaussian(mean=1.0, std=0.02)
+SMALLER = ss.Gaussian(mean=0.7, std=0.0)
 STRETCHED = ss.Uniform(low=-0.1, high=0.4)
 NEWBORNS = [
     ss.Gaussian(mean=0.3, std=0.0),
@@ -70,7 +72,7 @@ def reference(rig, dt):
     limit = interface.sliding_force
     delay = interface.delay.time
     stretching = 0.0 if interface.newborn is None else interface.newborn.moment(1)
-    strength = interface.thresholds.moment(1)
+    strength = interface.threshold_distribution.moment(1)
     growth = interface.ageing
     k = 1.0 if interface.areas is None else math.sqrt(strength)
     # stretchings; times of attachment, or re-attachment of those detached
@@ -119,10 +121,10 @@ def reference(rig, dt):
         ({"sliding_force": 0.2, "newborn": ss.Gaussian(mean=-0.2, std=0.0)}, 5.0),
         ({"ageing": CREEP, "sliding_force": 0.4}, 20.0),
         ({"ageing": CREEP, "newborn": ss.Gaussian(mean=0.3, std=0.0)}, 20.0),
-        ({"areas": "fresh", "sliding_force": 0.3}, 20.0),
+        ({"areas": ss.Areas(SMALLER), "sliding_force": 0.3}, 20.0),
         (
             {
-                "areas": "site",
+                "areas": ss.Areas(SMALLER, kept=True),
                 "ageing": CREEP,
                 "newborn": ss.Gaussian(mean=0.2, std=0.0),
             },
@@ -135,7 +137,7 @@ def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
     by sample.
     """
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=0.7 if "areas" in changes else 1.0, std=0.0),
+        thresholds=None if "areas" in changes else ss.Gaussian(mean=1.0, std=0.0),
         initial=ss.Gaussian(mean=0.0, std=0.0),
         delay=ss.Delay(0.15),
         **changes,
@@ -159,7 +161,7 @@ def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
 @pytest.mark.parametrize(
     "nothing",
     [
-        {"temperature": ss.Barrier(height=60.0, attempts=1e-12)},
+        {"activation": ss.Barrier(height=60.0, attempts=1e-12)},
         {"ageing": ss.LogarithmicGrowth(slope=0.0, time=1.0)},
         {"ageing": ss.ExponentialGrowth(rate=1e9, newborn=0.9)},
     ],
@@ -174,7 +176,7 @@ def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
             "delay": ss.OnArrest(),
             "sliding_force": 0.2,
             "newborn": STRETCHED,
-            "track_scatter": 0.2,
+            "slip_to_slip_scatter": 0.2,
         },
         {"delay": ss.RandomDelay(mean=0.1, std=0.1)},
     ],
@@ -212,7 +214,7 @@ def test_contacts_that_share_a_clock_break_as_those_in_boxes(fields, bell):
     other draws, one distribution.
     """
     cold = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.3), temperature=bell, **fields
+        thresholds=ss.Gaussian(mean=1.0, std=0.3), activation=bell, **fields
     )
     apart = replace(cold, ageing=ss.LogarithmicGrowth(slope=1e-9, time=1.0))
     found = []
@@ -290,16 +292,18 @@ def test_at_an_arrest_contacts_let_go_of_what_newborns_do_not_take_over(
     )
 
 
-@pytest.mark.parametrize("areas", [None, "fresh", "site"])
-def test_peaks_of_slips_follow_the_factor_of_their_track(areas):
+@pytest.mark.parametrize(
+    "contacts",
+    [
+        {"thresholds": NARROW},
+        {"thresholds": None, "areas": ss.Areas(NARROW)},
+        {"thresholds": None, "areas": ss.Areas(NARROW, kept=True)},
+    ],
+)
+def test_peaks_of_slips_follow_the_factor_of_their_track(contacts):
     peaks = {}
     for scatter in (0.0, 0.15):
-        interface = replace(
-            RE_STUCK,
-            thresholds=ss.Gaussian(mean=1.0, std=0.02),
-            track_scatter=scatter,
-            areas=areas,
-        )
+        interface = replace(RE_STUCK, slip_to_slip_scatter=scatter, **contacts)
         run = stick_slip(interface, count=200)
         peaks[scatter] = ss.drops(run)["force_before"].to_numpy()[1:]
     n = peaks[0.15].size
@@ -317,7 +321,7 @@ def peaks_of_a_block(method, scatter):
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.02),
         delay=ss.Delay(0.1),
-        track_scatter=scatter,
+        slip_to_slip_scatter=scatter,
     )
     alone = ss.Chain(blocks=2, coupling=1e-6, mass=1e-4, damping=100.0, leaf=0.3)
     run = ss.simulate(ss.Rig(interface, alone, ss.constant(1.0, 150.0), method=method))
@@ -344,7 +348,9 @@ def test_each_block_of_a_chain_goes_from_track_to_track(method):
 
 def test_blocks_that_never_stop_keep_their_track():
     """The friction of each is that of smooth sliding, times its factor."""
-    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.05), track_scatter=0.2)
+    interface = ss.Interface(
+        thresholds=TENTH, delay=ss.Delay(0.05), slip_to_slip_scatter=0.2
+    )
     loose = ss.Chain(blocks=60, coupling=1e-3, mass=1e-3, damping=200.0, leaf=20.0)
     rig = ss.Rig(
         interface,
@@ -353,7 +359,7 @@ def test_blocks_that_never_stop_keep_their_track():
         method=ss.Contacts(300, seed=2),
         start=ss.FromSliding(),
     )
-    steady = ss.kinetic_friction(replace(interface, track_scatter=0.0), 1.0)
+    steady = ss.kinetic_friction(replace(interface, slip_to_slip_scatter=0.0), 1.0)
     friction = ss.simulate(rig)["friction_force"].mean("time") / steady
     assert float(friction.mean()) == pytest.approx(1.0, abs=4 * 0.2 / math.sqrt(60))
     assert float(friction.std()) == pytest.approx(0.2, rel=4 / math.sqrt(120))
@@ -381,7 +387,7 @@ def test_steady_force_in_numbers():
 FIG7 = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
 
 
-HOT = {"temperature": ss.Bell(width=0.01, attempts=1e6)}
+HOT = {"activation": ss.Bell(width=0.01, attempts=1e6)}
 
 
 @pytest.mark.parametrize(

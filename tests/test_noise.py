@@ -22,7 +22,10 @@ DRAWN = {  # newborns of different stretchings, contacts of different areas
         sliding_force=0.2,
     ),
     "areas": replace(
-        TENTHS, thresholds=ss.Exponential(mean=1.0), areas="fresh", sliding_force=0.1
+        TENTHS,
+        thresholds=None,
+        areas=ss.Areas(ss.Exponential(mean=1.0)),
+        sliding_force=0.1,
     ),
 }
 INTERFACES = {
@@ -35,7 +38,7 @@ INTERFACES = {
     "sliding force": replace(
         TENTHS, sliding_force=0.3, newborn=ss.Gaussian(mean=0.2, std=0.0)
     ),
-    "Bell": replace(TENTHS, temperature=ss.Bell(width=0.02, attempts=1e4)),
+    "Bell": replace(TENTHS, activation=ss.Bell(width=0.02, attempts=1e4)),
     "growth": replace(TENTHS, ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-3)),
     "Langevin": replace(TENTHS, ageing=ss.Langevin(rate=1.5, newborn=0.2)),
 } | DRAWN

@@ -137,19 +137,19 @@ FILES = {
     ),
     "slider by ratio": (
         "mass stiffness damping_ratio",
-        "thresholds v_half temperature",
+        "thresholds v_half activation",
         "velocity duration",
         "start",
     ),
     "slider on areas": (
         "mass stiffness damping",
-        "thresholds areas",
+        "areas",
         "pieces",
         "contacts interval",
     ),
     "slider by friction": (
         "mass stiffness damping",
-        "normal_load mu_s mu_k track_scatter",
+        "normal_load mu_s mu_k slip_to_slip_scatter",
         "velocity",
         "contacts",
     ),

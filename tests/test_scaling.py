@@ -85,7 +85,7 @@ def test_runs_have_no_length_or_time_of_their_own(method, length, time):
     [
         {},
         {"sliding_force": 0.3},
-        {"temperature": ss.Bell(width=0.02, attempts=1e4)},
+        {"activation": ss.Bell(width=0.02, attempts=1e4)},
         {"ageing": ss.LogarithmicGrowth(slope=0.02, time=1e-3)},
         {"ageing": ss.Langevin(rate=1.0), "delay": ss.Delay(0.0)},
     ],
@@ -100,7 +100,7 @@ def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
     assert np.abs(there[:300] / length - here[:300]).max() < 1e-9
     # Where contacts break by chance, rounding makes another run: four errors of a
     # difference of means, .3 % each.
-    scatter = 4.0 * math.sqrt(2.0) * 3e-3 if "temperature" in mechanism else 1e-3
+    scatter = 4.0 * math.sqrt(2.0) * 3e-3 if "activation" in mechanism else 1e-3
     assert there.mean() / length == pytest.approx(here.mean(), rel=scatter)
     there = rescaled_rig(rig, length, time)
     seconds = [

@@ -474,7 +474,7 @@ def test_cold_contacts_answer_as_without_temperature_however_fast(thresholds):
     bare = case(thresholds)
     s = 1j * np.array([1.0, 30.0, 300.0])
     cold = replace(
-        bare, temperature=ss.model.Parabolic(temperature=0.001, attempts=1e-9)
+        bare, activation=ss.model.Parabolic(temperature=0.001, attempts=1e-9)
     )
     assert dynamic_stiffness(cold, 1.0, s) == pytest.approx(
         dynamic_stiffness(bare, 1.0, s), abs=1e-8
@@ -484,7 +484,7 @@ def test_cold_contacts_answer_as_without_temperature_however_fast(thresholds):
 WARM = Interface(
     thresholds=TENTH,
     ageing=Langevin(rate=1.0),
-    temperature=Bell(width=0.01, attempts=1e6),
+    activation=Bell(width=0.01, attempts=1e6),
 )
 SHARP = Interface(thresholds=Gaussian(mean=1.0, std=1e-5), ageing=Langevin(rate=1.0))
 

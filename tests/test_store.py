@@ -38,14 +38,15 @@ CASES = [
     ss.Interface(
         thresholds=STEADY.thresholds,
         delay=ss.OnArrest(),
-        temperature=BELL,
+        activation=BELL,
         sliding_force=0.3,
         newborn=ss.Uniform(low=0.0, high=0.2),
-        track_scatter=0.1,
+        slip_to_slip_scatter=0.1,
     ),
     ss.Interface(
         thresholds=STEADY.thresholds, initial=STEADY, ageing=ss.Langevin(rate=1)
     ),
+    ss.Interface(areas=ss.Areas(STEADY.thresholds, kept=True)),
     ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
     KINDS["Chain"](
         blocks=9, coupling=4.0, mass=1.0, damping=0.1, side=4.0, ends="periodic"

@@ -9,6 +9,7 @@ import pytest
 from stickslip.errors import InputError
 from stickslip.kernels.lifetimes import reach
 from stickslip.model import (
+    Areas,
     Delay,
     ExponentialGrowth,
     Interface,
@@ -30,6 +31,7 @@ from stickslip.theory import (
 )
 
 NARROW = Gaussian(mean=0.0, std=0.01)
+TENTH = Gaussian(mean=1.0, std=0.1)
 
 
 @pytest.mark.parametrize(("std", "expected"), [(0.1, 0.50500), (0.3, 0.54498)])
@@ -64,11 +66,17 @@ def test_attached_fraction():
     assert attached_fraction(NEVER, 1.0) == 0.0
 
 
-@pytest.mark.parametrize("areas", [None, "site", "fresh"])
-def test_contacts_that_never_come_back_slide_with_the_sliding_force(areas):
+@pytest.mark.parametrize(
+    "contacts",
+    [
+        {"thresholds": TENTH},
+        {"areas": Areas(TENTH)},
+        {"areas": Areas(TENTH, kept=True)},
+    ],
+)
+def test_contacts_that_never_come_back_slide_with_the_sliding_force(contacts):
     gone = Interface(
-        thresholds=FIG4.interface.thresholds,
-        areas=areas,
+        **contacts,
         delay=Delay(math.inf),
         sliding_force=0.3,
     )

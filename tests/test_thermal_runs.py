@@ -14,24 +14,23 @@ NARROW = ss.Gaussian(mean=1.0, std=0.1)
 WIDE = ss.Gaussian(mean=1.0, std=0.3)
 BELL = ss.Bell(width=0.01, attempts=1e6)
 GROWING = ss.LogarithmicGrowth(slope=0.02, time=1e-3)
-T = ss.Interface(thresholds=WIDE, temperature=BELL)
-LT = ss.Interface(thresholds=WIDE, temperature=BELL, ageing=GROWING)
+T = ss.Interface(thresholds=WIDE, activation=BELL)
+LT = ss.Interface(thresholds=WIDE, activation=BELL, ageing=GROWING)
 
 
-def narrow(temperature, **fields):
-    return ss.Interface(thresholds=NARROW, temperature=temperature, **fields)
+def narrow(activation, **fields):
+    return ss.Interface(thresholds=NARROW, activation=activation, **fields)
 
 
-def of_areas(areas, temperature=None):
-    return ss.Interface(
-        thresholds=ss.Exponential(mean=1.0), areas=areas, temperature=temperature
-    )
+def of_areas(kept, activation=None):
+    areas = ss.Areas(ss.Exponential(mean=1.0), kept=kept)
+    return ss.Interface(areas=areas, activation=activation)
 
 
-def noisy(temperature, std=0.1, delay=0.0, newborn=0.3):
+def noisy(activation, std=0.1, delay=0.0, newborn=0.3):
     return ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=std),
-        temperature=temperature,
+        activation=activation,
         ageing=ss.Langevin(rate=1.5, newborn=newborn),
         delay=ss.Delay(delay),
     )
@@ -70,15 +69,15 @@ ONE_BY_ONE = {
     },
     # Forces of contacts go up to their areas; a site keeps its area for ever.
     **{
-        f"areas, {areas}, {temperature}": (
-            of_areas(areas, temperature),
+        f"areas, {'site' if kept else 'fresh'}, {activation}": (
+            of_areas(kept, activation),
             1.0,
             scatter,
             forgets,
             20_000,
         )
-        for areas, scatter, forgets in (("fresh", 0.9, 1.0), ("site", 0.6, 6.0))
-        for temperature in (None, LOW)
+        for kept, scatter, forgets in ((False, 0.9, 1.0), (True, 0.6, 6.0))
+        for activation in (None, LOW)
     },
 }
 """Those that contacts alone take: interface, velocity, largest scatter of a force,
@@ -132,7 +131,7 @@ def test_without_attempts_cohorts_are_those_without_temperature():
     start = ss.Gaussian(mean=0.0, std=0.05)
     cold = ss.Interface(thresholds=NARROW, initial=start)
     barely = ss.Interface(
-        thresholds=NARROW, initial=start, temperature=ss.Bell(width=0.01, attempts=1e-9)
+        thresholds=NARROW, initial=start, activation=ss.Bell(width=0.01, attempts=1e-9)
     )
     exact = ss.rigid_slide(cold, 2.0)
     run = ss.rigid_slide(barely, 2.0, method=ss.MasterEquation())
@@ -141,19 +140,19 @@ def test_without_attempts_cohorts_are_those_without_temperature():
 
 
 NOT_FIXED = {
-    "bell": {"temperature": BELL},
-    "bell, wide": {"temperature": ss.Bell(width=0.1, attempts=1e6)},
-    "bell, sharp": {"temperature": ss.Bell(width=1e-4, attempts=1e6)},
+    "bell": {"activation": BELL},
+    "bell, wide": {"activation": ss.Bell(width=0.1, attempts=1e6)},
+    "bell, sharp": {"activation": ss.Bell(width=1e-4, attempts=1e6)},
     "logarithmic": {"ageing": GROWING},
     "exponential": {"ageing": ss.ExponentialGrowth(rate=2.0, newborn=0.3)},
-    "bell, logarithmic": {"temperature": BELL, "ageing": GROWING},
+    "bell, logarithmic": {"activation": BELL, "ageing": GROWING},
     "bell, sharp, logarithmic": {
-        "temperature": ss.Bell(width=1e-3, attempts=1e6),
+        "activation": ss.Bell(width=1e-3, attempts=1e6),
         "ageing": GROWING,
     },
-    "parabolic": {"temperature": ss.model.Parabolic(temperature=0.01, attempts=1e6)},
+    "parabolic": {"activation": ss.model.Parabolic(temperature=0.01, attempts=1e6)},
     "parabolic, sharp": {
-        "temperature": ss.model.Parabolic(temperature=1e-3, attempts=1e6)
+        "activation": ss.model.Parabolic(temperature=1e-3, attempts=1e6)
     },
 }
 THERE_AND_BACK = (
@@ -168,7 +167,7 @@ def test_the_tolerance_is_met_through_slips_holds_and_turns(name):
     """By the root mean square over the run, of the master equation at a temperature
     or with growth, however sharp.
     """
-    interface = narrow(**{"temperature": None} | NOT_FIXED[name], delay=ss.Delay(0.1))
+    interface = narrow(**{"activation": None} | NOT_FIXED[name], delay=ss.Delay(0.1))
     slider = ss.Slider(stiffness=20.0, mass=1e-3, damping=50.0)
     rig = ss.Rig(interface, slider, THERE_AND_BACK, output=ss.Output(interval=0.02))
     exact, *found = (
@@ -195,8 +194,12 @@ def test_contacts_of_one_area_are_contacts():
         .then(ss.constant(2.0, 0.7))
     )
     interfaces = [
-        ss.Interface(thresholds=one, areas=areas, delay=ss.Delay(0.1))
-        for areas in (None, "site", "fresh")
+        ss.Interface(**contacts, delay=ss.Delay(0.1))
+        for contacts in (
+            {"thresholds": one},
+            {"areas": ss.Areas(one, kept=True)},
+            {"areas": ss.Areas(one)},
+        )
     ]
     runs = [
         ss.simulate(ss.Rig(interface, slider, drive, method=ss.Contacts(60)))
@@ -217,7 +220,7 @@ def test_thresholds_with_little_noise_grow_by_a_rule(name):
     """
     growing = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=1e-6),
-        temperature=BARRIERS[name],
+        activation=BARRIERS[name],
         ageing=ss.ExponentialGrowth(rate=1.5**2, newborn=0.3),
     )
     exact = ss.kinetic_friction(growing, 1.0)
@@ -285,7 +288,7 @@ def test_a_velocity_step_of_contacts_is_that_of_cohorts(name):
     force = cohorts.friction_force
     assert float(force[0]) == pytest.approx(
         ss.kinetic_friction(interface, 1.0),
-        abs=2e-5 if interface.temperature is None else 1.5e-4,
+        abs=2e-5 if interface.activation is None else 1.5e-4,
     )
     contacts = ss.velocity_step(interface, **given, method=ss.Contacts(40_000, seed=4))
     # Stretchings scatter by .36, and the lives at the start are drawn from four times
@@ -306,7 +309,7 @@ def test_exponential_thresholds_are_rate_and_state():
     """
     interface = ss.Interface(
         thresholds=ss.Exponential(mean=1.0),
-        temperature=ss.Bell(width=0.03, attempts=1e6),
+        activation=ss.Bell(width=0.03, attempts=1e6),
     )
     run = ss.velocity_step(interface, before=1.0, after=2.0, distance=1.2)
     change = run.friction_force - float(run.friction_force[0])
@@ -327,7 +330,7 @@ def test_contacts_heal_by_the_slope_of_their_growth(interface, healing):
     """
     run = ss.slide_hold_slide(interface, velocity=1.0, holds=(1e3, 1e4))
     assert float(run.peak[1] - run.peak[0]) == pytest.approx(healing, rel=0.01)
-    if interface.temperature is None:
+    if interface.activation is None:
         assert run.relaxation.to_numpy() == pytest.approx(0.0, abs=1e-9)
 
 
@@ -398,7 +401,7 @@ def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
     """
     heat = ss.Bell(width=0.01, attempts=1e4)
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.5), temperature=heat
+        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.5), activation=heat
     )
     slider = ss.Slider(stiffness=0.01, mass=2.6e-5, damping=4.0)
     rig = ss.Rig(
@@ -420,7 +423,7 @@ def test_what_breaks_by_heat_at_rest_pulls_neither_way():
         initial=ss.Uniform(low=-0.5, high=0.5),
         delay=ss.Delay(1.0),
         sliding_force=0.3,
-        temperature=ss.Bell(width=0.1, attempts=1e4),
+        activation=ss.Bell(width=0.1, attempts=1e4),
     )
     rig = ss.Rig(
         interface,

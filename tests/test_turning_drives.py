@@ -353,7 +353,7 @@ OF_ALL = {
     "contacts": ({}, FREE, ss.Contacts(20, seed=1)),
     "contacts that age": ({"ageing": AGEING}, FREE, ss.Contacts(10)),
     "contacts that grow": ({"ageing": GROWING}, FREE, ss.Contacts(10)),
-    "hot contacts": ({"temperature": HOT}, FREE, ss.Contacts(10)),
+    "hot contacts": ({"activation": HOT}, FREE, ss.Contacts(10)),
     "master equation": ({}, FREE, ss.MasterEquation(rtol=1e-2)),
     "kinetic equation": (
         {"ageing": AGEING, "delay": ss.Delay(0.0)},

@@ -112,14 +112,14 @@ def test_only_what_happens_in_a_run_is_counted():
     [
         # at rest: each contact waits for heat, exp(10)/1e6, and for the delay
         (
-            {"temperature": ss.Bell(width=0.1, attempts=1e6), "delay": ss.Delay(0.02)},
+            {"activation": ss.Bell(width=0.1, attempts=1e6), "delay": ss.Delay(0.02)},
             0.0,
             1e1 / (math.exp(10) / 1e6 + 0.02),
         ),
         # sliding so slowly that heat breaks it where a break is due: a logarithm before
         # the threshold
         (
-            {"temperature": ss.Bell(width=0.02, attempts=1e4)},
+            {"activation": ss.Bell(width=0.02, attempts=1e4)},
             1.0,
             1e1 / (1.0 - 0.02 * math.log(200.0)),
         ),
@@ -308,16 +308,16 @@ def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
     Where a clock says what is left, the width does not matter.
     """
 
-    def work(width, rtol=1e-4, temperature=None):
-        temperature = temperature or ss.model.Parabolic(temperature=width, attempts=1e3)
-        interface = replace(INTERFACE, temperature=temperature, ageing=GROWTH)
+    def work(width, rtol=1e-4, activation=None):
+        activation = activation or ss.model.Parabolic(temperature=width, attempts=1e3)
+        interface = replace(INTERFACE, activation=activation, ageing=GROWTH)
         return estimate(
             RIG.replace(interface=interface, method=ss.MasterEquation(rtol=rtol))
         )
 
     assert (
         work(1e-3).seconds
-        > 100 * work(1e-3, temperature=ss.Bell(width=1e-3, attempts=1e3)).seconds
+        > 100 * work(1e-3, activation=ss.Bell(width=1e-3, attempts=1e3)).seconds
     )
     assert work(1e-3, rtol=1e-2).seconds == work(1e-3, rtol=6.5e-3).seconds
     # steps of ringing are not finer
@@ -325,7 +325,7 @@ def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
     with pytest.raises(
         ss.InputError,
         match=(
-            r"^interface\.temperature = 1e-05: .*; use Contacts\(\.\.\.\), or give "
+            r"^interface\.activation = 1e-05: .*; use Contacts\(\.\.\.\), or give "
             r"at"
         ),
     ):
@@ -343,7 +343,7 @@ ON_PANELS = {
     },
     "growth": {"interface": replace(INTERFACE, ageing=GROWTH)},
     "heat": {
-        "interface": replace(INTERFACE, temperature=BELL),
+        "interface": replace(INTERFACE, activation=BELL),
         "drive": ss.ramp(0.5, 1.5, 20.0),
     },
     "counted": {

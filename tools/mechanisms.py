@@ -14,6 +14,7 @@ DELAY = ss.Delay(0.2)
 LANGEVIN = ss.Langevin(rate=1.5, newborn=0.3)
 LOGARITHMIC = ss.LogarithmicGrowth(slope=0.05, time=0.01)
 EXPONENTIAL = ss.ExponentialGrowth(rate=2.0, newborn=0.3)
+KEPT = ss.Areas(TENTH, kept=True)
 STRETCHED = ss.Uniform(low=-0.1, high=0.3)
 
 MECHANISMS: dict[str, dict[str, object]] = {
@@ -24,17 +25,17 @@ MECHANISMS: dict[str, dict[str, object]] = {
     "on arrest": {"delay": ss.OnArrest()},
     "sliding force": {"delay": DELAY, "sliding_force": 0.3},
     "newborns": {"delay": DELAY, "newborn": STRETCHED},
-    "track": {"delay": DELAY, "track_scatter": 0.2},
-    "Bell": {"temperature": BELL},
+    "track": {"delay": DELAY, "slip_to_slip_scatter": 0.2},
+    "Bell": {"activation": BELL},
     "Bell, delay, sliding force": {
-        "temperature": BELL,
+        "activation": BELL,
         "delay": DELAY,
         "sliding_force": 0.3,
     },
-    "Bell, newborns": {"temperature": BELL, "newborn": STRETCHED},
-    "Bell, on arrest": {"temperature": BELL, "delay": ss.OnArrest()},
-    "Bell, track": {"temperature": BELL, "delay": DELAY, "track_scatter": 0.2},
-    "barrier": {"temperature": BARRIER},
+    "Bell, newborns": {"activation": BELL, "newborn": STRETCHED},
+    "Bell, on arrest": {"activation": BELL, "delay": ss.OnArrest()},
+    "Bell, track": {"activation": BELL, "delay": DELAY, "slip_to_slip_scatter": 0.2},
+    "barrier": {"activation": BARRIER},
     "logarithmic growth": {"ageing": LOGARITHMIC},
     "logarithmic growth, sliding force": {
         "ageing": LOGARITHMIC,
@@ -43,40 +44,44 @@ MECHANISMS: dict[str, dict[str, object]] = {
     },
     "logarithmic growth, newborns": {"ageing": LOGARITHMIC, "newborn": STRETCHED},
     "exponential growth, delay": {"ageing": EXPONENTIAL, "delay": DELAY},
-    "Bell, logarithmic growth": {"temperature": BELL, "ageing": LOGARITHMIC},
-    "barrier, exponential growth": {"temperature": BARRIER, "ageing": EXPONENTIAL},
+    "Bell, logarithmic growth": {"activation": BELL, "ageing": LOGARITHMIC},
+    "barrier, exponential growth": {"activation": BARRIER, "ageing": EXPONENTIAL},
     "Langevin": {"ageing": LANGEVIN},
     "Langevin, delay": {"ageing": LANGEVIN, "delay": DELAY},
-    "Bell, Langevin": {"temperature": BELL, "ageing": LANGEVIN},
+    "Bell, Langevin": {"activation": BELL, "ageing": LANGEVIN},
     "logarithmic growth, on arrest": {
         "ageing": LOGARITHMIC,
         "delay": ss.OnArrest(),
-        "track_scatter": 0.2,
+        "slip_to_slip_scatter": 0.2,
     },
     "barrier, exponential growth, newborns": {
-        "temperature": BARRIER,
+        "activation": BARRIER,
         "ageing": EXPONENTIAL,
         "newborn": STRETCHED,
     },
     "barrier, on arrest, sliding force": {
-        "temperature": BARRIER,
+        "activation": BARRIER,
         "delay": ss.OnArrest(),
         "sliding_force": 0.3,
     },
     "growth from nothing": {"ageing": ss.ExponentialGrowth(rate=2.0)},
-    "areas": {"areas": "site"},
-    "areas, sliding force": {"areas": "fresh", "delay": DELAY, "sliding_force": 0.3},
+    "areas": {"areas": KEPT},
+    "areas, sliding force": {
+        "areas": ss.Areas(TENTH),
+        "delay": DELAY,
+        "sliding_force": 0.3,
+    },
     "areas, logarithmic growth, newborns": {
-        "areas": "site",
+        "areas": KEPT,
         "ageing": LOGARITHMIC,
         "delay": DELAY,
         "newborn": STRETCHED,
     },
     "areas, barrier": {
-        "areas": "site",
-        "temperature": BARRIER,
+        "areas": KEPT,
+        "activation": BARRIER,
         "delay": DELAY,
-        "track_scatter": 0.2,
+        "slip_to_slip_scatter": 0.2,
     },
 }
 METHODS = {
@@ -87,3 +92,11 @@ METHODS = {
 }
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-2, damping=15.0)
 CHAIN = ss.Chain(blocks=4, coupling=5.0, mass=1e-2, damping=15.0, leaf=8.0)
+
+
+def interface_with(fields: dict[str, object]) -> ss.Interface:
+    """Return an interface with these fields, its contacts of `TENTH` where no areas
+    are among them.
+    """
+    contacts = {} if "areas" in fields else {"thresholds": TENTH}
+    return ss.Interface(**contacts, **fields)  # type: ignore[arg-type]

@@ -318,7 +318,7 @@ def measured_trace() -> tuple[Claim, ...]:
             _overlap(found, "contacts", 6, 50),
             _overlap(found, "sliding_force", 0.63, 0.94),
             _overlap(found, "stiffness_ratio", 0.002, 0.035),
-            _overlap(found, "track_scatter", 0.06, 0.28),
+            _overlap(found, "slip_to_slip_scatter", 0.06, 0.28),
             evidence=str(found),
         ),
         finding(

@@ -36,7 +36,7 @@ def _thresholds(rng: np.random.Generator) -> Any:
     return kinds[rng.integers(len(kinds))]()
 
 
-def _mechanism(rng: np.random.Generator) -> dict[str, Any]:
+def _contacts(rng: np.random.Generator, thresholds: Any) -> dict[str, Any]:
     pull = float(rng.uniform(0.05, 0.4))
     growth = ss.LogarithmicGrowth(slope=_between(rng, 0.005, 0.03), time=1e-3)
     heat = ss.Bell(width=_between(rng, 0.005, 0.05), attempts=_between(rng, 1e3, 1e6))
@@ -45,17 +45,17 @@ def _mechanism(rng: np.random.Generator) -> dict[str, Any]:
         {},
         {"sliding_force": pull},
         {"newborn": newborn, "sliding_force": pull},
-        {"areas": "fresh", "sliding_force": pull},
+        {"thresholds": None, "areas": ss.Areas(thresholds), "sliding_force": pull},
         {"ageing": growth},
         {
             "ageing": ss.ExponentialGrowth(
                 rate=_between(rng, 0.3, 3.0), newborn=float(rng.uniform(0.1, 0.8))
             )
         },
-        {"temperature": heat},
-        {"temperature": heat, "ageing": growth, "sliding_force": pull},
+        {"activation": heat},
+        {"activation": heat, "ageing": growth, "sliding_force": pull},
     )
-    return kinds[rng.integers(len(kinds))]
+    return {"thresholds": thresholds} | kinds[rng.integers(len(kinds))]
 
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:
@@ -84,10 +84,9 @@ def _random_rigs(seed: int) -> Iterator[tuple[ss.Rig, ContactNoise]]:
             damping=2.0 * ratio * velocity * math.sqrt(stiffness / mass),
         )
         try:
+            thresholds = _thresholds(rng)
             interface = ss.Interface(
-                thresholds=_thresholds(rng),
-                delay=delays[rng.integers(3)],
-                **_mechanism(rng),
+                delay=delays[rng.integers(3)], **_contacts(rng, thresholds)
             )
             method = ss.Contacts(int(_between(rng, 200.0, 5000.0)))
             rig = ss.Rig(

@@ -72,6 +72,7 @@ def rig_keys() -> str:
     the words of rig-keys.toml.
     """
     from stickslip.io import rig_keys as keys
+    from stickslip.model import Areas
     from stickslip.model.activation import ACTIVATIONS
     from stickslip.model.ageing import AGEING_MODELS
     from stickslip.model.delays import RandomDelay
@@ -94,8 +95,9 @@ def rig_keys() -> str:
                     '"{}"`'
                 ): DISTRIBUTIONS,
                 "#### `interface.delay` as a table": {"random": RandomDelay},
+                "#### `interface.areas`": {"areas": Areas},
                 '#### `interface.ageing` with `model = "{}"`': AGEING_MODELS,
-                '#### `interface.temperature` with `kind = "{}"`': ACTIVATIONS,
+                '#### `interface.activation` with `kind = "{}"`': ACTIVATIONS,
             }
             for head, records in heads.items():
                 for kind, record in records.items():
@@ -212,7 +214,7 @@ def mechanisms() -> str:
 
     def taken(fields: dict[str, Any], method: object, body: object) -> str:
         try:
-            engine_of(ss.Interface(thresholds=rigs.TENTH, **fields), method, body)
+            engine_of(rigs.interface_with(fields), method, body)
         except ss.InputError:
             return ""
         return "yes"

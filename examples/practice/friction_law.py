@@ -22,14 +22,14 @@ from stickslip import plot
 BELL = ss.Bell(width=0.01, attempts=1e6)
 THRESHOLDS = ss.Gaussian(mean=1.0, std=0.1)
 CONTACTS = {
-    "temperature": ss.Interface(thresholds=THRESHOLDS, temperature=BELL),
+    "activation": ss.Interface(thresholds=THRESHOLDS, activation=BELL),
     "and ageing": ss.Interface(
         thresholds=THRESHOLDS,
-        temperature=BELL,
+        activation=BELL,
         ageing=ss.LogarithmicGrowth(slope=0.015, time=1e-2),
     ),
     "and a delay": ss.Interface(
-        thresholds=THRESHOLDS, temperature=BELL, delay=ss.Delay(1e-3)
+        thresholds=THRESHOLDS, activation=BELL, delay=ss.Delay(1e-3)
     ),
 }
 BETWEEN = (1e-2, 300.0)

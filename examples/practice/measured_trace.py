@@ -35,7 +35,7 @@ PRIOR = fitting.Prior(
 def fitted(draws: int = 2000) -> fitting.Fit:
     """The numbers that the trace gives, its spring being known."""
     trace = fitting.synthetic_trace(
-        **TRUTH, track_scatter=0.1, slips=150, bench=BENCH, seed=1
+        **TRUTH, slip_to_slip_scatter=0.1, slips=150, bench=BENCH, seed=1
     )
     return ss.fit(trace, known={"stiffness": "100 N/m"}, prior=PRIOR, draws=draws)
 

@@ -24,10 +24,10 @@ BELL = ss.Bell(width=0.01, attempts=1e6)
 THRESHOLDS = ss.Gaussian(mean=1.0, std=0.3)
 SLOPE = 0.02
 CONTACTS = {
-    "no ageing": ss.Interface(thresholds=THRESHOLDS, temperature=BELL),
+    "no ageing": ss.Interface(thresholds=THRESHOLDS, activation=BELL),
     "logarithmic ageing": ss.Interface(
         thresholds=THRESHOLDS,
-        temperature=BELL,
+        activation=BELL,
         ageing=ss.LogarithmicGrowth(slope=SLOPE, time=1e-3),
     ),
 }

@@ -20,6 +20,7 @@ from .measure import drops as drops
 from .measure import read_trace as read_trace
 from .measure import regime as regime
 from .measure import transitions as transitions
+from .model import Areas as Areas
 from .model import Barrier as Barrier
 from .model import Bell as Bell
 from .model import Chain as Chain

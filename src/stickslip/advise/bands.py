@@ -116,7 +116,7 @@ def is_dear(rig: Rig) -> bool:
     """Whether a look at the linear response costs a hundred times as much: contacts
     age, or heat breaks them.
     """
-    return rig.interface.ageing is not None or rig.interface.temperature is not None
+    return rig.interface.ageing is not None or rig.interface.activation is not None
 
 
 def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:

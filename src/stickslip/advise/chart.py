@@ -50,7 +50,7 @@ def chart(
     one, other = here
     if bistable:
         check_rig(natural, FromRest(), METHOD)
-        if rig.interface.ageing is not None and rig.interface.temperature is not None:
+        if rig.interface.ageing is not None and rig.interface.activation is not None:
             raise InputError(
                 "map: --bistable: of contacts that age and break by heat it takes "
                 "hours; leave it out, and ask "

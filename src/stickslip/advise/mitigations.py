@@ -186,11 +186,10 @@ def highest(rig: Rig, parameter: Parameter) -> float:
     """Factor up to which a parameter can be raised at all: wider thresholds are no
     longer such about a mean.
     """
-    if parameter is not parameters.STD:
+    thresholds = rig.interface.thresholds
+    if parameter is not parameters.STD or thresholds is None:
         return math.inf
-    return max(
-        _WIDEST_STD * rig.interface.thresholds.moment(1) / parameter.get(rig), 1.0
-    )
+    return max(_WIDEST_STD * thresholds.moment(1) / parameter.get(rig), 1.0)
 
 
 def speeds_of(found: Prediction) -> list[float]:

@@ -154,9 +154,9 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     lasting = replace(
         rig.interface,
         delay=Delay(math.inf) if isinstance(delay, OnArrest) else delay,
-        track_scatter=0.0,
+        slip_to_slip_scatter=0.0,
     )
-    aged = replace(lasting, ageing=None, temperature=None)
+    aged = replace(lasting, ageing=None, activation=None)
     delays: tuple[Band, ...] = ()
     if note == by_theory.CANNOT_GROW:  # what the verdict would be with which delay
         time = rig.interface.threshold_distribution.moment(1) / rig.natural.velocity

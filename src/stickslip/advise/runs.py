@@ -351,13 +351,13 @@ def _taken(run: Recording) -> float:
     """
     rig = run.rig.natural
     course = course_of(run.rig.natural)
-    if isinstance(rig.interface.ageing, Langevin) and rig.interface.temperature is None:
+    if isinstance(rig.interface.ageing, Langevin) and rig.interface.activation is None:
         times = (
             float(np.abs(np.diff(run.track["displacement"])).sum()) / course.distance
         )
     elif "broken_energy" in run.track.columns and not rig.interface.mechanisms & {
         "ageing",
-        "temperature",
+        "activation",
     }:
         each = 0.5 * rig.interface.threshold_distribution.moment(2)
         times = min(

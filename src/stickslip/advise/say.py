@@ -291,7 +291,7 @@ def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
     rig = found.rig
     aged = ", thresholds fully aged" if rig.interface.ageing is not None else ""
     aged += (
-        ", no contact broken by heat" if rig.interface.temperature is not None else ""
+        ", no contact broken by heat" if rig.interface.activation is not None else ""
     )
     without = quantity(rig, found.critical_stiffness_without_reattachment, "stiffness")
     margin = found.stiffness_margin

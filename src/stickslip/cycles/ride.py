@@ -45,8 +45,8 @@ def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
         )
     if check_method(rig.interface, method) is not Panels:
         raise InputError(
-            f"Interface.ageing = {rig.interface.ageing}, temperature = "
-            f"{rig.interface.temperature}: cycles are "
+            f"Interface.ageing = {rig.interface.ageing}, activation = "
+            f"{rig.interface.activation}: cycles are "
             "followed for Bell, also with LogarithmicGrowth, for Parabolic, and for "
             "growth by a rule alone; leave one "
             "out, or simulate"

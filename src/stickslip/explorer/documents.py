@@ -224,7 +224,7 @@ def check_thresholds(rig: Rig) -> None:
     """Raise `InputError` if theory would keep the page waiting: it resolves the
     distribution of thresholds.
     """
-    thresholds = rig.interface.thresholds
+    thresholds = rig.interface.threshold_distribution
     mean = thresholds.moment(1)
     std = thresholds.standard_deviation()
     # written so that NaN is refused
@@ -308,10 +308,10 @@ def _by_ratio(document: Document) -> bool:
 def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
     """The document of a rig, its heat as it was given."""
     made = rigs.to_document(rig, digits=DIGITS, damping_ratio=damping_ratio)
-    if (heat := document["interface"].get("temperature")) and document.get(
+    if (heat := document["interface"].get("activation")) and document.get(
         "units"
     ) == made.get("units"):
-        made["interface"]["temperature"] = heat  # a rig keeps no kelvins
+        made["interface"]["activation"] = heat  # a rig keeps no kelvins
     return made
 
 
@@ -324,7 +324,7 @@ def presets() -> tuple[dict[str, Any], ...]:
     short["simulation"]["contacts"] = 3_000
     short["drive"]["distance"] = 40.0
     warm = first() | {"name": "Warm teaching bench"}
-    warm["interface"]["temperature"] = shipped["heat"]
+    warm["interface"]["activation"] = shipped["heat"]
     titles = {
         "Teaching bench": bench,
         "Sliding or stick-slip? (natural units)": short,
@@ -340,7 +340,7 @@ def presets() -> tuple[dict[str, Any], ...]:
         # A slow fault whose contacts heat breaks slips twice in what a page waits for:
         # too few for a verdict.
         if rig.name != bench["name"]
-        and rig.interface.temperature is None
+        and rig.interface.activation is None
         and isinstance(rig.slider, Slider)
     ]
     for figure, words in shipped["figures"].items():

@@ -219,7 +219,7 @@ def _quick(
         assumed["interface.delay"] = Assumption(engineering(delay, "s", 3), how)
         rig = rig.replace(delay=delay)
     rig = replace(rig, assumed=assumed)
-    standard_deviation = rig.interface.thresholds.standard_deviation()
+    standard_deviation = rig.interface.threshold_distribution.standard_deviation()
     overlay, words, fits = _overlay(rig, events, seconds, watch)
     return {
         **_rig(rig),

@@ -69,7 +69,9 @@ UNKNOWNS = (
     Unknown(
         "damping_ratio", "damping ratio of the slider on the driving spring", 0.0, 0.99
     ),
-    Unknown("track_scatter", "scatter of the thresholds from slip to slip", 0.0, 1.0),
+    Unknown(
+        "slip_to_slip_scatter", "scatter of the thresholds from slip to slip", 0.0, 1.0
+    ),
 )
 KEYS = tuple(unknown.key for unknown in UNKNOWNS)
 _DECADES = np.array([unknown.decades for unknown in UNKNOWNS])
@@ -92,7 +94,7 @@ class Prior:
     sliding_force: Range = (0.0, 0.95)
     stiffness_ratio: Range = (0.002, 3.16)
     damping_ratio: Range = (0.02, 0.98)
-    track_scatter: Range = (0.0, 0.3)
+    slip_to_slip_scatter: Range = (0.0, 0.3)
 
     def __post_init__(self) -> None:
         for one in UNKNOWNS:
@@ -168,7 +170,7 @@ def synthetic_trace(
     sliding_force: float = 0.5,
     stiffness_ratio: float = 0.05,
     damping_ratio: float = 0.2,
-    track_scatter: float = 0.1,
+    slip_to_slip_scatter: float = 0.1,
     slips: int = 150,
     bench: Bench = Bench(),
     seed: int = 0,
@@ -193,7 +195,7 @@ def synthetic_trace(
         sliding_force,
         stiffness_ratio,
         damping_ratio,
-        track_scatter,
+        slip_to_slip_scatter,
     )
     values = np.array(
         [number(key, value, at_least=0) for key, value in zip(KEYS, truth, strict=True)]

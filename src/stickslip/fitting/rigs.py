@@ -75,7 +75,11 @@ KEYS: Mapping[str, tuple[str, str, str]] = {
     "interface.thresholds.std": ("threshold_std", "", "threshold_std"),
     "interface.sliding_force": ("sliding_friction", "N", "sliding_force"),
     "interface.newborn.mean": ("sliding_force", "", "sliding_force"),
-    "interface.track_scatter": ("track_scatter", "", "track_scatter"),
+    "interface.slip_to_slip_scatter": (
+        "slip_to_slip_scatter",
+        "",
+        "slip_to_slip_scatter",
+    ),
     "drive.velocity": ("speed", "m/s", "stiffness_ratio"),
     "interface.delay": ("delay", "s", "identified by the force at several speeds"),
 }

@@ -15,7 +15,7 @@ from typing import Any
 
 from stickslip.errors import InputError
 from stickslip.io.keys import Either, Key, natural_unit_of
-from stickslip.model import Chain, Interface, Prestressed, Sheet, Slider
+from stickslip.model import Areas, Chain, Interface, Prestressed, Sheet, Slider
 from stickslip.model.activation import ACTIVATIONS, Bell
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.body import BODIES
@@ -51,11 +51,10 @@ RULES: Mapping[str, tuple[Either, ...]] = {
     },
     "interface": (
         Either("contact_strength", "mu_s mu_k", needed=True),
-        Either("thresholds", "mu_s mu_k", needed=True),
+        Either("thresholds", "areas", "mu_s mu_k", needed=True),
         Either("delay", "v_half"),
         # coefficients are read as of unstretched newborns, and of equal contacts
         Either("newborn", "mu_s mu_k"),
-        Either("areas", "mu_s mu_k"),
         Either("areas", "v_half"),
     ),
     "drive": (
@@ -161,14 +160,16 @@ def tables() -> dict[str, Mapping[str, Key]]:
 
 KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
     **dict.fromkeys(
-        ("thresholds", "initial", "newborn"), ("distribution", DISTRIBUTIONS)
+        ("thresholds", "initial", "newborn", "distribution"),
+        ("distribution", DISTRIBUTIONS),
     ),
+    "areas": ("", {"": Areas}),
     "delay": ("model", DELAYS),
     "ageing": ("model", AGEING_MODELS),
-    "temperature": ("kind", ACTIVATIONS),
+    "activation": ("kind", ACTIVATIONS),
 }
-"""Of keys of `interface` whose value is a table: the word in it that names a record,
-and the records by name.
+"""Of keys of `interface` whose value is a table, and of keys in such tables: the word
+in it that names a record, and the records by name; without a word there is one.
 """
 _BOLTZMANN = 1.380649e-23  # in J/K
 

@@ -18,6 +18,7 @@ from stickslip.io.keys import Either, Key, natural_unit_of, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
 from stickslip.io.tables import NotedError, Tables, Values, at
 from stickslip.model import (
+    Areas,
     Delay,
     FromRest,
     FromSliding,
@@ -214,10 +215,11 @@ class _Reader:
                 "on arrest": OnArrest(),
             }
             return of_word.get(content) or Delay(content)
-        example = toml(TABLES["interface"][name].example)
+        key = TABLES["interface"].get(name) or keys_of(Areas)[name]
+        example = toml(key.example)
         if not isinstance(content, Mapping):
             raise _refused(place, content, f"must be a table, such as {example}")
-        named = content.get(word, "random" if name == "delay" else None)
+        named = content.get(word, {"delay": "random", "areas": ""}.get(name))
         if not isinstance(named, str) or named not in kinds:
             known = (
                 f"must be one of the known {word}s {', '.join(map(repr, kinds))}, "
@@ -235,13 +237,10 @@ class _Reader:
             if fields
             else ()
         )
-        values = self.file.whole(written, keys_of(kind), place, rules)
-        for name, value in values.items():
-            values[name] = (
-                self._record(value, f"{place}.{name}")
-                if isinstance(value, Mapping)
-                else value
-            )
+        keys = keys_of(kind)
+        values = self.file.whole(written, keys, place, rules)
+        for name in [name for name in values if keys[name].is_table]:
+            values[name] = self._record(values[name], f"{place}.{name}")
         if rig_keys.by_time(kind):
             time = values.pop("time")
             with at(place, {"rate": "time"}):

@@ -144,10 +144,9 @@ class _Writer:
         if isinstance(record, OnArrest):
             return "on arrest"
         word, kinds = rig_keys.KINDS[key]
+        named = {word: self._name_of(record, kinds)} if word else {}
         kind: Any = type(record)
-        return {word: self._name_of(record, kinds)} | self._values(
-            record, keys_of(kind)
-        )
+        return named | self._values(record, keys_of(kind))
 
     def body(self, damping_ratio: bool | None) -> Document:
         slider = self.rig.slider

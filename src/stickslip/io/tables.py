@@ -212,7 +212,15 @@ class Tables:
         return InputError(f"{place}: {together(lines)}", key, tuple(self.mistakes))
 
 
+_RENAMED = {"temperature": "activation", "track_scatter": "slip_to_slip_scatter"}
+"""Names that keys had in files of earlier versions, with the present names."""
+
+
 def unknown(name: str, known: Iterable[str]) -> str:
     """Suggest a known word in place of one that is not."""
-    near = difflib.get_close_matches(name, known := tuple(known), n=1, cutoff=0.5)
+    known = tuple(known)
+    renamed = _RENAMED.get(name)
+    if renamed in known:
+        return f"it is called {renamed!r} now"
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"

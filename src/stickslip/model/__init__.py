@@ -42,7 +42,7 @@ from stickslip.model.drive import (
     constant,
     ramp,
 )
-from stickslip.model.interface import Interface
+from stickslip.model.interface import Areas, Interface
 from stickslip.model.methods import (
     Contacts,
     FromRest,
@@ -62,6 +62,7 @@ from stickslip.model.units import Scales
 
 __all__ = [
     "AgeingModel",
+    "Areas",
     "Barrier",
     "Bell",
     "Chain",

@@ -32,7 +32,7 @@ class ActivationModel(Record):
         attempts.
         """
         raise InputError(
-            f"Interface.temperature = {self}: needs a method form() that returns a "
+            f"Interface.activation = {self}: needs a method form() that returns a "
             "Bell or a Barrier"
         )
 

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated
 
 from stickslip.errors import InputError
 from stickslip.model.activation import Activation, ActivationModel, Barrier
@@ -16,6 +16,35 @@ from stickslip.model.records import Number, Part, Record
 _SIZES = 1e-3, 1e3  # in ``x_s``, between which the median of the thresholds must lie
 
 
+@dataclass(frozen=True)
+class Areas(Record):
+    """Contacts of different areas ``a``, with the threshold force ``f_s = a`` and the
+    stiffness ``k = sqrt(a)``: a contact breaks at the stretching ``sqrt(a)``.
+
+    Parameters
+    ----------
+    distribution : Distribution
+        Distribution of the areas, in units of the area whose threshold force and
+        stiffness are 1; conditioned on positive values by the solvers.
+    kept : bool
+        Whether a contact keeps its area for life. Otherwise it draws a new one whenever
+        it re-attaches. For exponential areas the kinetic friction is 1.5 times as large
+        with new areas as with kept ones.
+
+    Examples
+    --------
+    >>> areas = ss.Areas(ss.Exponential(mean=1.0), kept=True)
+    >>> round(ss.kinetic_friction(ss.Interface(areas=areas), velocity=1.0), 3)
+    0.5
+    """
+
+    distribution: Annotated[
+        Distribution, Part("a distribution, such as Exponential(mean=1.0)")
+    ]
+    _: KW_ONLY
+    kept: bool = False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Interface(Record):
     """An interface made of many contacts.
@@ -25,7 +54,7 @@ class Interface(Record):
     thresholds : Distribution
         Distribution of the stretchings at which contacts break, ``P_c``; conditioned on
         positive values by the solvers. Half of them lie below some value between 0.001
-        and 1000: lengths are in units of ``x_s``.
+        and 1000: lengths are in units of ``x_s``. Left out where `areas` are given.
     initial : Distribution
         Distribution of the stretchings at the start, ``Q(x; X=0)``; a contact that
         starts at ``x_0`` has a threshold beyond ``|x_0|``. `SteadyState` starts from
@@ -34,7 +63,7 @@ class Interface(Record):
         How long a broken contact stays detached.
     ageing : AgeingModel, optional
         How thresholds grow with the age of a contact; by default they do not.
-    temperature : ActivationModel, optional
+    activation : ActivationModel, optional
         How contacts break before their threshold, a `Bell`, `Parabolic` or `Barrier`;
         by default they do not.
     sliding_force : float
@@ -47,28 +76,36 @@ class Interface(Record):
         of the slider; by default they are unstretched. Like a contact of the start, one
         that re-attaches at ``x_0`` has a threshold beyond ``|x_0|``.
         ``Gaussian(mean=f_d, std=0.0)`` re-attaches them as they slide.
-    track_scatter : float
+    slip_to_slip_scatter : float
         Scatter from slip to slip of all thresholds alike: the standard deviation of the
         factor, of mean 1, that the thresholds drawn between two arrests of the slider
         have in common. The factor is log-normal, as the strength of a track is the
         product of many influences: it is positive, and half as strong is as likely as
-        twice. Of contacts of different areas it is the areas that have it in common,
-        with "site" those of the contacts that attach then.
-    areas : {"fresh", "site"}, optional
-        Contacts of different areas ``a``: `thresholds` is then the distribution of
-        areas, in units of one whose threshold force and stiffness are 1. The threshold
-        force goes with the area and the stiffness with its root, ``f_s = a`` and
-        ``k = sqrt(a)``, so that a contact breaks at the stretching ``sqrt(a)``. With
-        "fresh" a contact draws a new area whenever it re-attaches, with "site" it keeps
-        its own; for exponential areas the force with "fresh" is 1.5 times that with
-        "site". Threshold forces grow with age by the rule of `ageing`; `sliding_force`
-        is that of a detached contact of any area. Steady sliding is known in closed
-        form, runs take `Contacts`. By default all contacts are equally stiff.
+        twice. Of contacts of different areas it is the areas that have it in common;
+        where they are kept, those of the contacts that attach then.
+    areas : Areas, optional
+        Areas of contacts that differ in stiffness and strength, in place of
+        `thresholds`; by default all contacts are equally stiff. Threshold forces grow
+        with age by the rule of `ageing`; `sliding_force` is that of a detached contact
+        of any area. Steady sliding is known in closed form, runs take `Contacts`.
+
+    Raises
+    ------
+    InputError
+        If neither or both of `thresholds` and `areas` are given, a number is out of its
+        bounds, or contacts start beyond the largest threshold.
+
+    Examples
+    --------
+    >>> tenth = ss.Gaussian(mean=1.0, std=0.1)
+    >>> ss.Interface(thresholds=tenth, delay=ss.Delay(0.2)).delay
+    Delay(time=0.2)
     """
 
     thresholds: Annotated[
-        Distribution, Part("a distribution, such as Gaussian(mean=1.0, std=0.1)")
-    ]
+        Distribution | None,
+        Part("a distribution, such as Gaussian(mean=1.0, std=0.1)"),
+    ] = None
     initial: Annotated[
         Distribution, Part("a distribution, such as Gaussian(mean=0.0, std=0.01)")
     ] = Gaussian(0.0, 0.01)
@@ -76,7 +113,7 @@ class Interface(Record):
     ageing: Annotated[
         AgeingModel | None, Part("an ageing model, such as Langevin(rate=1.5), or None")
     ] = None
-    temperature: Annotated[
+    activation: Annotated[
         ActivationModel | None,
         Part(
             "a kind of thermal activation, such as Bell(width=0.01, attempts=1e6), or "
@@ -93,29 +130,40 @@ class Interface(Record):
             "a distribution of stretchings, such as Uniform(low=0.0, high=0.2), or None"
         ),
     ] = None
-    track_scatter: Annotated[
+    slip_to_slip_scatter: Annotated[
         float,
         Number(at_least=0, at_most=1, hint="standard deviation of a common factor"),
     ] = 0.0
-    areas: Literal["fresh", "site"] | None = None
+    areas: Annotated[
+        Areas | None,
+        Part("areas of contacts, such as Areas(Exponential(mean=1.0), kept=True)"),
+    ] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.temperature, Activation | None):
-            object.__setattr__(self, "temperature", self.temperature.form())
+        if (self.thresholds is None) == (self.areas is None):
+            raise InputError(
+                f"Interface.thresholds = {self.thresholds} and areas = {self.areas}: "
+                "give one of them, such as thresholds=Gaussian(mean=1.0, std=0.1)",
+                "Interface.thresholds",
+            )
+        if not isinstance(self.activation, Activation | None):
+            object.__setattr__(self, "activation", self.activation.form())
+        name = "thresholds" if self.areas is None else "areas"
+        place = f"Interface.{name}"
         median = float(self.threshold_distribution.inverse_survival(0.5))
         # what solvers call small is small beside x_s
         if not _SIZES[0] <= median <= _SIZES[1]:
             raise InputError(
-                f"Interface.thresholds = {self.thresholds}: half of them lie below "
+                f"{place} = {getattr(self, name)}: half of them lie below "
                 f"{median:.3g} x_s; lengths are in "
                 "units of x_s, the breaking displacement: divide by it, or read the "
                 "rig from a file with SI units",
-                "Interface.thresholds",
+                place,
             )
         for name, kinds in {
             "ageing": FixedGrowth | None,
-            "temperature": Barrier | None,
+            "activation": Barrier | None,
         }.items():
             if self.areas is not None and not isinstance(
                 given := getattr(self, name), kinds
@@ -146,10 +194,10 @@ class Interface(Record):
         """
         asked = {
             "ageing": self.ageing is not None,
-            "temperature": self.temperature is not None,
+            "activation": self.activation is not None,
             "sliding_force": self.sliding_force > 0,
             "newborn": self.newborn is not None,
-            "track_scatter": self.track_scatter > 0,
+            "slip_to_slip_scatter": self.slip_to_slip_scatter > 0,
             "areas": self.areas is not None,
             "on_arrest": isinstance(self.delay, OnArrest),
         }
@@ -171,7 +219,14 @@ class Interface(Record):
 
     @cached_property
     def threshold_distribution(self) -> Distribution:
-        """The distribution of thresholds conditioned on positive values, as every
-        solver uses it.
+        """Distribution of the threshold forces conditioned on positive values, as every
+        solver uses it; of contacts of different areas that of the areas.
         """
-        return self.thresholds.positive()
+        forces = self.thresholds if self.areas is None else self.areas.distribution
+        assert forces is not None
+        return forces.positive()
+
+    @property
+    def keeps_areas(self) -> bool:
+        """Whether contacts differ in area, and each keeps its own."""
+        return self.areas is not None and self.areas.kept

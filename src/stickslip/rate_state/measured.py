@@ -133,7 +133,7 @@ class ContactsFit(FittedStep):
         """
         return Interface(
             thresholds=self.thresholds,
-            temperature=Bell(width=self.width, attempts=1e6),
+            activation=Bell(width=self.width, attempts=1e6),
             ageing=LogarithmicGrowth(slope=self.ageing, time=1e-3),
         )
 

@@ -376,7 +376,7 @@ def _failing(interface: Interface, velocity: float, fit: Fit) -> str:
             f"step needs {a:.2g}"
         )
         return f"no direct effect: {found}" + (
-            "" if interface.temperature else "; add [interface.temperature]"
+            "" if interface.activation else "; add [interface.activation]"
         )
     if a < 2.0 * a.error:
         return f"a = {a:.2g} ± {a.error:.1g} is not resolved"

@@ -81,7 +81,7 @@ def velocity_step(
     --------
     >>> thresholds = ss.Gaussian(mean=1.0, std=0.3)
     >>> interface = ss.Interface(
-    ...     thresholds=thresholds, temperature=ss.Bell(width=0.01, attempts=1e6)
+    ...     thresholds=thresholds, activation=ss.Bell(width=0.01, attempts=1e6)
     ... )
     >>> run = ss.velocity_step(interface, before=1.0, after=10.0, distance=3.0)
     >>> change = float(run.friction_force[-1] - run.friction_force[0])
@@ -206,7 +206,7 @@ def slide_hold_slide(
     --------
     >>> interface = ss.Interface(
     ...     thresholds=ss.Gaussian(mean=1.0, std=0.3),
-    ...     temperature=ss.Bell(width=0.01, attempts=1e6),
+    ...     activation=ss.Bell(width=0.01, attempts=1e6),
     ...     ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-3),
     ... )
     >>> run = ss.slide_hold_slide(interface, velocity=1.0, holds=(100.0, 1000.0))
@@ -307,9 +307,9 @@ def _sliding(
             interface.ageing, FixedGrowth
         )
         # without mass it would slip in no time
-        if interface.temperature is None and not growing:
+        if interface.activation is None and not growing:
             raise InputError(
-                f"{who}: Interface.temperature = None: not available with a spring "
+                f"{who}: Interface.activation = None: not available with a spring "
                 f"(stiffness = {shown(stiffness)}); "
                 "give a temperature, or use simulate(rig) with a slider that has a mass"
             )

@@ -61,7 +61,7 @@ def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
     """Return the mean lifetimes of contacts of different areas: of each area, or of
     all if newborns draw a new one.
     """
-    hazard = hazard_of(interface.temperature)
+    hazard = hazard_of(interface.activation)
     # the root of a small area is steep
     node, weight = threshold_nodes(interface.threshold_distribution, 1e-6, [])
     stiffness = np.sqrt(node)  # and the stretching at which the contact breaks
@@ -88,7 +88,7 @@ def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
         stiffness * of_each(lifetimes.x * value)
         for value in (lifetimes.survival, lifetimes.slope)
     )
-    if interface.areas == "fresh":  # one kind of site, with the mean life
+    if not interface.keeps_areas:  # one kind of site, with the mean life
         return MeanLifetimes(
             *np.array(
                 [[weight @ value for value in (distance, work, longer, more)] + [1.0]]
@@ -141,12 +141,8 @@ class ActivatedResponse(Response):
     def _std(self) -> float:
         """Standard deviation of the stretchings at which contacts break, about."""
         std = self.interface.threshold_distribution.standard_deviation()
-        temperature = self.interface.temperature
-        blur = (
-            math.pi / math.sqrt(6.0) * temperature.width
-            if isinstance(temperature, Bell)
-            else 0.0
-        )
+        heat = self.interface.activation
+        blur = math.pi / math.sqrt(6.0) * heat.width if isinstance(heat, Bell) else 0.0
         return max(
             math.hypot(std, blur),
             1e-3 * self.interface.threshold_distribution.moment(1),

@@ -80,7 +80,7 @@ def _kind(interface: Interface) -> Sliding:
     """
     who = "smooth sliding"
     ageing = interface.ageing
-    if interface.areas is None and ageing is None and interface.temperature is None:
+    if interface.areas is None and ageing is None and interface.activation is None:
         laws = _by_lifetimes(interface, unaged.mean_lives)
         return Sliding(
             who, ("sliding_force", "newborn"), *laws, lambda: unaged.response(interface)
@@ -91,7 +91,7 @@ def _kind(interface: Interface) -> Sliding:
         who = f"{who} of thresholds that age by Langevin"
         laws = _by_force(lambda v: langevin.force(interface, v))
         return Sliding(
-            who, ("ageing", "temperature"), *laws, lambda: langevin.response(interface)
+            who, ("ageing", "activation"), *laws, lambda: langevin.response(interface)
         )
     if (
         interface.areas is None
@@ -110,17 +110,17 @@ def _kind(interface: Interface) -> Sliding:
     from stickslip.sliding import activated, drawn
 
     if interface.areas is not None:
-        takes = ("areas", "temperature", "sliding_force")
+        takes = ("areas", "activation", "sliding_force")
         laws = _by_lifetimes(interface, activated.mean_lives_of_areas)
         return Sliding(
             f"{who} of areas", takes, *laws, lambda: drawn.response_of_areas(interface)
         )
     who += (
         " of thresholds that grow"
-        if interface.temperature is None
+        if interface.activation is None
         else " with temperature"
     )
-    takes = ("ageing", "temperature", "sliding_force")
+    takes = ("ageing", "activation", "sliding_force")
     laws = _by_lifetimes(interface, activated.mean_lives)
     return Sliding(who, takes, *laws, lambda: activated.ActivatedResponse(interface))
 

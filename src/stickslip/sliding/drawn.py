@@ -122,10 +122,11 @@ def response_of_areas(interface: Interface) -> "DrawnResponse":
     `InputError`.
     """
     who = "the linear response of areas"
-    interface.allow(interface.mechanisms - {"temperature"}, who)
-    if interface.areas != "fresh" or interface.thresholds.single:
+    interface.allow(interface.mechanisms - {"activation"}, who)
+    areas = interface.areas
+    if areas is None or areas.kept or areas.distribution.single:
         raise InputError(
-            f"Interface.areas = {interface.areas!r}: not available with {who} that "
+            f"Interface.areas = {areas!r}: not available with {who} that "
             "contacts keep, or that are all "
             "alike: they are slow to forget how they started; simulate with Contacts",
             "Interface.areas",

@@ -147,7 +147,7 @@ def force(interface: Interface, velocity: Array) -> Array:
                 "times; beyond, the force cannot be resolved"
             )
     return langevin_steady.steady_friction(
-        velocity, constants, delay, hazard=hazard_of(interface.temperature)
+        velocity, constants, delay, hazard=hazard_of(interface.activation)
     )
 
 
@@ -216,9 +216,9 @@ def ageing_constants(interface: Interface) -> Constants:
             "stationary distribution, Eq. (17): give Gaussian(mean, std), both above 0 "
             "and not cut off above 0"
         )
-    breaking = "temperature" if interface.temperature is not None else "delay"
+    breaking = "activation" if interface.activation is not None else "delay"
     if ageing.newborn == 0 and (
-        breaking == "temperature" or interface.delay.moment(1) > 0
+        breaking == "activation" or interface.delay.moment(1) > 0
     ):
         raise InputError(
             f"Langevin.newborn = 0 with Interface.{breaking}: contacts with zero "

@@ -78,7 +78,7 @@ def kinetic_friction(
     sliding = sliding_of(interface, "kinetic_friction: ")
     slowly = (
         interface.ageing is None
-        and interface.temperature is None
+        and interface.activation is None
         and math.isfinite(interface.delay.moment(1))
     )
     hint = "in x_s per time" + (
@@ -109,7 +109,7 @@ def friction_slope(interface: Interface, velocity: float | Array) -> float | Arr
     --------
     >>> thermal = ss.Interface(
     ...     thresholds=ss.Gaussian(mean=1.0, std=0.1),
-    ...     temperature=ss.Bell(width=0.01, attempts=1e6),
+    ...     activation=ss.Bell(width=0.01, attempts=1e6),
     ... )
     >>> print(f"{ss.stability.friction_slope(thermal, 1.0):.6f}")
     0.004938
@@ -149,7 +149,7 @@ def turning_velocities(
     --------
     >>> interface = ss.Interface(
     ...     thresholds=ss.Gaussian(mean=1.0, std=0.1),
-    ...     temperature=ss.Bell(width=0.01, attempts=1e6),
+    ...     activation=ss.Bell(width=0.01, attempts=1e6),
     ...     delay=ss.Delay(0.01),
     ... )
     >>> print(*ss.stability.turning_velocities(interface, between=(0.01, 100)))

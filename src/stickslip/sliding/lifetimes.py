@@ -50,7 +50,7 @@ def lifetimes_of(
     """
     contacts = map(
         hashable,
-        (interface.threshold_distribution, interface.temperature, interface.ageing),
+        (interface.threshold_distribution, interface.activation, interface.ageing),
     )
     lifetimes = partial(_lifetimes, *contacts, float(velocity))
     # Panels are halved from octave to octave: few different ones, and they are kept.
@@ -62,7 +62,7 @@ def lifetimes_of(
 @lru_cache(maxsize=128)
 def _lifetimes(
     distribution: Distribution,
-    temperature: ActivationModel | None,
+    activation: ActivationModel | None,
     ageing: AgeingModel | None,
     velocity: float,
     longest: float,
@@ -70,25 +70,25 @@ def _lifetimes(
     low, high = distribution.support
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
     growth = growth_of(ageing)
-    hazard = hazard_of(temperature)
+    hazard = hazard_of(activation)
     separable = (hazard.kind == BELL and growth.kind != EXPONENTIAL) or (
         hazard.kind == PARABOLIC and ageing is None
     )
     # that e-folds the rate
     width = hazard.scale / float(_barrier(hazard, np.array(distribution.moment(1)))[0])
-    one_variable = temperature is None or (
+    one_variable = activation is None or (
         separable and distribution.standard_deviation() > 2.0 * width
     )
     if one_variable and not inner and not distribution.single:
         return _cut(_in_one(distribution, hazard, growth, velocity), longest)
-    if high > 1e3 * distribution.moment(1) and temperature is not None:
+    if high > 1e3 * distribution.moment(1) and activation is not None:
         longest = math.inf if longest == 1.0 else longest
     bends = []
-    if isinstance(temperature, Bell):
-        bend = temperature.width * math.log1p(
-            temperature.attempts * temperature.width / velocity
+    if isinstance(activation, Bell):
+        bend = activation.width * math.log1p(
+            activation.attempts * activation.width / velocity
         )
-        bends = [(bend, temperature.width)]
+        bends = [(bend, activation.width)]
     return kernel.march(
         hazard, growth, *threshold_nodes(distribution, 0.01, bends), velocity, longest
     )
@@ -152,11 +152,11 @@ def threshold_nodes(
     return x[met], weight[met]
 
 
-def hazard_of(temperature: ActivationModel | None) -> Hazard:
+def hazard_of(activation: ActivationModel | None) -> Hazard:
     """Return thermal activation as the kernels take it; without it, one that is
     never tried.
     """
-    match temperature:
+    match activation:
         case Bell(width=width, attempts=attempts):
             return Hazard(BELL, attempts, width, 1.0, 0.0)
         case Parabolic(temperature=scale, attempts=attempts):

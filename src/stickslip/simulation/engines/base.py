@@ -287,17 +287,17 @@ elastic sliders; `solves` adds to it.
 def solves(
     method: type,
     *ageing: type,
-    temperature: tuple[type, ...] = (type(None),),
+    activation: tuple[type, ...] = (type(None),),
     elastic: bool = False,
 ) -> Callable[[E], E]:
     """Register an engine for a method on contacts with one of these kinds of ageing
-    and temperature, or none.
+    and activation, or none.
     """
 
     def register(engine: E) -> E:
         for kind in ageing or (type(None),):
-            for activation in temperature:
-                ENGINES[method, kind, activation, elastic] = engine
+            for heat in activation:
+                ENGINES[method, kind, heat, elastic] = engine
         return engine
 
     return register
@@ -327,10 +327,10 @@ def engine_of(
 
 
 def _parts(interface: Interface) -> list[str]:
-    """What an engine may not take of an interface, ageing and temperature first."""
+    """What an engine may not take of an interface, ageing and activation first."""
     return sorted(
         interface.mechanisms,
-        key=lambda part: (part != "ageing", part != "temperature", part),
+        key=lambda part: (part != "ageing", part != "activation", part),
     )
 
 
@@ -340,7 +340,7 @@ def _engine(
     """Return the engine for an interface that has only these of its parts."""
     ageing, breaking = (
         type(getattr(interface, part) if part in parts else None)
-        for part in ("ageing", "temperature")
+        for part in ("ageing", "activation")
     )
     engine = ENGINES.get((method, ageing, breaking, elastic))
     return (
@@ -427,9 +427,7 @@ def check_newborns(interface: Interface) -> None:
         and interface.ageing.newborn == 0
     ):
         which = (
-            "MasterEquation"
-            if interface.temperature is None
-            else "Interface.temperature"
+            "MasterEquation" if interface.activation is None else "Interface.activation"
         )
         raise InputError(
             f"ExponentialGrowth.newborn = 0 with {which}: contacts with zero threshold "

@@ -68,9 +68,9 @@ def first_contacts(
 
 def track_factor(interface: Interface, rng: np.random.Generator) -> float:
     """Draw the factor that thresholds have in common until the next arrest."""
-    if interface.track_scatter == 0.0:
+    if interface.slip_to_slip_scatter == 0.0:
         return 1.0
-    variance = math.log1p(interface.track_scatter**2)
+    variance = math.log1p(interface.slip_to_slip_scatter**2)
     return math.exp(math.sqrt(variance) * rng.standard_normal() - 0.5 * variance)
 
 
@@ -204,19 +204,15 @@ def breaking_of(interface: Interface) -> Breaking:
     what is left of them.
     """
     distribution = interface.threshold_distribution
-    temperature = interface.temperature
+    heat = interface.activation
     growth = growth_of(interface.ageing)
     table = survival_of(distribution)
-    if isinstance(temperature, (Bell, Parabolic)):
-        squared = isinstance(temperature, Parabolic)
-        width = (
-            temperature.temperature
-            if isinstance(temperature, Parabolic)
-            else temperature.width
-        )
+    if isinstance(heat, (Bell, Parabolic)):
+        squared = isinstance(heat, Parabolic)
+        width = heat.temperature if isinstance(heat, Parabolic) else heat.width
         blurred = survival_of(distribution, width, squared)
         return Breaking(
-            table, np.empty(0), blurred, width, temperature.attempts, growth, squared
+            table, np.empty(0), blurred, width, heat.attempts, growth, squared
         )
     knots = end_and_knots(distribution)[1] if interface.ageing is None else np.empty(0)
     return Breaking(table, knots, table, 0.0, 0.0, growth)
@@ -282,7 +278,7 @@ def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
     rule = rule_of(interface)
     arrests = isinstance(delay, OnArrest)  # one ends each slip
     if rule is None or not (
-        interface.temperature
+        interface.activation
         or isinstance(interface.ageing, FixedGrowth)
         or interface.areas
     ):
@@ -318,13 +314,13 @@ def rule_of(interface: Interface) -> Rule | None:
     are.
     """
     if (
-        interface.temperature is None
+        interface.activation is None
         and interface.ageing is None
         and interface.areas is None
     ):
         return None
     return Rule(
-        hazard_of(interface.temperature),
+        hazard_of(interface.activation),
         growth_of(interface.ageing),
         interface.areas is not None,
     )

@@ -192,7 +192,11 @@ class Streams:
         thresholds = np.empty((blocks, _POOL))
         delays = np.empty((blocks, _POOL if math.isnan(fixed) else 0))
         self.draws = Draws(
-            thresholds, delays, fixed, np.ones(blocks), interface.track_scatter > 0.0
+            thresholds,
+            delays,
+            fixed,
+            np.ones(blocks),
+            interface.slip_to_slip_scatter > 0.0,
         )
         self._pools: dict[
             int, tuple[Array, Callable[[np.random.Generator, int], Array | float]]
@@ -414,7 +418,7 @@ class BlocksOfContacts(ElasticEngine):
     `stickslip.kernels.quasistatic`.
     """
 
-    mechanisms = frozenset({"sliding_force", "track_scatter"})
+    mechanisms = frozenset({"sliding_force", "slip_to_slip_scatter"})
 
     def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
         super().__init__(beginning, method)

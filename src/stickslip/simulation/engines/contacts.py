@@ -50,7 +50,7 @@ _LIVES = 16
 
 
 @base.solves(Contacts)
-@base.solves(Contacts, type(None), *base.GROWTH, temperature=base.HEAT)
+@base.solves(Contacts, type(None), *base.GROWTH, activation=base.HEAT)
 @base.solves(Contacts, *base.GROWTH)
 class EventByEvent(base.Engine):
     """Contacts whose next event is always known; fed with random numbers in blocks
@@ -63,9 +63,9 @@ class EventByEvent(base.Engine):
         {
             "sliding_force",
             "newborn",
-            "track_scatter",
+            "slip_to_slip_scatter",
             "on_arrest",
-            "temperature",
+            "activation",
             "areas",
         }
     )
@@ -96,14 +96,14 @@ class EventByEvent(base.Engine):
         if interface.ageing is not None:
             _, path, lived = beginnings.drawn_lives(interface, beginning.velocity)
             # by heat most boxes are left before the contact is at their side
-            if interface.temperature is None:
+            if interface.activation is None:
                 boxes = max(lived / path.size, 1.0)
         self._state = kernel.make_state(
             -x, strength, pending, path, self._delay.moment(1), motion, boxes
         )
         self._boxes = None
         if self._rule is not None:
-            own = strength if interface.areas == "site" else np.empty(0)
+            own = strength if interface.keeps_areas else np.empty(0)
             self._boxes = kernel.boxed(self._state, self._rule, since, own)
             self._stiffest = self._boxes.stiffest / math.sqrt(self._factor)
         fixed = (
@@ -111,7 +111,7 @@ class EventByEvent(base.Engine):
             if isinstance(self._delay, Delay | OnArrest)
             else math.nan
         )
-        happens = isinstance(self._delay, OnArrest), interface.track_scatter > 0
+        happens = isinstance(self._delay, OnArrest), interface.slip_to_slip_scatter > 0
         self._draws = self._with_thresholds(
             kernel.Draws(np.empty(0), np.empty(0), fixed, np.empty(0), *happens)
         )
@@ -121,7 +121,7 @@ class EventByEvent(base.Engine):
         """Raise `InputError` for contacts that could break and re-attach for ever at
         one moment.
         """
-        if interface.temperature is not None:
+        if interface.activation is not None:
             base.check_newborns(interface)
         if interface.newborn is None:
             return
@@ -138,7 +138,7 @@ class EventByEvent(base.Engine):
                     "Interface.newborn",
                 )
         if interface.delay.moment(1) == 0 and (
-            interface.track_scatter > 0 or interface.areas == "site"
+            interface.slip_to_slip_scatter > 0 or interface.keeps_areas
         ):
             raise InputError(
                 f"Interface.delay = {interface.delay}: must be above 0 with newborn "
@@ -154,16 +154,16 @@ class EventByEvent(base.Engine):
         """
         interface = rig.interface
         count = method.count
-        how = " by thermal activation" if interface.temperature is not None else ""
+        how = " by thermal activation" if interface.activation is not None else ""
         lives, boxes = beginnings.lifetimes_in(rig, course)
         each = _BREAK
         more = _BOX * count * boxes
-        if isinstance(interface.temperature, Bell) and interface.ageing is None:
+        if isinstance(interface.activation, Bell) and interface.ageing is None:
             way = interface.threshold_distribution.moment(1) * (
                 course.distance + course.shaken
             )
             each = _CLOCKED_BREAK
-            more = _WINDOW * 4.0 * way / interface.temperature.width
+            more = _WINDOW * 4.0 * way / interface.activation.width
         # Once it rings no more, turns cost nothing, unless rounding hides them or
         # detached contacts hold again there.
         radians = (
@@ -187,7 +187,7 @@ class EventByEvent(base.Engine):
         rng = self._initial
         interface = self._interface
         velocity = beginning.velocity
-        keeps = interface.areas == "site"
+        keeps = interface.keeps_areas
         if self._rule is None or not beginning.sliding:
             # Growth towards a strength has come to its end; growth without end begins.
             since = np.full(
@@ -237,7 +237,7 @@ class EventByEvent(base.Engine):
         """
         count = (
             min(_BLOCK, max(2 * self._state.size, 64))
-            if self._interface.track_scatter
+            if self._interface.slip_to_slip_scatter
             else _BLOCK
         )
         x, threshold = beginnings.newborns(

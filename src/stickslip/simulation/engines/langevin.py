@@ -196,21 +196,21 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
 
 
 @base.solves(Contacts, Langevin)
-@base.solves(Contacts, Langevin, temperature=base.HEAT)
+@base.solves(Contacts, Langevin, activation=base.HEAT)
 class LangevinContacts(Steps):
     """N contacts in small steps, with exact moments of breaking:
     `stickslip.kernels.langevin_contacts`.
     """
 
-    mechanisms = frozenset({"temperature"})
+    mechanisms = frozenset({"activation"})
     remembered = _OF_MEMORY
 
     def __init__(self, beginning: base.Beginning, method: Contacts) -> None:
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
-        self._hazard = hazard_of(beginning.interface.temperature)
+        self._hazard = hazard_of(beginning.interface.activation)
         self.budget = max(
-            (_BUDGET if beginning.interface.temperature is None else _HOT_BUDGET)
+            (_BUDGET if beginning.interface.activation is None else _HOT_BUDGET)
             // method.count,
             1,
         )
@@ -240,7 +240,7 @@ class LangevinContacts(Steps):
         count = method.count
         thresholds = rig.interface.threshold_distribution
         remembered = _remembered(rig, _OF_MEMORY)
-        if rig.interface.temperature is not None:
+        if rig.interface.activation is not None:
             broken = breaking(
                 count,
                 lifetimes_in(rig, course)[0],

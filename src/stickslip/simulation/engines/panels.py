@@ -101,18 +101,18 @@ longer than that.
 _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
-@solves(MasterEquation, type(None), LogarithmicGrowth, temperature=(type(None), Bell))
+@solves(MasterEquation, type(None), LogarithmicGrowth, activation=(type(None), Bell))
 @solves(MasterEquation, ExponentialGrowth)
-@solves(MasterEquation, temperature=(Parabolic,))
-@solves(Population, type(None), LogarithmicGrowth, temperature=(type(None), Bell))
+@solves(MasterEquation, activation=(Parabolic,))
+@solves(Population, type(None), LogarithmicGrowth, activation=(type(None), Bell))
 @solves(Population, ExponentialGrowth)
-@solves(Population, temperature=(Parabolic,))
+@solves(Population, activation=(Parabolic,))
 class Panels(Cohorts):
     """Cohorts of contacts that attached in the same step: fractions of infinitely
     many, or counted.
     """
 
-    mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "temperature"})
+    mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "activation"})
     smooth = True
     kernel = advance
     steps = 2_000
@@ -191,7 +191,7 @@ class Panels(Cohorts):
         seconds = (
             _PATH[0]
             * path
-            * (_PATH[1] if interface.mechanisms & {"ageing", "temperature"} else 1.0)
+            * (_PATH[1] if interface.mechanisms & {"ageing", "activation"} else 1.0)
         )
         what = f"a path of {path:.2g} mean thresholds"
         if seconds > _WORTH:
@@ -297,7 +297,7 @@ class Panels(Cohorts):
             turned._case = turned._case._replace(delays=delays)
         if any(
             getattr(interface, part) != getattr(self._interface, part)
-            for part in ("thresholds", "temperature")
+            for part in ("thresholds", "activation")
         ):
             breaking = breaking_of(interface)
             accuracy = _accuracy(

@@ -46,15 +46,15 @@ _NODE = 3e-7
 _BAND = 25.0  # that is within so many widths
 
 
-@solves(MasterEquation, type(None), *GROWTH, temperature=(Barrier,))
-@solves(MasterEquation, *GROWTH, temperature=(Parabolic,))
-@solves(MasterEquation, ExponentialGrowth, temperature=(Bell,))
+@solves(MasterEquation, type(None), *GROWTH, activation=(Barrier,))
+@solves(MasterEquation, *GROWTH, activation=(Parabolic,))
+@solves(MasterEquation, ExponentialGrowth, activation=(Bell,))
 class ThermalPopulation(Cohorts):
     """Cohorts of contacts that attached together, of which nothing simpler says what
     is left: see `Panels`.
     """
 
-    mechanisms = frozenset({"temperature", "sliding_force"})
+    mechanisms = frozenset({"activation", "sliding_force"})
     smooth = True
     kernel = advance
     steps = 500
@@ -65,7 +65,7 @@ class ThermalPopulation(Cohorts):
         self.slider = slider_constants(beginning.slider)
         thresholds = interface.threshold_distribution
         width = activation_width(interface)
-        hazard = hazard_of(interface.temperature)
+        hazard = hazard_of(interface.activation)
         growth = growth_of(interface.ageing)
         model = kernel.Model(
             hazard, growth, *_threshold_nodes(thresholds, width), width
@@ -114,7 +114,7 @@ class ThermalPopulation(Cohorts):
         what = f"about {steps:.2g} steps of {cohorts:.2g} cohorts"
         return (
             Part(
-                "interface.temperature",
+                "interface.activation",
                 width,
                 None,
                 -2.0,
@@ -135,7 +135,7 @@ def activation_width(interface: Interface) -> float:
     """Stretching over which the rate of breaking grows by a factor of e, where
     contacts mostly break.
     """
-    hazard = hazard_of(interface.temperature)
+    hazard = hazard_of(interface.activation)
     mean = interface.threshold_distribution.moment(1)
     left = (
         min(1.0, (10.0 / hazard.scale) ** (1.0 / hazard.power))
