@@ -4,6 +4,7 @@ SI prefixes.
 
 import math
 import re
+from collections.abc import Iterable
 
 PREFIXES: dict[str, tuple[str, int]] = {
     "f": ("femto", -15),
@@ -48,6 +49,12 @@ def number(value: float, digits: int = 4) -> str:
     """
     text = f"{value:.{digits}g}"
     return f"{float(text):.{max(digits, _POSITIONAL)}g}" if "e" in text else text
+
+
+def listed(names: Iterable[object]) -> str:
+    """Names in a row: ``a, b and c``."""
+    *first, last = map(str, names)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:

@@ -1,7 +1,7 @@
 """Rigs as the page holds them: the content of a rig file, as a plain mapping.
 
 What the page shows in a field is what stands in the document; every check is made here,
-by `stickslip.io.rig_files`.
+by `stickslip.io`.
 """
 
 import json
@@ -16,16 +16,19 @@ from typing import Any
 
 from pandas import json_normalize
 
+from stickslip import io
 from stickslip.errors import InputError, number, shown
-from stickslip.io import rig_files as rigs
-from stickslip.io.rig_keys import TABLES
-from stickslip.model import Contacts, ElasticBody, Slider, constant
-from stickslip.model.distributions import Empirical
-from stickslip.model.rig import Rig
-from stickslip.model.units import Scales
-from stickslip.paper import cases
-from stickslip.paper.cases import PaperCase
-from stickslip.plot.replay import lasting
+from stickslip.model import (
+    Contacts,
+    ElasticBody,
+    Empirical,
+    Rig,
+    Scales,
+    Slider,
+    constant,
+)
+from stickslip.paper import CASES, PaperCase
+from stickslip.plot import lasting
 from stickslip.simulation import estimate
 from stickslip.stability import PARAMETERS
 
@@ -97,7 +100,7 @@ def any_rig_of(document: object) -> Rig:
     """Make the rig that a document describes, be its slider rigid or elastic."""
     if not isinstance(document, Mapping):
         raise InputError("rig: must be a table with slider, interface and drive")
-    return rigs.from_document(document)
+    return io.from_document(document)
 
 
 def seconds_of(request: Mapping[str, Any]) -> float:
@@ -118,7 +121,7 @@ def values_of(rig: Rig) -> dict[str, float]:
 
 def of(rig: Rig) -> Document:
     """Return the document of a rig as the page shows it."""
-    return rigs.to_document(rig, digits=DIGITS)
+    return io.to_document(rig, digits=DIGITS)
 
 
 def shortened(rig: Rig, seconds: float) -> Rig:
@@ -203,7 +206,7 @@ def check_decades(rig: Rig) -> None:
     """Raise `InputError` if a number is so far from the scales of the interface that
     arithmetic fails.
     """
-    for key, value in json_normalize(rigs.to_document(rig.natural)).iloc[0].items():
+    for key, value in json_normalize(io.to_document(rig.natural)).iloc[0].items():
         if (
             isinstance(value, float)
             and value
@@ -246,7 +249,7 @@ def complaints(error: Exception) -> list[dict[str, str]]:
     line, which counts the rest.
     """
     mistakes = error.mistakes if isinstance(error, InputError) else (error,)
-    if len(mistakes) > sum(map(len, TABLES.values())):
+    if len(mistakes) > sum(map(len, io.TABLES.values())):
         mistakes = (error,)
     return [
         {
@@ -307,7 +310,7 @@ def _by_ratio(document: Document) -> bool:
 
 def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
     """The document of a rig, its heat as it was given."""
-    made = rigs.to_document(rig, digits=DIGITS, damping_ratio=damping_ratio)
+    made = io.to_document(rig, digits=DIGITS, damping_ratio=damping_ratio)
     if (heat := document["interface"].get("activation")) and document.get(
         "units"
     ) == made.get("units"):
@@ -320,7 +323,7 @@ def presets() -> tuple[dict[str, Any], ...]:
     """Return every preset: a group, a title and a document."""
     bench = first()
     shipped = _table("presets")
-    short = paper(cases.FIG4, "Sliding or stick-slip")
+    short = paper(CASES["fig4"], "Sliding or stick-slip")
     short["simulation"]["contacts"] = 3_000
     short["drive"]["distance"] = 40.0
     warm = first() | {"name": "Warm teaching bench"}
@@ -336,7 +339,7 @@ def presets() -> tuple[dict[str, Any], ...]:
     ]
     found += [
         {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
-        for rig in map(rigs.example, rigs.example_names())
+        for rig in map(io.example, io.example_names())
         # A slow fault whose contacts heat breaks slips twice in what a page waits for:
         # too few for a verdict.
         if rig.name != bench["name"]
@@ -345,7 +348,7 @@ def presets() -> tuple[dict[str, Any], ...]:
     ]
     for figure, words in shipped["figures"].items():
         title = f"Fig. {figure}: {words}"
-        document = paper(getattr(cases, f"FIG{figure}"), f"Fig. {figure}")
+        document = paper(CASES[f"fig{figure}"], f"Fig. {figure}")
         found.append(
             {
                 "group": "The paper, in natural units",
@@ -361,7 +364,7 @@ def begun() -> dict[str, Any]:
     what each quantity and field is.
     """
     shipped = _table("presets")
-    bar = rigs.example("pmma_bar")
+    bar = io.example("pmma_bar")
     bars = [*shipped["bars"], {"title": bar.name, "document": of(bar)}]
     return {
         "presets": presets(),
@@ -379,7 +382,7 @@ def first() -> Document:
     """Return the rig that the app begins with: a bench for teaching, in a shorter
     run so that it answers at once.
     """
-    document = of(rigs.example("teaching_bench"))
+    document = of(io.example("teaching_bench"))
     document["drive"]["distance"] = "60 mm"
     return document
 
@@ -389,6 +392,6 @@ def paper(case: PaperCase, name: str) -> Document:
     distance = 60.0 if case.interface.ageing is None else 30.0
     drive = constant(case.velocity, distance / case.velocity)
     method = Contacts(case.contacts, seed=1)
-    return rigs.to_document(
+    return io.to_document(
         replace(case.rig, drive=drive, method=method, name=name), digits=12
     )

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip import measure
+from stickslip import io, measure
 from stickslip.errors import InputError
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, axis, in_unit, packed, span
-from stickslip.io import rig_files as rigs
-from stickslip.measure.fronts import on_blocks, pixels, rows
+from stickslip.measure import on_blocks, pixels, rows
 from stickslip.model import Chain, Contacts, Output
-from stickslip.plot.style import envelope
+from stickslip.plot import envelope
 from stickslip.simulation import estimate, simulate
 
 _PATIENCE = 4.0  # times as long as a run of the page Simulate
@@ -109,7 +108,7 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
             for event in longest
         ],
         "left_out": len(events) - len(longest),
-        "toml": rigs.to_toml(rig),
+        "toml": io.to_toml(rig),
     }
 
 

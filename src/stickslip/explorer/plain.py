@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from stickslip import measure
 from stickslip.arrays import Array as Array
-from stickslip.measure import ramps
-from stickslip.plot.style import envelope
+from stickslip.plot import envelope
 from stickslip.words import prefixed
 
 Plain = dict[str, Any]
@@ -31,7 +30,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     drops, and slips if it has any.
     """
     seen, drops = measure.regime_and_drops(data)
-    words = ramps.in_words(data)
+    words = measure.transitions_in_words(data)
     slips = drops if seen.kind == "stick-slip" or words else drops.isel(event=slice(0))
     times = axis(data["time"])
     force = axis(data["spring_force"])

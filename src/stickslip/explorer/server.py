@@ -31,11 +31,11 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketClose, WebSocketDisconnect
 
+from stickslip import io
 from stickslip.errors import InputError, shown
 from stickslip.explorer import PORT, documents, workers
 from stickslip.explorer.plain import Plain
 from stickslip.explorer.workers import ANSWERS, SLOW, Crew, Job
-from stickslip.io import rig_files as rigs
 
 HOST = "127.0.0.1"
 
@@ -83,7 +83,7 @@ def run(
     rig: Path | None, port: int | None, ready: Callable[[str], None] | None, share: bool
 ) -> None:
     """Serve until interrupted; see `stickslip.explorer.serve`."""
-    begin = documents.first() if rig is None else documents.of(rigs.read_rig(rig))
+    begin = documents.first() if rig is None else documents.of(io.read_rig(rig))
     host = _own_address() if share else HOST
     token = secrets.token_urlsafe(24) if share else ""
     with _listen(host, port) as listening:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip import advise, plot, rigid, sliding
+from stickslip import advise, io, plot, rigid, sliding
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.explorer import documents
 from stickslip.explorer.plain import (
@@ -28,11 +28,7 @@ from stickslip.explorer.plain import (
     width_of,
     within,
 )
-from stickslip.io import datasets as store
-from stickslip.io import rig_files as rigs
-from stickslip.model import Delay
-from stickslip.model.rig import Rig
-from stickslip.plot import replay
+from stickslip.model import Delay, Rig
 from stickslip.simulation import simulate
 
 FRAMES = 1_200  # 40 s, at 30 a second
@@ -164,12 +160,12 @@ def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Frames of the contacts one by one, from the cursor on; see `plot.replay`."""
+    """Frames of the contacts one by one, from the cursor on; see `plot.frames`."""
     rig = documents.of_duration(
         documents.rig_of(request.get("document")), request.get("duration")
     )
     documents.check_size(rig, documents.seconds_of(request))
-    seen = replay.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), FRAMES, watch)
+    seen = plot.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), FRAMES, watch)
     frames = {
         name: packed(getattr(seen, name))
         for name in ("times", "force", "slider", "drive")
@@ -304,13 +300,13 @@ def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"run.{form}"
         if form == "toml":
-            file.write_text(rigs.to_toml(rig), "utf-8")
+            file.write_text(io.to_toml(rig), "utf-8")
         else:
             rig = documents.of_duration(rig, request.get("duration"))
             made = _run(rig, watch, documents.seconds_of(request))
-            made.attrs["rig"] = rigs.to_toml(rig)
+            made.attrs["rig"] = io.to_toml(rig)
             if form == "nc":
-                store.save(made, file)
+                io.save(made, file)
             else:
                 plot.save(plot.overview(made), file)
         yield {

@@ -6,43 +6,29 @@ import math
 import os
 import re
 import tempfile
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from stickslip import fitting, measure, sliding
+from stickslip import fitting, io, measure, sliding
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, force_trace, packed, width_of
-from stickslip.fitting.bench import newtons
-from stickslip.fitting.bench import seconds as seconds_in
-from stickslip.fitting.model import SLIPS, sampled
-from stickslip.fitting.rigs import INITIAL, compared
-from stickslip.fitting.tables import DRAWS, draws_kept, simulate_block
-from stickslip.io import rig_files as rigs
-from stickslip.io.keys import listed
-from stickslip.measure.headings import simple
-from stickslip.measure.tables import read_table
-from stickslip.model import Contacts, constant
-from stickslip.model.quantities import read_value
-from stickslip.model.rig import Assumption, Rig
-from stickslip.model.units import engineering
-from stickslip.plot.style import envelope
+from stickslip.fitting import force_unit_in_newtons, time_unit_in_seconds
+from stickslip.model import Assumption, Contacts, Rig, constant, read_value
+from stickslip.plot import envelope
 from stickslip.simulation import simulate
-from stickslip.sliding.rigid_motion import friction_ratios
+from stickslip.words import engineering, listed
 
 _COARSE = 2_000  # draws of a table that is quick to make
 _SHOWN = 8  # slips in the overlay
 _SERIES = 60  # of slips, for the distribution of drops
 _OVERLAID = 3  # of them, drawn beside the trace
-_TIMED = 20  # draws, to say how long a table takes
 _DAMPING = 0.15
 
 
@@ -50,20 +36,7 @@ def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The columns that may be chosen of a file, and the measured trace in it."""
     watch(0.0)
     with suppress(InputError):  # it is said below what is wrong
-        headings, numeric = read_table(request["content"])[:2]
-        names = [simple(heading.name) for heading in headings]
-        # What asks for each: its name or, where others have it, its number from 1; and
-        # its heading.
-        asks = [
-            one.name if names.count(name) == 1 and name else ""
-            for one, name in zip(headings, names, strict=True)
-        ]
-        yield {
-            "columns": [
-                (asks[i] or str(i + 1), f"{i + 1}: {headings[i]}".strip(": "))
-                for i in numeric
-            ]
-        }
+        yield {"columns": measure.columns(request["content"])}
     data = _read(request)
     about = {
         "name": _name(request),
@@ -134,7 +107,7 @@ def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
     )
     number("damping ratio", zeta, at_most=0.95)
     overshoot = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2))
-    force = newtons(events, {})
+    force = force_unit_in_newtons(events, {})
     # A slider on a spring oscillates about the friction in the slip, and falls as far
     # below it as damping leaves.
     in_slips = (
@@ -143,12 +116,12 @@ def fit(request: Plain, watch: Watch) -> Iterator[Plain]:
         / (1.0 + overshoot)
     )
     static = events.mean_peak * force
-    least, most = friction_ratios(INITIAL)
+    least, most = fitting.friction_ratio_range()
     fast = in_slips < static / most
     readings = {
         "static": static,
         "kinetic": static / math.sqrt(least * most) if fast else in_slips,
-        "rate": events.loading_rate * force / seconds_in(events),
+        "rate": events.loading_rate * force / time_unit_in_seconds(events),
     }
     yield {
         "slips": str(events).splitlines(),
@@ -200,7 +173,7 @@ def _quick(
     # as long as a slip: shorter, and contacts hold again within it; longer, and they
     # are late
     if "half" not in given:
-        lasts = events.slip_samples * events.step * seconds_in(events)
+        lasts = events.slip_samples * events.step * time_unit_in_seconds(events)
         how = "as long as a slip was recorded to last"
         # detached for the delay, contacts carry less the faster they slide
         if given.get("in slips", 0.0) > 0:
@@ -209,7 +182,7 @@ def _quick(
             )
             slip = (
                 float(events.drops.mean())
-                * newtons(events, {})
+                * force_unit_in_newtons(events, {})
                 / rig.value("stiffness")
             )
             lasts *= (slow / given["in slips"] - 1.0) * rig.unit("x_s") / slip
@@ -246,7 +219,7 @@ def _rig(rig: Rig) -> Plain:
     """A rig for the page Simulate, and as a file with the draws of what was fitted."""
     return {
         "document": documents.of(replace(rig, fitted={})),
-        "toml": rigs.to_toml(rig),
+        "toml": io.to_toml(rig),
     }
 
 
@@ -257,7 +230,7 @@ def _overlay(
     them; in words; if it fits.
     """
     begin, end, first = _window(events)
-    unit = seconds_in(events)
+    unit = time_unit_in_seconds(events)
     settle = 3.0 * events.recurrence
     lasts = (settle + 1.5 * (end - begin)) * unit
     long = replace(
@@ -269,7 +242,7 @@ def _overlay(
     documents.check_size(short, seconds)
     run = simulate(short, progress=watch)
     t = run["time"].to_numpy() / unit
-    F = run["spring_force"].to_numpy() / newtons(events, {})
+    F = run["spring_force"].to_numpy() / force_unit_in_newtons(events, {})
     force = ("time", F, {"units": events.force_unit})
     times = ("time", t, {"units": events.time_unit})
     made = xr.Dataset({"spring_force": force}, {"time": times})
@@ -277,7 +250,7 @@ def _overlay(
         slips = fitting.pick_events(
             made, minimum_drop=events.smallest, after=min(settle, 0.5 * float(t[-1]))
         )
-        told, fits = compared(slips, events)
+        told, fits = fitting.compared(slips, events)
         words = (
             f"This rig {'fits' if fits else 'does not fit'}: {told} (mean drop and "
             "period, at 90 % confidence)."
@@ -332,15 +305,6 @@ def line(x: Array, y: Array) -> Plain:
     return {"x": packed(x), "y": packed(y)}
 
 
-@lru_cache(maxsize=1)
-def _cost() -> float:
-    """Seconds of one core for a draw of the table, measured."""
-    simulate_block(0, fitting.Prior(), 1, 30, 0)  # compiles
-    begun = time.perf_counter()
-    simulate_block(0, fitting.Prior(), _TIMED, SLIPS, 0)
-    return (time.perf_counter() - begun) / _TIMED
-
-
 def _plan(events: fitting.Events) -> Plain:
     """What intervals would take: seconds for each size of the table that is offered;
     and why there can be none.
@@ -349,12 +313,12 @@ def _plan(events: fitting.Events) -> Plain:
         fitting.check(events)
     except InputError as error:
         return {"refused": str(error)}
-    ready = draws_kept(fitting.Prior(), SLIPS)
-    each = _cost() / (os.cpu_count() or 1)
+    ready = fitting.draws_kept()
+    each = fitting.seconds_per_draw() / (os.cpu_count() or 1)
     return {
         "sizes": [
             {"draws": draws, "seconds": max(draws - ready, 0) * each}
-            for draws in (_COARSE, DRAWS)
+            for draws in (_COARSE, fitting.DRAWS)
         ]
     }
 
@@ -366,8 +330,10 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
     watch(0.0)
     events = fitting.pick_events(_read(request))
     options = _options(request)
-    draws = whole("draws", request.get("draws"), at_least=_COARSE, at_most=DRAWS)
-    if not request.get("table") and draws_kept(fitting.Prior(), SLIPS) < draws:
+    draws = whole(
+        "draws", request.get("draws"), at_least=_COARSE, at_most=fitting.DRAWS
+    )
+    if not request.get("table") and fitting.draws_kept() < draws:
         raise InputError(
             "intervals need a table of simulations that takes minutes; a shared "
             "explorer does not make it: run "
@@ -421,7 +387,7 @@ def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
     series = []
     for row in range(min(_OVERLAID, len(found))):
         rng = np.random.default_rng([0, row])
-        made = sampled(
+        made = fitting.sampled(
             *found.series(row, 5 * _SHOWN, rng),
             events.loading_rate,
             events.step,

@@ -5,12 +5,14 @@ way. `quick_fit` makes a rig of a few readings by closed forms, without error ba
 """
 
 from stickslip.fitting.bench import Told
+from stickslip.fitting.bench import newtons as force_unit_in_newtons
+from stickslip.fitting.bench import seconds as time_unit_in_seconds
 from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.fits import Fit, Interval, fit
-from stickslip.fitting.model import UNKNOWNS, Bench, Prior, synthetic_trace
-from stickslip.fitting.rigs import quick_fit, rigs_drawn
+from stickslip.fitting.model import UNKNOWNS, Bench, Prior, sampled, synthetic_trace
+from stickslip.fitting.rigs import compared, friction_ratio_range, quick_fit, rigs_drawn
 from stickslip.fitting.summary import FITTED, HELD_OUT, statistics
-from stickslip.fitting.tables import Table, table
+from stickslip.fitting.tables import DRAWS, Table, draws_kept, seconds_per_draw, table
 
 __all__ = [
     "FITTED",
@@ -33,4 +35,14 @@ __all__ += [
     "statistics",
     "synthetic_trace",
     "table",
+]
+__all__ += [
+    "DRAWS",
+    "compared",
+    "draws_kept",
+    "force_unit_in_newtons",
+    "friction_ratio_range",
+    "sampled",
+    "seconds_per_draw",
+    "time_unit_in_seconds",
 ]

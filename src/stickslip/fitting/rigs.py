@@ -26,7 +26,7 @@ from stickslip.measure.arrays import Array
 from stickslip.model import Gaussian, Output, Rig, constant
 from stickslip.model.quantities import read_value
 from stickslip.simulation import simulate
-from stickslip.sliding.rigid_motion import thresholds_of
+from stickslip.sliding.rigid_motion import friction_ratios, thresholds_of
 from stickslip.words import engineering
 
 if TYPE_CHECKING:
@@ -205,6 +205,13 @@ def remade(rig: Rig, events: Events, known: Known) -> Events:
     return pick_events(
         data, minimum_drop=events.smallest, after=_SETTLED * events.recurrence
     )
+
+
+def friction_ratio_range() -> tuple[float, float]:
+    """Return the least and the largest ratio of static to kinetic friction of which
+    `quick_fit` can make a rig.
+    """
+    return friction_ratios(INITIAL)
 
 
 def compared(made: Events, events: Events) -> tuple[str, bool]:

@@ -9,11 +9,12 @@ serves traces of every bench, each biased as its trace is.
 import hashlib
 import json
 import os
+import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass
-from functools import partial
+from functools import lru_cache, partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -35,6 +36,7 @@ _BLOCK, _SHARES, _AT_A_TIME = 250, 8, 500
 """Draws of a block of the table; parts in which others are drawn, each by its own
 numbers; series seen at a time.
 """
+_TIMED = 20  # draws, to measure what one takes
 _LARGEST = 1 << 30
 _FIELDS = ("parts", "count", "peaks", "troughs")
 """Of a table, but for its prior: what is kept of each block."""
@@ -76,7 +78,7 @@ def folder_of(prior: Prior, slips: int, seed: int) -> Path:
     return place / f"fit-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
 
 
-def draws_kept(prior: Prior, slips: int, seed: int = 0) -> int:
+def draws_kept(prior: Prior = Prior(), slips: int = SLIPS, seed: int = 0) -> int:
     """How many draws of the table of a prior the cache holds."""
     return _BLOCK * len(list(folder_of(prior, slips, seed).glob("*.npz")))
 
@@ -155,6 +157,17 @@ def simulate_block(
     """
     rng = np.random.default_rng([seed, block])
     return _simulated(prior, rng.random((draws, len(KEYS))), slips, rng)
+
+
+@lru_cache(maxsize=1)
+def seconds_per_draw() -> float:
+    """Return the seconds that one core takes for a draw of the usual table, measured
+    once.
+    """
+    simulate_block(0, Prior(), 1, 30, 0)  # compiles
+    begun = time.perf_counter()
+    simulate_block(0, Prior(), _TIMED, SLIPS, 0)
+    return (time.perf_counter() - begun) / _TIMED
 
 
 def _simulated(

@@ -164,12 +164,6 @@ class Either:
         self.needed = needed
 
 
-def listed(names: Any) -> str:
-    """Names in a row: ``a, b and c``."""
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else str(last)
-
-
 def toml(value: Any) -> str:
     """A value as it stands in a file, in one line."""
     if isinstance(value, Mapping):

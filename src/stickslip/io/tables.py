@@ -11,7 +11,8 @@ from typing import Any
 
 from stickslip.errors import InputError, shortened, shown, together
 from stickslip.io import files
-from stickslip.io.keys import Either, Key, listed, toml
+from stickslip.io.keys import Either, Key, toml
+from stickslip.words import listed
 
 Values = dict[str, Any]
 """The values of a table, in the units of the file; tables in it as they stand."""

@@ -8,10 +8,12 @@ a driven slider creeps at ``v K/(K + k N_c)`` between slips.
 """
 
 from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics
+from stickslip.measure.column_names import Column, columns
 from stickslip.measure.evidence import Criterion
-from stickslip.measure.fronts import events, fronts
+from stickslip.measure.fronts import events, fronts, on_blocks, pixels, rows
 from stickslip.measure.kinematics import Kinematics, kinematics, motion
 from stickslip.measure.periods import Cycles, find_cycles
+from stickslip.measure.ramps import in_words as transitions_in_words
 from stickslip.measure.ramps import transitions
 from stickslip.measure.readings import read_trace
 from stickslip.measure.verdict import Regime, regime
@@ -36,3 +38,4 @@ __all__ += [
     "statistics",
     "transitions",
 ]
+__all__ += ["Column", "columns", "on_blocks", "pixels", "rows", "transitions_in_words"]

@@ -57,7 +57,8 @@ from stickslip.model.methods import (
     Start,
 )
 from stickslip.model.parameters import Parameter
-from stickslip.model.rig import Operation, Rig
+from stickslip.model.quantities import read_value
+from stickslip.model.rig import Assumption, Operation, Rig
 from stickslip.model.units import Scales
 
 __all__ = [
@@ -122,3 +123,4 @@ __all__ += [
     "constant",
     "ramp",
 ]
+__all__ += ["Assumption", "read_value"]

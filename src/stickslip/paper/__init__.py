@@ -11,6 +11,7 @@ True
 
 from stickslip.errors import InputError
 from stickslip.paper import ageing, delay, instability, ramps
+from stickslip.paper.cases import CASES, PaperCase
 from stickslip.paper.figure import (
     Claim,
     Figure,
@@ -23,12 +24,16 @@ from stickslip.paper.figure import (
 )
 
 __all__ = [
+    "CASES",
+    "FIGURES",
     "Claim",
     "Figure",
     "Format",
     "Measured",
+    "PaperCase",
     "Reproduction",
     "Verdict",
+    "figures_named",
     "places",
     "reproduce",
 ]

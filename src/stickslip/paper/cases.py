@@ -76,6 +76,14 @@ FIG8 = FIG9 = FIG10 = PaperCase(
 )
 FIG11 = PaperCase(interface(ageing=Langevin(rate=1.0)), slider(1.0, 0.1), 2_000)
 
+CASES = {
+    f"fig{number}": case
+    for number, case in enumerate(
+        (FIG1, FIG2, FIG3, FIG4, FIG5, FIG6, FIG7, FIG8, FIG9, FIG10, FIG11), 1
+    )
+}
+"""The cases by the names of their figures."""
+
 
 def aged(case: PaperCase, rate: float) -> Rig:
     """The rig of a figure with another rate of ageing."""

@@ -12,13 +12,10 @@ from typing import Any, Literal, SupportsFloat
 
 import xarray as xr
 
+from stickslip import io, plot
 from stickslip.answers import plain
 from stickslip.errors import InputError
-from stickslip.io import datasets as store
-from stickslip.io import files
 from stickslip.paper.kit import Picture, Progress
-from stickslip.plot.palette import PAGE
-from stickslip.plot.style import format_of, house_style, new_figure, save
 
 Format = Literal["png", "pdf", "svg"]
 Verdict = Literal["reproduced", "reproduced under the stated reading", "not reproduced"]
@@ -230,7 +227,7 @@ class Figure:
         data = self._data(report, quick)
         report(1.0)
         arguments = {"figure": self.name} | ({"quick": True} if quick else {})
-        made_by = {"provenance": store.provenance("paper", arguments)}
+        made_by = {"provenance": io.provenance("paper", arguments)}
         return data.assign_attrs(
             title=f"{self.name}: {self.title}", caption=self.caption, **made_by
         )
@@ -240,8 +237,8 @@ class Figure:
         picture.
         """
         self._check(data)
-        with house_style():
-            picture = new_figure(PAGE, self._height)
+        with plot.house_style():
+            picture = plot.new_figure(plot.PAGE, self._height)
             self._drawing(picture, data)
         return picture
 
@@ -251,7 +248,7 @@ class Figure:
         return tuple(self._claims(data))
 
     def _check(self, data: xr.Dataset) -> None:
-        made_by = store.read_provenance(data)
+        made_by = io.read_provenance(data)
         if (
             made_by["call"] != "paper"
             or made_by["arguments"].get("figure") != self.name
@@ -324,9 +321,9 @@ def places(
         folder / f"{figure.name}.{suffix}" for suffix in ("nc", *formats)
     )
     for place in (data, *pictures):
-        files.target(place)
+        io.target(place)
     for picture in pictures:
-        format_of(picture)
+        plot.format_of(picture)
     return data, tuple(pictures)
 
 
@@ -354,10 +351,10 @@ def reproduce(
     (True, 'fig2.svg')
     """
     file, pictures = places(figure, directory, formats)
-    data = store.load(store.save(figure.compute(progress, quick), file))
+    data = io.load(io.save(figure.compute(progress, quick), file))
     drawn = figure.draw(data)
     for picture in pictures:
-        save(drawn, picture)
+        plot.save(drawn, picture)
     return Reproduction(
         figure=figure,
         data=file,

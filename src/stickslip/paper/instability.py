@@ -16,8 +16,7 @@ from scipy.signal import argrelmax, argrelmin
 
 import stickslip as ss
 from stickslip import plot, theory
-from stickslip.model import Method, Start
-from stickslip.model.distributions import Distribution
+from stickslip.model import Distribution, Method, Start
 from stickslip.paper.cases import (
     CRITICAL_STIFFNESS,
     CRITICAL_STIFFNESS_NEVER,
@@ -47,7 +46,6 @@ from stickslip.paper.kit import (
     power,
     table,
 )
-from stickslip.plot.palette import DASHED
 from stickslip.rigid import effective_stiffness
 
 _FAR = 8.0
@@ -506,7 +504,7 @@ def _drawing_2(picture: Picture, data: xr.Dataset) -> None:
         (critical, rf"$K^*$ = {critical:.3f} $k$", plot.BLACK),
         (K, rf"$K$ = {K:g} $k$: soft", plot.VERMILLION),
     ):
-        right.axhline(value, color=colour, linewidth=0.9, linestyle=DASHED)
+        right.axhline(value, color=colour, linewidth=0.9, linestyle=plot.DASHED)
         right.text(0.02, value + 0.08, text, color=colour, fontsize=8)
     right.fill_between(
         X, K, K_eff, where=K_eff > K, color=plot.VERMILLION, alpha=0.25, linewidth=0
@@ -1025,7 +1023,7 @@ def _drawing_5(picture: Picture, data: xr.Dataset) -> None:
         after,
         actual,
         color=plot.BLACK,
-        linestyle=DASHED,
+        linestyle=plot.DASHED,
         label="Eq. (12), actual velocity",
     )
     position.plot(

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from stickslip import plot
 from stickslip.arrays import Array as Array
-from stickslip.plot.style import panel as panel
+from stickslip.plot import panel as panel
 from stickslip.progress import Progress as Progress
 from stickslip.progress import part
 

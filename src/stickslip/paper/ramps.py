@@ -38,7 +38,6 @@ from stickslip.paper.kit import (
     second_axis,
     shade,
 )
-from stickslip.plot.palette import DASHED
 
 # peak to peak of the spring force that counts as stick-slip in Figs. 10 and 11, in f_s
 LEVEL = 0.6
@@ -138,7 +137,9 @@ def draw_mark(
     """
     velocity, time = _passed(run, name)
     if math.isfinite(time):
-        ax.axvline(time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=DASHED)
+        ax.axvline(
+            time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=plot.DASHED
+        )
         symbol = f"v_{name[1]}'" if "down" in name else f"v_{name[1]}"
         ax.text(time, height, f"${symbol}$ = {velocity:.3g}", ha=side, fontsize=8)
 

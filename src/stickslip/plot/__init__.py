@@ -45,6 +45,7 @@ from stickslip.plot.palette import (
     BLACK,
     BLUE,
     COLUMN,
+    DASHED,
     GREEN,
     GREY,
     ORANGE,
@@ -54,6 +55,7 @@ from stickslip.plot.palette import (
     VERMILLION,
 )
 from stickslip.plot.prediction import prediction, waves
+from stickslip.plot.replay import Frames, frames, lasting
 from stickslip.plot.runs import (
     attached,
     energy,
@@ -65,10 +67,13 @@ from stickslip.plot.runs import (
 )
 from stickslip.plot.style import (
     drawn,
+    envelope,
+    format_of,
     house_style,
     label,
     legend_above,
     new_figure,
+    panel,
     save,
     unit_text,
 )
@@ -123,6 +128,7 @@ __all__ += [
     "velocity",
 ]
 __all__ += ["velocity_step", "waves"]
+__all__ += ["DASHED", "Frames", "envelope", "format_of", "frames", "lasting", "panel"]
 
 
 class _Plot(ModuleType):

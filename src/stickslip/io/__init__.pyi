@@ -1,0 +1,13 @@
+from .datasets import load as load
+from .datasets import provenance as provenance
+from .datasets import read_provenance as read_provenance
+from .datasets import save as save
+from .files import target as target
+from .rig_files import example as example
+from .rig_files import example_file as example_file
+from .rig_files import example_names as example_names
+from .rig_files import from_document as from_document
+from .rig_files import read_rig as read_rig
+from .rig_files import to_document as to_document
+from .rig_files import to_toml as to_toml
+from .rig_keys import TABLES as TABLES
