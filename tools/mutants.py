@@ -56,79 +56,8 @@ STUCK = 150
 hangs: it is caught.
 """
 
-TESTS = {
-    "advise": "test_advise",
-    "answers.py": "test_plain test_model",
-    "cli.py": "test_cli",
-    "console.py": "test_cli",
-    "cycles": "test_cycles",
-    "elastic": "test_elastic test_fronts",
-    "errors.py": "test_bad_input",
-    "fitting": "test_fitting",
-    "io": "test_rig test_store test_extensions",
-    "io/datasets.py": "test_store test_damaged",
-    "io/files.py": "test_files",
-    "kernels": "test_contacts test_panels test_simulate test_ageing",
-    "kernels/arrest.py": "test_mechanisms",
-    "kernels/motion.py": "test_contacts test_mechanisms",
-    "kernels/reattachment.py": "test_panels test_master_equation",
-    "kernels/block": "test_elastic",
-    "kernels/event": "test_contacts test_simulate test_turning_drives",
-    "kernels/flight.py": "test_kernels test_contacts test_simulate test_turning_drives",
-    "kernels/breaking.py": "test_thermal_runs test_laws",
-    "kernels/cohorts.py": "test_panels test_master_equation",
-    "kernels/hazard.py": "test_kernels test_thermal_runs test_ageing",
-    "kernels/langevin": "test_ageing",
-    "kernels/leapfrog.py": "test_elastic",
-    "kernels/lifetimes.py": "test_friction_laws",
-    "kernels/finite_population.py": "test_population",
-    "kernels/oscillator.py": "test_contacts test_simulate test_turning_drives",
-    "kernels/panel": "test_panels test_master_equation",
-    "kernels/quasistatic.py": "test_elastic",
-    "kernels/rate_state.py": "test_friction_laws",
-    "kernels/renewal.py": "test_renewal test_rigid",
-    "kernels/rules.py": "test_kernels test_panels test_master_equation",
-    "kernels/shared_clock.py": "test_kernels test_thermal_runs",
-    "kernels/survival.py": "test_panels test_master_equation",
-    "kernels/thermal": "test_thermal_runs",
-    "kernels/tournament.py": "test_kernels test_elastic",
-    "kernels/turning_points.py": "test_kernels test_measure test_fitting",
-    "kernels/velocity_step.py": "test_friction_laws test_thermal_runs",
-    "measure": "test_measure test_traces",
-    "measure/fronts.py": "test_fronts test_elastic",
-    "model": "test_model test_drive test_rig test_units",
-    "model/activation.py": "test_friction_laws test_thermal_runs",
-    "model/body.py": "test_elastic",
-    "model/distribution": "test_distributions",
-    "model/newborn.py": "test_mechanisms test_rig",
-    "model/parameters.py": "test_model test_rig test_extensions",
-    "model/quantities.py": "test_quantities",
-    "model/units.py": "test_units test_quantities test_rig",
-    "paper": "test_paper",
-    "plot": "test_plot",
-    "plot/elastic.py": "test_fronts test_elastic",
-    "plot/replay.py": "test_plot test_explorer",
-    "progress.py": "test_cli test_plain",
-    "rate_state": "test_friction_laws",
-    "rigid.py": "test_rigid",
-    "sliding": "test_theory test_stability test_friction_laws test_noise",
-    "sliding/rigid_motion.py": "test_rigid test_rig",
-    "simulation": "test_simulate test_contacts test_work",
-    "simulation/engines/blocks.py": "test_elastic",
-    "simulation/engines/langevin.py": "test_ageing",
-    "simulation/engines/panels.py": "test_panels test_master_equation",
-    "simulation/engines/thermal": "test_thermal_runs",
-    "simulation/steps_and_holds.py": "test_thermal_runs",
-    "stability": "test_stability test_noise",
-    "sweep": "test_sweep test_sweep_plan",
-    "theory.py": "test_theory",
-}
-"""Modules, packages and beginnings of names in them, and the tests of their rooms;
-the longest that fits counts.
-"""
-
-ALL_ROOMS = "test_kept test_told"
-"""Tests that belong to no room."""
+CLOSEST = 4
+"""Test files that a module has, the closest ones."""
 
 SIGNS = {
     ast.Add: "+ -",
@@ -183,23 +112,43 @@ class Mutant:
         )
 
 
-def tests_of(file: Path) -> list[str]:
-    """Return the tests of the room that a module belongs to; none if it has none
-    here.
-    """
-    name = file.relative_to(PACKAGE).as_posix()
-    fits = [
-        room
-        for room in TESTS
-        if name == room
-        or name.startswith((f"{room}/", f"{room}_"))
-        or ("/" in room and name.startswith(room))
-    ]
-    return (
-        [f"tests/{test}.py" for test in TESTS[max(fits, key=len)].split()]
-        if fits
-        else []
+@cache
+def names_defined(file: Path) -> frozenset[str]:
+    """Return the names that stand at the top of a module."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    return frozenset(
+        node.name
+        for node in tree.body
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef))
     )
+
+
+@cache
+def names_used(file: Path) -> frozenset[str]:
+    """Return every name and attribute in a file, imports included."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    found = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    found |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+    found |= {node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
+    return frozenset(found)
+
+
+@cache
+def tests_of(file: Path) -> list[str]:
+    """Return the closest test files of a module: those named after it or its room,
+    then those that use most of its names, then most of its neighbours'.
+    """
+    named = {f"test_{place}" for place in (file.stem, file.parent.name)}
+    own = names_defined(file)
+    neighbours = frozenset().union(*map(names_defined, file.parent.glob("*.py")))
+
+    def closeness(test: Path) -> tuple[bool, int, int]:
+        used = names_used(test)
+        return test.stem in named, len(own & used), len(neighbours & used)
+
+    tests = sorted((ROOT / "tests").rglob("test_*.py"))
+    closest = sorted(tests, key=closeness, reverse=True)[:CLOSEST]
+    return [test.relative_to(ROOT).as_posix() for test in closest]
 
 
 def mutants(file: Path) -> Iterator[Mutant]:
@@ -284,13 +233,6 @@ def learn() -> None:
     """Run the quick tests of all rooms, and note which of those that pass run
     through which lines.
     """
-    rooms = sorted(
-        {
-            f"tests/{test}.py"
-            for tests in (ALL_ROOMS, *TESTS.values())
-            for test in tests.split()
-        }
-    )
     traced = WORKSHOP / "coverage"
     asked = [
         "-n",
@@ -302,7 +244,7 @@ def learn() -> None:
         "--cov-report=",
     ]
     asked += ["-rfE", "-vv", "--durations=0", "--durations-min=0"]  # the quickest, too
-    _, told = _run([*asked, *rooms], None, {"COVERAGE_FILE": str(traced)})
+    _, told = _run([*asked, "tests"], None, {"COVERAGE_FILE": str(traced)})
     seconds: dict[str, float] = defaultdict(float)
     for took, test in re.findall(
         r"^([\d.]+)s (?:setup|call) +(.+)$", told, re.MULTILINE
@@ -459,7 +401,7 @@ def _run(
         "pytest",
         "-q",
         "-m",
-        "not slow",
+        "not slow and not browser",
         "-p",
         "no:cacheprovider",
         *asked,
@@ -517,7 +459,7 @@ def main() -> int:
         learn()
         return 0
     rooms = tuple(asked.room or [""])
-    files = [file for file in sorted(PACKAGE.rglob("*.py")) if tests_of(file)]
+    files = sorted(PACKAGE.rglob("*.py"))
     files = [
         file for file in files if file.relative_to(PACKAGE).as_posix().startswith(rooms)
     ]
