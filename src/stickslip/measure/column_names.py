@@ -24,7 +24,7 @@ def columns(content: bytes) -> list[Column]:
     --------
     >>> from stickslip.measure import columns
     >>> columns(b"time [s],force [N]\n0.0,1.0\n0.1,2.0\n")[1]
-    Column(key='force', heading='2: force [N]')
+    Column(key='force', heading='2: force (N)')
     """
     headings, numeric = read_table(content)[:2]
     names = [simple(heading.name) for heading in headings]
