@@ -18,9 +18,9 @@ RIG := precision_stage
 
 help:
 	@echo 'make demo      predict and simulate $(RIG), with pictures in demo/'
-	@echo 'make test      every check but the browser's: style, types, imports, equations, tests'
+	@echo 'make test      every check without a browser: style, types, imports, equations, tests'
 	@echo 'make lint      the same without the tests'
-	@echo 'make elsewhere  the kept numbers and texts again, computed as another processor would; ONLY=... picks some'
+	@echo 'make elsewhere the kept numbers and texts, as another processor computes them; ONLY=... picks some'
 	@echo 'make browser   the journeys through the browser app; skipped without a chromium'
 	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); report in verification/"
 	@echo 'make coverage  lines that the tests go through, slow ones too; the kernels as plain Python'
