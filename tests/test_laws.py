@@ -77,17 +77,7 @@ threshold but for one in a thousand.
 """
 STATISTICAL = (ss.Contacts, ss.Population, ss.QuasiStatic)
 PAIRS = _pairs()
-DEAR = (
-    "MasterEquation, Slider: barrier",
-    "MasterEquation, Slider: barrier, exponential growth",
-)
-every_pair = pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name
-        for name in PAIRS
-    ],
-)
+every_pair = pytest.mark.parametrize("name", PAIRS)
 DRIVE = ss.constant(1.0, 1.6).then(ss.ramp(1.0, -1.0, 1.0))
 
 

@@ -55,17 +55,22 @@ COHORTS = {
     "bell, growing, fast": (LT, 1162.0),
     "parabolic": (narrow(ss.model.Parabolic(temperature=0.01, attempts=1e6)), 1.0),
     "parabolic, hot": (narrow(ss.model.Parabolic(temperature=0.05, attempts=1e6)), 1.0),
-    "barrier": (narrow(ss.Barrier(height=100, attempts=1e6)), 1.0),
-    "barrier, Kramers": (
-        narrow(ss.Barrier(height=100, attempts=1e6, kramers=True)),
-        1.0,
-    ),
 }
 """Interfaces that both solvers take, and velocities."""
 ONE_BY_ONE = {
     **{
         f"noise, {name}": (noisy(barrier, delay=0.2), 2.0, 0.25, 0.5, 2_000)
         for name, barrier in BARRIERS.items()
+    },
+    **{
+        f"barrier, {name}": (
+            narrow(ss.Barrier(height=100, attempts=1e6, kramers=kramers)),
+            1.0,
+            0.3,
+            0.5,
+            5_000,
+        )
+        for name, kramers in (("plain", False), ("Kramers", True))
     },
     # Forces of contacts go up to their areas; a site keeps its area for ever.
     **{

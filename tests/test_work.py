@@ -301,37 +301,6 @@ def test_stiff_dashpots_ask_for_short_steps(method):
         work(1e9).check()
 
 
-def test_what_is_too_narrow_for_the_master_equation_is_offered_contacts():
-    """At a temperature nothing looser than 6.4e-3 is cheaper; steps and cohorts go as
-    1/width, and as 1/sqrt(rtol).
-
-    Where a clock says what is left, the width does not matter.
-    """
-
-    def work(width, rtol=1e-4, activation=None):
-        activation = activation or ss.model.Parabolic(temperature=width, attempts=1e3)
-        interface = replace(INTERFACE, activation=activation, ageing=GROWTH)
-        return estimate(
-            RIG.replace(interface=interface, method=ss.MasterEquation(rtol=rtol))
-        )
-
-    assert (
-        work(1e-3).seconds
-        > 100 * work(1e-3, activation=ss.Bell(width=1e-3, attempts=1e3)).seconds
-    )
-    assert work(1e-3, rtol=1e-2).seconds == work(1e-3, rtol=6.5e-3).seconds
-    # steps of ringing are not finer
-    assert 50 < work(1e-3, rtol=1e-6).seconds / work(1e-3).seconds < 100
-    with pytest.raises(
-        ss.InputError,
-        match=(
-            r"^interface\.activation = 1e-05: .*; use Contacts\(\.\.\.\), or give "
-            r"at"
-        ),
-    ):
-        work(1e-5).check()
-
-
 BELL = ss.Bell(width=0.02, attempts=1e4)
 ON_PANELS = {
     "slips": {},

@@ -50,10 +50,7 @@ class MasterEquation(Record):
         within a factor of 10. Steps of time follow from it. With thresholds that age by
         `Langevin` it is the kinetic equation that is solved, at a resolution whose
         error in the steady force is ten times that, up to ``velocity = rate**2``
-        (default: 0.1 %, peaks to 0.5 %). By `Barrier`, `Parabolic` with growth, and
-        `Bell` with `ExponentialGrowth`, no step is longer than four times the
-        stretching over which the rate of breaking grows by e, that of 6e-3: more costs
-        as much.
+        (default: 0.1 %, peaks to 0.5 %).
     memoryless : bool
         Use the paper's approximation, Eq. (10), for the detached contacts in place of
         the true delay. It has no memory and gives an oscillation of its own; for

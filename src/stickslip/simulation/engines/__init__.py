@@ -2,13 +2,7 @@
 for its method.
 """
 
-from stickslip.simulation.engines import (
-    blocks,
-    contacts,
-    langevin,
-    panels,
-    thermal_population,
-)
+from stickslip.simulation.engines import blocks, contacts, langevin, panels
 from stickslip.simulation.engines.base import (
     Advance,
     Beginning,
@@ -30,4 +24,4 @@ __all__ = [
     "engine_of",
     "solves",
 ]
-__all__ += ["blocks", "contacts", "langevin", "panels", "thermal_population"]
+__all__ += ["blocks", "contacts", "langevin", "panels"]
