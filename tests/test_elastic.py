@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benches import bar, imbalance, oscillations, pushed, springs_between
+from benches import bar, imbalance, pushed
 from test_told import BAR
 
 import stickslip as ss
@@ -75,35 +75,32 @@ def test_stuck_blocks_oscillate_as_springs_do() -> None:
     assert np.abs(run.displacement[:, 2] - exact).max() < 1e-4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("springs", "mode"),
+    ("springs", "grows"),
     [
-        ({"coupling": 2.0, "leaf": 3.0, "ends": "periodic", "viscosity": 2e-3}, 1),
-        ({"coupling": 40.0, "side": 40.0}, 0),
-        ({"coupling": 80.0, "side": 40.0}, 0),
+        ({"coupling": 40.0, "side": 40.0}, True),
+        ({"coupling": 400.0, "side": 40.0}, False),
+        ({"coupling": 40.0, "leaf": 1.0}, True),
+        ({"coupling": 40.0, "leaf": 8.0}, False),
     ],
 )
-def test_modes_of_smooth_sliding_grow_as_in_linear_theory(
-    springs: dict[str, float], mode: int
+def test_blocks_slide_smoothly_where_all_modes_decay_and_else_turn_back(
+    springs: dict[str, float], grows: bool
 ) -> None:
     chain = ss.Chain(blocks=8, mass=1e-4, damping=42.426, **springs)
-    shape = np.linalg.eigh(np.diag(chain.pulled) + springs_between(chain))[1][:, mode]
-    shape = shape / np.abs(shape).max()
-    start = ss.FromSliding(perturbation=tuple(0.2 * shape))
-    drive = ss.constant(1.5, duration=10.0)
     interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
-    rig = ss.Rig(interface, chain, drive, start=start, output=ss.Output(interval=1e-2))
-    expected = ss.elastic.modes(rig).isel(mode=mode)
-    moved = (
-        run := ss.simulate(rig, long=True)
-    ).displacement.values - 1.5 * run.time.values[:, None]
-    signal = ((moved - moved[0]) @ shape)[run.time.values >= 3.0][::5]
-    found = oscillations(signal, 0.05)
-    # the slowest decay
-    found = max(found[np.abs(found.imag) > 1.0], key=lambda s: s.real)
-    assert found.real == pytest.approx(float(expected.growth), abs=1e-3)
-    assert abs(found.imag) == pytest.approx(float(expected.frequency), abs=1e-3)
+    rig = ss.Rig(
+        interface,
+        chain,
+        ss.constant(1.5, duration=40.0),
+        method=ss.Contacts(200, seed=1),
+        start=ss.FromSliding(),
+        output=ss.Output(interval=2e-2),
+    )
+    assert (float(ss.elastic.modes(rig).growth[0]) > 0) == grows
+    velocity = ss.simulate(rig, long=True).velocity.sel(time=slice(20.0, None))
+    # The noise of the contacts moves the blocks by .16 about the velocity of 1.5.
+    assert (float(velocity.min()) < 0) == grows
 
 
 def test_rows_of_a_sheet_that_move_alike_are_chains() -> None:
@@ -279,9 +276,6 @@ def test_a_run_has_dimensions_units_and_sums() -> None:
         run.spring_force.values, abs=1e-12
     )
     assert float(run.attached.max()) == 1.0
-    assert set(ss.simulate(small(method=ss.MasterEquation())).data_vars) == set(
-        run.data_vars
-    )
 
 
 @pytest.mark.parametrize(
@@ -357,8 +351,8 @@ RIGID = ss.Rig(
             "FromSliding.at_rest = 7: there are 6 blocks",
         ),
         (
-            lambda: small(start=ss.FromSliding(at_rest=2), method=ss.MasterEquation()),
-            "not available with MasterEq",
+            lambda: small(method=ss.MasterEquation()),
+            r"^method = .*: is not for a Chain; use Contacts or QuasiStatic$",
         ),
         (
             lambda: RIGID.replace(method=ss.QuasiStatic()),
@@ -518,38 +512,6 @@ def test_mistakes_in_a_file_are_told(
     assert "\n" not in str(caught.value)
 
 
-def test_light_stiff_blocks_converge_in_second_order():
-    """Cohorts are looked up after hundreds of steps of such blocks, as the tolerance
-    has it; energy closes.
-    """
-    interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
-    drive = ss.constant(1.5, 2.0)
-    bar = ss.Chain(blocks=5, coupling=200.0, mass=1e-4, damping=40.0, side=40.0)
-    output = ss.Output(interval=0.02)
-    ends = []
-    lost = []
-    for rtol in (4e-2, 4e-3, 4e-4, 4e-5):
-        run = ss.simulate(
-            ss.Rig(
-                interface,
-                bar,
-                drive,
-                method=ss.MasterEquation(rtol=rtol),
-                output=output,
-            )
-        )
-        balance = (
-            sum(run[name] for name in run if name.endswith("_energy")) - run["work"]
-        )
-        ends.append(run["friction_force"])
-        lost.append(float(np.abs(balance).max() / run["work"][-1]))
-    errors = [float(np.sqrt(((end - ends[-1]) ** 2).mean())) for end in ends[:-1]]
-    assert errors[0] < 4e-2
-    assert errors[1] < 0.2 * errors[0]  # a tenth
-    assert errors[2] < 0.2 * errors[1]
-    assert max(lost[1:]) < 1e-4
-
-
 @pytest.mark.parametrize(
     "thresholds", [ss.Exponential(mean=0.8), ss.Gaussian(mean=1.0, std=0.3)]
 )
@@ -558,8 +520,8 @@ def test_light_stiff_blocks_converge_in_second_order():
 )
 @pytest.mark.parametrize("sliding_force", [0.0, 0.3])
 def test_blocks_that_move_alike_are_a_rigid_slider(thresholds, delay, sliding_force):
-    """Steps of leapfrog with cohorts of one age against panels: two solvers that
-    share no line, through a reversal.
+    """Steps of leapfrog with many contacts against panels: two solvers that share no
+    line, through a reversal.
     """
     interface = ss.Interface(
         thresholds=thresholds, delay=delay, sliding_force=sliding_force
@@ -567,29 +529,18 @@ def test_blocks_that_move_alike_are_a_rigid_slider(thresholds, delay, sliding_fo
     drive = (
         ss.constant(1.0, 3.0).then(ss.ramp(1.0, -1.0, 1.0)).then(ss.constant(-1.0, 1.0))
     )
+    output = ss.Output(interval=0.05)
+    slider = ss.Slider(stiffness=0.7, mass=0.05, damping=1.0)
+    blocks = ss.Chain(blocks=2, coupling=5.0, mass=0.05, damping=1.0, leaf=0.7)
+    count = 2_000
     one, two = (
-        ss.simulate(
-            ss.Rig(
-                interface,
-                slider,
-                drive,
-                method=ss.MasterEquation(),
-                output=ss.Output(interval=0.05),
-            )
-        )
-        for slider in (
-            ss.Slider(stiffness=0.7, mass=0.05, damping=1.0),
-            ss.Chain(blocks=2, coupling=5.0, mass=0.05, damping=1.0, leaf=0.7),
+        ss.simulate(ss.Rig(interface, body, drive, method=method, output=output))
+        for body, method in (
+            (slider, ss.MasterEquation()),
+            (blocks, ss.Contacts(count, seed=1)),
         )
     )
-    for name in ("displacement", "velocity", "friction_force", "attached"):
-        assert np.abs(two[name].mean("block") - one[name]).max() < 3e-4
-    for name in (
-        "work",
-        "kinetic_energy",
-        "spring_energy",
-        "contact_energy",
-        "damped_energy",
-        "broken_energy",
-    ):
-        assert np.abs(two[name] / 2 - one[name]).max() < 2e-4
+    # The force of a contact has a standard deviation below .65.
+    error = 4.0 * 0.65 / math.sqrt(2 * count)
+    for name in ("displacement", "friction_force", "attached"):
+        assert np.abs(two[name].mean("block") - one[name]).max() < error

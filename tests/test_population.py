@@ -236,37 +236,3 @@ def test_newborns_of_a_slider_at_rest_do_not_push_it():
         for rtol in (1e-7, 1e-4)
     )
     assert float(np.sqrt(((found - exact) ** 2).mean())) < 10.0 * 1e-4
-
-
-@pytest.mark.parametrize(
-    "delay",
-    [ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.12)],
-    ids=["fixed", "random"],
-)
-@pytest.mark.takes(5)
-def test_blocks_fluctuate_as_those_of_single_contacts_do(delay):
-    """The variance in time of attached fraction and force, and of their changes;
-    blocks are nearly independent.
-    """
-    body = ss.Chain(blocks=40, coupling=0.5, mass=1e-2, damping=60.0, leaf=50.0)
-    rig = ss.Rig(
-        ss.Interface(thresholds=TENTH, delay=delay),
-        body,
-        ss.constant(1.0, 20.0),
-        start=ss.FromSliding(),
-    )
-    found = []
-    for method in (ss.Contacts(400, seed=2), ss.Population(400, seed=2, rtol=1e-3)):
-        run = ss.simulate(rig, method=method, output=ss.Output(interval=0.05))
-        traces = [run[name].values for name in ("attached", "friction_force")]
-        variances = np.array(
-            [
-                trace.var(axis=0)
-                for trace in (*traces, *(np.diff(one, axis=0) for one in traces))
-            ]
-        )
-        found.append(
-            (variances.mean(axis=1), variances.var(axis=1, ddof=1) / body.blocks)
-        )
-    (contacts, error), (counted, another) = found
-    assert (np.abs(counted - contacts) / np.sqrt(error + another)).max() < 4.0

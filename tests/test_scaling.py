@@ -125,7 +125,7 @@ def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
 @UNITS
 @pytest.mark.parametrize(
     "method",
-    [ss.Contacts(200, seed=1), ss.MasterEquation(), ss.QuasiStatic(200, seed=1)],
+    [ss.Contacts(200, seed=1), ss.QuasiStatic(200, seed=1)],
 )
 def test_elastic_sliders_have_no_length_or_time_of_their_own(method, length, time):
     bar = ss.Chain(

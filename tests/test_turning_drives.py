@@ -361,7 +361,6 @@ OF_ALL = {
         ss.MasterEquation(rtol=1e-2),
     ),
     "blocks": ({}, BAR, ss.Contacts(10)),
-    "blocks of cohorts": ({}, BAR, ss.MasterEquation(rtol=1e-2)),
 }
 
 

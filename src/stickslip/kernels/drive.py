@@ -24,11 +24,11 @@ STILL = Quadratic(0.0, 0.0, 0.0, 0.0)
 
 # Why a kernel came back: the end of a piece is reached, its condition holds, its budget
 # is spent; or, to go on, a look has to be taken, the slider has stopped, there is no
-# more room for cohorts or for steps in a delay, random numbers are used up. `UNSOLVED`:
+# more room for cohorts, random numbers are used up. `UNSOLVED`:
 # the next step has no solution. `STANDS_STILL`: an event took no time and changed
 # nothing, and would do so again.
-ON_THE_WAY, FINISHED, STOPPED, PAUSED, LOOK, ARRESTED, NO_ROOM, NO_HISTORY = range(8)
-DRAWS_USED_UP, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED, STANDS_STILL = range(8, 13)
+ON_THE_WAY, FINISHED, STOPPED, PAUSED, LOOK, ARRESTED, NO_ROOM = range(7)
+DRAWS_USED_UP, THRESHOLDS_USED_UP, DELAYS_USED_UP, UNSOLVED, STANDS_STILL = range(7, 12)
 
 # Kinds of conditions.
 NOWHERE, TRAVEL, FORCE_ABOVE, FORCE_BELOW = range(4)

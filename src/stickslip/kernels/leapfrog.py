@@ -1,8 +1,8 @@
 """Blocks in motion: leapfrog, kick and drift, with what goes with it: dashpots,
 energies, samples, pieces of the drive.
 
-What the contacts of a block do while it drifts is for another kernel to say (`blocks`,
-`block_cohorts`); here they are three sums: the attached fraction, and the origins of
+What the contacts of a block do while it drifts is for another kernel to say
+(`blocks`); here they are three sums: the attached fraction, and the origins of
 those attached, plain and squared. The contacts that are detached slide together, one
 elastic and plastic element a block: stretched as an attached contact would be, up to
 the force ``f_d``. What it dissipates counts as broken.

@@ -3,25 +3,22 @@
 """
 
 import math
-from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from stickslip.errors import InputError
-from stickslip.kernels import block_cohorts, blocks, drive, quasistatic
+from stickslip.kernels import blocks, drive, quasistatic
 from stickslip.kernels.blocks import Draws
-from stickslip.kernels.cohort_store import ALIVE, KEPT, PLACE, Delays, longer
 from stickslip.kernels.drive import Piece, Sampling
 from stickslip.kernels.leapfrog import (
     OF_BLOCKS,
     SUMS,
-    Motion,
     Network,
-    at_rest,
     fastest,
     stiffest_dashpot,
 )
@@ -29,18 +26,14 @@ from stickslip.model import (
     Chain,
     Contacts,
     Delay,
-    DelayModel,
     ElasticBody,
     FromRest,
     Interface,
-    MasterEquation,
-    Method,
-    Population,
     Prestressed,
     QuasiStatic,
 )
 from stickslip.model.body import coupling_matrix
-from stickslip.model.newborn import stretching_nodes, thresholds_beyond
+from stickslip.model.newborn import thresholds_beyond
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import (
     Advance,
@@ -56,7 +49,6 @@ from stickslip.simulation.engines.beginnings import (
     drawing,
     first_contacts,
     lifetimes_in,
-    survival_of,
     track_factor,
 )
 from stickslip.simulation.work import Course, Part, breaking
@@ -67,20 +59,12 @@ _DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
 # random numbers drawn at once for a block; the same seed gives another run with another
 # length
 _POOL = 256
-_STEP, _STEP_OF_COHORTS, _COHORT, _BREAK, _BALANCE = (
-    2e-8,
-    3e-8,
-    (4.5e-9, 1.8e-8),
-    7e-7,
-    4e-8,
-)
-"""Seconds a step of a block takes where no contact breaks, and with cohorts; each of
-these at the end of a stage, and if its contacts are counted; a break; and a block at
-each break in balance.
-"""
+# Seconds of a step of a block in which no contact breaks, of a break, and of a block at
+# each break in balance.
+_STEP = 2e-8
+_BREAK = 7e-7
+_BALANCE = 4e-8
 _CONTACT = 64.0  # bytes of a contact
-_CELLS = 400.0  # cohorts on a breaking displacement for an error of 1e-5
-_STAGES = 100.0  # stages in a delay, at least
 # events, or eight steps of a block each, in an advance: some 50 to 200 ms
 _BUDGET = 2_000_000
 
@@ -166,20 +150,6 @@ def longest_step(network: Network) -> float:
     return min(ANGLE / fastest(network), _DASHPOT / rate if rate > 0 else math.inf)
 
 
-def cells_of(method: MasterEquation | Population) -> float:
-    """Cohorts on a breaking displacement: the error is of second order in the
-    distance between two.
-    """
-    return _CELLS * math.sqrt(1e-4 / method.rtol)
-
-
-def longest_stage(delay: DelayModel, body: ElasticBody, cells: float) -> float:
-    """Longest stage of cohorts: it resolves the delay, or what a block does on its
-    contacts alone if that is slower.
-    """
-    return max(delay.moment(1) / _STAGES, ANGLE * math.sqrt(body.mass)) * _CELLS / cells
-
-
 class Streams:
     """Random numbers of each block, which do not depend on how many blocks there
     are.
@@ -252,52 +222,79 @@ def contacts_of(
     return x, threshold, waiting
 
 
-class ElasticEngine(Engine):
-    """What engines of elastic sliders share: their motion, whatever the contacts
-    are.
+def start_of(
+    beginning: Beginning,
+    body: ElasticBody,
+    friction: Array,
+    slides: NDArray[np.bool_],
+) -> tuple[Array, Array]:
+    """Displacements and velocities of the blocks at the start, in balance with their
+    friction if they slide.
+    """
+    if not beginning.sliding:
+        return np.zeros(body.size), np.zeros(body.size)
+    force = friction + body.mass * body.damping * beginning.velocity * slides
+    held = sparse.diags_array(body.pulled) + coupling_matrix(body)
+    driven = float(force.sum() / body.pulled.sum())
+    X = np.asarray(spsolve(held.tocsc(), body.pulled * driven - force)).reshape(
+        body.size
+    )
+    perturbation = per_block("FromSliding.perturbation", beginning.perturbation, body)
+    return X, beginning.velocity * (1.0 + perturbation) * slides
+
+
+@solves(Contacts, elastic=True)
+@solves(QuasiStatic, elastic=True)
+class BlocksOfContacts(Engine):
+    """Blocks with N contacts each, fed with random numbers block by block.
+
+    With inertia in steps of time, breaks located inside them:
+    `stickslip.kernels.blocks`; or in balance all the time, from event to event:
+    `stickslip.kernels.quasistatic`.
     """
 
     angle = 0.1
-    mechanisms = frozenset({"sliding_force"})
+    mechanisms = frozenset({"sliding_force", "slip_to_slip_scatter"})
     slider: ElasticBody
-    _motion: Motion
 
-    def __init__(self, beginning: Beginning, method: Method) -> None:
+    def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
         body = beginning.slider
         assert isinstance(body, ElasticBody)
+        self._balanced = isinstance(method, QuasiStatic)
+        if self._balanced and not isinstance(body, Chain):
+            raise InputError("QuasiStatic: is for a Chain; use Contacts")
         self.slider = body
         self._sliding = beginning.interface.sliding_force
-        load, push, self._prestress = balanced(
-            beginning, always=isinstance(method, QuasiStatic)
-        )
+        load, push, prestress = balanced(beginning, always=self._balanced)
         self._network = network_of(body, load, push)
         self._longest = longest_step(self._network)
-        self._slides = np.full(body.size, beginning.sliding) & (
+        slides = np.full(body.size, beginning.sliding) & (
             np.arange(body.size) >= beginning.at_rest
         )
-        self._anchored = np.where(self._slides, self._sliding, self._prestress)
-        self._element = np.clip(self._anchored, -self._sliding, self._sliding)
-
-    def _start(self, beginning: Beginning, friction: Array) -> tuple[Array, Array]:
-        """Displacements and velocities of the blocks at the start, in balance with
-        their friction if they slide.
-        """
-        body = self.slider
-        if not beginning.sliding:
-            return np.zeros(body.size), np.zeros(body.size)
-        force = friction + body.mass * body.damping * beginning.velocity * self._slides
-        held = sparse.diags_array(body.pulled) + coupling_matrix(body)
-        driven = float(force.sum() / body.pulled.sum())
-        X = np.asarray(spsolve(held.tocsc(), body.pulled * driven - force)).reshape(
-            body.size
+        anchored = np.where(slides, self._sliding, prestress)
+        element = np.clip(anchored, -self._sliding, self._sliding)
+        self._streams = Streams(beginning.interface, method.seed, body.size)
+        x, threshold, waiting = contacts_of(
+            beginning, self._streams, method.count, prestress
         )
-        perturbation = per_block(
-            "FromSliding.perturbation", beginning.perturbation, body
+        friction = np.where(threshold > 0, x, element[:, None]).mean(axis=1)
+        X, V = start_of(beginning, body, friction, slides)
+        self._state = blocks.make_state(
+            X[:, None] - x, threshold, waiting, X, V, self._sliding, anchored
         )
-        return X, beginning.velocity * (1.0 + perturbation) * self._slides
+        self._motion = self._state.motion
+        self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
+        self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
+        if self._balanced:
+            # creep has a velocity, but no kinetic energy
+            self._network = self._network._replace(mass=0.0)
+            self._longest = math.inf
+            self._room = np.zeros((7, body.size))
 
     @staticmethod
-    def cost(rig: Rig, method: Method, course: Course) -> tuple[Part, ...]:
+    def cost(
+        rig: Rig, method: Contacts | QuasiStatic, course: Course
+    ) -> tuple[Part, ...]:
         """Return the work of a run, by part: of steps, unless in balance all the
         time, and of breaks.
         """
@@ -306,52 +303,28 @@ class ElasticEngine(Engine):
         assert isinstance(body, ElasticBody)
         steps = 0.0
         stiff = False
-        moving = _STEP
         if not balanced:
             network = network_of(body, np.zeros(body.size), np.zeros(body.size))
             step = longest_step(network)
             # dashpots ask for shorter steps than springs
             stiff = step < longest_step(network._replace(lag=0.0))
             steps = body.size * rig.drive.duration / step
-        if isinstance(method, MasterEquation | Population):
-            cells = cells_of(method)
-            delay = rig.interface.delay
-            moving = _STEP_OF_COHORTS
-            distribution = rig.interface.threshold_distribution
-            steps *= max(1.0, cells / _CELLS)
-            way = course.distance * distribution.moment(1)
-            stages = min(
-                cells * way + rig.drive.duration / longest_stage(delay, body, cells),
-                steps / body.size,
-            )
-            cohorts = cells * min(survival_of(distribution).top, way)
-            what = f"{stages:.2g} stages of {cohorts:.2g} cohorts on each block"
-            each = cohorts * body.size
-            counted = isinstance(method, Population)
-            waiting = (
-                8.0 * KEPT * body.size * (delay.quadrature()[0].size if counted else 1)
-            )
-            seconds = _COHORT[counted] * each * stages
-            room = _CONTACT * each + waiting
-            contacts = Part(
-                "simulation.rtol", method.rtol, None, -1.0, what, seconds, room
-            )
-        else:
-            count = body.size * method.count
-            each = _BALANCE * body.size if balanced else _BREAK
-            # The prestress may break each once, however short the way of the drive.
-            lives = max(
-                lifetimes_in(rig, course)[0], float(isinstance(rig.start, Prestressed))
-            )
-            drawn = drawing(rig, method.count, body.size)
-            contacts = breaking(count, lives, each, _CONTACT, more=drawn)._replace(
-                value=method.count
-            )
+        count = body.size * method.count
+        each = _BALANCE * body.size if balanced else _BREAK
+        # The prestress may break each once, however short the way of the drive.
+        lives = max(
+            lifetimes_in(rig, course)[0], float(isinstance(rig.start, Prestressed))
+        )
+        drawn = drawing(rig, method.count, body.size)
+        contacts = breaking(count, lives, each, _CONTACT, more=drawn)._replace(
+            value=method.count
+        )
         name, power = ("viscosity", 1.0) if stiff else ("mass", -0.5)
         words = f"{steps:.2g} steps of blocks"
-        return Part(
-            f"slider.{name}", getattr(body, name), name, power, words, moving * steps
-        ), contacts
+        moving = Part(
+            f"slider.{name}", getattr(body, name), name, power, words, _STEP * steps
+        )
+        return moving, contacts
 
     @property
     def columns(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -384,14 +357,6 @@ class ElasticEngine(Engine):
             "preload": self._network.load - self._network.push,
         }
 
-    @abstractmethod
-    def _move(self, piece: Piece, sampling: Sampling) -> int:
-        """Go on, and say why it ends."""
-
-    @abstractmethod
-    def _provide(self, why: int) -> bool:
-        """Provide what the kernel has come back for; whether it was for that."""
-
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
         sampling = Sampling(
@@ -407,44 +372,6 @@ class ElasticEngine(Engine):
         seen = looks_aside(self, leg, look if why == drive.LOOK else self.here()[0])
         return Advance(rows, seen, over=why not in (drive.PAUSED, drive.LOOK))
 
-
-@solves(Contacts, elastic=True)
-@solves(QuasiStatic, elastic=True)
-class BlocksOfContacts(ElasticEngine):
-    """Blocks with N contacts each, fed with random numbers block by block.
-
-    With inertia in steps of time, breaks located inside them:
-    `stickslip.kernels.blocks`; or in balance all the time, from event to event:
-    `stickslip.kernels.quasistatic`.
-    """
-
-    mechanisms = frozenset({"sliding_force", "slip_to_slip_scatter"})
-
-    def __init__(self, beginning: Beginning, method: Contacts | QuasiStatic) -> None:
-        super().__init__(beginning, method)
-        body = self.slider
-        self._balanced = isinstance(method, QuasiStatic)
-        if self._balanced and not isinstance(body, Chain):
-            raise InputError("QuasiStatic: is for a Chain; use Contacts")
-        self._streams = Streams(beginning.interface, method.seed, body.size)
-        x, threshold, waiting = contacts_of(
-            beginning, self._streams, method.count, self._prestress
-        )
-        X, V = self._start(
-            beginning, np.where(threshold > 0, x, self._element[:, None]).mean(axis=1)
-        )
-        self._state = blocks.make_state(
-            X[:, None] - x, threshold, waiting, X, V, self._sliding, self._anchored
-        )
-        self._motion = self._state.motion
-        self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
-        self._state.contacts.next_delay[:] = self._streams.draws.delays.shape[1]
-        if self._balanced:
-            # creep has a velocity, but no kinetic energy
-            self._network = self._network._replace(mass=0.0)
-            self._longest = math.inf
-            self._room = np.zeros((7, body.size))
-
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts of all blocks now."""
         contacts = self._state.contacts
@@ -452,6 +379,7 @@ class BlocksOfContacts(ElasticEngine):
         return Stretchings(x, np.full(x.size, 1.0 / contacts.birth.size), cells=False)
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
+        """Go on, and return why it ends."""
         state = self._state
         network = self._network
         draws = self._streams.draws
@@ -464,6 +392,9 @@ class BlocksOfContacts(ElasticEngine):
         )
 
     def _provide(self, why: int) -> bool:
+        """Provide what the kernel has come back for; return whether it was for
+        that.
+        """
         contacts = self._state.contacts
         block = int(self._motion.now.block)
         if why == drive.UNSOLVED:
@@ -485,94 +416,3 @@ class BlocksOfContacts(ElasticEngine):
                     block
                 ] = 0
         return why in kinds
-
-
-@solves(MasterEquation, elastic=True)
-@solves(Population, elastic=True)
-class BlocksOfCohorts(ElasticEngine):
-    """Blocks with infinitely many contacts each, or counted, in cohorts:
-    `stickslip.kernels.block_cohorts`.
-    """
-
-    smooth = True
-
-    def __init__(
-        self, beginning: Beginning, method: MasterEquation | Population
-    ) -> None:
-        super().__init__(beginning, method)
-        interface = beginning.interface
-        if beginning.at_rest:
-            name = type(method).__name__
-            raise InputError(
-                f"FromSliding.at_rest = {beginning.at_rest}: not available with "
-                f"{name}; use Contacts"
-            )
-        table = survival_of(interface.threshold_distribution)
-        cells = cells_of(method)
-        past_rate = 0.0
-        self._longest *= min(1.0, _CELLS / cells)  # finer cohorts come with finer steps
-        if beginning.sliding:
-            x, fraction = block_cohorts.smooth_sliding(table, cells, beginning.attached)
-            past_rate = (
-                beginning.attached
-                * beginning.velocity
-                / interface.threshold_distribution.moment(1)
-            )
-        elif isinstance(beginning.start, Prestressed):
-            x = np.zeros(1)
-            fraction = np.ones(1)
-        else:
-            x, fraction = stretching_nodes(
-                interface.initial, interface.threshold_distribution
-            )
-        x = self._prestress[:, None] + x
-        count, seed = (
-            (float(method.count), method.seed)
-            if isinstance(method, Population)
-            else (math.inf, 0)
-        )
-        limits = (
-            1.0 / cells,
-            longest_stage(interface.delay, self.slider, cells),
-            count,
-            np.random.default_rng(seed),
-        )
-        self._case = block_cohorts.Case(
-            table, Delays(*interface.delay.quadrature()), self._sliding, *limits
-        )
-        X, V = self._start(
-            beginning,
-            (x * fraction).sum(axis=1) + (1.0 - fraction.sum()) * self._element,
-        )
-        self._motion = at_rest(X, V, self._sliding, self._anchored)
-        room = int(2.0 * cells * table.top) + x.shape[1] + 64
-        self._state = block_cohorts.make_state(
-            self._motion, X[:, None] - x, fraction, self._case, past_rate, room
-        )
-
-    def stretchings(self) -> Stretchings:
-        """Stretchings of the cohorts of all blocks now."""
-        cohort = self._state.cohorts.cohort
-        alive = cohort[:, ALIVE] * (
-            np.arange(cohort.shape[2]) < self._state.cohorts.used[:, None]
-        )
-        x = self._motion.blocks.X[:, None] - cohort[:, PLACE]
-        return Stretchings(
-            x[alive > 0], alive[alive > 0] / self.slider.size, cells=True
-        )
-
-    def _move(self, piece: Piece, sampling: Sampling) -> int:
-        return block_cohorts.advance(
-            self._state, self._network, piece, sampling, self._case, 50 * _BUDGET
-        )
-
-    def _provide(self, why: int) -> bool:
-        cohorts = self._state.cohorts
-        if why == drive.NO_ROOM:
-            cohorts = cohorts._replace(
-                cohort=np.append(cohorts.cohort, np.zeros_like(cohorts.cohort), axis=2)
-            )
-        elif why == drive.NO_HISTORY:
-            cohorts = cohorts._replace(history=longer(cohorts.history))
-        self._state = self._state._replace(cohorts=cohorts)
-        return why in (drive.NO_ROOM, drive.NO_HISTORY)
