@@ -28,7 +28,7 @@ import sweep_spin
 
 import stickslip as ss
 from stickslip.paper.cases import FIG4
-from stickslip.sweep import Processes, Runs, Threads, run_cases, summary
+from stickslip.sweep import NamedStudy, Processes, Runs, Threads, run_study, summary
 
 CASES = 10_000
 SECONDS = 1e-3
@@ -77,13 +77,14 @@ def idle():
 @pytest.mark.parametrize("stored", [False, True], ids=["memory", "store"])
 def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
     case = functools.partial(sweep_spin.case, steps=sweep_spin.steps_for(SECONDS))
+    study = NamedStudy(run=case, name="spin", version="1")
     figures = {}
 
     def run(executor, others):
         store = tmp_path / "bench.sqlite" if stored else None
         begin = time.perf_counter(), cpu_here() + others(), idle()
-        result = run_cases(
-            case, {"i": np.arange(CASES)}, executor=executor, store=store
+        result = run_study(
+            study, {"i": np.arange(CASES)}, executor=executor, store=store
         )
         end = time.perf_counter(), cpu_here() + others(), idle()
         wall, cpu, idled = (b - a for a, b in zip(begin, end, strict=True))
@@ -102,8 +103,8 @@ def test_ten_thousand_cases_of_a_millisecond(benchmark, tmp_path, pool, stored):
     with pool() as (executor, others):
         # Imports (xarray) and the first use of the executor are paid once, not per
         # case.
-        run_cases(
-            case, {"i": range(4)}, executor=executor, store=tmp_path / "warm.sqlite"
+        run_study(
+            study, {"i": range(4)}, executor=executor, store=tmp_path / "warm.sqlite"
         )
         result = benchmark.pedantic(
             run, args=(executor, others), rounds=1, iterations=1
@@ -121,15 +122,18 @@ def nothing(i, seed):
     return {"twice": 2 * i, "seed": float(seed), "half": 0.5 * i}
 
 
+NOTHING = NamedStudy(run=nothing, name="nothing", version="1")
+
+
 @pytest.mark.parametrize("stored", [False, True], ids=["memory", "store"])
 def test_what_a_sweep_costs_without_its_cases(benchmark, tmp_path, stored):
-    run_cases(nothing, {"i": range(4)}, store=tmp_path / "warm.sqlite")
+    run_study(NOTHING, {"i": range(4)}, store=tmp_path / "warm.sqlite")
     costs = []
 
     def run(round_):
         begin = time.process_time()
         store = tmp_path / f"{round_}.sqlite" if stored else None
-        result = run_cases(nothing, {"i": np.arange(CASES)}, store=store)
+        result = run_study(NOTHING, {"i": np.arange(CASES)}, store=store)
         costs.append(1e6 * (time.process_time() - begin) / CASES)
         return result
 

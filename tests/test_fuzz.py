@@ -26,7 +26,7 @@ from stickslip.errors import LONGEST_MESSAGE, UndecidedError
 from stickslip.explorer import documents, simulate
 from stickslip.io import rig_files
 from stickslip.simulation import estimate
-from stickslip.sweep import Options, run_cases, status_of
+from stickslip.sweep import NamedStudy, run_study, status_of
 
 OTHERS = "FUZZ_EXAMPLES" in os.environ
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "25"))
@@ -397,8 +397,8 @@ def messages(draw):
 
 
 def halves(store):
-    options = Options(study="half", version="1")
-    return run_cases(half, {"a": [1.0, 2.0, 3.0]}, store=store, options=options)
+    study = NamedStudy(run=half, name="half", version="1")
+    return run_study(study, {"a": [1.0, 2.0, 3.0]}, store=store)
 
 
 @cache

@@ -14,7 +14,6 @@ import threading
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ import xarray as xr
 
 from stickslip.errors import InputError
 from stickslip.sweep import (
-    Options,
+    NamedStudy,
     Processes,
     Progress,
     Refinement,
@@ -33,7 +32,7 @@ from stickslip.sweep import (
     _table,
     failures,
     open_sweep,
-    run_cases,
+    run_study,
     status_of,
     summary,
 )
@@ -51,12 +50,21 @@ def case(stiffness, velocity, start, seed):
     return {"sum": total, "regime": "smooth" if total > 10 else "stick-slip"}
 
 
-def product(a, b):
+def product(a, b, seed):  # noqa: ARG001
     return {"product": a * b}
 
 
+def named(run, name="some study", version="1", **more):
+    return NamedStudy(run=run, name=name, version=version, **more)
+
+
+def run_cases(function, axes, **how):
+    """Results of a function, or of a study, over some axes."""
+    study = function if isinstance(function, NamedStudy) else named(function)
+    return run_study(study, axes, **how)
+
+
 ONE = {"a": [1], "b": [1]}
-NAMED = Options(study="product", version="1")  # what a store needs
 
 
 # Cases for other processes live in a module that these can import; each run leaves a
@@ -72,7 +80,7 @@ def logged(a, b, seed):
     value = a + np.random.default_rng(seed).random() * b
     return {"value": value, "label": "high" if value > 5 else "low"}
 
-def deadly(a, b):
+def deadly(a, b, seed):
     if a == 3 and b == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     return {"value": a * b}
@@ -146,7 +154,7 @@ def test_axes_become_dimensions_of_one_dataset():
 
 
 def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
-    def odd(x, flag):  # noqa: ARG001
+    def odd(x, flag, seed):  # noqa: ARG001
         return {
             "large": x > 1,
             "sometimes": None if x < 1 else np.float32(0.1),
@@ -155,17 +163,15 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
             "kind": "soft" if x < 1 else "hard",
         }
 
-    axes = {
-        "x": xr.DataArray([0.5, 2.0], dims="f", attrs={"units": "1/time"}),
-        "flag": [True, False],
+    axes = {"x": np.array([0.5, 2.0]), "flag": [True, False]}
+    attributes = {
+        "large": {"units": "x_s/f_s", "long_name": "compliance", "odd": {3}},
+        "x": {"units": "1/time"},
     }
-    notes = {"large": {"units": "x_s/f_s", "long_name": "compliance", "odd": {3}}}
-    options = Options(
-        attributes=notes, categories={"kind": ["soft", "hard", "never seen"]}
-    )
-    named = replace(options, study="odd", version="1")
-    kept = run_cases(odd, axes, store=tmp_path / "s.sqlite", options=named)
-    xr.testing.assert_identical(kept, run_cases(odd, axes, options=options))
+    categories = {"kind": ["soft", "hard", "never seen"]}
+    study = named(odd, attributes=attributes, categories=categories)
+    kept = run_study(study, axes, store=tmp_path / "s.sqlite")
+    xr.testing.assert_identical(kept, run_study(study, axes))
     xr.testing.assert_identical(kept, open_sweep(tmp_path / "s.sqlite"))
     kept = kept.isel(flag=0)
     assert kept["large"].attrs == {
@@ -197,12 +203,9 @@ def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp
             LOGGED_AXES,
             executor=executor,
             store=tmp_path / f"{i}.sqlite",
-            options=NAMED,
         )
         xr.testing.assert_identical(found, expected)
-    assert not expected.equals(
-        run_cases(cases.logged, LOGGED_AXES, options=Options(seed=4))
-    )
+    assert not expected.equals(run_cases(named(cases.logged, seed=4), LOGGED_AXES))
 
 
 # ------------------------------------------------------- errors of cases, and the store
@@ -215,7 +218,7 @@ BEGUN = threading.Event()
 GO_ON = threading.Event()
 
 
-def moody(a, b):
+def moody(a, b, seed):  # noqa: ARG001
     COUNT[a, b] += 1
     if (a, b) == (2, 1) and BROKEN.is_set():
         raise OSError("not today")
@@ -230,12 +233,8 @@ def test_a_case_that_raises_is_recorded_and_run_again_on_request_only(tmp_path):
     def result(**options):
         seen.clear()
         where = {"store": tmp_path / "s.sqlite", "progress": seen.append}
-        return run_cases(
-            moody,
-            {"a": range(4), "b": range(3)},
-            options=replace(NAMED, **options),
-            **where,
-        )
+        axes = {"a": range(4), "b": range(3)}
+        return run_cases(moody, axes, **options, **where)
 
     found = result()
     assert str(summary(found)) == "11 of 12 cases done, 1 failed"
@@ -260,14 +259,11 @@ def test_what_a_case_must_not_return_is_its_error():
         ({"error": 1}, "'error' is taken, or"),
         ({"large": 10**400}, "OverflowError"),
         ({"kind": "odd"}, "'odd': must be one of even"),
-        (3, "returned 3: must be a mapping"),
+        (3, "some study returned 3: must be a mapping"),
         ({}, "returned {}: must be"),
     ]
-    result = run_cases(
-        lambda a: wrong[a][0],
-        {"a": range(len(wrong))},
-        options=Options(categories={"kind": ["even"]}),
-    )
+    study = named(lambda a, seed: wrong[a][0], categories={"kind": ["even"]})  # noqa: ARG005
+    result = run_study(study, {"a": range(len(wrong))})
     for failure, (_, words) in zip(failures(result), wrong, strict=True):
         assert words in failure.error
 
@@ -302,7 +298,6 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
     log.unlink()
 
     given = {"function": cases.logged, "axes": dict(LOGGED_AXES), "store": store}
-    given["options"] = NAMED
 
     def look_and_stop(p):
         if p.finished:
@@ -351,7 +346,7 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
 
 
 def closing_over(k):
-    def f(x):
+    def f(x, seed):  # noqa: ARG001
         return {"y": k * x}
 
     return f
@@ -361,17 +356,17 @@ def test_a_study_is_its_name_and_version_and_nothing_is_guessed(tmp_path):
     """Finished cases are those of the name and the version, whatever the function."""
     same = {"axes": {"x": [1.0, 2.0]}, "store": tmp_path / "s.sqlite"}
 
-    def found(k, **named):
-        options = Options(**({"study": "beam", "version": "1"} | named))
-        return run_cases(closing_over(k), **same, options=options)["y"].values.tolist()
+    def found(k, **other):
+        study = named(closing_over(k), **({"name": "beam"} | other))
+        return run_study(study, **same)["y"].values.tolist()
 
     assert found(2) == [2.0, 4.0]
     assert found(3) == [2.0, 4.0]
     before = same["store"].read_bytes()
     for change, part in (
         ({"version": "1.0"}, "version of the study"),
-        ({"study": "Beam"}, "study"),
-        ({"version": "2", "study": "bar"}, "study, version of the study"),
+        ({"name": "Beam"}, "study"),
+        ({"version": "2", "name": "bar"}, "study, version of the study"),
     ):
         with pytest.raises(InputError, match=f"what differs: {part}. Choose"):
             found(3, **change)
@@ -379,26 +374,22 @@ def test_a_study_is_its_name_and_version_and_nothing_is_guessed(tmp_path):
 
 
 @pytest.mark.parametrize("given", ["", " ", 2, None])
-@pytest.mark.parametrize("place", ["study", "version"])
-def test_a_store_needs_the_name_and_the_version_of_its_study(tmp_path, place, given):
-    options = replace(NAMED, **{place: given})
-    store = tmp_path / "s.sqlite"
-    with pytest.raises(InputError, match=rf"^options\.{place} = .*[^\n]$"):
-        run_cases(product, ONE, store=store, options=options)
-    assert not store.exists()
-    assert summary(run_cases(product, ONE, options=options)).done == 1
+@pytest.mark.parametrize("field", ["name", "version"])
+def test_a_study_needs_a_name_and_a_version(field, given):
+    with pytest.raises(InputError, match=rf"^NamedStudy\.{field} = .*[^\n]$"):
+        named(product, **{field: given})
 
 
 def test_names_seed_and_version_are_part_of_the_case(tmp_path, monkeypatch):
     store = tmp_path / "s.sqlite"
-    same = {"function": product, "axes": ONE, "store": store, "options": NAMED}
+    same = {"function": named(product), "axes": ONE, "store": store}
     run_cases(**same)
     for change, part in (
         (
             {"function": lambda **values: {"n": len(values)}, "axes": {"x": [1]}},
             "names of the axes",
         ),
-        ({"options": replace(NAMED, seed=7)}, "seed"),
+        ({"function": named(product, seed=7)}, "seed"),
     ):
         with pytest.raises(InputError, match=f"what differs: {part}"):
             run_cases(**(same | change))
@@ -418,9 +409,7 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
         "UPDATE cases SET row = replace(row, '6.0', '7.0')",
         "DELETE FROM cases WHERE key = ''",
     ):
-        run_cases(
-            product, {"a": [3], "b": [2]}, store=tmp_path / damage[:6], options=NAMED
-        )
+        run_cases(product, {"a": [3], "b": [2]}, store=tmp_path / damage[:6])
         with changing(tmp_path / damage[:6]) as connection:
             connection.execute(damage)
     with changing(tmp_path / "other.sqlite") as connection:
@@ -436,9 +425,7 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
     )
     for name, words in (refusals | {"x" * 300: "File name too long"}).items():
         with pytest.raises(InputError, match=words):
-            run_cases(
-                product, {"a": [3], "b": [2]}, store=tmp_path / name, options=NAMED
-            )
+            run_cases(product, {"a": [3], "b": [2]}, store=tmp_path / name)
         with pytest.raises(InputError, match=words):
             open_sweep(tmp_path / name)
     with pytest.raises(InputError, match="there is no such file"):
@@ -449,7 +436,7 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
 
 
 def test_two_sweeps_of_one_process_on_one_store(tmp_path):
-    def waiting(a):
+    def waiting(a, seed):  # noqa: ARG001
         BEGUN.set()
         GO_ON.wait(30)
         return {"b": a}
@@ -457,7 +444,7 @@ def test_two_sweeps_of_one_process_on_one_store(tmp_path):
     store = tmp_path / "s.sqlite"
     link = tmp_path / "link.sqlite"
     link.symlink_to(store)
-    given = {"axes": {"a": [1, 2]}, "store": store, "options": NAMED}
+    given = {"axes": {"a": [1, 2]}, "store": store}
     through_link = given | {"store": link}
     with ThreadPoolExecutor(1) as pool:
         first = pool.submit(run_cases, waiting, **given)
@@ -493,26 +480,27 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
     script = f"""
         import resource
         from stickslip.errors import InputError
-        from stickslip.sweep import Options, Threads, _run, _table, open_sweep, run_cases, summary
+        from stickslip.sweep import NamedStudy, Threads, _run, _table, open_sweep, run_study, summary
 
         _table.EVERY = _run.SECONDS = 0.0
         given = {{"axes": {{"a": range(60)}}, "store": {str(tmp_path / "s.sqlite")!r}}}
-        given["options"] = Options(study="long texts", version="1")
 
-        def case(a):
+        def case(a, seed):
             return {{"y": 200 * str(a)}}
+
+        study = NamedStudy(run=case, name="long texts", version="1")
 
         def full(p):
             if p.finished >= 20:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))
 
         try:
-            run_cases(case, **given, progress=full, executor=Threads(1))
+            run_study(study, **given, progress=full, executor=Threads(1))
         except InputError as error:
             print(error)
         resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
         print(summary(open_sweep(given["store"])))
-        print(summary(run_cases(case, **given)))
+        print(summary(run_study(study, **given)))
     """  # noqa: E501
     line, kept, resumed = ran(script, tmp_path).stdout.splitlines()
     assert (
@@ -531,7 +519,6 @@ def test_a_case_that_kills_its_worker_is_found_and_recorded(cases, tmp_path):
         axes,
         executor=Processes(2),
         store=tmp_path / "s.sqlite",
-        options=NAMED,
     )
     assert str(summary(result)) == "23 of 24 cases done, 1 failed"
     assert failures(result)[0].parameters == {"a": 3, "b": 2}
@@ -541,12 +528,13 @@ def test_a_case_that_kills_its_worker_is_found_and_recorded(cases, tmp_path):
 @pytest.mark.slow
 def test_a_script_without_a_guard_gets_the_mitigation(tmp_path):
     script = """
-        from stickslip.sweep import Processes, run_cases
+        from stickslip.sweep import NamedStudy, Processes, run_study
 
-        def case(a):
+        def case(a, seed):
             return {"b": a}
 
-        run_cases(case, {"a": [1, 2]}, executor=Processes(1))
+        study = NamedStudy(run=case, name="copies", version="1")
+        run_study(study, {"a": [1, 2]}, executor=Processes(1))
     """
     assert 'behind `if __name__ == "__main__":`' in ran(script, tmp_path).stderr
 
@@ -554,7 +542,7 @@ def test_a_script_without_a_guard_gets_the_mitigation(tmp_path):
 # ---------------------------------------------------------------- refinement
 
 
-def parabola(x, y):
+def parabola(x, y, seed):  # noqa: ARG001
     return {"side": "above" if y > 0.25 + 0.5 * x * x else "below", "height": y}
 
 
@@ -564,9 +552,7 @@ UNIT = {"x": Span(low=0, high=1), "y": Span(low=0, high=1)}
 def refine(function, plane, **how):
     """A search for where the side changes."""
     options = {
-        name: how.pop(name)
-        for name in ("store", "executor", "options", "progress")
-        if name in how
+        name: how.pop(name) for name in ("store", "executor", "progress") if name in how
     }
     return run_cases(
         function, plane, refinement=Refinement(**{"label": "side", **how}), **options
@@ -592,15 +578,15 @@ def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs(
 
 
 def test_refinement_is_the_same_for_any_number_of_workers_and_goes_round_cases_that_fail():  # noqa: E501
-    def patchy(x, y):
+    def patchy(x, y, seed):
         if x > 0.8:
             raise ValueError("no")
-        return parabola(x, y)
+        return parabola(x, y, seed)
 
-    how = {"runs": 80, "options": Options(categories={"side": ["below", "above"]})}
+    study = named(patchy, categories={"side": ["below", "above"]})
     plane = {"x": Span(low=0, high=1), "y": Span(low=0.01, high=1.0, log=True)}
     one, more = (
-        refine(patchy, plane, executor=Threads(count), **how) for count in (1, 3)
+        refine(study, plane, executor=Threads(count), runs=80) for count in (1, 3)
     )
     xr.testing.assert_identical(one, more)
     assert (one["error"].values[one["x"].values > 0.8] != "").all()
@@ -615,10 +601,10 @@ def test_refinement_is_the_same_for_any_number_of_workers_and_goes_round_cases_t
     )
 
 
-def branches(x, y, branch):
+def branches(x, y, branch, seed):
     COUNT[x, y, branch] += 1
     return (
-        parabola(x, y)
+        parabola(x, y, seed)
         if branch == "up"
         else {"side": "above" if x > 0.5 else "below", "height": y}
     )
@@ -631,18 +617,11 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     expected = refine(branches, plane, runs=40)
     COUNT.clear()
     with pytest.raises(EnoughError):
-        refine(
-            branches,
-            plane,
-            runs=40,
-            store=store,
-            progress=stop_after(55),
-            options=NAMED,
-        )
+        refine(branches, plane, runs=40, store=store, progress=stop_after(55))
     part = open_sweep(store)
     assert 55 <= part.sizes["run"] < expected.sizes["run"] <= 80
     assert status_of(store).summary.missing == 80 - part.sizes["run"]
-    found = refine(branches, plane, runs=40, store=store, options=NAMED)
+    found = refine(branches, plane, runs=40, store=store)
     xr.testing.assert_identical(found, expected)
     xr.testing.assert_identical(open_sweep(store), expected)
     assert (
@@ -653,11 +632,9 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%up%'")
     assert status_of(store).summary.missing > 30
-    xr.testing.assert_identical(
-        refine(branches, plane, runs=40, store=store, options=NAMED), expected
-    )
+    xr.testing.assert_identical(refine(branches, plane, runs=40, store=store), expected)
     with pytest.raises(InputError, match="holds another sweep; what differs: seed"):
-        refine(branches, plane, runs=40, store=store, options=replace(NAMED, seed=1))
+        refine(named(branches, seed=1), plane, runs=40, store=store)
 
 
 # ---------------------------------------------------------------- what is refused
@@ -692,11 +669,6 @@ BAD_AXES = [
             [[1], [2]],
         )
     ),
-    ({"a": [1], "c": [1]}, "function = product: missing a required argument: 'b'"),
-    (
-        {"a": [1]},
-        "each axis is a parameter, and each parameter an axis, or has a default",
-    ),
     ({"a": [1], "b/c": [1]}, "cannot be a name"),
     ({"a": [1], "error": [1]}, "is taken"),
     (
@@ -721,8 +693,9 @@ BAD_AXES = [
         (lambda: run_cases(product, ONE, executor=closed()), "takes no more cases"),
         (
             lambda: run_cases(closing_over(2), {"x": [1]}, executor=Processes(1)),
-            r"function = .*f: cannot be sent to another process .*use Threads",
+            r"NamedStudy\.run, some study: cannot be sent .* process .*use Threads",
         ),
+        (lambda: run_study(product, ONE), r"study = .*: must be a NamedStudy"),
         (lambda: summary(xr.Dataset()), "must be the result of a sweep"),
         (lambda: refine(parabola, UNIT | {"x": [1]}), "plane of two parameters"),
         (lambda: run_cases(parabola, UNIT), r"axes\.x\.count: is missing"),

@@ -2,7 +2,7 @@
 runs.
 
 Of a rig: `stickslip.sweep` called as a function, and files, which
-`stickslip.sweep.plan` reads. Of any function: `run_cases`.
+`stickslip.sweep.plan` reads. Of a study with a name and a version: `run_study`.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from concurrent.futures import Executor
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from stickslip.sweep._cases import NamedStudy
 from stickslip.sweep._dataset import (
     Failure,
     Status,
     Summary,
     failures,
     open_sweep,
-    run_cases,
+    run_study,
     status_of,
     summary,
 )
 from stickslip.sweep._refine import Refinement, Span
-from stickslip.sweep._run import MAX_CASES, Options, Processes, Progress, Runs, Threads
+from stickslip.sweep._run import MAX_CASES, Processes, Progress, Runs, Threads
 from stickslip.sweep._table import is_store
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = [
     "MAX_CASES",
     "Failure",
-    "Options",
+    "NamedStudy",
     "Processes",
     "Progress",
     "Refinement",
@@ -50,7 +51,7 @@ __all__ += [
     "failures",
     "is_store",
     "open_sweep",
-    "run_cases",
+    "run_study",
     "status_of",
     "summary",
 ]

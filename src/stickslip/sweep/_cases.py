@@ -1,30 +1,27 @@
-"""One case of a sweep: its key, its seed, what it is made of; and what a worker does
-with it.
+"""Studies and their cases: the key and the seed of a case, and how a worker runs it.
 
-Imported by every worker process at its start, so nothing slow is loaded here.
+Every worker process imports this at its start, so nothing slow is loaded here.
 """
 
 import functools
 import hashlib
-import inspect
 import json
 import os
 import pickle
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from stickslip import __version__
-from stickslip.errors import InputError, instance
+from stickslip.errors import InputError, instance, whole
 
 AxisValue = float | int | bool | str
-Function = Callable[..., Mapping[str, Any]]
 
-# variables of every result of a sweep; no measured name may be one of them
+# variables of every result of a sweep; no measured variable may have their names
 ERROR = "error"
 STATUS = "status"
 DIED = {
@@ -36,84 +33,21 @@ DIED = {
 
 
 def case_key(values: Mapping[str, AxisValue]) -> str:
-    """A case: the values of its axes as JSON, names in order."""
+    """Return the key of a case: the values of its axes as JSON, names in order."""
     return json.dumps(values, sort_keys=True)
 
 
 def case_seed(seed: int, key: str) -> int:
-    """Seed of a case, 63 bits: the same in any sweep with that seed, whatever the
-    order, the workers, the other cases.
+    """Return the seed of a case, 63 bits: the same in any sweep with that seed,
+    whatever the order, the workers, the other cases.
 
     The children that ``SeedSequence.spawn`` numbers would change with the axes, hence a
     keyed hash of the content.
     """
-    root = (
-        np.random.SeedSequence(seed)
-        .generate_state(16, np.uint32)
-        .astype("<u4")
-        .tobytes()
-    )
-    return (
-        int.from_bytes(
-            hashlib.blake2b(key.encode(), digest_size=8, key=root).digest(), "little"
-        )
-        >> 1
-    )
-
-
-def identity_of(
-    names: Iterable[str], seed: int, study: str, version: str
-) -> dict[str, str]:
-    """What must be equal for a finished case to be the same case, part by part: a
-    message can say what differs.
-
-    Nothing is guessed of the function, whose code, and all that it reads, may change
-    unseen: `study` and `version` stand for it, and are the caller's to change.
-    """
-    for place, text, example in (
-        ("study", study, "beam of two parts"),
-        ("version", version, "1"),
-    ):
-        instance(f"options.{place}", text, str, f"a text, such as {example!r}")
-        if not text.strip():
-            raise InputError(
-                f"options.{place} = {text!r}: a store needs the name and the version "
-                f"of its study; give Options({place}={example!r}, ...), and another "
-                "version whenever results change"
-            )
-    return {
-        "stickslip version": __version__,
-        "names of the axes": ", ".join(sorted(names)),
-        "seed": str(seed),
-        "study": study,
-        "version of the study": version,
-    }
-
-
-def name_of(function: object) -> str:
-    """Name of a function, for a person."""
-    function = getattr(function, "func", function)  # of functools.partial
-    return str(getattr(function, "__qualname__", type(function).__qualname__))
-
-
-def check_function(function: Any, axes: Iterable[str]) -> bool:
-    """Refuse a function that cannot be called with the axes; say whether it takes a
-    seed of its own.
-    """
-    for name in axes:
-        check_name("axes", name)
-    try:
-        signature = inspect.signature(function)
-        bound = (*axes, *(getattr(function, "keywords", None) or ()))
-        asks_seed = "seed" in signature.parameters and "seed" not in bound
-        signature.bind(**dict.fromkeys([*axes, *["seed"] * asks_seed]))
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"function = {name_of(function)}: {error}; each axis is a parameter, and "
-            "each parameter an axis, or has a "
-            "default, or is bound with functools.partial"
-        ) from None
-    return asks_seed
+    state = np.random.SeedSequence(seed).generate_state(16, np.uint32)
+    root = state.astype("<u4").tobytes()
+    digest = hashlib.blake2b(key.encode(), digest_size=8, key=root).digest()
+    return int.from_bytes(digest, "little") >> 1
 
 
 def check_name(place: str, name: object) -> None:
@@ -126,77 +60,123 @@ def check_name(place: str, name: object) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
-    """What is the same for every case of a sweep; `version` is that of the package
-    where it was started.
+class NamedStudy:
+    """A function that a sweep runs, under the name and the version of its results.
+
+    Finished cases are those of this name and version: nothing is guessed of the
+    function, whose code, and all that it reads, may change unseen.
     """
 
-    function: Function
-    seed: int | None
-    categories: Mapping[str, Sequence[str]]
-    version: str = __version__
+    #: Called with one keyword for each axis, and with a ``seed`` made from that of the
+    #: study and the values of the axes, unless that is an axis; returns a mapping of
+    #: names to numbers (kept as float64), texts, truth values (0 and 1), or None (no
+    #: value).
+    run: Callable[..., Mapping[str, Any]]
+    name: str
+    #: To be changed whenever the results change.
+    version: str
+    seed: int = 0  #: of the study, at least 0
+    #: Attributes (``units``, ``long_name``) by name of axis or measured variable.
+    attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    #: The words that a measured text can be: it becomes an integer with CF flags, -1
+    #: where there is no result.
+    categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    #: Texts to keep with the results, as attributes of the Dataset.
+    notes: Mapping[str, str] = field(default_factory=dict)
+    #: version of the package where the sweep was started
+    package: str = __version__
+
+    def __post_init__(self) -> None:
+        whole("NamedStudy.seed", self.seed, at_least=0)
+        for name, example in (("name", "beam of two parts"), ("version", "1")):
+            place = f"NamedStudy.{name}"
+            text = getattr(self, name)
+            instance(place, text, str, f"a text, such as {example!r}")
+            if not text.strip():
+                raise InputError(
+                    f"{place} = {text!r}: finished cases are kept by the name and the "
+                    f"version of their study; give {name}={example!r}"
+                )
+
+    def identity(self, axes: Iterable[str]) -> dict[str, str]:
+        """Return what must be equal for a finished case to be the same case, part by
+        part: a message can name what differs.
+        """
+        return {
+            "stickslip version": __version__,
+            "names of the axes": ", ".join(sorted(axes)),
+            "seed": str(self.seed),
+            "study": self.name,
+            "version of the study": self.version,
+        }
 
 
-def run_batch(job: Job | bytes, keys: Sequence[str], seconds: float) -> list[str]:
+def run_batch(
+    study: NamedStudy | bytes, keys: Sequence[str], seconds: float
+) -> list[str]:
     """Run cases until all are done or the time is up; at least one."""
     end = time.perf_counter() + seconds
-    work = _load(job) if isinstance(job, bytes) else job
-    found: list[str] = []
+    loaded = _load(study) if isinstance(study, bytes) else study
+    rows: list[str] = []
     for key in keys:
-        found.append(_run(work, key))
+        rows.append(_run(loaded, key))
         if time.perf_counter() > end:
             break
-    return found
+    return rows
 
 
-def _run(job: Job, key: str) -> str:
+def _run(study: NamedStudy, key: str) -> str:
     """Run one case; return ``{"result": {name: value}}`` or ``{"error": text}`` as
     JSON.
     """
+    axes = json.loads(key)
     try:
-        values = json.loads(key)
-        seed = {} if job.seed is None else {"seed": case_seed(job.seed, key)}
-        result: Any = job.function(**values, **seed)
+        result: Any = study.run(**{"seed": case_seed(study.seed, key), **axes})
         if not isinstance(result, Mapping) or not result:
             raise TypeError(
-                f"{name_of(job.function)} returned {result!r}: must be a mapping of "
-                "names to numbers"
+                f"{study.name} returned {result!r}: must be a mapping of names to "
+                "numbers"
             )
-        packed = {}
-        for name, value in result.items():
-            check_name("result", name)
-            if name not in values:
-                packed[name] = _plain(name, value, job.categories.get(name))
-            elif value != values[name]:
-                raise InputError(f"result: the name {name!r} is taken by an axis")
-        return json.dumps({"result": packed})
+        row = {
+            name: _plain(name, value, study.categories.get(name))
+            for name, value in result.items()
+            if not _is_axis(name, value, axes)
+        }
+        return json.dumps({"result": row})
     except (Exception, SystemExit) as error:
         frame = traceback.extract_tb(error.__traceback__)[-1]
-        said = (
-            f"{type(error).__name__}: {error} "
-            f"({os.path.basename(frame.filename)}:{frame.lineno})"
-        )
-        return json.dumps({"error": said})
+        place = f"{os.path.basename(frame.filename)}:{frame.lineno}"
+        return json.dumps({"error": f"{type(error).__name__}: {error} ({place})"})
+
+
+def _is_axis(name: str, value: Any, axes: Mapping[str, AxisValue]) -> bool:
+    """Whether a result is the value of an axis again; `InputError` if it is another
+    value.
+    """
+    if name in axes and value != axes[name]:
+        raise InputError(f"result: the name {name!r} is taken by an axis")
+    return name in axes
 
 
 def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | str | None:
-    """A value as JSON can hold it, exactly."""
-    found = value.item() if isinstance(value, np.generic) else value
-    if words is not None and found is not None and found not in words:
-        raise ValueError(f"{name} = {found!r}: must be one of {', '.join(words)}")
-    if not isinstance(found, float | int | str | None):
+    """Return a value as JSON can hold it, exactly."""
+    check_name("result", name)
+    plain = value.item() if isinstance(value, np.generic) else value
+    if words is not None and plain is not None and plain not in words:
+        raise ValueError(f"{name} = {plain!r}: must be one of {', '.join(words)}")
+    if not isinstance(plain, float | int | str | None):
         raise TypeError(
-            f"returned {found!r} for {name!r}: must be a number, a text or None"
+            f"returned {plain!r} for {name!r}: must be a number, a text or None"
         )
-    return float(found) if isinstance(found, int) else found
+    return float(plain) if isinstance(plain, int) else plain
 
 
 @functools.lru_cache(maxsize=4)
-def _load(job: bytes) -> Job:
-    loaded: Job = pickle.loads(job)
-    if loaded.version != __version__:
+def _load(study: bytes) -> NamedStudy:
+    loaded: NamedStudy = pickle.loads(study)
+    if loaded.package != __version__:
         raise InputError(
-            f"a worker has stickslip {__version__}, but the sweep {loaded.version}; "
+            f"a worker has stickslip {__version__}, but the sweep {loaded.package}; "
             "install the same"
         )
     return loaded

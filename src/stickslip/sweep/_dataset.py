@@ -1,5 +1,5 @@
-"""A function at every combination of the values of some axes, and what became of it
-as one labelled Dataset.
+"""A study at every combination of the values of some axes, and its results as one
+labelled Dataset.
 """
 
 import itertools
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from stickslip import __version__
 from stickslip.errors import InputError, instance, shown
@@ -23,51 +23,44 @@ from stickslip.sweep._cases import (
     ERROR,
     STATUS,
     AxisValue,
-    Function,
-    Job,
+    NamedStudy,
     case_key,
-    check_function,
-    identity_of,
-    name_of,
+    check_name,
 )
 from stickslip.sweep._refine import Refinement, Span, search, spans_of
-from stickslip.sweep._run import Options, Progress, Runner, Threads
+from stickslip.sweep._run import MAX_CASES, Progress, Runner, Threads
 from stickslip.sweep._table import Table, writer_of
 
 # what can become of a case; the place is the code in the results
 STATES = ("not run", "done", "failed")
 
 
-def run_cases(
-    function: Function,
-    axes: Mapping[str, ArrayLike | xr.DataArray | Span],
+def run_study(
+    study: NamedStudy,
+    axes: Mapping[str, Sequence[AxisValue] | NDArray[Any] | Span],
     *,
     store: str | PathLike[str] | None = None,
     executor: Executor | None = None,
     refinement: Refinement | None = None,
     progress: Callable[[Progress], object] | None = None,
-    options: Options = Options(),
+    retry_failed: bool = False,
+    max_cases: int = MAX_CASES,
 ) -> xr.Dataset:
-    """Run a function at every combination of the values of some axes.
+    """Run a study at every combination of the values of some axes.
 
     The results are the same, bit for bit, for any number of workers and any executor.
 
     Parameters
     ----------
-    function : callable
-        Called with one keyword for each axis,
-        ``function(stiffness=2.0, velocity=0.1)``; returns a mapping of names to numbers
-        (kept as float64), texts, truth values (0 and 1), or None (no value). If it has
-        a parameter ``seed`` that is no axis, it is handed a seed of its own, made from
-        `Options.seed` and the values of the axes. An axis that it ignores makes
-        replicas.
+    study : NamedStudy
+        The function that runs a case, and the name and the version of its results.
     axes : mapping of name to values
-        Numbers, texts or truth values, each value once; an `xarray.DataArray` brings
-        its attributes along. A `Span` for each of two axes with a `refinement`.
+        Numbers, texts or truth values, each value once. A `Span` for each of two axes
+        with a `refinement`. An axis that the function ignores makes replicas.
     store : path, optional
         File where results land as they finish, at least each second; a second start of
-        the same study and version, as `options` name them, runs what is missing, also
-        with other values on the axes. By default results are kept in memory.
+        the same study and version runs what is missing, also with other values on the
+        axes. By default results are kept in memory.
     executor : Threads, Processes or concurrent.futures.Executor, optional
         Where cases run; by default threads, one per core. For Dask:
         ``client.get_executor()``.
@@ -76,8 +69,10 @@ def run_cases(
         grid. A second start makes no run twice, also with more runs or in another box.
     progress : callable, optional
         Called with a `Progress` at the start and whenever results have been written.
-    options : Options
-        Seed, attributes, categories and what else.
+    retry_failed : bool
+        Whether cases that failed in an earlier start are run again.
+    max_cases : int
+        Number of cases beyond which a sweep is refused before it starts.
 
     Returns
     -------
@@ -98,71 +93,55 @@ def run_cases(
 
     Examples
     --------
-    >>> from stickslip.sweep import run_cases, summary
-    >>> def area(width, height):
+    >>> from stickslip.sweep import NamedStudy, run_study, summary
+    >>> def area(width, height, seed):
     ...     return {"area": width * height}
-    >>> found = run_cases(area, {"width": [1.0, 2.0], "height": [3.0, 4.0]})
+    >>> study = NamedStudy(run=area, name="rectangles", version="1")
+    >>> found = run_study(study, {"width": [1.0, 2.0], "height": [3.0, 4.0]})
     >>> float(found["area"].sel(width=2.0, height=4.0)), str(summary(found))
     (8.0, '4 of 4 cases done')
     """
+    instance("study", study, NamedStudy, "a NamedStudy(run=..., name=..., version=...)")
     instance("axes", axes, Mapping, "a mapping of names to values")
     if not axes:
         raise InputError("axes: must map at least one name to its values")
+    for name in axes:
+        check_name("axes", name)
     spans = spans_of(axes, refinement)
     values = {
         name: axis_values(name, given)
         for name, given in axes.items()
         if name not in spans
     }
-    total = math.prod(map(len, values.values())) * (
-        refinement.runs if refinement else 1
-    )
-    if total > options.max_cases:
+    total = math.prod(map(len, values.values()))
+    if refinement is not None:
+        total *= refinement.runs
+    if total > max_cases:
         raise InputError(
-            f"axes: {total:g} cases are more than max_cases = {options.max_cases:g}; "
-            "take fewer values, or set "
-            "max_cases higher (each case takes about 1 kB)"
+            f"axes: {total:g} cases are more than max_cases = {max_cases:g}; take "
+            "fewer values, or set max_cases higher (each case takes about 1 kB)"
         )
-    takes_seed = check_function(function, axes)
-    job = Job(
-        function=function,
-        seed=options.seed if takes_seed else None,
-        categories=options.categories,
-    )
-    given = {
-        name: {**getattr(axis, "attrs", {}), **options.attributes.get(name, {})}
-        for name, axis in axes.items()
-    }
     head: dict[str, Any] = {
         "axes": values,
         "total": total,
         "about": {
             "stickslip": __version__,
-            "function": name_of(function),
-            "seed": options.seed,
+            "study": study.name,
+            "seed": study.seed,
         },
-        "attributes": {**options.attributes, **given},
-        "categories": options.categories,
-        "notes": options.notes,
+        "attributes": study.attributes,
+        "categories": study.categories,
+        "notes": study.notes,
+        "identity": study.identity(axes),
     }
-    if store is not None:
-        head["identity"] = identity_of(
-            axes, options.seed, options.study, options.version
-        )
     if refinement is not None:
-        head["search"] = {
-            "box": {name: vars(span) for name, span in spans.items()},
-            **vars(refinement),
-        }
+        box = {name: vars(span) for name, span in spans.items()}
+        head["search"] = {"box": box, **vars(refinement)}
     with closing(Table(None if store is None else Path(store), head)) as table:
-        if options.retry_failed:
-            # On the disk the rows of failed cases stay until others replace them.
-            table.rows = {
-                key: row for key, row in table.rows.items() if not table.has_failed(key)
-            }
-        runner = Runner(
-            table, job, Threads() if executor is None else executor, total, progress
-        )
+        if retry_failed:
+            table.forget_failed()
+        workers = Threads() if executor is None else executor
+        runner = Runner(table, study, workers, total, progress)
         if refinement is None:
             runner.run(_keys_of(table))
         else:
@@ -171,9 +150,7 @@ def run_cases(
 
 
 def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
-    """Open the results of a sweep, finished or not, as `run_cases` and `refine`
-    return them.
-    """
+    """Open the results of a sweep, finished or not, as `run_study` returns them."""
     with closing(Table(Path(store))) as table:
         return dataset_of(table)
 

@@ -64,11 +64,12 @@ class Refinement:
 
     Examples
     --------
-    >>> from stickslip.sweep import Refinement, Span, run_cases
-    >>> def side(x, y):
+    >>> from stickslip.sweep import NamedStudy, Refinement, Span, run_study
+    >>> def side(x, y, seed):
     ...     return {"side": "above" if y > 0.3 + 0.4 * x else "below"}
+    >>> study = NamedStudy(run=side, name="sides of a line", version="1")
     >>> plane = {"x": Span(low=0, high=1), "y": Span(low=0, high=1)}
-    >>> found = run_cases(side, plane, refinement=Refinement(runs=60, label="side"))
+    >>> found = run_study(study, plane, refinement=Refinement(runs=60, label="side"))
     >>> bool((abs(found["y_at"] - 0.3 - 0.4 * found["x_at"]) < 0.03).all())
     True
     """

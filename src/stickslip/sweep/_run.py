@@ -13,7 +13,7 @@ import pickle
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent import futures
 from concurrent.futures import (
     BrokenExecutor,
@@ -23,13 +23,12 @@ from concurrent.futures import (
     ThreadPoolExecutor,
 )
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import islice, takewhile
 from multiprocessing.process import BaseProcess
-from typing import Any
 
 from stickslip.errors import InputError, instance, whole
-from stickslip.sweep._cases import DIED, Job, name_of, run_batch
+from stickslip.sweep._cases import DIED, NamedStudy, run_batch
 from stickslip.sweep._table import EVERY, Table
 
 # longest that a batch takes, unless one case does: long beside the cost of handing it
@@ -74,39 +73,6 @@ class Runs:
     #: what is in the results; see `stickslip.sweep.study.MEASURES`
     measure: Sequence[str] | None = None
     max_cases: int = MAX_CASES  #: cases beyond which the sweep is refused
-
-
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """What else a sweep may be told."""
-
-    #: Seed of the sweep, at least 0: a function with a parameter ``seed`` that is no
-    #: axis is handed a seed of its own, an int made from this one and the values of the
-    #: axes.
-    seed: int = 0
-    #: Attributes (``units``, ``long_name``) by name of axis or measured variable.
-    attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    #: The words that a measured text can be: it becomes an integer with CF flags, -1
-    #: where there is no result.
-    categories: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    #: Name of the study, which a store needs: finished cases are those of this name and
-    #: version. The function is not looked into.
-    study: str = ""
-    #: Version of the study, which a store needs, too: give another one whenever the
-    #: function, or anything that it reads or calls, changes what it returns. The
-    #: version of this package is looked after.
-    version: str = ""
-    #: Texts to keep with the results, as attributes of the Dataset; what a case is does
-    #: not depend on them.
-    notes: Mapping[str, str] = field(default_factory=dict)
-    #: whether cases that failed in an earlier start are run again
-    retry_failed: bool = False
-    #: cases beyond which a sweep is refused before it starts
-    max_cases: int = MAX_CASES
-
-    def __post_init__(self) -> None:
-        whole("seed", self.seed, at_least=0)
-        whole("max_cases", self.max_cases, at_least=1)
 
 
 class Threads(ThreadPoolExecutor):
@@ -168,9 +134,9 @@ def _follow(parent: BaseProcess) -> None:
     os._exit(1)  # else it would wait for work for ever
 
 
-def _sent(job: Job, executor: Executor) -> Job | bytes:
-    """The job as workers get it: pickled by reference for processes of this machine,
-    else by cloudpickle if there.
+def _sent(study: NamedStudy, executor: Executor) -> NamedStudy | bytes:
+    """Return the study as workers get it: pickled by reference for processes of this
+    machine, else by cloudpickle if there.
     """
     hint = (
         "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask "
@@ -178,16 +144,16 @@ def _sent(job: Job, executor: Executor) -> Job | bytes:
     )
     instance("executor", executor, Executor, hint)
     if isinstance(executor, ThreadPoolExecutor):
-        return job
+        return study
     by = pickle
     if not isinstance(executor, ProcessPoolExecutor):
         with suppress(ImportError):
             by = importlib.import_module("cloudpickle")
     try:
-        return bytes(by.dumps(job))
+        return bytes(by.dumps(study))
     except Exception as error:
         raise InputError(
-            f"function = {name_of(job.function)}: cannot be sent to another process "
+            f"NamedStudy.run, {study.name}: cannot be sent to another process "
             f"({error}); define it at the top of "
             "a module (no lambda, no function inside a function), or use Threads(n)"
         ) from None
@@ -199,13 +165,13 @@ class Runner:
     def __init__(
         self,
         table: Table,
-        job: Job,
+        study: NamedStudy,
         executor: Executor,
         total: int,
         progress: Callable[[Progress], object] | None,
     ) -> None:
         self.table = table
-        self._job = _sent(job, executor)
+        self._study = _sent(study, executor)
         self._executor = executor
         self._total = total
         self._progress = progress
@@ -284,7 +250,7 @@ class Runner:
                 break
             batch = batch or [self._todo[0]]
             self._running[
-                self._executor.submit(run_batch, self._job, batch, SECONDS)
+                self._executor.submit(run_batch, self._study, batch, SECONDS)
             ] = batch
             for _ in batch:
                 self._todo.popleft()

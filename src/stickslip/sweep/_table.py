@@ -90,6 +90,14 @@ class Table:
         """Whether a finished case has ended with an error."""
         return self.rows[key].startswith('{"error"')
 
+    def forget_failed(self) -> None:
+        """Have failed cases run again; on the disk their rows stay until others replace
+        them.
+        """
+        failed = [key for key in self.rows if self.has_failed(key)]
+        for key in failed:
+            del self.rows[key]
+
     def add(self, key: str, row: str) -> None:
         """Note what came of a case; it is on the disk after the next commit."""
         self.rows[key] = row

@@ -41,9 +41,10 @@ from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
 from stickslip.simulation import check_method
-from stickslip.sweep._dataset import open_sweep, run_cases
+from stickslip.sweep._cases import NamedStudy
+from stickslip.sweep._dataset import open_sweep, run_study
 from stickslip.sweep._refine import Refinement, Span, spans_of
-from stickslip.sweep._run import Options, Progress, Runs
+from stickslip.sweep._run import Progress, Runs
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
 # x_s that a run lasts at least unless something else is asked for: transients last 40
@@ -120,31 +121,30 @@ class Plan:
 
         The attribute ``sweep`` of the results holds the plan as JSON.
         """
-        options = Options(
+        study = NamedStudy(
+            run=self.study,
+            name="sweep of a rig",
+            # all that a case of a rig depends on, besides the version of this package
+            version=json.dumps(datasets.encode(self.study)),
             seed=getattr(self.study.rig.method, "seed", 0),
             attributes=self.attributes(),
             categories={"regime": KINDS},
             notes={NOTE: json.dumps(datasets.encode(self))},
-            # all that a case of a rig depends on, besides the version of this package
-            study="sweep of a rig",
-            version=json.dumps(datasets.encode(self.study)),
+        )
+        axes = dict(self.axes)
+        if self.refinement is not None:
+            axes = {"start": (self.study.start,), **axes}
+        found = run_study(
+            study,
+            axes,
+            store=store,
+            executor=executor,
+            refinement=self.refinement,
+            progress=progress,
             retry_failed=retry_failed,
             max_cases=self.max_cases,
         )
-        axes = (
-            self.axes
-            if self.refinement is None
-            else {"start": (self.study.start,), **self.axes}
-        )
-        where: Any = {
-            "store": store,
-            "executor": executor,
-            "progress": progress,
-            "options": options,
-        }
-        return self.select(
-            run_cases(self.study, axes, refinement=self.refinement, **where)
-        )
+        return self.select(found)
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
         """Of all that is stored of each case, what is asked for."""
@@ -198,7 +198,7 @@ def sweep(
     Raises
     ------
     InputError
-        As `stickslip.sweep.run_cases`.
+        As `stickslip.sweep.run_study`.
 
     Examples
     --------
