@@ -5,14 +5,18 @@ The laws of tests/test_laws.py say what is right; here stands which of all right
 is. Each test keeps a table in tests/data/drawn, a line for each case.
 """
 
+import ast
+import importlib
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from drawn import assert_kept
+from drawn import KEPT, assert_kept
 from mechanisms import BARRIER, CHAIN, DELAY, MECHANISMS, SLIDER, TENTH, interface_with
 from test_laws import DRIVE, PAIRS, run_of
 
@@ -272,3 +276,62 @@ def test_what_is_measured_is_kept():
             )
             rows[f"a run, delay {delay}, {name}"] = _measured(run)
     assert_kept(table(rows), "measured", rtol=ROUNDING, atol=1e-12)
+
+
+# ---------------------------------------------------------------- every kept file
+
+
+KEEPERS = ("assert_kept", "assert_drawn")
+
+
+def _words_of(test: ast.FunctionDef, module: object) -> set[str]:
+    """Texts that the name of a kept file may be made of: the parameters of its test,
+    and those in its body.
+    """
+    words = {
+        node.value
+        for node in ast.walk(test)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
+    for mark in getattr(getattr(module, test.name), "pytestmark", ()):
+        if mark.name == "parametrize":
+            values = (getattr(each, "values", (each,)) for each in mark.args[1])
+            words |= {word for row in values for word in row if isinstance(word, str)}
+    return words | {word.replace(",", "").replace(" ", "_") for word in words}
+
+
+def _names_asked(file: Path) -> Iterator[str]:
+    """Patterns of the names of the kept files that the tests of a file ask for."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    for test in (node for node in tree.body if isinstance(node, ast.FunctionDef)):
+        asks = [
+            node.args[1]
+            for node in ast.walk(test)
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in KEEPERS
+        ]
+        if not asks:
+            continue
+        words = _words_of(test, importlib.import_module(file.stem))
+        any_word = "|".join(map(re.escape, words))
+        for name in asks:
+            parts = name.values if isinstance(name, ast.JoinedStr) else [name]
+            yield "".join(
+                re.escape(part.value)
+                if isinstance(part, ast.Constant)
+                else f"({any_word})"
+                for part in parts
+            )
+
+
+def test_each_kept_file_is_asked_for_by_a_test():
+    asked = [
+        pattern
+        for file in sorted(Path(__file__).parent.glob("test_*.py"))
+        for pattern in _names_asked(file)
+    ]
+    orphans = [
+        file.name
+        for file in sorted(KEPT.iterdir())
+        if not any(re.fullmatch(pattern, file.stem) for pattern in asked)
+    ]
+    assert orphans == []
