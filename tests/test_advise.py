@@ -93,7 +93,7 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
         assert 0.8 * 0.0755 < stops["delay"] < 0.0755 + 0.003
     assert found.mitigations[0].parameter != "delay"  # a machine has other handles
     for mitigation in found.mitigations:
-        there = rig.replace(**{mitigation.parameter: mitigation.stops})
+        there = rig.with_values(**{mitigation.parameter: mitigation.stops})
         long = replace(there, drive=ss.constant(there.velocity, 300.0 / there.velocity))
         run = ss.simulate(long, method=replace(there.method, seed=5))
         assert ss.regime(run).kind == "smooth sliding", mitigation
@@ -103,7 +103,7 @@ def test_the_noise_of_the_contacts_is_seen_before_the_limit(paper_s_rig):
     name, value = paper_s_rig.noisy
     limit = next(each.upper for each in paper_s_rig.margins if each.parameter == name)
     assert (name, value < limit) == ("velocity", True)
-    there = paper_s_rig.rig.replace(velocity=value)
+    there = paper_s_rig.rig.with_values(velocity=value)
     assert ss.stability.contact_noise(there).relative_force == pytest.approx(
         say.SEEN, rel=0.1
     )
@@ -228,7 +228,7 @@ def test_what_one_run_of_eight_denies_is_told_as_that():
         7 / 8,
     )
     # where theory still denies it
-    there = found.rig.replace(damping=found.attempts["damping"][1])
+    there = found.rig.with_values(damping=found.attempts["damping"][1])
     assert ss.stability.growth_rate(there).real == pytest.approx(0.0, abs=1e-6)
     assert any(
         re.search("damping.* the furthest, smooth sliding in 7 of 8 runs", line)
@@ -269,8 +269,8 @@ def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained()
 def test_less_friction_is_a_higher_speed_and_no_run_is_made_twice():
     rig = ss.example("brake_pad")
     trials = Trials(10.0)
-    faster = rig.replace(velocity=7.0 * rig.velocity)
-    smoother = rig.replace(friction=rig.value("friction") / 7.0)
+    faster = rig.with_values(velocity=7.0 * rig.velocity)
+    smoother = rig.with_values(friction=rig.value("friction") / 7.0)
     trials.judge(trial(faster))
     spent = trials.spent
     assert trials.judge(trial(smoother)).kind == trials.judge(trial(faster)).kind
@@ -291,7 +291,7 @@ def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
     assert margins["velocity"].lower == pytest.approx(0.8687, abs=0.002)
     assert "stiffness" in {mitigation.parameter for mitigation in found.mitigations}
     for mitigation in found.mitigations:
-        here = rig.replace(**{mitigation.parameter: mitigation.stops})
+        here = rig.with_values(**{mitigation.parameter: mitigation.stops})
         assert ss.stability.count_unstable(here) == 0
         drive = ss.constant(here.velocity, 60.0 / here.velocity)
         run = ss.simulate(
@@ -408,7 +408,7 @@ def test_a_change_in_words_written_into_its_file_is_that_change(changes):
         value = re.search(rf"{before} ([\d.]+( [^ ,)]+)?)", words)[1]
         written[table][name] = float(value) if name == "damping_ratio" else value
     there = rigs.from_document(written)
-    wanted = rig.replace(**{each.parameter: each.stops for each in made})
+    wanted = rig.with_values(**{each.parameter: each.stops for each in made})
     for name in (
         "mass",
         "stiffness",
@@ -732,10 +732,12 @@ def test_a_range_of_speeds_is_made_smooth_by_one_change_or_by_two_smaller_ones()
     assert len(found.pair) == 2
     assert all(each.size < smallest for each in found.pair)
     for changes in (*((each,) for each in found.mitigations), found.pair):
-        there = found.rig.replace(**{each.parameter: each.stops for each in changes})
+        there = found.rig.with_values(
+            **{each.parameter: each.stops for each in changes}
+        )
         for speed in (0.5e-3, 1.3e-3, 3.1e-3, 5e-3):
             judged = Trials(math.inf).judge(
-                trial(there.replace(velocity=speed), other=40)
+                trial(there.with_values(velocity=speed), other=40)
             )
             assert judged.kind == "smooth sliding", (changes, speed)
 

@@ -21,6 +21,7 @@ import pytest
 import stickslip as ss
 from stickslip.cli import app
 from stickslip.io import rig_keys
+from stickslip.model import Areas
 from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import RandomDelay
@@ -142,7 +143,7 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
 ):
     text = house.rig_keys()
     rows = re.findall(r"^\| `.*$", text, re.MULTILINE)
-    kinds = (DISTRIBUTIONS, AGEING_MODELS, ACTIVATIONS)
+    kinds = (DISTRIBUTIONS, {"areas": Areas}, AGEING_MODELS, ACTIVATIONS)
     records = [rig_keys.keys_of(record) for kind in kinds for record in kind.values()]
     assert len(rows) == sum(map(len, (rig_keys.TOP, *TABLES, *records))) >= 60
     for row in rows:

@@ -351,6 +351,14 @@ MISTAKES = [
     ("slider.mass", None, "slider.mass", "is missing"),
     ("slider.mass", "-75 g", "slider.mass = '-75 g'", "at least 0"),
     ("slider.mass", 75, "slider.mass = 75", "has no unit"),
+    ("interface.temperature", {}, "interface.temperature", "it is called 'activation'"),
+    (
+        "interface.track_scatter",
+        0.1,
+        "interface.track_scatter",
+        "it is called 'slip_to_slip_scatter'",
+    ),
+    ("interface.areas", "site", "interface.areas = 'site'", "kept = true"),
     ("slider.mass", True, "slider.mass = True", "quantity"),
     ("slider.damping", "3 1/s", "slider", "give damping_ratio or damping, not both"),
     (
@@ -632,7 +640,7 @@ def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(
     name, force, length, speeds
 ):
     read = ss.read_rig(brake(speeds, feasible={"mass": ["1 kg", "9 kg"]}))
-    turned = read.replace(**{name: 2 * read.value(name)})
+    turned = read.with_values(**{name: 2 * read.value(name)})
     assert turned.value(name) == pytest.approx(2 * read.value(name))
     assert turned.scales.force == pytest.approx(force * read.scales.force)
     assert turned.scales.stretching == pytest.approx(length * read.scales.stretching)
@@ -689,6 +697,16 @@ def test_what_is_read_from_a_rig_can_be_given_back(name):
             other.replace(**{name: getattr(rig, name)}).natural
             == (rig if name == "name" else other).natural
         )
+
+
+def test_a_number_without_unit_is_refused_by_a_rig_in_si_units():
+    rig = rigs.example("brake_pad")
+    refused = r"^replace: velocity = 10: has no unit; write velocity='10 m/s', or with"
+    with pytest.raises(InputError, match=refused):
+        rig.replace(velocity=10)
+    assert rig.replace(velocity="10 m/s") == rig.with_values(velocity=10)
+    assert rig.replace(std=0.2).value("std") == pytest.approx(0.2)
+    assert rig.natural.replace(velocity=10).velocity == pytest.approx(10.0)
 
 
 def test_a_record_in_the_units_of_a_rig_becomes_one_of_the_rig():

@@ -725,7 +725,7 @@ def test_boundary_over_any_two_parameters_separates_the_counts(held, over, withi
             sides = (np.exp([a[k], b[k]] + sign * across) for sign in (1, -1))
             counts = [
                 count_unstable(
-                    held.replace(**dict(zip(over, side.tolist(), strict=True)))
+                    held.with_values(**dict(zip(over, side.tolist(), strict=True)))
                 )
                 for side in sides
             ]

@@ -746,7 +746,7 @@ def test_the_load_is_an_axis():
     }
     for load in loads:
         alone = ss.sweep(
-            rig.replace(load=load),
+            rig.with_values(load=load),
             {"velocity": [rig.value("velocity")], "seed": [3]},
             runs=short,
         )

@@ -51,7 +51,9 @@ def _linear(plan: Plan, diagram: xr.Dataset) -> Claim:
     as_claimed = 0
     for stiffness in diagram["stiffness"].to_numpy().tolist():
         edges = critical(
-            plan.study.rig.replace(stiffness=stiffness), "velocity", between=(0.02, 30)
+            plan.study.rig.with_values(stiffness=stiffness),
+            "velocity",
+            between=(0.02, 30),
         ).edges
         for velocity in diagram["velocity"].to_numpy().tolist():
             beyond = velocity / edges[0].value
@@ -102,7 +104,7 @@ def _starts(diagram: xr.Dataset) -> Claim:
 def _fold(plan: Plan) -> Claim:
     cases = []
     for stiffness in (1.8, 2.5):
-        here = plan.study.rig.replace(stiffness=stiffness)
+        here = plan.study.rig.with_values(stiffness=stiffness)
         (band,) = bistable_range(
             here, "velocity", between=(0.1, 3.0), step=0.1, tolerance=0.01
         ).bands

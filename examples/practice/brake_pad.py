@@ -26,7 +26,7 @@ def groaning(rig: str | Path = RIG, *, damping: float = 1.0) -> tuple[float, flo
     the rig times a factor.
     """
     brake = ss.read_rig(rig)
-    damped = brake.replace(damping=damping * brake.value("damping"))
+    damped = brake.with_values(damping=damping * brake.value("damping"))
     edges = ss.critical(
         damped, "velocity", between=(brake.velocity / 100, brake.velocity * 100)
     ).edges

@@ -31,7 +31,9 @@ def softest_servo(stage: ss.Rig) -> np.ndarray:
     found = []
     for speed in SPEEDS:
         try:
-            found.append(ss.stability.critical_spring(stage.replace(velocity=speed)))
+            found.append(
+                ss.stability.critical_spring(stage.with_values(velocity=speed))
+            )
         except ss.UndecidedError:
             found.append(np.nan)
     return np.array(found)
@@ -39,7 +41,7 @@ def softest_servo(stage: ss.Rig) -> np.ndarray:
 
 def error_of_tracking(stage: ss.Rig, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
     """Time in s, and how far the stage strays from its course, in m."""
-    run = ss.simulate(stage.replace(stiffness=stiffness))
+    run = ss.simulate(stage.with_values(stiffness=stiffness))
     lag = (run["spring_force"] / stiffness).to_numpy()
     return run["time"].to_numpy(), lag - lag[lag.size // 2 :].mean()
 

@@ -32,7 +32,7 @@ def pull(bench: ss.Rig, stiffness: float):
     """
     damping = bench.value("damping") * math.sqrt(stiffness / bench.value("stiffness"))
     long = ss.constant(bench.velocity, duration=DURATION)
-    stiffer = bench.replace(stiffness=stiffness, damping=damping)
+    stiffer = bench.with_values(stiffness=stiffness, damping=damping)
     return ss.simulate(stiffer.replace(drive=bench.to_natural(long)))
 
 

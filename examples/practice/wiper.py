@@ -25,7 +25,7 @@ RIG = "wiper"
 def chattering(wiper: ss.Rig) -> tuple[float, float]:
     """Speeds in m/s between which smooth wiping is unstable."""
     edges = ss.critical(
-        wiper.replace(velocity=1.0), "velocity", between=(1e-3, 1e2)
+        wiper.replace(velocity="1 m/s"), "velocity", between=(1e-3, 1e2)
     ).edges
     return edges[0].value, edges[-1].value
 

@@ -77,7 +77,7 @@ def _pictures(
     rig = found.rig
     before = found.recording.rig
     goal = {each.parameter: each.stops for each in changes}
-    after = rig.replace(**goal)
+    after = rig.with_values(**goal)
     lasts = replace(
         after,
         drive=constant(after.natural.velocity, before.drive.duration),

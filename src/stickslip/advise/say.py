@@ -397,7 +397,7 @@ def changed(found: Prediction, *changes: Mitigation) -> str:
     what they hold.
     """
     rig = found.rig
-    there = found.rig.replace(**{each.parameter: each.stops for each in changes})
+    there = found.rig.with_values(**{each.parameter: each.stops for each in changes})
     names = [each.parameter for each in changes]
     words = [
         (

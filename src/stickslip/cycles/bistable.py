@@ -228,7 +228,7 @@ def bistable_region(
     for i, value in enumerate(values.tolist()):
         if progress is not None:
             progress(i / places)
-        here = rig.replace(**{across.name: value})
+        here = rig.with_values(**{across.name: value})
         try:
             bands = bistable_range(here, up, between=between, tolerance=0.02)
         except (InputError, UndecidedError):

@@ -270,7 +270,7 @@ def turned(document: Document, values: Mapping[str, Any]) -> Document:
             raise InputError(
                 f"{shown(name)}: is no parameter; there are {', '.join(NAMES)}"
             )
-        rig = rig.replace(**{name: number(name, value, above=0)})
+        rig = rig.with_values(**{name: number(name, value, above=0)})
     # A parameter is turned at constant eta, as on the map.
     ratio = _by_ratio(document) and not values.keys() & {"stiffness", "mass", "damping"}
     return _like(document, rig, damping_ratio=ratio)

@@ -190,7 +190,7 @@ def _quick(
         delay = float(f"{lasts:.3g}")
         how = f"{how}; the speed at which friction has halved gives it"
         assumed["interface.delay"] = Assumption(engineering(delay, "s", 3), how)
-        rig = rig.replace(delay=delay)
+        rig = rig.with_values(delay=delay)
     rig = replace(rig, assumed=assumed)
     standard_deviation = rig.interface.threshold_distribution.standard_deviation()
     overlay, words, fits = _overlay(rig, events, seconds, watch)

@@ -5,6 +5,7 @@ numbers.
 import sys
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from stickslip.answers import Answer
@@ -272,13 +273,15 @@ class Rig(Answer):
         **changes
             A field of this record, as it is read from it: in natural units, so that
             ``rig.replace(drive=rig.drive) == rig``; see `to_natural`. Or a parameter by
-            name, in the rig's own units: ``velocity``, ``stiffness``, ``mass``,
-            ``damping``, ``delay``, ``std``, ``ageing``.
+            name, a text with its unit, or a number for a rig in natural units:
+            ``velocity``, ``stiffness``, ``mass``, ``damping``, ``delay``, ``std``,
+            ``ageing``.
 
         Raises
         ------
         InputError
-            If there is no such part or parameter, or the value cannot be.
+            If there is no such part or parameter, the value cannot be, or a quantity of
+            a rig in SI units has no unit; see `with_values`.
 
         Examples
         --------
@@ -291,13 +294,35 @@ class Rig(Answer):
             for name, value in changes.items()
             if name in self.__dataclass_fields__
         }
-        changed = replace(self, **fields)
-        for name in [name for name in changes if name not in fields]:
+        values = {name: value for name, value in changes.items() if name not in fields}
+        for name, value in values.items():
+            unit = self.unit_name(parameter_named(name, place="replace").unit)
+            if self.scales is not None and unit != "1" and isinstance(value, Real):
+                written = f"{name}={f'{value} {unit}'!r}"
+                raise InputError(
+                    f"replace: {name} = {value}: has no unit; write {written}, or "
+                    f"with_values({name}={value}) for a number in {unit}"
+                )
+        return replace(self, **fields).with_values(**values)
+
+    def with_values(self, **values: float | str) -> "Rig":
+        """Return the rig with some of its parameters changed, numbers in the rig's own
+        units, as `value` returns them.
+
+        Raises `InputError` if there is no such parameter, or the value cannot be.
+
+        Examples
+        --------
+        >>> rig = ss.read_rig("brake_pad")
+        >>> faster = rig.with_values(velocity=2.0 * rig.value("velocity"))
+        >>> round(faster.velocity, 3)
+        0.04
+        """
+        changed = self
+        for name, value in values.items():
             known = parameter_named(name, place="replace")
-            changed = known.set(
-                changed,
-                changed.read(name, changes[name], known.unit, above=None, at_least=0),
-            )
+            new = changed.read(name, value, known.unit, above=None, at_least=0)
+            changed = known.set(changed, new)
         return changed
 
     def to_natural(self, record: AnyRecord) -> AnyRecord:

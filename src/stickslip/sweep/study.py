@@ -45,7 +45,7 @@ class Study:
                 method, count=values.pop("contacts", method.count), seed=seed
             )
             sliding = FromSliding()
-        varied = self.rig.replace(**values)
+        varied = self.rig.with_values(**values)
         rig = replace(
             varied.natural,
             method=method,

@@ -40,7 +40,7 @@ def with_theory(
         for name in plan.parameters
         if name in result and result[name].ndim == 0
     }
-    rig = plan.study.rig.replace(**fixed)
+    rig = plan.study.rig.with_values(**fixed)
     try:
         if not 1 <= len(ranges) <= 2:
             raise InputError("it is drawn over one parameter or two")
