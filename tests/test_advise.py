@@ -15,11 +15,12 @@ import pytest
 
 import stickslip as ss
 from stickslip import advise
-from stickslip.advise import Mitigation, prediction, say
-from stickslip.advise.bands import PRECISION, Band, Survey, stability_along
-from stickslip.advise.mitigations import mitigated
+from stickslip.advise import Mitigation, prediction, sections
+from stickslip.advise.budget import SEEDS, Budget, survives_noise, trial
+from stickslip.advise.findings import SEEN
+from stickslip.advise.mitigations import smallest_changes
 from stickslip.advise.report import report
-from stickslip.advise.runs import SEEDS, Trials, stays, trial
+from stickslip.advise.survey import PRECISION, Band, Survey, stability_along
 from stickslip.io import rig_files as rigs
 from stickslip.paper.cases import FIG8
 
@@ -87,28 +88,29 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
     found = paper_s_rig
     rig = paper_s_rig.rig
     # tau* = .0755 and v1' = .71 are where stick-slip decays from the narrow start.
-    stops = {mitigation.parameter: mitigation.stops for mitigation in found.mitigations}
+    stops = {mitigation.parameter: mitigation.to for mitigation in found.mitigations}
     assert 0.8 * 0.71 < stops["velocity"] < 0.73
     if "delay" in stops:
         assert 0.8 * 0.0755 < stops["delay"] < 0.0755 + 0.003
     assert found.mitigations[0].parameter != "delay"  # a machine has other handles
     for mitigation in found.mitigations:
-        there = rig.with_values(**{mitigation.parameter: mitigation.stops})
+        there = rig.with_values(**{mitigation.parameter: mitigation.to})
         long = replace(there, drive=ss.constant(there.velocity, 300.0 / there.velocity))
         run = ss.simulate(long, method=replace(there.method, seed=5))
         assert ss.regime(run).kind == "smooth sliding", mitigation
 
 
 def test_the_noise_of_the_contacts_is_seen_before_the_limit(paper_s_rig):
-    name, value = paper_s_rig.noisy
+    name, value = paper_s_rig.noise_limit
     limit = next(each.upper for each in paper_s_rig.margins if each.parameter == name)
     assert (name, value < limit) == ("velocity", True)
     there = paper_s_rig.rig.with_values(velocity=value)
     assert ss.stability.contact_noise(there).relative_force == pytest.approx(
-        say.SEEN, rel=0.1
+        SEEN, rel=0.1
     )
     assert any(
-        "before the speed reaches its limit" in line for line in say.noise(paper_s_rig)
+        "before the speed reaches its limit" in line
+        for line in sections.noise(paper_s_rig)
     )
 
 
@@ -118,7 +120,7 @@ def test_an_assumption_is_varied_within_the_range_that_the_file_gives():
     assert rig.assumed["interface.delay"].factors == pytest.approx((1e-3, 2e-3))
     assert ss.read_rig(tomllib.loads(rigs.to_toml(rig))).assumed == rig.assumed
     short, wide = (
-        advise.Doubt.of(each, Trials(math.inf)).oscillates
+        advise.Doubt.of(each, Budget(math.inf)).oscillates
         for each in (rig, example("brake_pad"))
     )
     # with delays so short nothing strengthens with rest
@@ -158,7 +160,7 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
     )
     assert found.verdict.endswith("; linearly unstable from 1.1 to 154 mm/s")
     assert len(found.headline) <= 100
-    bold = found.text(40, "\033[1m{}\033[0m")  # a terminal shows no signs for bold
+    bold = found.text(40, bold=True)  # a terminal shows no signs for bold
     assert bold.startswith("\033[1mBrake pad, creep groan\033[0m: at 20 mm/s:\n")
     assert re.sub("\033\\[[01]m", "", bold) == found.text(40)
     # as a command line gives numbers
@@ -175,7 +177,7 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
     shown = found._repr_html_()
     assert ">Brake pad, creep groan: at 20 mm/s: stick-slip, 170 Hz" in shown
     # a strip of its speeds, to scale
-    drawn = ET.fromstring(re.search("<svg viewBox.*?</svg>", shown)[0])
+    drawn = ET.fromstring(re.search("(?s)<svg viewBox.*?</svg>", shown)[0])
     wide = [
         float(part.get("width"))
         for part in drawn.iter("rect")
@@ -190,7 +192,7 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
 
 def test_a_rig_without_a_mechanism_is_not_judged_but_told_over_delays():
     found = advise.predict(make(stiffness=2.0, delay=ss.Delay(0.0)))
-    assert (found.judged, found.smooth, found.mitigations) == (False, None, ())
+    assert (found.has_verdict, found.smooth, found.mitigations) == (False, None, ())
     assert found.verdict.startswith(
         "cannot be judged: nothing says how contacts strengthen with rest"
     )
@@ -209,20 +211,20 @@ def test_where_nothing_helps_the_range_searched_is_told():
         30 * found.rig.value("damping")
     )
     assert any(
-        "with smooth sliding in 8 of 8 runs" in line for line in say.attempts(found)
+        "with smooth sliding in 8 of 8 runs" in line
+        for line in sections.attempts(found)
     )
 
 
 def test_what_one_run_of_eight_denies_is_told_as_that():
-    class Fated(Trials):
+    class Fated(Budget):
         def slide_smoothly(self, _rigs, others):
             return 3 not in others
 
-    found = mitigated(
-        ss.predict(ss.example("brake_pad"), fast=True),
-        Fated(math.inf),
-        lambda _done: None,
-    )
+    found = ss.predict(ss.example("brake_pad"), fast=True)
+    fated = Fated(math.inf)
+    changes = smallest_changes(found.rig, None, fated, lambda _done: None)
+    found = replace(found, **changes._asdict())
     assert found.unreliable["damping"] == (
         pytest.approx(30 * found.rig.value("damping")),
         7 / 8,
@@ -232,7 +234,7 @@ def test_what_one_run_of_eight_denies_is_told_as_that():
     assert ss.stability.growth_rate(there).real == pytest.approx(0.0, abs=1e-6)
     assert any(
         re.search("damping.* the furthest, smooth sliding in 7 of 8 runs", line)
-        for line in say.attempts(found)
+        for line in sections.attempts(found)
     )
 
 
@@ -249,7 +251,7 @@ def test_a_slow_decay_is_waited_for():
         "drive": ss.constant(14.8, 120 / 14.8),
     }
     rig = make(**slow, **random, contacts=10_000, seed=20)
-    assert Trials(10.0).judge(trial(rig)).kind == "smooth sliding"
+    assert Budget(100.0).regime(trial(rig)).kind == "smooth sliding"
 
 
 def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained():
@@ -263,18 +265,18 @@ def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained()
     )
     rig = replace(rig, drive=ss.constant(20.0, 4.0))
     assert -0.01 < ss.stability.growth_rate(rig).real < 0.0
-    assert Trials(60.0).judge(trial(rig)).kind == "undecided"
+    assert Budget(500.0).regime(trial(rig)).kind == "undecided"
 
 
 def test_less_friction_is_a_higher_speed_and_no_run_is_made_twice():
     rig = ss.example("brake_pad")
-    trials = Trials(10.0)
+    budget = Budget(100.0)
     faster = rig.with_values(velocity=7.0 * rig.velocity)
     smoother = rig.with_values(friction=rig.value("friction") / 7.0)
-    trials.judge(trial(faster))
-    spent = trials.spent
-    assert trials.judge(trial(smoother)).kind == trials.judge(trial(faster)).kind
-    assert trials.spent == spent
+    budget.regime(trial(faster))
+    spent = budget.spent
+    assert budget.regime(trial(smoother)).kind == budget.regime(trial(faster)).kind
+    assert budget.spent == spent
 
 
 @pytest.mark.slow
@@ -291,7 +293,7 @@ def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
     assert margins["velocity"].lower == pytest.approx(0.8687, abs=0.002)
     assert "stiffness" in {mitigation.parameter for mitigation in found.mitigations}
     for mitigation in found.mitigations:
-        here = rig.with_values(**{mitigation.parameter: mitigation.stops})
+        here = rig.with_values(**{mitigation.parameter: mitigation.to})
         assert ss.stability.count_unstable(here) == 0
         drive = ss.constant(here.velocity, 60.0 / here.velocity)
         run = ss.simulate(
@@ -342,7 +344,7 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
         "stick-slip from 45."
     )
     assert answer.between == (pytest.approx(0.01), pytest.approx(1.0))
-    first, *_, last = answer.in_time  # up and down again, in a second
+    first, *_, last = answer.along_drive  # up and down again, in a second
     assert (first.low, last.high, first.kind, last.kind) == (
         0.0,
         pytest.approx(1.0),
@@ -357,8 +359,8 @@ def test_what_was_not_simulated_is_not_called_smooth():
     assert [band.kind for band in linear] == ["stable", "unstable"]
     survey = Survey(setting, linear, ss.regime(ss.simulate(setting)).kind)
     known = []
-    for seconds in (0.0, 0.4, 5.0):
-        survey.look(Trials(seconds))
+    for runs in (0.0, 8.0, 100.0):
+        survey.look(Budget(runs))
         bands = survey.bands()
         assert all(one.high == other.low for one, other in pairwise(bands))
         known.append(
@@ -398,7 +400,7 @@ def test_a_change_in_words_written_into_its_file_is_that_change(changes):
         read(tomllib.loads(ACTUATOR)) for read in (rigs.from_document, dict)
     )
     made = [
-        Mitigation(parameter=name, value=(v := rig.value(name)), stops=2.0 * v)
+        Mitigation(parameter=name, now=(v := rig.value(name)), to=2.0 * v)
         for name in changes.split()
     ]
     words = ss.predict(rig, fast=True).changed(*made)
@@ -408,7 +410,7 @@ def test_a_change_in_words_written_into_its_file_is_that_change(changes):
         value = re.search(rf"{before} ([\d.]+( [^ ,)]+)?)", words)[1]
         written[table][name] = float(value) if name == "damping_ratio" else value
     there = rigs.from_document(written)
-    wanted = rig.with_values(**{each.parameter: each.stops for each in made})
+    wanted = rig.with_values(**{each.parameter: each.to for each in made})
     for name in (
         "mass",
         "stiffness",
@@ -430,7 +432,7 @@ def test_a_change_in_words_written_into_its_file_is_that_change(changes):
 def test_mitigations_stay_within_what_could_be_built():
     feasible = {"mass": ["4 kg", "5 kg"], "load": ["24 N", "24 N"]}
     free, bound = (
-        {change.parameter: change.stops for change in ss.predict(rig).mitigations}
+        {change.parameter: change.to for change in ss.predict(rig).mitigations}
         for rig in (
             example("precision_stage"),
             example("precision_stage", feasible=feasible),
@@ -463,7 +465,7 @@ def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
     assert stable.high == beyond.low == pytest.approx(end, rel=0.01)
     (margin,) = (
         each
-        for each in prediction._margins(rig, Trials(math.inf), [])
+        for each in prediction._margins(rig, Budget(math.inf))[0]
         if each.parameter == "velocity"
     )
     assert (margin.upper, margin.searched[1]) == (
@@ -508,8 +510,8 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
     )
     seen = ss.regime(ss.simulate(rig))
     assert (seen.kind, seen.largest_velocity < 3.0) == ("sustained oscillation", True)
-    assert not Trials(20.0).slide_smoothly([rig], range(1, SEEDS + 1))
-    assert Trials(20.0).slide_smoothly([stiff], range(1, SEEDS + 1))
+    assert not Budget(300.0).slide_smoothly([rig], range(1, SEEDS + 1))
+    assert Budget(300.0).slide_smoothly([stiff], range(1, SEEDS + 1))
 
 
 @pytest.mark.filterwarnings("error")
@@ -544,7 +546,7 @@ def test_contacts_that_break_by_heat():
     assert (
         "static friction F_s (slow rigid motion, no contact broken by heat)",
         "0.6457 f_s",
-    ) in say.numbers(found)
+    ) in sections.numbers(found)
     stable, unstable = found.bands
     assert (stable.kind, unstable.kind, stable.high) == (
         "stable",
@@ -572,7 +574,11 @@ def test_noise_of_few_contacts_is_no_oscillation():
     }
     found = ss.predict(make(**light, **random, contacts=1000, seed=701), fast=True)
     assert found.unstable_modes == 0
-    assert (found.smooth, found.bistable, found.ill) == (True, False, False)
+    assert (found.smooth, found.bistable, found.needs_mitigation) == (
+        True,
+        False,
+        False,
+    )
     assert re.match(
         (
             r"at 1 x_s/time: smooth sliding; the force fluctuates by .* % rms, noise "
@@ -586,7 +592,7 @@ def test_noise_of_few_contacts_is_no_oscillation():
     )
     late = run["spring_force"].to_numpy()[-20_000:]
     assert found.noise == pytest.approx(late.std() / late.mean(), rel=0.3)
-    assert Trials(20.0).judge(trial(found.rig)).kind == "smooth sliding"
+    assert Budget(300.0).regime(trial(found.rig)).kind == "smooth sliding"
 
 
 def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
@@ -601,8 +607,8 @@ def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
         contacts=144,
     )
     assert ss.regime(ss.simulate(rig)).kind == "stick-slip"
-    assert not stays(rig)
-    assert Trials(20.0).judge(trial(rig)).kind == "smooth sliding"
+    assert not survives_noise(rig)
+    assert Budget(300.0).regime(trial(rig)).kind == "smooth sliding"
 
 
 @pytest.mark.slow
@@ -651,8 +657,8 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     """Of rigs drawn at random from the same ranges, within three standard errors."""
     rig = ss.example("precision_stage")
     rng = np.random.default_rng(7)
-    trials = Trials(math.inf)
-    found = advise.Doubt.of(rig, trials)
+    budget = Budget(math.inf)
+    found = advise.Doubt.of(rig, budget)
     count = 60
     names = {
         "slider.stiffness": "stiffness",
@@ -669,7 +675,7 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
             there = there.replace(
                 **{name: min(there.value(name) * 3.0 ** rng.uniform(-1.0, 1.0), most)}
             )
-        seen.append(trials.judge(trial(there.natural, other=5)).kind)
+        seen.append(budget.regime(trial(there.natural, other=5)).kind)
     told = [kind for kind in seen if kind != "undecided"]
     part = sum(kind != "smooth sliding" for kind in told) / len(told)
     assert (
@@ -719,9 +725,9 @@ def test_what_the_doubt_cannot_tell_counts_neither_way():
     )
     assert "in 25 to 100 % of" in str(found)
     assert "in 100 % of the 25 % that could be told" in str(found)
-    none = advise.Doubt.of(ss.example("precision_stage"), Trials(0.0))
-    assert "0 to 100 % of what was not measured: none could be told in the time" in str(
-        none
+    none = advise.Doubt.of(ss.example("precision_stage"), Budget(0.0))
+    assert "0 to 100 % of what was not measured: none could be told with the runs" in (
+        str(none)
     )
 
 
@@ -729,26 +735,27 @@ def test_what_the_doubt_cannot_tell_counts_neither_way():
 def test_a_range_of_speeds_is_made_smooth_by_one_change_or_by_two_smaller_ones():
     found = ss.predict(ss.example("precision_stage"), smooth=("0.5 mm/s", "5 mm/s"))
     smallest = min(each.size for each in found.mitigations)
-    assert len(found.pair) == 2
-    assert all(each.size < smallest for each in found.pair)
-    for changes in (*((each,) for each in found.mitigations), found.pair):
-        there = found.rig.with_values(
-            **{each.parameter: each.stops for each in changes}
-        )
+    assert len(found.combined) == 2
+    assert all(each.size < smallest for each in found.combined)
+    for changes in (*((each,) for each in found.mitigations), found.combined):
+        there = found.rig.with_values(**{each.parameter: each.to for each in changes})
         for speed in (0.5e-3, 1.3e-3, 3.1e-3, 5e-3):
-            judged = Trials(math.inf).judge(
+            judged = Budget(math.inf).regime(
                 trial(there.with_values(velocity=speed), other=40)
             )
             assert judged.kind == "smooth sliding", (changes, speed)
 
 
-FASTER = Mitigation(parameter="velocity", value=0.02, stops=0.22)
+FASTER = Mitigation(parameter="velocity", now=0.02, to=0.22)
 
 
 @pytest.mark.takes(5)  # three pictures, a map among them
 @pytest.mark.parametrize(
     "found",
-    [{"mitigations": [FASTER]}, {"pair": [FASTER, replace(FASTER, parameter="mass")]}],
+    [
+        {"mitigations": [FASTER]},
+        {"combined": [FASTER, replace(FASTER, parameter="mass")]},
+    ],
 )
 def test_a_report_is_one_page_that_asks_for_no_other_file(found):
     found = replace(ss.predict(ss.example("brake_pad"), fast=True), **found)

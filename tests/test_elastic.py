@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benches import bar, imbalance, pushed
-from test_told import BAR
+from test_output_texts import BAR
 
 import stickslip as ss
 from stickslip.io import rig_files

@@ -18,7 +18,7 @@ from drawn import assert_drawn, assert_kept
 import stickslip as ss
 from stickslip import cli, fitting
 from stickslip.advise import Doubt
-from stickslip.advise.runs import Trials
+from stickslip.advise.budget import Budget
 from stickslip.errors import InputError
 from stickslip.fitting.bench import half_speed_of, read_pairs, strengthening_of
 from stickslip.fitting.inference import infer
@@ -391,7 +391,7 @@ def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
 @pytest.mark.takes(5)  # 64 rigs, each simulated
 def test_a_fitted_rig_is_judged_over_its_draws(found):
     """By runs, as contacts re-attach on arrest; a trace of stick-slip was fitted."""
-    doubt = Doubt.of(found.rig(), Trials(math.inf))
+    doubt = Doubt.of(found.rig(), Budget(math.inf))
     assert doubt.draws == 64
     assert doubt.oscillates > 0.9
     assert "% of the 64 draws of the fit" in str(doubt)

@@ -22,8 +22,8 @@ from scipy.special import gamma
 
 import stickslip as ss
 from stickslip.advise import Band, Doubt, Mitigation, Prediction
+from stickslip.advise.budget import Budget
 from stickslip.advise.doubt import WIDEST
-from stickslip.advise.runs import Trials
 from stickslip.model import Contacts, Operation, Scales
 from stickslip.model.distributions import Distribution
 from stickslip.model.parameters import parameter_named
@@ -282,7 +282,7 @@ def disagreements(number: int) -> Iterator[tuple[str, str]]:
     found = ss.predict(rig)
     assert isinstance(found, Prediction)
     yield "predicted", f"{time.process_time() - begun:.1f} s"
-    if not found.judged or found.theory_note:
+    if not found.has_verdict or found.theory_note:
         yield "not judged", ""
         return
     here = at(rig, "velocity", rig.velocity)
@@ -416,7 +416,7 @@ def _about_a_band(found: Prediction, band: Band) -> Iterator[tuple[str, str]]:
 def _about_a_mitigation(
     found: Prediction, mitigation: Mitigation
 ) -> Iterator[tuple[str, str]]:
-    there = at(found.rig, mitigation.parameter, mitigation.stops)
+    there = at(found.rig, mitigation.parameter, mitigation.to)
     try:
         kinds = [motion(there, seed=seed) for seed in (5000, 6000)]
         bad = [each for each in kinds if "smooth sliding" not in each]
@@ -515,7 +515,7 @@ def doubt() -> tuple[Claim, ...]:
     """
     claims = []
     for name in ("brake_pad", "precision_stage", "pmma_slider"):
-        said = Doubt.of(ss.example(name), Trials(math.inf))
+        said = Doubt.of(ss.example(name), Budget(math.inf))
         assert said is not None
         seen = [each for each in oscillates(name) if each is not None]
         part = float(np.mean(seen))

@@ -22,7 +22,6 @@ _CARD = (
     f"border:1px solid {_LINE};border-radius:6px;padding:.5em "
     ".9em;max-width:56em;overflow-x:auto"
 )
-_WIDE = 600.0  # of the strip, in its own units
 
 
 class Answer:
@@ -80,54 +79,6 @@ def table(rows: Iterable[str | Sequence[str]]) -> str:
         )
         if lines
         else ""
-    )
-
-
-def strip(
-    bands: Iterable[Any], ends: tuple[float, float], at: float, named: Sequence[str]
-) -> str:
-    """Return speeds coloured by their motion as SVG, on a logarithmic axis between
-    named ends; one is marked.
-    """
-
-    def place(speed: float) -> float:
-        return (
-            _WIDE
-            * math.log(min(max(speed, ends[0]), ends[1]) / ends[0])
-            / math.log(ends[1] / ends[0])
-        )
-
-    drawn = ""
-    keys = dict[str, str]()
-    for band in bands:
-        words = band.kind + (", or smooth" if band.bistable else "")
-        fill = (
-            f'fill="{COLOURS.get(band.kind, "none")}" '
-            f'fill-opacity="{0.6 if band.bistable else 1}"'
-        )
-        left = place(band.low)
-        right = place(band.high)
-        drawn += (
-            f'<rect x="{left:.1f}" y="12" width="{right - left:.1f}" height="16" '
-            f"{fill}><title>{words}</title></rect>"
-        )
-        box = f'<rect y="1" width="11" height="11" stroke="{_LINE}" {fill}/>'
-        keys[words] = (
-            f'<svg width="12" height="13" style="vertical-align:-2px">{box}</svg> '
-            f"{words}"
-        )
-    mark = place(at)
-    low, high = map(escaped, named)
-    return (
-        f'<svg viewBox="-6 0 {_WIDE + 12} 44" role="img" aria-label="motion at each '
-        'speed" fill="currentColor" '
-        'font-size="12" style="display:block;width:100%;max-width:46em;margin:.5em 0 '
-        f'0">{drawn}'
-        f'<rect y="12" width="{_WIDE}" height="16" fill="none" stroke="{_LINE}"/>'
-        f'<path d="M{mark - 5:.1f} 1h10l-5 9zM{mark:.1f} 8v22" '
-        f'stroke="currentColor"/><text y="42">{low}</text>'
-        f'<text x="{_WIDE}" y="42" '
-        f'text-anchor="end">{high}</text></svg><small>{" &emsp; ".join(keys.values())}</small>'  # noqa: E501
     )
 
 

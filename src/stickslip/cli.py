@@ -24,7 +24,7 @@ from stickslip.errors import (
     whole,
 )
 from stickslip.io import files
-from stickslip.progress import in_time, part
+from stickslip.progress import part
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -360,9 +360,9 @@ def predict(
     would stop it.
 
     The verdict comes first, on standard error, while the rest is still sought, for some
-    15 s.
+    10 s.
     """
-    from stickslip.advise import Prediction, complete, in_full, predict
+    from stickslip.advise import Prediction, complete, predict, runs_in_full
 
     _check_outputs(picture=plot, read=rig)
     described = ss.read_rig(rig)
@@ -371,7 +371,7 @@ def predict(
     if not fast and isinstance(found, Prediction):
         if thorough:
             print(
-                f"all runs that can be asked for take about {in_time(in_full(found))}",
+                f"at most {runs_in_full(found)} runs can be asked for",
                 file=sys.stderr,
             )
         if sys.stderr.isatty():
@@ -383,7 +383,7 @@ def predict(
     _draw(plot, found.plot)
     on_page = sys.stdout.isatty()  # in a pipe nobody knows its width
     text = (
-        found.text(get_terminal_size().columns, "\033[1m{}\033[0m")
+        found.text(get_terminal_size().columns, bold=True)
         if on_page
         else found.text(80)
     )

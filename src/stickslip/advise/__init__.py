@@ -10,13 +10,13 @@ kept apart, because their answers differ:
   two the rig is bistable.
 """
 
-from stickslip.advise import say
-from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
-from stickslip.advise.bands import Band
+from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.chart import chart
 from stickslip.advise.doubt import Doubt
+from stickslip.advise.findings import Margin, WaveAnswer, frequency_unit
 from stickslip.advise.mitigations import Mitigation
-from stickslip.advise.prediction import complete, in_full, predict
+from stickslip.advise.prediction import complete, predict, runs_in_full
+from stickslip.advise.survey import Band
 
 __all__ = [
     "Band",
@@ -27,5 +27,8 @@ __all__ = [
     "Prediction",
     "WaveAnswer",
     "chart",
+    "complete",
+    "frequency_unit",
+    "predict",
+    "runs_in_full",
 ]
-__all__ += ["complete", "in_full", "predict", "say"]

@@ -1,161 +1,178 @@
-"""What is predicted for a rig: the records of the answer."""
+"""What `predict` returns: it prints, is a card and a page, draws itself, and converts
+to plain numbers.
+"""
 
 from __future__ import annotations
 
+import io
 import math
-import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from functools import cached_property, partial
-from itertools import chain, pairwise
-from textwrap import wrap
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import xarray as xr
-
-from stickslip.advise import say
-from stickslip.advise.bands import Band, joined, scaled
-from stickslip.advise.doubt import Doubt
+from stickslip.advise.findings import Findings, WaveFindings
 from stickslip.advise.mitigations import Mitigation
-from stickslip.advise.runs import OSCILLATES
-from stickslip.answers import Answer, card, escaped, plain, strip, table
+from stickslip.advise.sections import (
+    Section,
+    changes_in_words,
+    headline,
+    headline_of_waves,
+    quantity,
+    sections,
+    sections_of_waves,
+)
+from stickslip.answers import COLOURS, Answer, escaped, plain
 from stickslip.errors import printable
-from stickslip.measure import Regime
-from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
 from stickslip.model.rig import Rig
-from stickslip.simulation import Recording
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from stickslip.elastic.modes import CriticalLength
+_UNWRAPPED = 10_000  # columns: no sentence is as wide
+_STRIP = 600.0  # width of the strip of speeds, in its own units
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Foretold(Answer):
-    """An answer about a rig: its verdict, and the sections beneath it."""
+class RigAnswer(Answer):
+    """An answer about a rig: a headline, and the sections beneath it."""
 
-    _derived: ClassVar[tuple[str, ...]]  # what is told besides the fields
-    _picture: ClassVar[str]
-    headline: ClassVar[Any]
-    sections: ClassVar[Any]
-
+    _picture: ClassVar[str]  # the function of `stickslip.plot` that draws it
+    _derived: ClassVar[tuple[str, ...]]  # what `to_dict` gives beside the fields
     rig: Rig
+    bands: Any
+    speeds_searched: tuple[float, float]
 
-    def __str__(self) -> str:
-        return self.text()
+    @property
+    @abstractmethod
+    def headline(self) -> str:
+        """The motion at the rig's own speed, in a line."""
 
-    def text(self, width: int | None = None, bold: str = "{}") -> str:
-        """Return all that is told: sentences wrapped, if to a width, tables kept
-        whole, titles in a format.
-        """
-        wrapped = partial(
-            wrap, width=sys.maxsize if width is None else width, break_on_hyphens=False
-        )
+    @property
+    @abstractmethod
+    def sections(self) -> Sequence[Section]:
+        """All sections, those without a sentence among them."""
 
-        def headed(title: str, rest: str) -> list[str]:  # by their width as it is seen
-            first, *more = wrapped(title + rest)
-            return [bold.format(first[: len(title)]) + first[len(title) :], *more]
-
-        lines = headed(printable(self.rig.name), f": {self.headline}")
-        for _, title, rest, rows in self.told:
-            lines += ["", *(headed(title, rest) if title else [])] if rows else []
-            wide = [
-                max(map(len, cells))
-                for cells in zip(
-                    *(r for r in rows if not isinstance(r, str)), strict=True
-                )
-            ]
-            mark = "- " if title else ""
-            for row in rows:
-                if isinstance(row, str):
-                    lines += wrapped(
-                        mark + printable(row), subsequent_indent=" " * len(mark)
-                    )
-                else:
-                    lines.append(
-                        "  ".join(map(str.ljust, map(printable, row), wide)).rstrip()
-                    )
-        return "\n".join(lines)
+    @property
+    def motion(self) -> str:
+        """The kind of motion at the rig's own speed, if a run shows it."""
+        return ""
 
     @property
     def verdict(self) -> str:
         """The whole answer in one sentence."""
-        told = (
-            rows for name, _, _, rows in self.sections if name in ("here", "speeds")
+        rows = (
+            section.rows
+            for section in self.sections
+            if section.name in ("here", "speeds")
         )
-        return "; ".join([self.headline, *chain.from_iterable(told)])
+        return "; ".join([self.headline, *map(str, chain.from_iterable(rows))])
 
-    @property
-    def told(self) -> list[say.Section]:
-        """The sections, and what of the rig was assumed or fitted."""
-        about = {
-            "assumed": ", not measured",
-            "fitted": " to a trace, with 90 % intervals",
-        }
-        rests_on = {
-            name: [f"{key}: {item}" for key, item in getattr(self.rig, name).items()]
-            for name in about
-        }
-        return [
-            *self.sections,
-            *((name, name.title(), about[name], rests_on[name]) for name in about),
+    def __str__(self) -> str:
+        return self.text()
+
+    def text(self, width: int | None = None, *, bold: bool = False) -> str:
+        """Return the headline and the sections, tables kept whole.
+
+        Parameters
+        ----------
+        width : int, optional
+            Columns to which sentences are wrapped.
+        bold : bool
+            Whether titles are bold, by the codes of a terminal.
+        """
+        # slow to load
+        from rich.console import Console
+        from rich.table import Table
+        from rich.text import Text
+
+        page = io.StringIO()
+        console = Console(
+            file=page,
+            width=_UNWRAPPED,  # no table is wrapped
+            force_terminal=bold,
+            color_system="standard" if bold else None,
+            legacy_windows=False,
+        )
+
+        def print_heading(title: str, rest: str) -> None:
+            heading = Text.assemble((printable(title), "bold"), printable(rest))
+            console.print(heading, width=width)
+
+        print_heading(self.rig.name, f": {self.headline}")
+        for section in self.sections:
+            if not section.rows:
+                continue
+            console.print()
+            if section.title:
+                print_heading(section.title, section.note)
+            sentences = isinstance(section.rows[0], str)
+            grid = Table.grid(padding=(0, 1 if sentences else 2, 0, 0))
+            for row in section.rows:
+                mark = ["-"] if section.title else []
+                cells = [*mark, row] if isinstance(row, str) else row
+                grid.add_row(*(Text(printable(cell)) for cell in cells))
+            console.print(grid, width=width if sentences else None)
+        return "\n".join(line.rstrip() for line in page.getvalue().splitlines())
+
+    def html(self, **page: Any) -> str:
+        """Return the headline, the strip of speeds and the sections as a card, or as a
+        page with what else is on it.
+        """
+        # slow to load
+        from jinja2 import Environment
+        from markupsafe import Markup
+
+        environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+        environment.filters["shown"] = lambda text: Markup(escaped(text))
+        template = Path(__file__).with_name("answer.html").read_text(encoding="utf-8")
+        low, high = self.speeds_searched
+        parts = [
+            {
+                "left": self._place(band.low),
+                "width": self._place(band.high) - self._place(band.low),
+                "colour": COLOURS.get(band.kind, "none"),
+                "opacity": 0.6 if band.bistable else 1,
+                "motion": band.kind + ", or smooth" * band.bistable,
+            }
+            for band in self.bands
         ]
+        return environment.from_string(template).render(
+            answer=self,
+            edge=COLOURS.get(self.motion, "#8888"),
+            parts=parts,
+            here=self._place(self.rig.velocity),
+            ends=[quantity(self.rig, end, "velocity", 3) for end in (low, high)],
+            page=page,
+        )
+
+    def _place(self, speed: float) -> float:
+        """Place of a speed on the strip, whose axis is logarithmic."""
+        low, high = self.speeds_searched
+        inside = min(max(speed, low), high)
+        return _STRIP * math.log(inside / low) / math.log(high / low)
 
     def _repr_html_(self) -> str:
-        found: Any = self
-        bands = found.bands
-        ends = found.speeds_searched
-        speed = self.rig.velocity
-        drawn = (
-            strip(
-                bands,
-                ends,
-                speed,
-                [say.quantity(self.rig, end, "velocity", 3) for end in ends],
-            )
-            if bands
-            else ""
-        )
-        motion = found.regime.kind if "regime" in vars(self) else ""
-        return card(f"{self.rig.name}: {self.headline}", drawn + self.tables(), motion)
-
-    def tables(self) -> str:
-        """Return all that is told beneath the headline as HTML, a table each."""
-        told = [
-            (f"<b>{title}</b>{escaped(rest)}", table(rows))
-            for _, title, rest, rows in self.told
-            if rows
-        ]
-        return "".join(f"<p>{head}</p>{rows}" for head, rows in told)
+        return self.html()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain numbers, texts and lists, as JSON takes them;
         what is not finite is None.
         """
-        names = [
-            "headline",
-            "verdict",
-            "units",
-            *self._derived,
-            *(each.name for each in fields(self)),
-        ]
-        told = {
-            name: getattr(self, name)
-            for name in names
-            if name not in ("rig", "recording")
+        # a mixin, whose subclasses are records
+        own = [each.name for each in fields(self)]  # type: ignore[arg-type]
+        names = ["headline", "verdict", "units", *self._derived, *own]
+        found: dict[str, Any] = {"rig": self.rig.name, "velocity": self.rig.velocity}
+        for name in names:
+            if name not in ("rig", "recording"):
+                found[name] = getattr(self, name)
+        found["sentences"] = {
+            section.name: section.rows for section in self.sections if section.rows
         }
-        told["said"] = {name: rows for name, _, _, rows in self.sections if rows}
-        assumed = {key: str(item) for key, item in self.rig.assumed.items()}
-        found: dict[str, Any] = plain(
-            {
-                "rig": self.rig.name,
-                "velocity": self.rig.velocity,
-                **told,
-                "assumed": assumed,
-            }
-        )
-        return found
+        found["assumed"] = {key: str(item) for key, item in self.rig.assumed.items()}
+        numbers: dict[str, Any] = plain(found)
+        return numbers
 
     def plot(self) -> Figure:
         """Draw the answer: the motion at each speed; of a rigid slider also the
@@ -167,345 +184,60 @@ class Foretold(Answer):
         return figure
 
 
-@dataclass(frozen=True, kw_only=True)
-class Margin:
-    """How far a parameter can be varied, alone, before smooth sliding changes its
-    linear stability.
-    """
-
-    parameter: str
-    value: float  #: where it stands, in the rig's own units, as all that follows
-
-    #: The nearest stability limits below and above; None if there is none within
-    #: `searched`.
-    lower: float | None
-    upper: float | None
-    searched: tuple[float, float]
-    #: all ranges within that in which smooth sliding is stable
-    stable: tuple[tuple[float, float], ...]
-
-    @property
-    def limits(self) -> list[float]:
-        """The limits that were found."""
-        return [end for end in (self.lower, self.upper) if end is not None]
-
-
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Prediction(Foretold):
+class Prediction(Findings, RigAnswer):
     """What `predict` found; every number in the rig's own units.
 
     It prints as its short text.
     """
 
-    headline = property(say.headline)
-    sections = property(say.sections)
-    changed = say.changed
     _picture = "prediction"
-    _derived: ClassVar[tuple[str, ...]] = (
+    _derived = (
         "at_speeds",
-        "in_time",
+        "along_drive",
         "stiffness_margin",
         "smooth",
         "bistable",
+        "frequency",
+        "amplitude",
+        "relative_amplitude",
     )
-    _derived += ("frequency", "amplitude", "relative_amplitude")
-
-    recording: Recording  #: the simulated run that `regime` is of; `run` is its Dataset
-    regime: Regime  #: of the run, with its evidence
-
-    #: Largest force in slow rigid motion, and mean force of steady sliding at the rig's
-    #: speed.
-    static_friction: float
-    kinetic_friction: float
-
-    #: ``K*`` of Eq. (8) in both conventions. Where thresholds age, these and the static
-    #: friction are those of contacts whose thresholds have fully grown and do not
-    #: change during the motion; where heat breaks contacts, they are of motion that is
-    #: too fast for it.
-    critical_stiffness: float
-    critical_stiffness_without_reattachment: float
-
-    #: Growing modes of smooth sliding; None where the theory does not apply, for the
-    #: reason in `theory_note`.
-    unstable_modes: int | None
-
-    #: Of the fastest mode; the frequency in cycles per unit of time, so in Hz for a rig
-    #: in SI units.
-    growth_rate: float | None
-    mode_frequency: float | None
-    theory_note: str
-    speeds_searched: tuple[float, float]
-    #: the motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`,
-    #: rising
-    bands: tuple[Band, ...]
-    margins: tuple[Margin, ...] = ()
-
-    #: Of a stable rig, the parameter with the nearest limit among those that are set on
-    #: a machine, and its value on the way there from which on the noise of the contacts
-    #: makes the force fluctuate by more than 5 % rms, by linear theory; where it does
-    #: so now, that is the value that it has.
-    noisy: tuple[str, float] | None = None
-
-    #: Those that can be made on the machine first, in each group the smallest first.
-    #: Where the rig works over a range of speeds, or at several, each is one for all of
-    #: them.
-    mitigations: tuple[Mitigation, ...] = ()
-
-    #: Two changes that give smooth sliding together, each smaller than any one alone,
-    #: if that was asked for and found.
-    pair: tuple[Mitigation, ...] = ()
-
-    #: Parameters that give no smooth sliding, with the range searched; and at the
-    #: furthest value of which some of the runs slide smoothly, not all: that value, and
-    #: their fraction.
-    attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    unreliable: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    #: parameters whose search was given up for its cost
-    not_searched: tuple[str, ...] = ()
-    #: whether mitigations, and the speeds from rest, have been looked for
-    complete: bool = False
-    #: what it would do with other values of what the rig's file calls assumed
-    doubt: Doubt | None = None
-
-    #: Where the rig names no mechanism by which contacts strengthen: what it would do
-    #: with which delay.
-    delays: tuple[Band, ...] = ()
-
-    #: Standard deviation of the spring force over its mean, where it is seen and by
-    #: theory noise of the contacts.
-    noise: float | None = None
-    #: false where linearly stable smooth sliding is left, by theory, by the noise of
-    #: its contacts
-    stays: bool = True
-
-    @cached_property
-    def run(self) -> xr.Dataset:
-        """The simulated run that `regime` is of."""
-        return self.recording.dataset()
 
     @property
-    def judged(self) -> bool:
-        """Whether there is a verdict: not where nothing says how contacts strengthen
-        with rest.
-        """
-        return not self.delays
+    def headline(self) -> str:
+        """The motion at the rig's own speed, in a line."""
+        return headline(self)
 
     @property
-    def stiffness_margin(self) -> float:
-        """``K/K*``: above 1 there is no elastic instability; infinite if the force
-        never falls.
-        """
-        return (
-            self.rig.value("stiffness") / self.critical_stiffness
-            if self.critical_stiffness > 0
-            else math.inf
-        )
+    def sections(self) -> Sequence[Section]:
+        """All sections, those without a sentence among them."""
+        return list(sections(self))
 
     @property
-    def smooth(self) -> bool | None:
-        """Whether the rig slides smoothly: stable, and seen to in the run; None if
-        that is undecided.
-        """
-        if self.regime.kind == "undecided" or not self.judged:
-            return None
-        return self.regime.kind == "smooth sliding" and not self.unstable_modes
+    def motion(self) -> str:
+        """The kind of motion at the rig's own speed."""
+        return self.regime.kind
 
-    @property
-    def bistable(self) -> bool:
-        """Whether smooth sliding is stable, and stays, although the run from rest
-        shows sustained stick-slip.
-        """
-        return (
-            self.regime.kind in OSCILLATES
-            and self.judged
-            and self.unstable_modes == 0
-            and self.stays
-        )
-
-    @property
-    def ill(self) -> bool:
-        """Whether there is something to mitigate, at any of the speeds at which the
-        rig works.
-        """
-        return self.judged and (
-            bool(self.unstable_modes)
-            or self.regime.kind in OSCILLATES
-            or bool(self.trouble)
-        )
-
-    @property
-    def trouble(self) -> tuple[Band, ...]:
-        """Ranges of speed with an oscillation among those at which the rig works."""
-        ends = (
-            [(speed, speed) for speed, _ in self.at_speeds]
-            if self.between is None
-            else [self.between]
-        )
-        bad = [band for band in self.bands if band.kind in (*OSCILLATES, "unstable")]
-        return tuple(
-            band
-            for band in bad
-            if any(band.low <= high and low <= band.high for low, high in ends)
-        )
-
-    @property
-    def frequency(self) -> float | None:
-        """Cycles per unit of time (Hz, for a rig in SI units) of the oscillation in
-        the run; None if it has none.
-        """
-        period = self.regime.period
-        return (
-            1.0 / period
-            if self.regime.kind in OSCILLATES and math.isfinite(period) and period > 0
-            else None
-        )
-
-    @property
-    def amplitude(self) -> float:
-        """Half of the peak-to-peak force in the run."""
-        return 0.5 * self.regime.peak_to_peak
-
-    @property
-    def relative_amplitude(self) -> float:
-        """Peak-to-peak force over static friction."""
-        return self.regime.peak_to_peak / self.static_friction
-
-    @property
-    def at_speeds(self) -> tuple[tuple[float, str], ...]:
-        """Each speed at which the rig works, in its own units, and the motion there
-        from a start at rest.
-        """
-        speeds = [
-            speed * self.rig.unit("velocity") for speed in self.rig.operation.speeds
-        ]
-        motions = [
-            next((band.motion for band in self.bands if speed in band), "undecided")
-            for speed in speeds
-        ]
-        # the first is that of the drive
-        motions[:1] = [self.regime.kind][: len(speeds)]
-        return tuple(zip(speeds, motions, strict=True))
-
-    @property
-    def between(self) -> tuple[float, float] | None:
-        """The range of speeds at which the rig works, in its own units: as given, or
-        those its drive goes through.
-        """
-        given = self.rig.operation.between
-        pieces = self.rig.drive.pieces
-        ends = given or [
-            abs(speed) for piece in pieces for speed in (piece.start, piece.end)
-        ]
-        low, high = (end(ends) * self.rig.unit("velocity") for end in (min, max))
-        return None if low == high else (max(low, self.speeds_searched[0]), high)
-
-    @property
-    def in_time(self) -> tuple[Band, ...]:
-        """What it does when along a drive that goes through speeds, by `bands`; nothing
-        where there is one speed.
-
-        Where there are two motions at a speed, it goes on with what it did before; it
-        starts from rest. Transients are left out: each speed is taken for one that
-        lasts.
-        """
-        found = list[Band]()
-        begin = 0.0
-        unit = self.rig.unit("velocity")
-        edges = [
-            sign * end / unit
-            for band in self.bands
-            for end in band.ends
-            for sign in (1.0, -1.0)
-        ]
-        for piece in self.rig.drive.pieces:
-            rate = piece.acceleration
-            whole = piece.duration
-            cuts = sorted(
-                (e - piece.start) / rate
-                for e in edges
-                if 0.0 < (e - piece.start) * rate < whole * rate**2
-            )
-            for first, last in pairwise([0.0, *cuts, whole]):
-                speed = abs(piece.start + 0.5 * rate * (first + last)) * unit
-                kind, bistable = next(
-                    ((b.kind, b.bistable) for b in self.bands if speed in b),
-                    ("unknown", False),
-                )
-                if (
-                    bistable
-                    and found
-                    and found[-1].kind in ("smooth sliding", "stable")
-                ):
-                    kind = found[-1].kind
-                found.append(Band(kind=kind, low=begin + first, high=begin + last))
-            begin += whole
-        return (
-            () if self.between is None else scaled(joined(found), self.rig.unit("time"))
-        )
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Names of the units that numbers are in."""
-        names = {
-            p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)
-        }
-        return names | {
-            "force": self.rig.unit_name("f_s"),
-            "frequency": say.frequency_unit(self.rig),
-        }
-
-
-@dataclass(frozen=True, kw_only=True)
-class WaveAnswer:
-    """What smooth sliding does to waves of one length; in the rig's own units."""
-
-    name: str  #: the wave, in words
-
-    #: In blocks, along the drive; infinite where blocks in a row move alike, NaN where
-    #: a wave does not reach into it.
-    wavelength: float
-    stiffness: float  #: of the rigid slider that the mode amounts to
-
-    #: Growth rate and frequency (in cycles per time) at the rig's speed; None where
-    #: nothing decays exponentially.
-    growth: float | None
-    frequency: float | None
-    speeds: tuple[tuple[float, float], ...]  #: ranges of speed in which it grows
+    def changed(self, *changes: Mitigation) -> str:
+        """Return changes made together in words."""
+        return changes_in_words(self, *changes)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class ElasticPrediction(Foretold):
+class ElasticPrediction(WaveFindings, RigAnswer):
     """What `predict` found of an elastic slider, by linear theory; every number in
     the rig's own units.
     """
 
-    headline = property(say.headline_on_waves)
-    sections = property(say.sections_on_waves)
     _picture = "waves"
     _derived = ("speeds",)
 
-    growing: int = 0  #: modes that grow at the rig's speed, among the 64 softest
-    waves: tuple[WaveAnswer, ...] = ()  #: of the five softest modes
-    #: of a chain: below which stiffness modes grow, and from which length on
-    critical: CriticalLength | None = None
-    theory_note: str = ""  #: why the theory has nothing to say, or nothing
-    speeds_searched: tuple[float, float]
+    @property
+    def headline(self) -> str:
+        """What linear theory says at the rig's own speed, in a line."""
+        return headline_of_waves(self)
 
     @property
-    def bands(self) -> tuple[Band, ...]:
-        """Ranges of speed in which any mode grows."""
-        pairs = sorted(pair for wave in self.waves for pair in wave.speeds)
-        return tuple(
-            joined(Band(kind="unstable", low=low, high=high) for low, high in pairs)
-        )
-
-    @property
-    def speeds(self) -> tuple[tuple[float, float], ...]:
-        """The ends of these."""
-        return tuple(band.ends for band in self.bands)
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Names of the units that numbers are in."""
-        named = {name: self.rig.unit_name(name) for name in ("velocity", "stiffness")}
-        return named | {"wavelength": "blocks"}
+    def sections(self) -> Sequence[Section]:
+        """All sections, those without a sentence among them."""
+        return list(sections_of_waves(self))

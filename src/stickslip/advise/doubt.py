@@ -12,8 +12,8 @@ from typing import Self
 
 import numpy as np
 
+from stickslip.advise.budget import OSCILLATES, Budget, BudgetExhausted, trial
 from stickslip.advise.mitigations import has, highest
-from stickslip.advise.runs import OSCILLATES, Spent, Trials, trial
 from stickslip.answers import Answer
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError
@@ -108,7 +108,7 @@ class Doubt(Answer):
     ended: bool = False
 
     @classmethod
-    def of(cls, rig: Rig, trials: Trials) -> Self | None:
+    def of(cls, rig: Rig, budget: Budget) -> Self | None:
         """Take what was fitted at its draws, and vary what a rig's file calls assumed;
         None if there is neither.
 
@@ -154,13 +154,13 @@ class Doubt(Answer):
                 ):
                     raised = min(float(factor[i]) ** side, highest(there, parameter))
                     there = parameter.set(there, raised * parameter.get(there))
-                grows = bool(trials.theory(linearly_unstable, there))
-                kind = "" if grows else trials.judge(trial(there)).kind
+                grows = bool(budget.theory(linearly_unstable, there))
+                kind = "" if grows else budget.regime(trial(there)).kind
                 found[i] = (
                     math.nan if kind == "undecided" else grows or kind in OSCILLATES
                 )
-            except (InputError, Spent) as why:
-                ended |= isinstance(why, Spent)
+            except (InputError, BudgetExhausted) as why:
+                ended |= isinstance(why, BudgetExhausted)
         told = np.isfinite(found)
         values = np.array([*(draws[:count] for draws in fitted.values()), *factors])
         upper = values > np.median(values, axis=1, keepdims=True)
@@ -192,10 +192,10 @@ class Doubt(Answer):
         )
 
     def __str__(self) -> str:
-        return "\n".join(self.said())
+        return "\n".join(self.sentences())
 
-    def said(self) -> Iterator[str]:
-        """What it comes to, in sentences."""
+    def sentences(self) -> Iterator[str]:
+        """The fraction that oscillates, what matters most, and what was varied."""
         told = 1.0 - self.undecided
         part = f"{100 * self.oscillates:.0f} %"
         of = (
@@ -210,7 +210,7 @@ class Doubt(Answer):
                 if told
                 else ": none could be told"
             )
-            of += " in the time that is allowed; see --thorough" * self.ended
+            of += " with the runs that are allowed; see --thorough" * self.ended
             part = f"{100 * least:.0f} to {100 * (least + self.undecided):.0f} %"
         yield f"oscillates at this speed in {part} of {of}"
         if self.decides:

@@ -5,35 +5,37 @@ runs of the rig's own contacts.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise, product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.advise.bands import (
+from stickslip.advise.budget import (
+    SEEDS,
+    Budget,
+    BudgetExhausted,
+    is_expensive,
+    trial,
+)
+from stickslip.advise.survey import (
     PRECISION,
     Band,
     Turn,
     factor_on,
     fastest_mode,
     halvings,
-    is_dear,
     theory_along,
 )
-from stickslip.advise.runs import SEEDS, Spent, Trials, trial
 from stickslip.cycles.edges import halved
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError
 from stickslip.model import OnArrest, parameters
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
-from stickslip.progress import Progress
-
-if TYPE_CHECKING:
-    from stickslip.advise.answer import Prediction
+from stickslip.progress import Progress, part
 
 _WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
 _CLEARANCE = 1.03  # how far past a linear boundary runs begin
@@ -61,7 +63,7 @@ class Mitigation:
     """A change of one parameter that gives smooth sliding; in the rig's own units."""
 
     parameter: str
-    value: float  #: where it stands
+    now: float  #: where it stands
 
     #: Stick-slip decays even from a start at rest, anywhere within 5 % of this value:
     #: of as many contacts as the rig has, or as many as show no noise, in 8 of 8 runs
@@ -69,94 +71,62 @@ class Mitigation:
     #: of three. Where the rig works over a range of speeds, at its ends and between
     #: them, no two speeds more than a factor four apart; and by linear theory at every
     #: speed of the range.
-    stops: float
+    to: float
 
     @property
     def size(self) -> float:
         """How far the parameter must be varied: the logarithm of the factor."""
-        return abs(math.log(self.stops / self.value))
+        return abs(math.log(self.to / self.now))
 
 
-def mitigated(
-    found: Prediction, trials: Trials, report: Progress, *, pairs: bool = False
-) -> Prediction:
-    """A verdict with the smallest change of each parameter, or of two, that stops
-    it, and what was tried in vain.
+class Changes(NamedTuple):
+    """Changes of a rig that give smooth sliding, and parameters without any."""
+
+    #: Those that can be made on the machine first, in each group the smallest first.
+    #: Where the rig works over a range of speeds, or at several, each is one for all of
+    #: them.
+    mitigations: tuple[Mitigation, ...] = ()
+
+    #: Two changes that give smooth sliding together, each smaller than any one alone.
+    combined: tuple[Mitigation, ...] = ()
+
+    #: Parameters that give no smooth sliding, with the range searched.
+    attempts: Mapping[str, tuple[float, float]] = {}
+
+    #: Parameters with the furthest value, and the fraction of runs there that slide
+    #: smoothly: some, not all.
+    unreliable: Mapping[str, tuple[float, float]] = {}
+
+    #: Titles of parameters whose search ended with the budget.
+    not_searched: tuple[str, ...] = ()
+
+
+def smallest_changes(
+    rig: Rig,
+    between: tuple[float, float] | None,
+    budget: Budget,
+    report: Progress,
+    *,
+    pairs: bool = False,
+) -> Changes:
+    """Search the smallest change of each parameter, or of two, for smooth sliding at
+    all speeds of a rig, or over a range of them.
+
+    What can be changed on a machine comes first: by one run at a time, each parameter
+    with a fair part of half of what is left of the budget; then by all runs, the
+    smallest change first.
     """
-    rig = found.rig
-    search = _Search(found, trials)
-    changes = dict[Parameter, Mitigation]()
-    tried = dict[Parameter, tuple[float, float]]()
-    rough, left, pair = (
-        dict[Parameter, float](),
-        list[Parameter](),
-        tuple[Mitigation, ...](),
-    )
-    some = dict[Parameter, tuple[float, float]]()
-    # What can be changed on a machine first: by one run at a time, each with a fair
-    # share of half of what is left; then by all runs, the smallest change first.
+    search = _Search(rig, between, budget)
     for step, (group, seeds) in enumerate(product((TURNABLE, _OTHERS), (1, SEEDS))):
-        again = [
-            each
-            for each in group
-            if (search.can_vary(each) if seeds == 1 else each in left)
-        ]
-        for i, parameter in enumerate(
-            waiting := sorted(again, key=lambda each: rough.get(each, math.inf))
-        ):
-            report((step + i / len(waiting)) / 4.0)
-            with trials.within(0.5 / (len(waiting) - i) if seeds == 1 else 1.0):
-                up = search.along((parameter, 1), seeds=seeds)
-                down = search.along(
-                    (parameter, -1), seeds=seeds, most=up.factor or math.inf
-                )
-            left = [each for each in left if each is not parameter]
-            if factor := down.factor or up.factor:
-                rough[parameter] = factor
-            if factor and seeds > 1:
-                (changes[parameter],) = _changes(
-                    rig, factor, (parameter, -1 if down.factor else 1)
-                )
-            elif down.reached * up.reached > 1.0:
-                tried[parameter] = (
-                    rig.value(parameter) / down.reached,
-                    rig.value(parameter) * up.reached,
-                )
-            for end, part in filter(None, (up.some, down.some)):
-                some[parameter] = rig.value(parameter) * end, part
-            if not (up.wholly and down.wholly) or (factor and seeds == 1):
-                left.append(parameter)
-    if pairs:
-        most = min((math.exp(each.size) for each in changes.values()), default=math.inf)
-        with suppress(Spent):
-            pair = search.pair(
-                [each for each in TURNABLE if search.can_vary(each)],
-                most / (1.0 + PRECISION),
-            )
-    mitigations = sorted(
-        changes, key=lambda each: (each in _OTHERS, round(changes[each].size, 3))
-    )
-    return replace(
-        found,
-        mitigations=tuple(changes[each] for each in mitigations),
-        pair=pair,
-        attempts={
-            each.name: ends for each, ends in tried.items() if each not in changes
-        },
-        unreliable={
-            each.name: furthest
-            for each, furthest in some.items()
-            if each not in changes
-        },
-        not_searched=tuple(each.title for each in left if each not in changes),
-    )
+        search.vary_each(group, seeds, part(report, 0.25 * step, 0.25 * (step + 1)))
+    return search.changes(pairs=pairs)
 
 
 def _changes(rig: Rig, factor: float, *turns: Turn) -> tuple[Mitigation, ...]:
     """A factor on each of some parameters, up or down, as changes."""
     values = [(each.name, rig.value(each), side) for each, side in turns]
     return tuple(
-        Mitigation(parameter=name, value=v, stops=v * factor**side)
+        Mitigation(parameter=name, now=v, to=v * factor**side)
         for name, v, side in values
     )
 
@@ -177,7 +147,7 @@ def reach(rig: Rig, parameter: Parameter) -> tuple[float, float]:
     """Factors on a parameter between which limits and changes are looked for."""
     if parameter is parameters.STD:
         return 1.0 / 3.0, highest(rig, parameter)
-    widest = 10.0 if is_dear(rig) else 30.0
+    widest = 10.0 if is_expensive(rig) else 30.0
     # longer delays never help: many modes
     return 1.0 / widest, 3.0 if parameter is parameters.DELAY else widest
 
@@ -192,41 +162,111 @@ def highest(rig: Rig, parameter: Parameter) -> float:
     return max(_WIDEST_STD * thresholds.moment(1) / parameter.get(rig), 1.0)
 
 
-def speeds_of(found: Prediction) -> list[float]:
-    """Natural speeds at which the rig is to slide smoothly: its own, those at which
-    it works, or some over a range.
+def speeds_of(rig: Rig, between: tuple[float, float] | None) -> list[float]:
+    """Natural speeds at which a rig is to slide smoothly: its own, those at which it
+    works, or some over a range in its own units.
     """
-    if found.between is None:
-        return list(found.rig.operation.speeds) or [found.rig.natural.velocity]
-    low, high = (end / found.rig.unit("velocity") for end in found.between)
+    if between is None:
+        return list(rig.operation.speeds) or [rig.natural.velocity]
+    low, high = (end / rig.unit("velocity") for end in between)
     count = math.ceil(math.log(high / low) / math.log(_APART)) + 1
     return [float(speed) for speed in np.geomspace(low, high, count)]
 
 
 class _Outcome(NamedTuple):
-    """The smallest factor that stops it, if any; up to which there is none, and
-    whether that is all there is to try.
-    """
+    """Result of a search along one factor."""
 
-    factor: float | None
-    reached: float
-    wholly: bool
-    # the furthest, and the fraction of runs there that slide smoothly
+    factor: float | None  # the smallest that gives smooth sliding
+    reached: float  # up to which none does
+    wholly: bool  # whether that is all there is to try
+    # the furthest value, and the fraction of runs there that slide smoothly
     some: tuple[float, float] | None = None
 
 
 class _Search:
     """The rig at each speed at which it is to slide smoothly, in natural units, and
-    the runs that are allowed.
+    what was found for each parameter.
     """
 
-    def __init__(self, found: Prediction, trials: Trials) -> None:
-        self._own = found.rig
-        setting = trial(found.rig.natural)
-        speeds = speeds_of(found)
-        self._range = 1.0 if found.between is None else speeds[-1] / speeds[0]
+    def __init__(
+        self, rig: Rig, between: tuple[float, float] | None, budget: Budget
+    ) -> None:
+        setting = trial(rig.natural)
+        speeds = speeds_of(rig, between)
+        self._own = rig
+        self._range = 1.0 if between is None else speeds[-1] / speeds[0]
         self._rigs = [VELOCITY.set(setting, speed) for speed in speeds]
-        self._trials = trials
+        self._budget = budget
+        # factors by one run, changes by all, ranges tried in vain, the furthest values
+        # at which some runs slide smoothly, and parameters not searched wholly
+        self._rough = dict[Parameter, float]()
+        self._found = dict[Parameter, Mitigation]()
+        self._tried = dict[Parameter, tuple[float, float]]()
+        self._some = dict[Parameter, tuple[float, float]]()
+        self._left = list[Parameter]()
+
+    def vary_each(
+        self, group: Sequence[Parameter], seeds: int, report: Progress
+    ) -> None:
+        """Vary each parameter of a group alone, up and down."""
+        waiting = [
+            each
+            for each in group
+            if (self.can_vary(each) if seeds == 1 else each in self._left)
+        ]
+        waiting.sort(key=lambda each: self._rough.get(each, math.inf))
+        for i, parameter in enumerate(waiting):
+            report(i / len(waiting))
+            fraction = 0.5 / (len(waiting) - i) if seeds == 1 else 1.0
+            with self._budget.limited_to(fraction):
+                up = self.along((parameter, 1), seeds=seeds)
+                most = up.factor or math.inf
+                down = self.along((parameter, -1), seeds=seeds, most=most)
+            self._note(parameter, up, down, seeds)
+
+    def _note(
+        self, parameter: Parameter, up: _Outcome, down: _Outcome, seeds: int
+    ) -> None:
+        """Keep the outcome of varying a parameter."""
+        if parameter in self._left:
+            self._left.remove(parameter)
+        value = self._own.value(parameter)
+        factor = down.factor or up.factor
+        if factor:
+            self._rough[parameter] = factor
+        if factor and seeds > 1:
+            turn = parameter, -1 if down.factor else 1
+            (self._found[parameter],) = _changes(self._own, factor, turn)
+        elif down.reached * up.reached > 1.0:
+            self._tried[parameter] = value / down.reached, value * up.reached
+        for outcome in (up, down):
+            if outcome.some:
+                end, fraction = outcome.some
+                self._some[parameter] = value * end, fraction
+        if not (up.wholly and down.wholly) or (factor and seeds == 1):
+            self._left.append(parameter)
+
+    def changes(self, *, pairs: bool) -> Changes:
+        """All that was found, and with `pairs` two changes together."""
+        found = self._found
+        combined: tuple[Mitigation, ...] = ()
+        if pairs:
+            most = min(
+                (math.exp(each.size) for each in found.values()), default=math.inf
+            )
+            choices = [each for each in TURNABLE if self.can_vary(each)]
+            with suppress(BudgetExhausted):
+                combined = self.pair(choices, most / (1.0 + PRECISION))
+        order = sorted(
+            found, key=lambda each: (each in _OTHERS, round(found[each].size, 3))
+        )
+        return Changes(
+            mitigations=tuple(found[each] for each in order),
+            combined=combined,
+            attempts={p.name: at for p, at in self._tried.items() if p not in found},
+            unreliable={p.name: at for p, at in self._some.items() if p not in found},
+            not_searched=tuple(p.title for p in self._left if p not in found),
+        )
 
     def can_vary(self, parameter: Parameter) -> bool:
         """Whether to vary a parameter may help: the speed only if it is one."""
@@ -290,14 +330,12 @@ class _Search:
                     return _Outcome(None, self._reached, True)
             if furthest > 1.0 and seeds > 1 and self._smooth(change, furthest, 1):
                 rigs, others = self._varied(change, furthest), range(1, seeds + 1)
-                part = (
-                    sum(self._trials.slide_smoothly(rigs, [other]) for other in others)
-                    / seeds
+                smooth = sum(
+                    self._budget.slide_smoothly(rigs, [other]) for other in others
                 )
-                return _Outcome(
-                    None, self._reached, True, (furthest ** turns[0][1], part)
-                )
-        except Spent:
+                at = furthest ** turns[0][1]
+                return _Outcome(None, self._reached, True, (at, smooth / seeds))
+        except BudgetExhausted:
             return _Outcome(None, self._reached, False)
         return _Outcome(None, max(furthest, 1.0), True)
 
@@ -335,16 +373,16 @@ class _Search:
         speeds, and in runs.
         """
         rigs = self._varied(change, factor)
-        if any(self._trials.theory(linearly_unstable, rig) for rig in rigs):
+        if any(self._budget.theory(linearly_unstable, rig) for rig in rigs):
             return False
         bands = (
-            theory_along(self._trials, rigs[0], VELOCITY, 1.0, self._range)
+            theory_along(self._budget, rigs[0], VELOCITY, 1.0, self._range)
             if self._range > 1.0
             else ()
         )
         return all(
             band.kind != "unstable" for band in bands
-        ) and self._trials.slide_smoothly(rigs, range(1, seeds + 1))
+        ) and self._budget.slide_smoothly(rigs, range(1, seeds + 1))
 
     def _may_be_stable(self, *turns: Turn, most: float) -> list[tuple[float, float]]:
         """Ranges of the factor in which linear theory does not call smooth sliding
@@ -384,8 +422,8 @@ class _Search:
         """
         (parameter, side), *more = turns
         if more:
-            return theory_along(self._trials, rig, factor_on(*turns), 1.0, furthest)
-        bands = theory_along(self._trials, rig, parameter, *reach(rig, parameter))
+            return theory_along(self._budget, rig, factor_on(*turns), 1.0, furthest)
+        bands = theory_along(self._budget, rig, parameter, *reach(rig, parameter))
         return (
             bands
             if side > 0

@@ -3,51 +3,65 @@ mitigations.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
-from stickslip.advise import bands as by_theory
-from stickslip.advise import say
-from stickslip.advise.answer import ElasticPrediction, Margin, Prediction, WaveAnswer
-from stickslip.advise.bands import Band, Survey, scaled, stability_along, theory_along
-from stickslip.advise.doubt import Doubt
-from stickslip.advise.mitigations import TURNABLE, has, mitigated, reach, speeds_of
-from stickslip.advise.runs import (
+from stickslip.advise import survey as by_theory
+from stickslip.advise.answer import ElasticPrediction, Prediction
+from stickslip.advise.budget import (
     OSCILLATES,
     SEEDS,
-    Spent,
-    Trials,
+    Budget,
+    BudgetExhausted,
     cycle_of,
     fluctuation,
+    is_expensive,
     method_of,
-    stays,
+    runs_of,
+    survives_noise,
     trial,
 )
+from stickslip.advise.doubt import Doubt
+from stickslip.advise.findings import SEEN, Margin, WaveAnswer
+from stickslip.advise.mitigations import (
+    TURNABLE,
+    has,
+    reach,
+    smallest_changes,
+    speeds_of,
+)
+from stickslip.advise.survey import Band, Survey, scaled, stability_along, theory_along
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
-from stickslip.model.parameters import DELAY, PARAMETERS, VELOCITY, parameter_named
+from stickslip.model.parameters import (
+    DELAY,
+    PARAMETERS,
+    VELOCITY,
+    Parameter,
+    parameter_named,
+)
 from stickslip.model.rig import Ends, Rig
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
-from stickslip.simulation import Recording, estimate, record
+from stickslip.simulation import Recording, record
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability import contact_noise, count_unstable
 
-# By convention, in seconds of one core by estimate: what a verdict may take, and all of
-# an answer. The parts of what is left at its turn that the first run gets, if it lasts
-# long enough, other speeds, and what is assumed.
-_FAST = 2.0
-_ALL = 14.0
-_FOR_FIRST = 0.5
+# Runs, by convention, that a verdict and all of an answer may take. The fractions of
+# what is left at its turn that other speeds, and what is assumed, get.
+_FOR_VERDICT = 30.0
+_FOR_ALL = 240.0
 _FOR_SPEEDS = 0.5
 _FOR_DOUBT = 0.2
-# that the first run lasts for, by their longest, whatever that takes; most are shorter
+# the first run counts as so many at most, but lasts for so many of its longest cycles;
+# most are shorter
+_FIRST = 15.0
 _FEWEST_CYCLES = 3.3
 # of an elastic slider, the softest: that are counted; that are told of, of different
 # stiffness
@@ -72,11 +86,10 @@ def predict(
     ----------
     rig : Rig
     fast : bool
-        Stop at the verdict, after about 2 s: linear theory, and one run at the rig's
-        speed.
+        Stop at the verdict: linear theory, and one run at the rig's speed.
     thorough : bool
-        Make all runs that can be asked for, not just those of some 15 s;
-        `stickslip.advise.in_full` estimates them.
+        Make all runs that can be asked for; `stickslip.advise.runs_in_full` counts
+        them.
     smooth : (float or str, float or str), optional
         A range of speeds in which it is to slide smoothly, in place of those at which
         it works: the smallest change, and the smallest of two parameters together, that
@@ -129,72 +142,74 @@ def predict(
 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
     """Linear theory and one run."""
-    trials = Trials(_FAST)
+    budget = Budget(_FOR_VERDICT)
     low, high = _speeds_searched(rig)
-    modes, note = trials.theory(_linear, rig)
-    growth = None
-    frequency = None
-    with suppress(Spent):
-        growth, frequency = (
-            (None, None)
-            if note
-            else trials.theory(by_theory.fastest_mode, rig, roots=1)
-        )
+    modes, note = _linear(rig)
+    growth, frequency = (None, None) if note else by_theory.fastest_mode(rig)
     report(0.2)
-    left = _FOR_FIRST * (trials.allowed - trials.spent)
-    shown = _shown(rig, modes, trials, _first_run(rig, left, part(report, 0.2, 0.9)))
+    run = _first_run(rig, part(report, 0.2, 0.9))
+    shown = _shown(rig, modes, budget, run)
     bands: tuple[Band, ...] = (Band(kind="unknown", low=low, high=high),)
-    with suppress(Spent):
-        bands = bands if note else theory_along(trials, rig, VELOCITY, low, high)
+    if not note:
+        with suppress(BudgetExhausted):
+            bands = theory_along(budget, rig, VELOCITY, low, high)
     report(1.0)
-    # Rigid motion from contacts at rest finds thresholds that have grown up, and is
-    # over before heat breaks any; a slider that never stops attaches none that wait for
-    # its arrest.
-    delay = rig.interface.delay
-    lasting = replace(
-        rig.interface,
-        delay=Delay(math.inf) if isinstance(delay, OnArrest) else delay,
-        slip_to_slip_scatter=0.0,
-    )
-    aged = replace(lasting, ageing=None, activation=None)
-    delays: tuple[Band, ...] = ()
-    if note == by_theory.CANNOT_GROW:  # what the verdict would be with which delay
-        time = rig.interface.threshold_distribution.moment(1) / rig.natural.velocity
-        supposed = replace(rig, interface=replace(rig.interface, delay=Delay(time)))
-        delays = scaled(
-            stability_along(supposed, DELAY, *_DELAYS), time * rig.unit("time")
-        )
     return Prediction(
         rig=rig,
         **shown,
-        static_friction=static_friction(aged)[0] * rig.unit("f_s"),
-        kinetic_friction=float(kinetic_friction(lasting, rig.natural.velocity))
-        * rig.unit("f_s"),
-        critical_stiffness=critical_stiffness(aged) * rig.unit("k"),
-        critical_stiffness_without_reattachment=critical_stiffness(
-            aged, reattachment=False
-        )
-        * rig.unit("k"),
+        **_steady_forces(rig),
         unstable_modes=modes,
         growth_rate=growth,
         mode_frequency=frequency,
         theory_note=note,
         speeds_searched=(low * rig.velocity, high * rig.velocity),
         bands=scaled(bands, rig.velocity),
-        delays=delays,
+        delays=_over_delays(rig) if note == by_theory.CANNOT_GROW else (),
     )
 
 
+def _steady_forces(rig: Rig) -> dict[str, Any]:
+    """Static and kinetic friction, and critical stiffness, as fields of the answer.
+
+    Rigid motion from contacts at rest finds thresholds that have grown up, and is over
+    before heat breaks any; a slider that never stops attaches none that wait for its
+    arrest.
+    """
+    delay = rig.interface.delay
+    if isinstance(delay, OnArrest):
+        delay = Delay(math.inf)
+    lasting = replace(rig.interface, delay=delay, slip_to_slip_scatter=0.0)
+    aged = replace(lasting, ageing=None, activation=None)
+    kinetic = float(kinetic_friction(lasting, rig.natural.velocity))
+    without = critical_stiffness(aged, reattachment=False)
+    return {
+        "static_friction": static_friction(aged)[0] * rig.unit("f_s"),
+        "kinetic_friction": kinetic * rig.unit("f_s"),
+        "critical_stiffness": critical_stiffness(aged) * rig.unit("k"),
+        "critical_stiffness_without_reattachment": without * rig.unit("k"),
+    }
+
+
+def _over_delays(rig: Rig) -> tuple[Band, ...]:
+    """What linear theory would say of a rig without a mechanism, with which delay."""
+    mean = rig.interface.threshold_distribution.moment(1)
+    time = mean / rig.natural.velocity
+    supposed = replace(rig, interface=replace(rig.interface, delay=Delay(time)))
+    bands = stability_along(supposed, DELAY, *_DELAYS)
+    return scaled(bands, time * rig.unit("time"))
+
+
 def _shown(
-    rig: Rig, modes: int | None, trials: Trials, run: Recording
+    rig: Rig, modes: int | None, budget: Budget, run: Recording
 ) -> dict[str, Any]:
-    """What a run shows, made longer until that can be told, as fields of the answer."""
-    run, seen, _ = trials.watch(run)
+    """What a run shows, made longer until it is decided, as fields of the answer."""
+    run, seen, _ = budget.run_until_decided(run)
+    bistable = seen.kind in OSCILLATES and modes == 0
     return {
         "recording": run,
         "regime": seen,
         "noise": fluctuation(run, seen) if seen.is_noise else None,
-        "stays": not (seen.kind in OSCILLATES and modes == 0) or stays(rig),
+        "survives_noise": not bistable or survives_noise(rig),
     }
 
 
@@ -210,61 +225,53 @@ def complete(
     """
     report = progress or (lambda _done: None)
     rig = found.rig
-    if not found.judged or (
+    if not found.has_verdict or (
         found.theory_note and not isinstance(rig.interface.delay, OnArrest)
     ):
         return replace(found, complete=True)
-    trials = Trials(math.inf if thorough else _ALL)
-    missed = list[str]()
-    trials.spent = min(estimate(found.recording.rig).seconds, _FAST)
+    budget = Budget(math.inf if thorough else _FOR_ALL)
     if found.regime.kind == "undecided":
-        found = replace(
-            found, **_shown(rig, found.unstable_modes, trials, found.recording)
-        )
+        shown = _shown(rig, found.unstable_modes, budget, found.recording)
+        found = replace(found, **shown)
     bands = scaled(found.bands, 1.0 / rig.velocity)
-    if (
-        not found.theory_note
-        and bands[0].ends == _speeds_searched(rig)
-        and bands[0].kind == "unknown"
-    ):
-        with trials.within(0.5), suppress(Spent):
-            bands = theory_along(trials, rig, VELOCITY, *bands[0].ends)
+    ends = _speeds_searched(rig)
+    if not found.theory_note and bands[0].ends == ends and bands[0].kind == "unknown":
+        with suppress(BudgetExhausted):
+            bands = theory_along(budget, rig, VELOCITY, *ends)
     survey = Survey(rig, bands, found.regime.kind)
-
-    def surveyed(found: Prediction, part: float) -> Prediction:
-        with trials.within(part):
-            survey.look(trials)
-        return replace(found, bands=scaled(survey.bands(), rig.velocity), complete=True)
-
-    found = surveyed(found, _FOR_SPEEDS)
+    with budget.limited_to(_FOR_SPEEDS):
+        survey.look(budget)
+    found = replace(found, bands=scaled(survey.bands(), rig.velocity), complete=True)
     report(0.3)
-    margins = [] if found.theory_note else [*_margins(rig, trials, missed)]
-    noisy = _noisy(rig, margins, trials) if found.unstable_modes == 0 else None
-    with trials.within(_FOR_DOUBT):
-        found = replace(
-            found, margins=tuple(margins), noisy=noisy, doubt=Doubt.of(rig, trials)
-        )
+    margins, missed = ([], []) if found.theory_note else _margins(rig, budget)
+    noise_limit = _noise_limit(rig, margins) if found.unstable_modes == 0 else None
+    with budget.limited_to(_FOR_DOUBT):
+        doubt = Doubt.of(rig, budget)
+    found = replace(found, margins=tuple(margins), noise_limit=noise_limit, doubt=doubt)
     report(0.4)
-    if found.ill:
-        found = mitigated(found, trials, part(report, 0.4, 0.9), pairs=pairs)
+    if found.needs_mitigation:
+        changes = smallest_changes(
+            rig, found.between, budget, part(report, 0.4, 0.9), pairs=pairs
+        )
+        found = replace(found, **changes._asdict())
     report(1.0)
-    return surveyed(replace(found, not_searched=(*found.not_searched, *missed)), 1.0)
-
-
-def in_full(found: Prediction) -> float:
-    """Seconds, by estimate, of the runs that `complete` may make: over speeds, and
-    of each parameter one way.
-    """
-    trials = Trials(math.inf)
-    rig = found.rig
-    trials.judge(trial(rig))
-    # steps double, are halved, and all must slide
-    of_each = SEEDS + 2 * by_theory.halvings(max(reach(rig, VELOCITY)))
-    return (
-        trials.spent
-        * of_each
-        * (1 + (len(speeds_of(found)) * len(PARAMETERS) if found.ill else 0))
+    survey.look(budget)  # with what is left
+    return replace(
+        found,
+        bands=scaled(survey.bands(), rig.velocity),
+        not_searched=(*found.not_searched, *missed),
     )
+
+
+def runs_in_full(found: Prediction) -> int:
+    """Number of runs that `complete` may make at most: over speeds, and of each
+    parameter one way.
+    """
+    rig = found.rig
+    # steps double, are halved, and all must slide
+    each = SEEDS + 2 * by_theory.halvings(max(reach(rig, VELOCITY)))
+    parameters = len(PARAMETERS) if found.needs_mitigation else 0
+    return each * (1 + len(speeds_of(rig, found.between)) * parameters)
 
 
 def _speeds_searched(rig: Rig) -> tuple[float, float]:
@@ -284,26 +291,26 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
         if v != 0
     ]
     through = [*ends, *by_theory.works_at(rig)]
-    widest = 10.0 if by_theory.is_dear(rig) else 100.0
+    widest = 10.0 if is_expensive(rig) else 100.0
     return min(through) / widest, max(through) * widest
 
 
-def _first_run(rig: Rig, seconds: float, progress: Progress) -> Recording:
+def _first_run(rig: Rig, progress: Progress) -> Recording:
     """Simulate the rig as its file says, if that ends at the speed of the answer;
-    shorter if that is dear.
+    shorter, or with fewer contacts, if that counts as too many runs.
     """
-    drive = rig.drive
     velocity = rig.natural.velocity
-    if not drive.pieces[-1].start == drive.pieces[-1].end == velocity:
-        drive = trial(rig).drive
-    run = replace(rig, drive=drive)
-    if len(drive.pieces) == 1:
-        fewest = _FEWEST_CYCLES * cycle_of(rig) / velocity / drive.duration
-        if fewest * estimate(run).seconds > seconds:
-            run = replace(run, method=method_of(run))
-        part_of = min(max(seconds / estimate(run).seconds, fewest), 1.0)
-        run = replace(run, drive=constant(velocity, part_of * drive.duration))
-    return record(run, progress=progress)
+    last = rig.drive.pieces[-1]
+    if not last.start == last.end == velocity:
+        rig = replace(rig, drive=trial(rig).drive)
+    if len(rig.drive.pieces) == 1:
+        duration = rig.drive.duration
+        fewest = min(_FEWEST_CYCLES * cycle_of(rig) / velocity, duration)
+        if runs_of(rig) * fewest > _FIRST * duration:
+            rig = replace(rig, method=method_of(rig))
+        lasts = min(max(_FIRST / runs_of(rig) * duration, fewest), duration)
+        rig = replace(rig, drive=constant(velocity, lasts))
+    return record(rig, progress=progress)
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:
@@ -325,62 +332,63 @@ def _linear(rig: Rig) -> tuple[int | None, str]:
         return None, str(reason)
 
 
-def _margins(rig: Rig, trials: Trials, missed: list[str]) -> Iterator[Margin]:
-    """The nearest limits of linear stability about where each parameter stands, as far
-    as theory has no gap.
-
-    What costs too much is `missed`.
+def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
+    """The nearest limits of linear stability about the value of each parameter, as far
+    as theory has no gap; and what the budget did not allow.
     """
+    margins: list[Margin] = []
+    missed: list[str] = []
     for parameter in (each for each in PARAMETERS if has(rig, each)):
         try:
-            bands = theory_along(trials, rig, parameter, *reach(rig, parameter))
-        except Spent:
+            bands = theory_along(budget, rig, parameter, *reach(rig, parameter))
+        except BudgetExhausted:
             missed.append(f"stability limits of the {parameter.title}")
             continue
         for known, group in groupby(bands, key=lambda band: band.kind != "unknown"):
-            about = list(group)
-            if known and about[0].low <= 1.0 < about[-1].high:
+            around = list(group)
+            if known and around[0].low <= 1.0 < around[-1].high:
                 value = rig.value(parameter)
-                about = list(scaled(about, value))
-                edges = [band.high for band in about[:-1]]
-                yield Margin(
-                    parameter=parameter.name,
-                    value=value,
-                    lower=max((edge for edge in edges if edge < value), default=None),
-                    upper=min((edge for edge in edges if edge > value), default=None),
-                    searched=(about[0].low, about[-1].high),
-                    stable=tuple(band.ends for band in about if band.kind == "stable"),
-                )
+                margins.append(_margin(parameter, value, scaled(around, value)))
+    return margins, missed
 
 
-def _noisy(
-    rig: Rig, margins: Sequence[Margin], trials: Trials
-) -> tuple[str, float] | None:
-    """What could be set nearest to a limit, and its value on the way there at which
-    noise of the contacts is seen.
+def _margin(parameter: Parameter, value: float, bands: Sequence[Band]) -> Margin:
+    """Limits next to a value among those of adjoining bands."""
+    edges = [band.high for band in bands[:-1]]
+    return Margin(
+        parameter=parameter.name,
+        value=value,
+        lower=max((edge for edge in edges if edge < value), default=None),
+        upper=min((edge for edge in edges if edge > value), default=None),
+        searched=(bands[0].low, bands[-1].high),
+        stable=tuple(band.ends for band in bands if band.kind == "stable"),
+    )
+
+
+def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | None:
+    """The parameter of a machine with the nearest limit, and the value on the way there
+    from which on the noise of the contacts is above `SEEN`.
     """
-    near = [each for each in margins if parameter_named(each.parameter) in TURNABLE]
     limits = [
-        (abs(math.log(end / each.value)), end, each)
-        for each in near
+        (abs(math.log(end / each.value)), each.parameter, each.value, end)
+        for each in margins
         for end in each.limits
+        if parameter_named(each.parameter) in TURNABLE
     ]
     if not limits or not isinstance(rig.method, DRAWN):
         return None
-    _, end, nearest = min(limits, key=lambda each: each[0])
-    change = by_theory.factor_on((parameter_named(nearest.parameter), 1))
+    _, name, value, end = min(limits)
+    change = by_theory.factor_on((parameter_named(name), 1))
 
-    def seen(there: Rig) -> bool:
+    def is_seen(factor: float) -> bool:
+        there = change.set(rig.natural, factor)
         with suppress(UndecidedError):
-            return contact_noise(there).relative_force > say.SEEN
+            return contact_noise(there).relative_force > SEEN
         return True  # at a limit of stability
 
-    def probe(factor: float) -> bool:
-        return trials.theory(seen, change.set(rig.natural, factor), roots=1)
-
-    with suppress(InputError, Spent):  # no theory of their noise
-        quiet, _ = halved(probe, 1.0, end / nearest.value, by_theory.PRECISION / 10.0)
-        return nearest.parameter, quiet * nearest.value
+    with suppress(InputError):  # no theory of their noise
+        quiet, _ = halved(is_seen, 1.0, end / value, by_theory.PRECISION / 10.0)
+        return name, quiet * value
     return None
 
 

@@ -78,7 +78,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
             "notes": notes,
             "going_on": longer is not None,
             "parameters": documents.values_of(rig),
-            "period": f"{1.0 / period:.3g} {advise.say.frequency_unit(rig)}"
+            "period": f"{1.0 / period:.3g} {advise.frequency_unit(rig)}"
             if period
             else "",
         }

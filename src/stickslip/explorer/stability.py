@@ -59,7 +59,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
             "at": floats(_shade(levels)),
             "text": [f"{level * largest:.2g}" for level in levels],
         },
-        "frequency_unit": advise.say.frequency_unit(rig),
+        "frequency_unit": advise.frequency_unit(rig),
         "curves": [
             {
                 "x": floats(found[f"edge_{over[0]}"].to_numpy()[mine]),
@@ -102,26 +102,26 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     found = advise.predict(rig, progress=watch)
     # elastic sliders have a page of their own
     assert isinstance(found, advise.Prediction)
-    told = {name: [*rows] for name, _, _, rows in found.sections}
+    rows = {section.name: [*section.rows] for section in found.sections}
     yield {
         "name": rig.name,
         "verdict": found.headline,
-        "ill": found.ill,
+        "needs_mitigation": found.needs_mitigation,
         "evidence": [
-            *told["here"],
-            *told["speeds"],
+            *rows["here"],
+            *rows["speeds"],
             *str(found.regime).splitlines(),
-            *told["doubt"],
+            *rows["doubt"],
         ],
-        "numbers": [list(pair) for pair in told["numbers"]],
-        "margins": [list(row) for row in advise.say.margins(found)],
+        "numbers": [list(pair) for pair in rows["numbers"]],
+        "margins": [list(row) for row in rows["margins"][1:]],
         "mitigations": [
-            {"title": sentence, "values": {each.parameter: each.stops}}
+            {"title": sentence, "values": {each.parameter: each.to}}
             for each, sentence in zip(
-                found.mitigations, advise.say.mitigations(found), strict=False
+                found.mitigations, rows["mitigations"], strict=False
             )
         ],
-        "attempts": list(advise.say.attempts(found)),
-        "not_searched": " ".join(told["not_searched"]),
+        "attempts": rows["attempts"],
+        "not_searched": " ".join(rows["not_searched"]),
         "assumed": {key: str(item) for key, item in rig.assumed.items()},
     }

@@ -4,7 +4,7 @@
 way. `quick_fit` makes a rig of a few readings by closed forms, without error bars.
 """
 
-from stickslip.fitting.bench import Told
+from stickslip.fitting.bench import Constraint
 from stickslip.fitting.bench import newtons as force_unit_in_newtons
 from stickslip.fitting.bench import seconds as time_unit_in_seconds
 from stickslip.fitting.events import Events, check, pick_events
@@ -19,12 +19,12 @@ __all__ = [
     "HELD_OUT",
     "UNKNOWNS",
     "Bench",
+    "Constraint",
     "Events",
     "Fit",
     "Interval",
     "Prior",
     "Table",
-    "Told",
 ]
 __all__ += [
     "check",

@@ -219,7 +219,7 @@ def refusal(name: str, known: Known) -> InputError:
     )
 
 
-class Told(NamedTuple):
+class Constraint(NamedTuple):
     """What readings besides the trace tell: a number with its error, in words, and
     draws of what follows of it.
     """
@@ -263,7 +263,7 @@ def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float
     return half, found.misfit
 
 
-def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Told:
+def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Constraint:
     """The delay of each draw: mean rupture margin of a newborn contact over the
     half-speed.
 
@@ -284,10 +284,10 @@ def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Told:
         f"{100 * misfit:.2g} % of the range"
     )
     draws = np.asarray(mean * displacement / half * np.exp(half.error / half * scatter))
-    return Told(half, f"From friction at several speeds: {words}", draws)
+    return Constraint(half, f"From friction at several speeds: {words}", draws)
 
 
-def strengthening_of(holds: Pairs) -> Told:
+def strengthening_of(holds: Pairs) -> Constraint:
     """Straight line of static friction, over that of the shortest, over the
     logarithm of the time of rest before.
     """
@@ -300,7 +300,7 @@ def strengthening_of(holds: Pairs) -> Told:
         f"{(growth * 100.0).words('%')} per decade of rest: "
         f"{'contacts age' if clear else 'no ageing is seen'}"
     )
-    return Told(growth, f"From the holds: static friction changes by {words}")
+    return Constraint(growth, f"From the holds: static friction changes by {words}")
 
 
 def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, Array]:

@@ -124,8 +124,8 @@ class Fit(Answer):
     #: the draws before they were made equally likely, and how they were found
     sample: Sample
     notes: tuple[str, ...]  #: what a reader should know
-    delays: bench.Told | None = None  #: what other speeds say of the delay
-    strengthening: bench.Told | None = None  #: what holds say of ageing
+    delays: bench.Constraint | None = None  #: what other speeds say of the delay
+    strengthening: bench.Constraint | None = None  #: what holds say of ageing
 
     def __len__(self) -> int:
         return len(self.values)

@@ -37,7 +37,7 @@ def prediction(answer: Prediction) -> Figure:
     far each parameter may be varied.
     """
     rows = len(answer.margins)
-    moves = len(answer.in_time) > 1
+    moves = len(answer.along_drive) > 1
     heights = [
         0.45,
         *([0.3] if moves else []),
@@ -49,13 +49,13 @@ def prediction(answer: Prediction) -> Figure:
     figure.suptitle(_title(answer.rig, answer.headline), x=0.01, ha="left", fontsize=9)
     patches = _strip_of_speeds(axes[0], answer)
     if moves:
-        patches += _strip(axes[1], answer.in_time)
+        patches += _strip(axes[1], answer.along_drive)
         times = {"long_name": "time", "units": answer.rig.unit_name("time")}
         dress(
             axes[1].xaxis,
-            xr.DataArray([band.high for band in answer.in_time], attrs=times),
+            xr.DataArray([band.high for band in answer.along_drive], attrs=times),
         )
-        axes[1].set_xlim(0.0, answer.in_time[-1].high)
+        axes[1].set_xlim(0.0, answer.along_drive[-1].high)
         axes[1].set_title("motion along its drive, as if each speed lasted", fontsize=8)
     _force_at_its_speed(axes[1 + moves], answer)
     if rows:
@@ -180,7 +180,7 @@ def _margins(ax: Axes, answer: Prediction) -> None:
     """A bar for each parameter, as a factor on its value: where smooth sliding is
     stable, and what would stop it.
     """
-    stops = {each.parameter: each.stops / each.value for each in answer.mitigations}
+    stops = {each.parameter: each.to / each.now for each in answer.mitigations}
     names = list(
         dict.fromkeys([*(margin.parameter for margin in answer.margins), *stops])
     )

@@ -34,7 +34,6 @@ from stickslip.sliding.response import (
     STEP,
     Array,
     ComplexArray,
-    Effort,
     Fluctuations,
     MeanLifetimes,
     Perturbed,
@@ -169,12 +168,3 @@ class ActivatedResponse(Response):
             mean_lives(self.interface, velocity).distance[0]
         ) / velocity + self.interface.delay.moment(1)
         return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
-
-    def effort(self, velocity: float) -> Effort:
-        look = (
-            0.05
-            + 4e-8
-            * lifetimes_of(self.interface, 1.0).x.size
-            * self.frequencies(velocity, math.inf).size
-        )
-        return Effort(look, again=0.05 * look, root=1.5 * look)

@@ -75,16 +75,6 @@ class Scales(NamedTuple):
     leftmost: float
 
 
-class Effort(NamedTuple):
-    """Seconds of one core, by estimate: to know kappa at a new speed; for one more
-    slider there; for a root.
-    """
-
-    look: float
-    again: float
-    root: float
-
-
 class Response(ABC):
     """The linear response of the contacts of an interface in steady sliding.
 
@@ -116,11 +106,6 @@ class Response(ABC):
     @abstractmethod
     def scales(self, velocity: float) -> Scales:
         """Times and frequencies at a speed."""
-
-    def effort(self, velocity: float) -> Effort:
-        """What it takes to compute, by estimate."""
-        del velocity
-        return Effort(look=0.03, again=0.0013, root=0.01)
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis;

@@ -33,10 +33,6 @@ from stickslip.errors import InputError, UndecidedError
 from stickslip.model import DelayModel, Interface
 from stickslip.model.distributions import (
     Distribution,
-    Exponential,
-    Gamma,
-    Gaussian,
-    Uniform,
 )
 from stickslip.model.newborn import as_unstretched, mean_life
 from stickslip.model.records import hashable
@@ -45,7 +41,6 @@ from stickslip.sliding.response import (
     STEP,
     Array,
     ComplexArray,
-    Effort,
     Fluctuations,
     MeanLifetimes,
     Parts,
@@ -96,16 +91,6 @@ class UnagedResponse(Response):
         fastest = 8.0 * velocity / scatter
         return Scales(
             cycle, pace, memory, fastest, self.distribution.leftmost * velocity
-        )
-
-    def effort(self, velocity: float) -> Effort:
-        del velocity
-        # the others share tables
-        closed = isinstance(self.distribution, Exponential | Gamma | Gaussian | Uniform)
-        return (
-            Effort(look=2e-3, again=1e-3, root=5e-3)
-            if closed
-            else Effort(look=8e-3, again=2e-3, root=1.5e-2)
         )
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:

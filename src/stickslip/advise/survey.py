@@ -13,12 +13,18 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from stickslip.advise.runs import OSCILLATES, Spent, Trials, effort, trial
+from stickslip.advise.budget import (
+    OSCILLATES,
+    Budget,
+    BudgetExhausted,
+    is_expensive,
+    runs_of,
+    trial,
+)
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
-from stickslip.simulation import estimate
 from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
@@ -33,11 +39,8 @@ MOTIONS = {
     "stable": "linearly stable",
     "unknown": "not known",
 }
-# points at which growing modes are counted, by what `is_dear` says
+# points at which growing modes are counted, by what `is_expensive` says
 _PER_DECADE = {False: 16, True: 6}
-# looks that a limit takes: some four steps of Newton's method, each at three values of
-# the parameter
-_PER_EDGE = 12
 # where theory cannot tell of a range, the ends of what it can tell are found to this
 # part of the value
 _NARROW = 1e-3
@@ -112,13 +115,6 @@ def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
     return tuple(found)
 
 
-def is_dear(rig: Rig) -> bool:
-    """Whether a look at the linear response costs a hundred times as much: contacts
-    age, or heat breaks them.
-    """
-    return rig.interface.ageing is not None or rig.interface.activation is not None
-
-
 def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
     """Growth rate and frequency, in cycles, in the rig's own units; None if no mode
     grows or decays exponentially.
@@ -157,7 +153,7 @@ def stability_along(
             rig.natural,
             low,
             high,
-            density=_PER_DECADE[is_dear(rig)],
+            density=_PER_DECADE[is_expensive(rig)],
             edges_only=True,
         )
     except (InputError, UndecidedError):  # at some value the theory cannot tell
@@ -184,23 +180,17 @@ def stability_along(
 
 
 def theory_along(
-    trials: Trials, rig: Rig, parameter: Parameter, low: float, high: float
+    budget: Budget, rig: Rig, parameter: Parameter, low: float, high: float
 ) -> tuple[Band, ...]:
-    """`stability_along`, where it can be paid for; raises `Spent` elsewhere."""
-    ends = [
-        factor_on((parameter, 1)).set(rig.natural, factor) for factor in (low, high)
-    ]
-    known = len({(there.interface, there.velocity) for there in ends}) == 1
-    each = sum(cost.again if known else cost.look for cost in map(effort, ends)) / len(
-        ends
-    )
-    looks = each * (1.0 + _PER_DECADE[is_dear(rig)] * math.log10(high / low))
-    before = trials.spent
-    found = trials.theory(stability_along, rig, parameter, low, high, looks=looks)
-    trials.spent += (
-        each * _PER_EDGE * (len(found) - 1) if trials.spent > before else 0.0
-    )
-    return found
+    """`stability_along` within a budget: with a look at each point, or at one for a
+    parameter of the slider, which changes no response.
+    """
+    factor = factor_on((parameter, 1))
+    first, last = (factor.set(rig.natural, end) for end in (low, high))
+    looks = 1.0
+    if (first.interface, first.velocity) != (last.interface, last.velocity):
+        looks += _PER_DECADE[is_expensive(rig)] * math.log10(high / low)
+    return budget.theory(stability_along, rig, parameter, low, high, looks=looks)
 
 
 def works_at(rig: Rig) -> list[float]:
@@ -215,7 +205,7 @@ class Survey:
     """Runs from rest at speeds over the whole range: a grid first, then by halving
     where two neighbours differ.
 
-    What was not simulated, or could not be judged, is called neither smooth nor
+    What was not simulated, or stayed undecided, is called neither smooth nor
     stick-slip.
     """
 
@@ -228,27 +218,28 @@ class Survey:
         # by speed; "" is not known yet
         self.known = dict.fromkeys(apart, "") | {1.0: here}
 
-    def look(self, trials: Trials) -> None:
+    def look(self, budget: Budget) -> None:
         """Simulate where the rig works, on the grid, and closer to where motion
-        changes, with what there is.
+        changes, until the budget ends.
 
-        Where most is in doubt for what a run takes comes first.
+        Where most is in doubt for what a run counts comes first.
         """
         looked = set[float]()
-        case = cache(
-            lambda v: trial(
-                VELOCITY.set(self._setting, v * self._setting.natural.velocity)
-            )
-        )
-        seconds = cache(lambda v: estimate(case(v)).seconds)
+        case = cache(self._case)
         while doubt := self._doubts(looked):
-            speed = max(doubt, key=lambda v: doubt[v] / seconds(v))
+            speed = max(doubt, key=lambda v: doubt[v] / runs_of(case(v)))
             looked.add(speed)
-            with suppress(Spent):  # at others runs may cost less than what is left
+            # at other speeds runs may be shorter than what is left
+            with suppress(BudgetExhausted):
                 try:
-                    self.known[speed] = trials.judge(case(speed)).kind
+                    self.known[speed] = budget.regime(case(speed)).kind
                 except InputError:
                     self.known[speed] = "undecided"
+
+    def _case(self, speed: float) -> Rig:
+        """The rig at so many times its own speed, for as long as that takes."""
+        velocity = speed * self._setting.natural.velocity
+        return trial(VELOCITY.set(self._setting, velocity))
 
     def _doubts(self, looked: set[float]) -> dict[float, float]:
         """How much is in doubt at speeds: those not tried yet, or the middles

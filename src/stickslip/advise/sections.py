@@ -7,11 +7,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
-from stickslip.advise.bands import MOTIONS
+from stickslip.advise.budget import OSCILLATES
+from stickslip.advise.findings import SEEN, Findings, WaveFindings, frequency_unit
 from stickslip.advise.mitigations import Mitigation, has
-from stickslip.advise.runs import OSCILLATES
+from stickslip.advise.survey import MOTIONS
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.errors import InputError
 from stickslip.model.newborn import half_distance
@@ -19,17 +20,14 @@ from stickslip.model.parameters import DELAY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.words import engineering, number
 
-if TYPE_CHECKING:
-    from stickslip.advise.answer import ElasticPrediction, Prediction
 
-Section = tuple[str, str, str, Sequence[str] | Sequence[tuple[str, ...]]]
-"""Name, title, the rest of its line, and sentences, or rows of a table, whose first,
-below a title, is its head.
-"""
+class Section(NamedTuple):
+    """Sentences of one topic, or rows of a table whose first is its head."""
 
-# root mean square of a fluctuation over the mean force, by convention, that a rig is
-# asked to stay below
-SEEN = 0.05
+    name: str
+    title: str
+    note: str  #: what stands behind the title in its line
+    rows: Sequence[str] | Sequence[tuple[str, ...]]
 
 
 def quantity(rig: Rig, value: float, unit: str, digits: int = 4) -> str:
@@ -48,17 +46,12 @@ def amount(rig: Rig, parameter: str, value: float) -> str:
     )
 
 
-def frequency_unit(rig: Rig) -> str:
-    """Unit of a frequency in the rig's own units."""
-    return "Hz" if rig.scales is not None else "cycles per time unit"
-
-
 def _speed(rig: Rig, value: float) -> str:
     return quantity(rig, value, "velocity", 3)
 
 
 def _span(
-    found: Prediction | ElasticPrediction,
+    found: Findings | WaveFindings,
     low: float,
     high: float,
     low_found: bool = True,
@@ -89,18 +82,18 @@ def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
     )
 
 
-def headline(found: Prediction) -> str:
+def headline(found: Findings) -> str:
     """What the rig does at its own speed, in a line, and when it oscillates along a
     drive that starts smoothly.
     """
     words, _ = _motion(found)
     here = (
         f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {words}"
-        if found.judged
+        if found.has_verdict
         else words
     )
     spells = [
-        band for kind in OSCILLATES for band in found.in_time if band.kind == kind
+        band for kind in OSCILLATES for band in found.along_drive if band.kind == kind
     ]
     if spells and found.regime.kind not in OSCILLATES:
         return (
@@ -110,13 +103,13 @@ def headline(found: Prediction) -> str:
     return here
 
 
-def _motion(found: Prediction) -> tuple[str, str]:
+def _motion(found: Findings) -> tuple[str, str]:
     """The motion at the rig's own speed, and what else there is to say of it."""
     rig = found.rig
     kind = str(found.regime.kind)
     modes = found.unstable_modes
     contacts = _contacts(found)
-    if not found.judged:
+    if not found.has_verdict:
         spans = (
             (
                 f"{band.motion} from "
@@ -182,15 +175,15 @@ def _motion(found: Prediction) -> tuple[str, str]:
     )
 
 
-def _contacts(found: Prediction) -> str:
+def _contacts(found: Findings) -> str:
     return f"{getattr(found.recording.rig.method, 'count', 'its')} contacts"
 
 
-def speeds(found: Prediction) -> Iterator[str]:
+def speeds(found: Findings) -> Iterator[str]:
     """The motion at each speed: its ranges, other speeds at which the rig works, and
     its range of speeds.
     """
-    if not found.judged:
+    if not found.has_verdict:
         return
     where = dict[str, list[str]]()
     known = [band for band in found.bands if band.kind != "unknown"]
@@ -220,20 +213,20 @@ def speeds(found: Prediction) -> Iterator[str]:
         )
     if "unknown" in where and not found.theory_note:
         yield (
-            f"{' and '.join(where['unknown'])} linear theory cannot tell, or not in "
-            "the time that is allowed"
+            f"{' and '.join(where['unknown'])} linear theory cannot tell, or not "
+            "with the looks that are allowed"
         )
     yield from (
         f"at {_speed(found.rig, v)}: {kind}"
         for v, kind in found.at_speeds
         if v != found.rig.velocity
     )
-    if len(found.in_time) > 1:
+    if len(found.along_drive) > 1:
         spells = (
             f"{band.motion} from {quantity(found.rig, band.low, 'time', 3)}"
-            for band in found.in_time
+            for band in found.along_drive
         )
-        end = quantity(found.rig, found.in_time[-1].high, "time", 3)
+        end = quantity(found.rig, found.along_drive[-1].high, "time", 3)
         yield f"along its drive, if each speed lasted: {', '.join(spells)}, to {end}"
     elif found.between is not None:
         low, high = found.between
@@ -248,45 +241,51 @@ def speeds(found: Prediction) -> Iterator[str]:
         )
 
 
-def sections(found: Prediction) -> Iterator[Section]:
-    """What is said beneath the verdict."""
-    yield "here", "At this speed", "", [more for more in _motion(found)[1:] if more]
-    yield "speeds", "Speeds", "", list(speeds(found))
-    yield "regime", "", "", str(found.regime).splitlines() if found.judged else []
-    yield "numbers", "", "", list(numbers(found))
-    if found.margins:
-        about = (
-            " of smooth sliding, one parameter varied at a time (linear stability, "
-            "without noise)"
-        )
-        head = ("parameter", "now", "stability limit below", "stability limit above")
-        yield "margins", "Margins", about, [head, *margins(found)]
-    yield "noise", "Noise", "", list(noise(found))
-    at = [speed for speed, _ in found.at_speeds] or [found.rig.velocity]
-    where = f"at {' and '.join(quantity(found.rig, speed, 'velocity') for speed in at)}"
-    where = where if found.between is None else _span(found, *found.between)
-    yield (
-        "mitigations",
-        "Mitigations",
-        f" {where}, the smallest change first; simulated",
-        list(mitigations(found)),
+def sections(found: Findings) -> Iterator[Section]:
+    """All sections beneath the headline of a rig with a rigid slider."""
+    _, more = _motion(found)
+    yield Section("here", "At this speed", "", [more] if more else [])
+    yield Section("speeds", "Speeds", "", list(speeds(found)))
+    evidence = str(found.regime).splitlines() if found.has_verdict else []
+    yield Section("regime", "", "", evidence)
+    yield Section("numbers", "", "", list(numbers(found)))
+    about = (
+        " of smooth sliding, one parameter varied at a time (linear stability, "
+        "without noise)"
     )
-    yield "attempts", "Tried", ", within the range searched", list(attempts(found))
+    yield Section("margins", "Margins", about, list(margins(found)))
+    yield Section("noise", "Noise", "", list(noise(found)))
+    if found.between is None:
+        at = [speed for speed, _ in found.at_speeds] or [found.rig.velocity]
+        words = (quantity(found.rig, speed, "velocity") for speed in at)
+        where = f"at {' and '.join(words)}"
+    else:
+        where = _span(found, *found.between)
+    about = f" {where}, the smallest change first; simulated"
+    yield Section("mitigations", "Mitigations", about, list(mitigations(found)))
+    about = ", within the range searched"
+    yield Section("attempts", "Tried", about, list(attempts(found)))
     left = (
-        "not searched farther in the time that is allowed: "
+        "not searched farther with the runs that are allowed: "
         f"{', '.join(found.not_searched)}; see --thorough"
     )
-    yield "not_searched", "Left out", "", [left] if found.not_searched else []
-    doubt = found.doubt.said() if found.doubt else ()
-    yield (
-        "doubt",
-        "Doubt",
-        ", all that was fitted or assumed varied at once",
-        list(doubt),
-    )
+    yield Section("not_searched", "Left out", "", [left] if found.not_searched else [])
+    about = ", all that was fitted or assumed varied at once"
+    doubt = list(found.doubt.sentences()) if found.doubt else []
+    yield Section("doubt", "Doubt", about, doubt)
+    yield from _origins(found.rig)
 
 
-def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
+def _origins(rig: Rig) -> Iterator[Section]:
+    """What of a rig was assumed, and what was fitted."""
+    assumed = [f"{key}: {item}" for key, item in rig.assumed.items()]
+    yield Section("assumed", "Assumed", ", not measured", assumed)
+    fitted = [f"{key}: {item}" for key, item in rig.fitted.items()]
+    about = " to a trace, with 90 % intervals"
+    yield Section("fitted", "Fitted", about, fitted)
+
+
+def numbers(found: Findings) -> Iterator[tuple[str, str]]:
     """Names and values, with units, of the quantities behind the verdict."""
     rig = found.rig
     aged = ", thresholds fully aged" if rig.interface.ageing is not None else ""
@@ -339,8 +338,10 @@ def numbers(found: Prediction) -> Iterator[tuple[str, str]]:
     yield "linear stability of smooth sliding", found.theory_note or state
 
 
-def margins(found: Prediction) -> Iterator[tuple[str, str, str, str]]:
-    """Parameter, value and stability limits, in words."""
+def margins(found: Findings) -> Iterator[tuple[str, str, str, str]]:
+    """Parameter, value and stability limits, in words, beneath their heads."""
+    if found.margins:
+        yield "parameter", "now", "stability limit below", "stability limit above"
     for each in found.margins:
         ends = [each.value, each.lower, each.upper, *each.searched]
         value, lower, upper, low, high = (
@@ -359,10 +360,10 @@ def margins(found: Prediction) -> Iterator[tuple[str, str, str, str]]:
         )
 
 
-def noise(found: Prediction) -> Iterator[str]:
+def noise(found: Findings) -> Iterator[str]:
     """How near to a limit the noise of the contacts allows to go."""
-    if found.noisy is not None:
-        name, value = found.noisy
+    if found.noise_limit is not None:
+        name, value = found.noise_limit
         limits = next(each.limits for each in found.margins if each.parameter == name)
         limit = min(limits, key=lambda end: abs(math.log(end / value)))
         now, end = (amount(found.rig, name, each) for each in (value, limit))
@@ -374,16 +375,16 @@ def noise(found: Prediction) -> Iterator[str]:
         )
 
 
-def mitigations(found: Prediction) -> Iterator[str]:
+def mitigations(found: Findings) -> Iterator[str]:
     """Each mitigation as a sentence, and two that will do together."""
     kinds = [str(found.regime.kind), *(band.kind for band in found.trouble)]
     named = {"stick-slip": "stick-slip", "sustained oscillation": "the oscillation"}
     decays = f"{next((named[kind] for kind in kinds if kind in named), 'the instability')} decays even from rest"  # noqa: E501
     for each in found.mitigations:
-        yield f"{changed(found, each)}, and {decays}"
-    if found.pair:
-        yield f"the smallest two together: {changed(found, *found.pair)}"
-    if found.complete and found.ill and not found.mitigations:
+        yield f"{changes_in_words(found, each)}, and {decays}"
+    if found.combined:
+        yield f"the smallest two together: {changes_in_words(found, *found.combined)}"
+    if found.complete and found.needs_mitigation and not found.mitigations:
         tried = found.attempts or found.unreliable
         yield (
             "none found of a single parameter; what was tried:"
@@ -392,12 +393,12 @@ def mitigations(found: Prediction) -> Iterator[str]:
         )
 
 
-def changed(found: Prediction, *changes: Mitigation) -> str:
+def changes_in_words(found: Findings, *changes: Mitigation) -> str:
     """Changes made together in words: of each parameter from what value to what, and
     what they hold.
     """
     rig = found.rig
-    there = found.rig.with_values(**{each.parameter: each.stops for each in changes})
+    there = found.rig.with_values(**{each.parameter: each.to for each in changes})
     names = [each.parameter for each in changes]
     words = [
         (
@@ -448,7 +449,7 @@ def _value(rig: Rig, name: str) -> str:
     )
 
 
-def attempts(found: Prediction) -> Iterator[str]:
+def attempts(found: Findings) -> Iterator[str]:
     """How far each parameter was varied without a value that reliably gives smooth
     sliding.
     """
@@ -467,12 +468,12 @@ def attempts(found: Prediction) -> Iterator[str]:
         )
 
 
-def _grows(found: ElasticPrediction, speeds: tuple[tuple[float, float], ...]) -> str:
+def _grows(found: WaveFindings, speeds: tuple[tuple[float, float], ...]) -> str:
     where = " and ".join(_span(found, *pair) for pair in speeds)
     return f"unstable {where}" if speeds else "stable at all speeds"
 
 
-def headline_on_waves(found: ElasticPrediction) -> str:
+def headline_of_waves(found: WaveFindings) -> str:
     """What linear theory says at the rig's own speed, in a line."""
     if found.theory_note:
         return f"undecided: {found.theory_note}"
@@ -488,17 +489,13 @@ def headline_on_waves(found: ElasticPrediction) -> str:
     return f"at {_speed(found.rig, found.rig.velocity)}: {words}"
 
 
-def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
+def sections_of_waves(found: WaveFindings) -> Iterator[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
     rig = found.rig
     told = list[str]()
     where = "" if found.speeds else f" {_span(found, *found.speeds_searched)}"
-    yield (
-        "speeds",
-        "Speeds",
-        "",
-        [] if found.theory_note else [f"linearly {_grows(found, found.speeds)}{where}"],
-    )
+    known = [f"linearly {_grows(found, found.speeds)}{where}"]
+    yield Section("speeds", "Speeds", "", [] if found.theory_note else known)
     for wave in found.waves:
         decay = "no exponential decay"
         if wave.growth is not None:
@@ -518,4 +515,6 @@ def sections_on_waves(found: ElasticPrediction) -> Iterator[Section]:
             f"from rest, {what} when the drive has gone about "
             f"{rig.in_units(distance, 'length', 3)}"
         )
-    yield "waves", "By wavelength", ", the softest first (linear stability)", told
+    about = ", the softest first (linear stability)"
+    yield Section("waves", "By wavelength", about, told)
+    yield from _origins(rig)

@@ -1,0 +1,313 @@
+"""Runs that decide what a rig does: how long they last, with which contacts, and how
+many of them a search may make.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import product
+from typing import Any, TypeVar
+
+from stickslip.cycles.verdict import linearly_unstable
+from stickslip.errors import InputError, UndecidedError
+from stickslip.measure import Regime, regime
+from stickslip.measure.arrays import ERRORS
+from stickslip.measure.evidence import CHANGE, NOISE_OF_CONTACTS, REPEATS, STEADY, TINY
+from stickslip.model import Contacts
+from stickslip.model.drive import constant
+from stickslip.model.methods import DRAWN
+from stickslip.model.rig import Rig
+from stickslip.simulation import Recording, record
+from stickslip.stability import contact_noise, growth_rate
+
+Answer = TypeVar("Answer")
+OSCILLATES = ("stick-slip", "sustained oscillation")
+# A run lasts a dozen cycles of the slowest oscillation that the rig can have, at least
+# this far in mean thresholds, and until the free slider has rung out, in units of
+# 1/eta.
+_CYCLES = 12.0
+_SHORTEST = 60.0
+_RINGING = 10.0
+# a last test: so many times 1/decay rate, but not more than so many runs
+_DECAYS = 6.0
+_PATIENCE = 4.0
+_LONGEST = 8.0  # runs: what stays undecided is made twice as long, up to that
+# Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of
+# three of all runs do.
+SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
+# contacts: noise of more is below what a regime takes for nothing
+_UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
+# Lives of contacts, from attaching to breaking, that count as one run, and looks at
+# linear theory that do. By `is_expensive`: contacts that age or break by heat are
+# followed in steps, and their response is an integral over all ages.
+_LIVES = {False: 4e5, True: 1.5e4}
+_LOOKS = {False: 10.0, True: 0.5}
+_LEAST = 0.5  # what the shortest run counts, as its regime is to be found
+
+
+def cycle_of(rig: Rig) -> float:
+    """Travel of the drive in the slowest cycle of a rig: a life of a contact and the
+    loading, or a free oscillation.
+    """
+    slider = rig.slider
+    velocity = rig.natural.velocity
+    stretch = rig.interface.threshold_distribution.moment(1)
+    period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0
+    delay = rig.interface.delay.moment(1)
+    detached = velocity * delay if math.isfinite(delay) else 0.0
+    return float(
+        max(stretch * (1.0 + 1.0 / slider.stiffness) + detached, velocity * period)
+    )
+
+
+def length_of(rig: Rig) -> float:
+    """Travel of the drive after which the regime of a run can be decided."""
+    damping = rig.slider.damping
+    cycles = _CYCLES * cycle_of(rig)
+    ringing = rig.natural.velocity * _RINGING / damping if damping > 0 else 0.0
+    return max(
+        _SHORTEST * rig.interface.threshold_distribution.moment(1),
+        cycles,
+        min(ringing, 5.0 * cycles),
+    )
+
+
+def until_decayed(rig: Rig) -> float:
+    """Travel of the drive in which the slowest mode decays; 0 if it grows, NaN where
+    none decays exponentially.
+    """
+    try:
+        rate = growth_rate(rig.natural).real
+    except (InputError, UndecidedError):  # with heavy tails there is no slowest mode
+        return math.nan
+    return rig.natural.velocity * _DECAYS / -rate if rate < 0 else 0.0
+
+
+def method_of(rig: Rig, other: int = 0) -> Contacts:
+    """The contacts that decide what a rig does, or others of their kind: its own, up
+    to a number whose noise is not seen.
+    """
+    own = rig.method if isinstance(rig.method, DRAWN) else Contacts(10_000, seed=1)
+    return Contacts(min(own.count, _UNSEEN), seed=own.seed + other)
+
+
+def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
+    """A run from rest at the constant speed of a rig, for as long as it takes to
+    judge it, at least for a distance.
+    """
+    # the same, however it came about: less friction is a higher speed
+    speed = float(f"{rig.natural.velocity:.12g}")
+    there = Rig(
+        rig.interface, rig.slider, constant(speed), method=method_of(rig, other)
+    )
+    return replace(
+        there, drive=constant(speed, max(length_of(there), distance) / speed)
+    )
+
+
+def survives_noise(rig: Rig) -> bool:
+    """Whether smooth sliding that is linearly stable stays, with the noise of the
+    contacts.
+    """
+    if not isinstance(rig.method, DRAWN):
+        return True
+    try:
+        return rig.method.count >= contact_noise(rig, contacts=1).contacts_for(
+            1.0, of="velocity"
+        )
+    except (InputError, UndecidedError):  # no theory of their noise
+        return True
+
+
+def is_expensive(rig: Rig) -> bool:
+    """Whether contacts age, or heat breaks them: a run, or a look at linear theory,
+    then takes some thirty times as long.
+    """
+    return rig.interface.ageing is not None or rig.interface.activation is not None
+
+
+def runs_of(rig: Rig) -> float:
+    """Number of usual runs as which a run counts, by the lives of its contacts."""
+    natural = rig.natural
+    travel = abs(natural.velocity) * natural.drive.duration
+    lives = travel / rig.interface.threshold_distribution.moment(1)
+    contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
+    return max(contacts * lives / _LIVES[is_expensive(rig)], _LEAST)
+
+
+class BudgetExhausted(Exception):  # noqa: N818 - not an error: it ends a search
+    """The search has used up the number of runs that it was given."""
+
+
+class Budget:
+    """Number of runs that a search may make, looks at linear theory among them.
+
+    Counts, no times: the same rig gets the same answer on any machine. No question is
+    asked twice.
+    """
+
+    def __init__(self, runs: float) -> None:
+        self.allowed = runs
+        self.spent = 0.0
+        self._regimes = dict[Rig, Regime]()
+        self._known = dict[Any, Any]()
+
+    @contextmanager
+    def limited_to(self, fraction: float) -> Iterator[None]:
+        """Allow no more than a fraction of what is left."""
+        allowed = self.allowed
+        self.allowed = self.spent + fraction * (allowed - self.spent)
+        try:
+            yield
+        finally:
+            self.allowed = allowed
+
+    def spend(self, runs: float) -> None:
+        """Count runs, or raise `BudgetExhausted` if fewer are left."""
+        if self.spent + runs > self.allowed:
+            raise BudgetExhausted
+        self.spent += runs
+
+    def theory(
+        self, ask: Callable[..., Answer], rig: Rig, *given: Any, looks: float = 1.0
+    ) -> Answer:
+        """Answer of linear theory about a rig, which takes so many looks at the
+        response of its contacts.
+        """
+        key = ask, rig.interface, rig.slider, rig.natural.velocity, given
+        if key not in self._known:
+            self.spend(looks / _LOOKS[is_expensive(rig)])
+            self._known[key] = ask(rig, *given)
+        found: Answer = self._known[key]
+        return found
+
+    def record(self, rig: Rig) -> Recording:
+        """Make a run."""
+        self.spend(runs_of(rig))
+        return record(rig, long=True)
+
+    def longer(self, run: Recording, times: float) -> Recording:
+        """Make a run so many times as long, of the contacts that decide its regime."""
+        rig = replace(run.rig, method=method_of(run.rig))
+        if rig.method == run.rig.method:
+            self.spend((times - 1.0) * runs_of(rig))
+            return run.longer(times * rig.drive.duration)
+        return self.record(rig)
+
+    def regime(self, rig: Rig) -> Regime:
+        """Regime of a run that is made longer until it is decided, or `_LONGEST`.
+
+        Raises `BudgetExhausted` if the budget ends before.
+        """
+        if rig not in self._regimes:
+            _, seen, decided = self.run_until_decided(self.record(rig), _LONGEST)
+            if not decided:
+                raise BudgetExhausted
+            self._regimes[rig] = seen
+        return self._regimes[rig]
+
+    def slide_smoothly(self, rigs: Sequence[Rig], others: Iterable[int]) -> bool:
+        """Whether the runs of each rig with other contacts, by their number from 1 on,
+        slide smoothly at last.
+
+        The second of each lasts until its slowest mode has decayed. What does not
+        slide, the first shows most often.
+        """
+        try:
+            for other, rig in product(others, rigs):
+                lasts = 0.0
+                if other == 2:
+                    length = length_of(rig)
+                    until = self.theory(until_decayed, rig)
+                    lasts = min(_PATIENCE * length, max(until, 2.0 * length))
+                if self.regime(trial(rig, lasts, other)).kind != "smooth sliding":
+                    return False
+        except InputError:  # such a rig cannot be simulated
+            return False
+        return True
+
+    def run_until_decided(
+        self, run: Recording, longest: float = math.inf
+    ) -> tuple[Recording, Regime, bool]:
+        """Make a run that ends at a constant speed longer until its regime is decided.
+
+        Returns the run, its regime, and whether that is final: not if the budget ended
+        before. No run is longer than `longest` times `length_of`.
+        """
+        while True:
+            seen = regime(run.dataset())
+            travel = run.rig.drive.duration * run.rig.natural.velocity
+            try:
+                kept, lasts = self._compared_with_theory(run, seen, travel)
+                if kept.kind != "undecided" and travel >= lasts:
+                    return run, kept, True
+                if travel > 0.9 * longest * length_of(run.rig):
+                    return run, _doubtful(seen), True
+                run = self.longer(run, max(2.0, lasts / travel))
+            except BudgetExhausted:
+                return run, _doubtful(seen), False
+
+    def _compared_with_theory(
+        self, run: Recording, seen: Regime, travel: float
+    ) -> tuple[Regime, float]:
+        """Regime of a run in the light of linear theory, and the travel for which it
+        must last.
+
+        An oscillation of a linearly stable rig must outlast its slowest mode; what does
+        not slip must be seen not to decay as that does.
+        """
+        case = run.rig
+        oscillates = seen.kind in OSCILLATES
+        if not oscillates or self.theory(linearly_unstable, case) is not False:
+            return seen, 0.0
+        tests = {test.name: test for test in seen.table}
+        until = self.theory(until_decayed, case)
+        lasts = min(_PATIENCE * length_of(case), until)
+        noise = replace(
+            seen,
+            kind="smooth sliding",
+            reason="irregular slips, no more than the noise of the contacts makes",
+        )
+        small = survives_noise(case)
+        repeats = REPEATS in tests and tests[REPEATS].passed
+        if not repeats and noise.is_noise and (small or self._fades(run, seen)):
+            return noise, lasts
+        if small and seen.kind != "stick-slip" and CHANGE in tests and until:
+            half = 0.5 * (1.0 - seen.window[0] / seen.window[1])
+            # change of the amplitude beyond that of the slowest mode in half a window
+            beyond = math.log(seen.trend) + _DECAYS * half * travel / until
+            if beyond <= tests[CHANGE].limit - STEADY:
+                return _doubtful(seen), lasts
+        return seen, lasts
+
+    def _fades(self, run: Recording, seen: Regime) -> bool:
+        """Whether the force of four times as many contacts fluctuates half as much, as
+        noise does, or as much.
+
+        It decides where the velocity fluctuates by more than its mean, which the linear
+        theory of noise does not cover.
+        """
+        assert isinstance(run.rig.method, DRAWN)
+        method = replace(run.rig.method, count=4 * run.rig.method.count)
+        many = self.record(replace(run.rig, method=method))
+        return fluctuation(many, seen) < math.sqrt(0.5) * fluctuation(run, seen)
+
+
+def _doubtful(seen: Regime) -> Regime:
+    """A regime as undecided, if only because the oscillation may still decay."""
+    reason = "the oscillation may still decay: longer runs would decide"
+    if seen.kind == "undecided":
+        reason = seen.reason
+    return replace(seen, kind="undecided", reason=reason)
+
+
+def fluctuation(run: Recording, seen: Regime) -> float:
+    """Standard deviation of the spring force over its mean, in the window of a
+    regime and after it.
+    """
+    force = run.dataset()["spring_force"]
+    late = force.sel(time=slice(seen.window[0], None)).to_numpy()
+    return float(late.std() / abs(late.mean()))

@@ -1,0 +1,348 @@
+"""What is found for a rig: the records behind the sentences of an answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import xarray as xr
+
+from stickslip.advise.budget import OSCILLATES
+from stickslip.advise.doubt import Doubt
+from stickslip.advise.mitigations import Mitigation
+from stickslip.advise.survey import Band, joined, scaled
+from stickslip.measure import Regime
+from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
+from stickslip.model.rig import Rig
+from stickslip.simulation import Recording
+
+if TYPE_CHECKING:
+    from stickslip.elastic.modes import CriticalLength
+
+# root mean square of a fluctuation over the mean force, by convention, that a rig is
+# asked to stay below
+SEEN = 0.05
+
+
+def frequency_unit(rig: Rig) -> str:
+    """Unit of a frequency in the rig's own units."""
+    return "Hz" if rig.scales is not None else "cycles per time unit"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margin:
+    """How far a parameter can be varied, alone, before smooth sliding changes its
+    linear stability.
+    """
+
+    parameter: str
+    value: float  #: where it stands, in the rig's own units, as all that follows
+
+    #: The nearest stability limits below and above; None if there is none within
+    #: `searched`.
+    lower: float | None
+    upper: float | None
+    searched: tuple[float, float]
+    #: all ranges within that in which smooth sliding is stable
+    stable: tuple[tuple[float, float], ...]
+
+    @property
+    def limits(self) -> list[float]:
+        """The limits that were found."""
+        return [end for end in (self.lower, self.upper) if end is not None]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Findings:
+    """What is found for a rig with a rigid slider; every number in its own units."""
+
+    rig: Rig
+    recording: Recording  #: the simulated run that `regime` is of; `run` is its Dataset
+    regime: Regime  #: of the run, with its evidence
+
+    #: Largest force in slow rigid motion, and mean force of steady sliding at the rig's
+    #: speed.
+    static_friction: float
+    kinetic_friction: float
+
+    #: ``K*`` of Eq. (8) in both conventions. Where thresholds age, these and the static
+    #: friction are those of contacts whose thresholds have fully grown and do not
+    #: change during the motion; where heat breaks contacts, they are of motion that is
+    #: too fast for it.
+    critical_stiffness: float
+    critical_stiffness_without_reattachment: float
+
+    #: Growing modes of smooth sliding; None where the theory does not apply, for the
+    #: reason in `theory_note`.
+    unstable_modes: int | None
+
+    #: Of the fastest mode; the frequency in cycles per unit of time, so in Hz for a rig
+    #: in SI units.
+    growth_rate: float | None
+    mode_frequency: float | None
+    theory_note: str
+    speeds_searched: tuple[float, float]
+    #: the motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`,
+    #: rising
+    bands: tuple[Band, ...]
+    margins: tuple[Margin, ...] = ()
+
+    #: Of a stable rig, the parameter with the nearest limit among those that are set on
+    #: a machine, and its value on the way there from which on the noise of the contacts
+    #: makes the force fluctuate by more than 5 % rms, by linear theory; where it does
+    #: so now, that is the value that it has.
+    noise_limit: tuple[str, float] | None = None
+
+    #: The fields of `Changes`.
+    mitigations: tuple[Mitigation, ...] = ()
+    combined: tuple[Mitigation, ...] = ()
+    attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    unreliable: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    not_searched: tuple[str, ...] = ()
+    #: whether mitigations, and the speeds from rest, have been looked for
+    complete: bool = False
+    #: what it would do with other values of what the rig's file calls assumed
+    doubt: Doubt | None = None
+
+    #: Where the rig names no mechanism by which contacts strengthen: what it would do
+    #: with which delay.
+    delays: tuple[Band, ...] = ()
+
+    #: Standard deviation of the spring force over its mean, where it is seen and by
+    #: theory noise of the contacts.
+    noise: float | None = None
+    #: false where linearly stable smooth sliding is left, by theory, by the noise of
+    #: its contacts
+    survives_noise: bool = True
+
+    @cached_property
+    def run(self) -> xr.Dataset:
+        """The simulated run that `regime` is of."""
+        return self.recording.dataset()
+
+    @property
+    def has_verdict(self) -> bool:
+        """Whether there is a verdict: not where nothing says how contacts strengthen
+        with rest.
+        """
+        return not self.delays
+
+    @property
+    def stiffness_margin(self) -> float:
+        """``K/K*``: above 1 there is no elastic instability; infinite if the force
+        never falls.
+        """
+        return (
+            self.rig.value("stiffness") / self.critical_stiffness
+            if self.critical_stiffness > 0
+            else math.inf
+        )
+
+    @property
+    def smooth(self) -> bool | None:
+        """Whether the rig slides smoothly: stable, and seen to in the run; None if
+        that is undecided.
+        """
+        if self.regime.kind == "undecided" or not self.has_verdict:
+            return None
+        return self.regime.kind == "smooth sliding" and not self.unstable_modes
+
+    @property
+    def bistable(self) -> bool:
+        """Whether smooth sliding is stable, and stays, although the run from rest
+        shows sustained stick-slip.
+        """
+        return (
+            self.regime.kind in OSCILLATES
+            and self.has_verdict
+            and self.unstable_modes == 0
+            and self.survives_noise
+        )
+
+    @property
+    def needs_mitigation(self) -> bool:
+        """Whether there is something to mitigate, at any of the speeds at which the
+        rig works.
+        """
+        return self.has_verdict and (
+            bool(self.unstable_modes)
+            or self.regime.kind in OSCILLATES
+            or bool(self.trouble)
+        )
+
+    @property
+    def trouble(self) -> tuple[Band, ...]:
+        """Ranges of speed with an oscillation among those at which the rig works."""
+        ends = (
+            [(speed, speed) for speed, _ in self.at_speeds]
+            if self.between is None
+            else [self.between]
+        )
+        bad = [band for band in self.bands if band.kind in (*OSCILLATES, "unstable")]
+        return tuple(
+            band
+            for band in bad
+            if any(band.low <= high and low <= band.high for low, high in ends)
+        )
+
+    @property
+    def frequency(self) -> float | None:
+        """Cycles per unit of time (Hz, for a rig in SI units) of the oscillation in
+        the run; None if it has none.
+        """
+        period = self.regime.period
+        return (
+            1.0 / period
+            if self.regime.kind in OSCILLATES and math.isfinite(period) and period > 0
+            else None
+        )
+
+    @property
+    def amplitude(self) -> float:
+        """Half of the peak-to-peak force in the run."""
+        return 0.5 * self.regime.peak_to_peak
+
+    @property
+    def relative_amplitude(self) -> float:
+        """Peak-to-peak force over static friction."""
+        return self.regime.peak_to_peak / self.static_friction
+
+    @property
+    def at_speeds(self) -> tuple[tuple[float, str], ...]:
+        """Each speed at which the rig works, in its own units, and the motion there
+        from a start at rest.
+        """
+        speeds = [
+            speed * self.rig.unit("velocity") for speed in self.rig.operation.speeds
+        ]
+        motions = [
+            next((band.motion for band in self.bands if speed in band), "undecided")
+            for speed in speeds
+        ]
+        # the first is that of the drive
+        motions[:1] = [self.regime.kind][: len(speeds)]
+        return tuple(zip(speeds, motions, strict=True))
+
+    @property
+    def between(self) -> tuple[float, float] | None:
+        """The range of speeds at which the rig works, in its own units: as given, or
+        those its drive goes through.
+        """
+        given = self.rig.operation.between
+        pieces = self.rig.drive.pieces
+        ends = given or [
+            abs(speed) for piece in pieces for speed in (piece.start, piece.end)
+        ]
+        low, high = (end(ends) * self.rig.unit("velocity") for end in (min, max))
+        return None if low == high else (max(low, self.speeds_searched[0]), high)
+
+    @property
+    def along_drive(self) -> tuple[Band, ...]:
+        """What it does when along a drive that goes through speeds, by `bands`; nothing
+        where there is one speed.
+
+        Where there are two motions at a speed, it goes on with what it did before; it
+        starts from rest. Transients are left out: each speed is taken for one that
+        lasts.
+        """
+        found = list[Band]()
+        begin = 0.0
+        unit = self.rig.unit("velocity")
+        edges = [
+            sign * end / unit
+            for band in self.bands
+            for end in band.ends
+            for sign in (1.0, -1.0)
+        ]
+        for piece in self.rig.drive.pieces:
+            rate = piece.acceleration
+            whole = piece.duration
+            cuts = sorted(
+                (e - piece.start) / rate
+                for e in edges
+                if 0.0 < (e - piece.start) * rate < whole * rate**2
+            )
+            for first, last in pairwise([0.0, *cuts, whole]):
+                speed = abs(piece.start + 0.5 * rate * (first + last)) * unit
+                kind, bistable = next(
+                    ((b.kind, b.bistable) for b in self.bands if speed in b),
+                    ("unknown", False),
+                )
+                if (
+                    bistable
+                    and found
+                    and found[-1].kind in ("smooth sliding", "stable")
+                ):
+                    kind = found[-1].kind
+                found.append(Band(kind=kind, low=begin + first, high=begin + last))
+            begin += whole
+        return (
+            () if self.between is None else scaled(joined(found), self.rig.unit("time"))
+        )
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Names of the units that numbers are in."""
+        names = {
+            p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)
+        }
+        return names | {
+            "force": self.rig.unit_name("f_s"),
+            "frequency": frequency_unit(self.rig),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class WaveAnswer:
+    """What smooth sliding does to waves of one length; in the rig's own units."""
+
+    name: str  #: the wave, in words
+
+    #: In blocks, along the drive; infinite where blocks in a row move alike, NaN where
+    #: a wave does not reach into it.
+    wavelength: float
+    stiffness: float  #: of the rigid slider that the mode amounts to
+
+    #: Growth rate and frequency (in cycles per time) at the rig's speed; None where
+    #: nothing decays exponentially.
+    growth: float | None
+    frequency: float | None
+    speeds: tuple[tuple[float, float], ...]  #: ranges of speed in which it grows
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class WaveFindings:
+    """What is found for an elastic slider, by linear theory; every number in the
+    rig's own units.
+    """
+
+    rig: Rig
+    growing: int = 0  #: modes that grow at the rig's speed, among the 64 softest
+    waves: tuple[WaveAnswer, ...] = ()  #: of the five softest modes
+    #: of a chain: below which stiffness modes grow, and from which length on
+    critical: CriticalLength | None = None
+    theory_note: str = ""  #: why the theory has nothing to say, or nothing
+    speeds_searched: tuple[float, float]
+
+    @property
+    def bands(self) -> tuple[Band, ...]:
+        """Ranges of speed in which any mode grows."""
+        pairs = sorted(pair for wave in self.waves for pair in wave.speeds)
+        return tuple(
+            joined(Band(kind="unstable", low=low, high=high) for low, high in pairs)
+        )
+
+    @property
+    def speeds(self) -> tuple[tuple[float, float], ...]:
+        """The ends of these."""
+        return tuple(band.ends for band in self.bands)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Names of the units that numbers are in."""
+        named = {name: self.rig.unit_name(name) for name in ("velocity", "stiffness")}
+        return named | {"wavelength": "blocks"}
