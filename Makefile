@@ -66,7 +66,7 @@ unit: warm
 # x86-64, OpenBLAS for an old processor of Intel, which decides how it sums. Kernels are compiled anew, in a cache of
 # their own: five minutes of one core for all, less with ONLY, an expression for `pytest -k`.
 ELSEWHERE := OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=x86-64 NUMBA_CPU_FEATURES= NUMBA_CACHE_DIR=$(CURDIR)/.elsewhere
-KEPT_TESTS := tests/test_kept.py tests/test_told.py tests/test_paper.py
+KEPT_TESTS := tests/test_regression.py tests/test_output_texts.py tests/test_paper.py
 
 elsewhere: $(VENV)/.dev
 ifeq ($(shell uname -m),x86_64)

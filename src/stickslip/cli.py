@@ -362,18 +362,13 @@ def predict(
     The verdict comes first, on standard error, while the rest is still sought, for some
     10 s.
     """
-    from stickslip.advise import Prediction, complete, predict, runs_in_full
+    from stickslip.advise import Prediction, complete, predict
 
     _check_outputs(picture=plot, read=rig)
     described = ss.read_rig(rig)
     with console.working("predicting") as progress:
         found = predict(described, fast=True, smooth=smooth, progress=progress)
     if not fast and isinstance(found, Prediction):
-        if thorough:
-            print(
-                f"at most {runs_in_full(found)} runs can be asked for",
-                file=sys.stderr,
-            )
         if sys.stderr.isatty():
             print(f"{found.headline}\n... looking for mitigations", file=sys.stderr)
         with console.working("predicting") as progress:

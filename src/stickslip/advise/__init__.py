@@ -13,22 +13,29 @@ kept apart, because their answers differ:
 from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.chart import chart
 from stickslip.advise.doubt import Doubt
-from stickslip.advise.findings import Margin, WaveAnswer, frequency_unit
+from stickslip.advise.findings import (
+    Findings,
+    Margin,
+    WaveAnswer,
+    WaveFindings,
+    frequency_unit,
+)
 from stickslip.advise.mitigations import Mitigation
-from stickslip.advise.prediction import complete, predict, runs_in_full
+from stickslip.advise.prediction import complete, predict
 from stickslip.advise.survey import Band
 
 __all__ = [
     "Band",
     "Doubt",
     "ElasticPrediction",
+    "Findings",
     "Margin",
     "Mitigation",
     "Prediction",
     "WaveAnswer",
+    "WaveFindings",
     "chart",
     "complete",
     "frequency_unit",
     "predict",
-    "runs_in_full",
 ]

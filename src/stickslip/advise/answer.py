@@ -10,11 +10,11 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from stickslip.advise.findings import Findings, WaveFindings
-from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.sections import (
     Section,
     changes_in_words,
@@ -186,7 +186,7 @@ class RigAnswer(Answer):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction(Findings, RigAnswer):
-    """What `predict` found; every number in the rig's own units.
+    """Answer of `predict`: the `Findings`, every number in the rig's own units.
 
     It prints as its short text.
     """
@@ -203,41 +203,18 @@ class Prediction(Findings, RigAnswer):
         "relative_amplitude",
     )
 
-    @property
-    def headline(self) -> str:
-        """The motion at the rig's own speed, in a line."""
-        return headline(self)
-
-    @property
-    def sections(self) -> Sequence[Section]:
-        """All sections, those without a sentence among them."""
-        return list(sections(self))
-
-    @property
-    def motion(self) -> str:
-        """The kind of motion at the rig's own speed."""
-        return self.regime.kind
-
-    def changed(self, *changes: Mitigation) -> str:
-        """Return changes made together in words."""
-        return changes_in_words(self, *changes)
+    headline = property(headline)
+    sections = property(sections)
+    motion = property(attrgetter("regime.kind"))
+    changed = changes_in_words
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ElasticPrediction(WaveFindings, RigAnswer):
-    """What `predict` found of an elastic slider, by linear theory; every number in
-    the rig's own units.
-    """
+    """Answer of `predict` for an elastic slider: the `WaveFindings`."""
 
     _picture = "waves"
     _derived = ("speeds",)
 
-    @property
-    def headline(self) -> str:
-        """What linear theory says at the rig's own speed, in a line."""
-        return headline_of_waves(self)
-
-    @property
-    def sections(self) -> Sequence[Section]:
-        """All sections, those without a sentence among them."""
-        return list(sections_of_waves(self))
+    headline = property(headline_of_waves)
+    sections = property(sections_of_waves)

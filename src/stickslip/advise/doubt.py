@@ -5,7 +5,7 @@ varied, and what matters most.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Self
@@ -15,6 +15,7 @@ import numpy as np
 from stickslip.advise.budget import OSCILLATES, Budget, BudgetExhausted, trial
 from stickslip.advise.mitigations import has, highest
 from stickslip.answers import Answer
+from stickslip.arrays import Array
 from stickslip.cycles.verdict import linearly_unstable
 from stickslip.errors import InputError
 from stickslip.model import Contacts, parameters
@@ -113,17 +114,15 @@ class Doubt(Answer):
         None if there is neither.
 
         Assumptions are varied all at once, evenly in the logarithm, within the range
-        that the file gives, or a factor `WIDEST`. Linear theory tells first, and runs
-        where smooth sliding is stable or there is none: stick-slip may persist from a
-        start at rest.
+        that the file gives, or a factor `WIDEST`.
         """
         fitted = {key: one.draws for key, one in rig.fitted.items() if one.draws}
-        varied = {
-            k: _VARIED[k]
-            for k in rig.assumed
-            if k in _VARIED and k not in fitted and has(rig, _VARIED[k][0])
-        }
-        if not (fitted or varied):
+        assumed = [
+            key
+            for key in rig.assumed
+            if key in _VARIED and key not in fitted and has(rig, _VARIED[key][0])
+        ]
+        if not (fitted or assumed):
             return None
         count = min([_DRAWS, *map(len, fitted.values())])
         rigs = [rig] * count
@@ -132,61 +131,32 @@ class Doubt(Answer):
             from stickslip.fitting import rigs_drawn
 
             rigs = [*islice(rigs_drawn(rig), count)]
-        # A Latin hypercube, the same each time: of each parameter every 64th of its
-        # range once.
-        ranks = np.random.default_rng(0).permuted(
-            np.tile(np.arange(count), (len(varied), 1)), axis=1
-        )
-        ends = (
-            np.log(rig.assumed[key].factors or (1.0 / WIDEST, WIDEST)) for key in varied
-        )
-        factors = [
-            np.exp(low + (high - low) * (at + 0.5) / count)
-            for (low, high), at in zip(ends, ranks, strict=True)
-        ]
-        found = np.full(count, np.nan)
+        factors = _factors(rig, assumed, count)
+        oscillates = np.full(count, np.nan)
         ended = False
         for i, drawn in enumerate(rigs):
-            there = drawn.natural
             try:
-                for (parameter, side), factor in zip(
-                    varied.values(), factors, strict=True
-                ):
-                    raised = min(float(factor[i]) ** side, highest(there, parameter))
-                    there = parameter.set(there, raised * parameter.get(there))
-                grows = bool(budget.theory(linearly_unstable, there))
-                kind = "" if grows else budget.regime(trial(there)).kind
-                found[i] = (
-                    math.nan if kind == "undecided" else grows or kind in OSCILLATES
-                )
-            except (InputError, BudgetExhausted) as why:
-                ended |= isinstance(why, BudgetExhausted)
-        told = np.isfinite(found)
-        values = np.array([*(draws[:count] for draws in fitted.values()), *factors])
-        upper = values > np.median(values, axis=1, keepdims=True)
-        halves = np.stack([upper, ~upper]) & told
-        keys = [*fitted, *varied]
-        # where nothing is told, it is not a number
-        with np.errstate(divide="ignore", invalid="ignore"):
-            part = np.nansum(found) / told.sum()
-            parts = halves @ np.nan_to_num(found) / halves.sum(axis=2)
-            # the largest that the differences can have
-            errors = np.sqrt((0.25 / halves.sum(axis=2)).sum(axis=0))
-            apart = np.nan_to_num(abs(parts[0] - parts[1]) / errors)
+                there = _varied(drawn.natural, assumed, factors[:, i])
+                oscillates[i] = _oscillates(there, budget)
+            except InputError:  # there is no such rig
+                continue
+            except BudgetExhausted:
+                ended = True
+        known = np.isfinite(oscillates)
+        draws = [values[:count] for values in fitted.values()]
+        keys = [*fitted, *assumed]
+        matters, decides = _compared(keys, np.array([*draws, *factors]), oscillates)
         return cls(
-            oscillates=float(part),
-            undecided=float(1.0 - told.mean()),
+            oscillates=float(oscillates[known].mean()) if known.any() else math.nan,
+            undecided=float(1.0 - known.mean()),
             draws=count,
-            matters=tuple(
-                (keys[i], float(parts[0, i]), float(parts[1, i]))
-                for i in np.argsort(-apart, kind="stable")
-            ),
-            decides=bool(apart.max() > 2.0),
-            assumed=tuple(varied),
+            matters=matters,
+            decides=decides,
+            assumed=tuple(assumed),
             left=tuple(
-                k
-                for k, one in rig.assumed.items()
-                if not one.default and k not in fitted and k not in varied
+                key
+                for key, item in rig.assumed.items()
+                if not item.default and key not in keys
             ),
             ended=ended,
         )
@@ -231,3 +201,57 @@ class Doubt(Answer):
                 "left as the file has it, as no parameter of the rig varies it: "
                 f"{', '.join(self.left)}"
             )
+
+
+def _factors(rig: Rig, keys: Sequence[str], count: int) -> Array:
+    """Factors on what was assumed, (keys, count), the same each time.
+
+    A Latin hypercube: of each key, every part of its range once.
+    """
+    order = np.tile(np.arange(count), (len(keys), 1))
+    places = (np.random.default_rng(0).permuted(order, axis=1) + 0.5) / count
+    ranges = [rig.assumed[key].factors or (1.0 / WIDEST, WIDEST) for key in keys]
+    low, high = np.log(ranges).reshape(-1, 2, 1).swapaxes(0, 1)
+    return np.asarray(np.exp(low + (high - low) * places))
+
+
+def _varied(rig: Rig, keys: Sequence[str], factors: Array) -> Rig:
+    """The rig with each assumption changed by its factor."""
+    for key, factor in zip(keys, factors.tolist(), strict=True):
+        parameter, side = _VARIED[key]
+        raised = min(factor**side, highest(rig, parameter))
+        rig = parameter.set(rig, raised * parameter.get(rig))
+    return rig
+
+
+def _oscillates(rig: Rig, budget: Budget) -> float:
+    """Whether a rig oscillates, 0 or 1, or NaN if that stays undecided.
+
+    Linear theory comes first, and a run where smooth sliding is stable or there is
+    none: stick-slip may persist from a start at rest.
+    """
+    if budget.theory(linearly_unstable, rig):
+        return 1.0
+    kind = budget.regime(trial(rig)).kind
+    return math.nan if kind == "undecided" else float(kind in OSCILLATES)
+
+
+def _compared(
+    keys: Sequence[str], values: Array, oscillates: Array
+) -> tuple[tuple[tuple[str, float, float], ...], bool]:
+    """Fractions that oscillate where each value is larger, and where it is smaller,
+    those first that differ by most standard errors; and whether the first differ by
+    more than two.
+    """
+    known = np.isfinite(oscillates)
+    upper = values > np.median(values, axis=1, keepdims=True)
+    halves = np.stack([upper, ~upper]) & known
+    # where nothing is known of a half, its fraction is not a number
+    with np.errstate(divide="ignore", invalid="ignore"):
+        larger, smaller = halves @ np.nan_to_num(oscillates) / halves.sum(axis=2)
+        # the largest that the differences can have
+        errors = np.sqrt((0.25 / halves.sum(axis=2)).sum(axis=0))
+        apart = np.nan_to_num(abs(larger - smaller) / errors)
+    order = np.argsort(-apart, kind="stable")
+    matters = tuple((keys[i], float(larger[i]), float(smaller[i])) for i in order)
+    return matters, bool(apart.max() > 2.0)

@@ -249,40 +249,31 @@ class Findings:
         starts from rest. Transients are left out: each speed is taken for one that
         lasts.
         """
-        found = list[Band]()
+        if self.between is None:
+            return ()
+        found: list[Band] = []
         begin = 0.0
         unit = self.rig.unit("velocity")
-        edges = [
-            sign * end / unit
-            for band in self.bands
-            for end in band.ends
-            for sign in (1.0, -1.0)
-        ]
+        edges = {end / unit for band in self.bands for end in band.ends}
         for piece in self.rig.drive.pieces:
             rate = piece.acceleration
-            whole = piece.duration
-            cuts = sorted(
-                (e - piece.start) / rate
-                for e in edges
-                if 0.0 < (e - piece.start) * rate < whole * rate**2
-            )
-            for first, last in pairwise([0.0, *cuts, whole]):
+            times = [
+                (sign * edge - piece.start) / rate
+                for edge in edges
+                for sign in (1.0, -1.0)
+                if rate
+            ]
+            cuts = sorted(time for time in times if 0.0 < time < piece.duration)
+            for first, last in pairwise([0.0, *cuts, piece.duration]):
                 speed = abs(piece.start + 0.5 * rate * (first + last)) * unit
-                kind, bistable = next(
-                    ((b.kind, b.bistable) for b in self.bands if speed in b),
-                    ("unknown", False),
-                )
-                if (
-                    bistable
-                    and found
-                    and found[-1].kind in ("smooth sliding", "stable")
-                ):
+                here = [band for band in self.bands if speed in band]
+                kind = here[0].kind if here else "unknown"
+                smooth = found and found[-1].kind in ("smooth sliding", "stable")
+                if smooth and here and here[0].bistable:
                     kind = found[-1].kind
                 found.append(Band(kind=kind, low=begin + first, high=begin + last))
-            begin += whole
-        return (
-            () if self.between is None else scaled(joined(found), self.rig.unit("time"))
-        )
+            begin += piece.duration
+        return scaled(joined(found), self.rig.unit("time"))
 
     @property
     def units(self) -> dict[str, str]:

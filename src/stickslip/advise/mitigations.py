@@ -183,9 +183,20 @@ class _Outcome(NamedTuple):
     some: tuple[float, float] | None = None
 
 
+@dataclass
+class _Varied:
+    """What is known of a parameter that is varied alone."""
+
+    rough: float = math.inf  # the factor that one run allows
+    change: Mitigation | None = None
+    tried: tuple[float, float] | None = None  # values without smooth sliding
+    some: tuple[float, float] | None = None  # as of an outcome, but the value
+    left: bool = True  # whether some of its range is not searched
+
+
 class _Search:
     """The rig at each speed at which it is to slide smoothly, in natural units, and
-    what was found for each parameter.
+    what is known of each parameter.
     """
 
     def __init__(
@@ -197,24 +208,17 @@ class _Search:
         self._range = 1.0 if between is None else speeds[-1] / speeds[0]
         self._rigs = [VELOCITY.set(setting, speed) for speed in speeds]
         self._budget = budget
-        # factors by one run, changes by all, ranges tried in vain, the furthest values
-        # at which some runs slide smoothly, and parameters not searched wholly
-        self._rough = dict[Parameter, float]()
-        self._found = dict[Parameter, Mitigation]()
-        self._tried = dict[Parameter, tuple[float, float]]()
-        self._some = dict[Parameter, tuple[float, float]]()
-        self._left = list[Parameter]()
+        self._known = {
+            each: _Varied() for each in (*TURNABLE, *_OTHERS) if self._can_vary(each)
+        }
 
     def vary_each(
         self, group: Sequence[Parameter], seeds: int, report: Progress
     ) -> None:
-        """Vary each parameter of a group alone, up and down."""
-        waiting = [
-            each
-            for each in group
-            if (self.can_vary(each) if seeds == 1 else each in self._left)
-        ]
-        waiting.sort(key=lambda each: self._rough.get(each, math.inf))
+        """Vary each parameter of a group alone, up and down, as far as it is left."""
+        waiting = [each for each in group if each in self._known]
+        waiting = [each for each in waiting if self._known[each].left]
+        waiting.sort(key=lambda each: self._known[each].rough)
         for i, parameter in enumerate(waiting):
             report(i / len(waiting))
             fraction = 0.5 / (len(waiting) - i) if seeds == 1 else 1.0
@@ -222,53 +226,49 @@ class _Search:
                 up = self.along((parameter, 1), seeds=seeds)
                 most = up.factor or math.inf
                 down = self.along((parameter, -1), seeds=seeds, most=most)
-            self._note(parameter, up, down, seeds)
+            self._keep(parameter, up, down, seeds)
 
-    def _note(
+    def _keep(
         self, parameter: Parameter, up: _Outcome, down: _Outcome, seeds: int
     ) -> None:
-        """Keep the outcome of varying a parameter."""
-        if parameter in self._left:
-            self._left.remove(parameter)
+        """Keep the outcome of varying a parameter by so many runs."""
+        known = self._known[parameter]
         value = self._own.value(parameter)
         factor = down.factor or up.factor
+        known.left = not (up.wholly and down.wholly)
         if factor:
-            self._rough[parameter] = factor
+            known.rough = factor
+            known.left = known.left or seeds == 1
         if factor and seeds > 1:
             turn = parameter, -1 if down.factor else 1
-            (self._found[parameter],) = _changes(self._own, factor, turn)
+            (known.change,) = _changes(self._own, factor, turn)
         elif down.reached * up.reached > 1.0:
-            self._tried[parameter] = value / down.reached, value * up.reached
+            known.tried = value / down.reached, value * up.reached
         for outcome in (up, down):
             if outcome.some:
                 end, fraction = outcome.some
-                self._some[parameter] = value * end, fraction
-        if not (up.wholly and down.wholly) or (factor and seeds == 1):
-            self._left.append(parameter)
+                known.some = value * end, fraction
 
     def changes(self, *, pairs: bool) -> Changes:
         """All that was found, and with `pairs` two changes together."""
-        found = self._found
+        found = [each.change for each in self._known.values() if each.change]
+        others = [each.name for each in _OTHERS]
+        found.sort(key=lambda each: (each.parameter in others, round(each.size, 3)))
         combined: tuple[Mitigation, ...] = ()
         if pairs:
-            most = min(
-                (math.exp(each.size) for each in found.values()), default=math.inf
-            )
-            choices = [each for each in TURNABLE if self.can_vary(each)]
+            most = math.exp(min((each.size for each in found), default=math.inf))
             with suppress(BudgetExhausted):
-                combined = self.pair(choices, most / (1.0 + PRECISION))
-        order = sorted(
-            found, key=lambda each: (each in _OTHERS, round(found[each].size, 3))
-        )
+                combined = self._pair(most / (1.0 + PRECISION))
+        vain = {one: each for one, each in self._known.items() if not each.change}
         return Changes(
-            mitigations=tuple(found[each] for each in order),
+            mitigations=tuple(found),
             combined=combined,
-            attempts={p.name: at for p, at in self._tried.items() if p not in found},
-            unreliable={p.name: at for p, at in self._some.items() if p not in found},
-            not_searched=tuple(p.title for p in self._left if p not in found),
+            attempts={one.name: each.tried for one, each in vain.items() if each.tried},
+            unreliable={one.name: each.some for one, each in vain.items() if each.some},
+            not_searched=tuple(one.title for one, each in vain.items() if each.left),
         )
 
-    def can_vary(self, parameter: Parameter) -> bool:
+    def _can_vary(self, parameter: Parameter) -> bool:
         """Whether to vary a parameter may help: the speed only if it is one."""
         # The damping of contacts that wait for an arrest stays: with enough of it, none
         # would attach again.
@@ -308,11 +308,9 @@ class _Search:
         sliding may be stable on. A factor that the first run does not deny, but
         another, is not counted among those from which on there is none.
         """
-        self._reached, change, furthest = (
-            1.0,
-            factor_on(*turns),
-            min(most, self._furthest(*turns)),
-        )
+        change = factor_on(*turns)
+        furthest = min(most, self._furthest(*turns))
+        self._reached = 1.0
         try:
             for low, high in self._may_be_stable(*turns, most=most):
                 self._reached = low
@@ -329,7 +327,8 @@ class _Search:
                 if value is not None and high == furthest:
                     return _Outcome(None, self._reached, True)
             if furthest > 1.0 and seeds > 1 and self._smooth(change, furthest, 1):
-                rigs, others = self._varied(change, furthest), range(1, seeds + 1)
+                rigs = self._varied(change, furthest)
+                others = range(1, seeds + 1)
                 smooth = sum(
                     self._budget.slide_smoothly(rigs, [other]) for other in others
                 )
@@ -392,27 +391,22 @@ class _Search:
         limit leads the wrong way.
         """
         furthest = self._furthest(*turns)
-        found = [(1.0, min(most, furthest))] if min(most, furthest) > 1.0 else []
+        end = min(most, furthest)
+        found = [(1.0, end)] if end > 1.0 else []
         for rig in self._rigs if found else ():
             bands = [
-                b
-                for b in self._linear(rig, furthest, *turns)
-                if b.kind != "unstable" and b.high > 1.0
+                band
+                for band in self._linear(rig, furthest, *turns)
+                if band.kind != "unstable" and band.high > 1.0
             ]
-            if (
-                len(self._rigs) == 1
-                and bands
-                and bands[0].kind == "stable"
-                and bands[0].low <= 1.0
-            ):
-                bands = [
-                    band for band in bands if band.low > 1.0 or band.high >= furthest
-                ]
-            both = [
+            here = [band for band in bands if band.low <= 1.0]
+            if len(self._rigs) == 1 and here and here[0].kind == "stable":
+                bands = [b for b in bands if b.low > 1.0 or b.high >= furthest]
+            both = (
                 (max(low, band.low), min(high, band.high))
                 for low, high in found
                 for band in bands
-            ]
+            )
             found = [(low, high) for low, high in both if low < high]
         return found
 
@@ -432,23 +426,23 @@ class _Search:
             )
         )
 
-    def pair(self, choices: Sequence[Parameter], most: float) -> tuple[Mitigation, ...]:
-        """Two parameters that stop it by one factor below `most`, each turned so
-        that the fastest mode grows less.
+    def _pair(self, most: float) -> tuple[Mitigation, ...]:
+        """Two parameters of the machine that give smooth sliding by one factor below
+        `most`, each turned so that the fastest mode grows less.
         """
-        turns = [(each, side) for each in choices for side in (1, -1)]
-        two = combinations(
-            [
-                each
-                for each in turns
-                if self._growth(each, 1.0 + PRECISION) < self._growth(each, 1.0)
-            ],
-            2,
-        )
-        ranges = {both: self._may_be_stable(*both, most=most) for both in two}
-        for both in sorted(
-            filter(ranges.get, ranges), key=lambda both: ranges[both][0][0]
-        ):
+        turns = [(each, side) for each in TURNABLE for side in (1, -1)]
+        helpful = [
+            turn
+            for turn in turns
+            if turn[0] in self._known
+            and self._growth(turn, 1.0 + PRECISION) < self._growth(turn, 1.0)
+        ]
+        begins = {}
+        for both in combinations(helpful, 2):
+            ranges = self._may_be_stable(*both, most=most)
+            if ranges:
+                begins[both] = ranges[0][0]
+        for both in sorted(begins, key=lambda both: begins[both]):
             if factor := self.along(*both, most=most).factor:
                 return _changes(self._own, factor, *both)
         return ()

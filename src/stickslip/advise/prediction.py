@@ -13,7 +13,6 @@ from stickslip.advise import survey as by_theory
 from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.budget import (
     OSCILLATES,
-    SEEDS,
     Budget,
     BudgetExhausted,
     cycle_of,
@@ -31,7 +30,6 @@ from stickslip.advise.mitigations import (
     has,
     reach,
     smallest_changes,
-    speeds_of,
 )
 from stickslip.advise.survey import Band, Survey, scaled, stability_along, theory_along
 from stickslip.cycles.edges import halved
@@ -56,7 +54,7 @@ from stickslip.stability import contact_noise, count_unstable
 # Runs, by convention, that a verdict and all of an answer may take. The fractions of
 # what is left at its turn that other speeds, and what is assumed, get.
 _FOR_VERDICT = 30.0
-_FOR_ALL = 240.0
+_FOR_ALL = 280.0
 _FOR_SPEEDS = 0.5
 _FOR_DOUBT = 0.2
 # the first run counts as so many at most, but lasts for so many of its longest cycles;
@@ -88,8 +86,7 @@ def predict(
     fast : bool
         Stop at the verdict: linear theory, and one run at the rig's speed.
     thorough : bool
-        Make all runs that can be asked for; `stickslip.advise.runs_in_full` counts
-        them.
+        Make all runs that can be asked for, which may take minutes.
     smooth : (float or str, float or str), optional
         A range of speeds in which it is to slide smoothly, in place of those at which
         it works: the smallest change, and the smallest of two parameters together, that
@@ -261,17 +258,6 @@ def complete(
         bands=scaled(survey.bands(), rig.velocity),
         not_searched=(*found.not_searched, *missed),
     )
-
-
-def runs_in_full(found: Prediction) -> int:
-    """Number of runs that `complete` may make at most: over speeds, and of each
-    parameter one way.
-    """
-    rig = found.rig
-    # steps double, are halved, and all must slide
-    each = SEEDS + 2 * by_theory.halvings(max(reach(rig, VELOCITY)))
-    parameters = len(PARAMETERS) if found.needs_mitigation else 0
-    return each * (1 + len(speeds_of(rig, found.between)) * parameters)
 
 
 def _speeds_searched(rig: Rig) -> tuple[float, float]:

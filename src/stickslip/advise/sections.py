@@ -30,6 +30,10 @@ class Section(NamedTuple):
     rows: Sequence[str] | Sequence[tuple[str, ...]]
 
 
+_QUIET = ("smooth sliding", "stable", "unknown")
+_BISTABLE = "from this start, although smooth sliding, once reached, is linearly stable"
+
+
 def quantity(rig: Rig, value: float, unit: str, digits: int = 4) -> str:
     """A value in the rig's own units, with its prefix."""
     return rig.in_units(value / rig.unit(unit), unit, digits)
@@ -86,93 +90,63 @@ def headline(found: Findings) -> str:
     """What the rig does at its own speed, in a line, and when it oscillates along a
     drive that starts smoothly.
     """
+    rig = found.rig
     words, _ = _motion(found)
-    here = (
-        f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {words}"
-        if found.has_verdict
-        else words
-    )
-    spells = [
-        band for kind in OSCILLATES for band in found.along_drive if band.kind == kind
-    ]
-    if spells and found.regime.kind not in OSCILLATES:
-        return (
-            f"{spells[0].kind} from {quantity(found.rig, spells[0].low, 'time', 3)} "
-            f"on; {here}"
-        )
+    if not found.has_verdict:
+        return words
+    here = f"at {quantity(rig, rig.velocity, 'velocity')}: {words}"
+    if found.regime.kind in OSCILLATES:
+        return here
+    for kind in OSCILLATES:
+        for band in found.along_drive:
+            if band.kind == kind:
+                return f"{kind} from {quantity(rig, band.low, 'time', 3)} on; {here}"
     return here
 
 
 def _motion(found: Findings) -> tuple[str, str]:
     """The motion at the rig's own speed, and what else there is to say of it."""
-    rig = found.rig
     kind = str(found.regime.kind)
     modes = found.unstable_modes
     contacts = _contacts(found)
     if not found.has_verdict:
-        spans = (
-            (
-                f"{band.motion} from "
-                f"{' to '.join(quantity(rig, v, 'time') for v in band.ends)}"
-            )
-            for band in found.delays
-        )
-        told = (
-            "with a delay of re-attachment it would be, at this speed, "
-            f"{', '.join(spans)}"
-        )
-        return "cannot be judged: nothing says how contacts strengthen with rest", told
-    hidden = (
-        f"the oscillation may not yet exceed the noise of {contacts}" if modes else ""
-    )
+        words = "cannot be judged: nothing says how contacts strengthen with rest"
+        return words, _over_delays(found)
+    hidden = f"the oscillation may not yet exceed the noise of {contacts}"
+    more = hidden if modes else ""
     if found.noise is not None:
-        # its variance: 1/N
-        enough = (
-            getattr(found.recording.rig.method, "count", math.nan)
-            * (found.noise / SEEN) ** 2
-        )
-        told = (
-            f"below {100 * SEEN:.0f} % from {number(enough, 2)} contacts on"
-            if found.noise > SEEN
-            else hidden
-        )
-        return (
-            (
-                f"{kind}; the force fluctuates by {100 * found.noise:.2g} % rms, noise "
-                "of "
-                f"{contacts}"
-            ),
-            told,
-        )
+        percent = f"{100 * found.noise:.2g} % rms, noise of {contacts}"
+        if found.noise > SEEN:
+            count = getattr(found.recording.rig.method, "count", math.nan)
+            enough = number(count * (found.noise / SEEN) ** 2, 2)  # its variance: 1/N
+            more = f"below {100 * SEEN:.0f} % from {enough} contacts on"
+        return f"{kind}; the force fluctuates by {percent}", more
     if kind == "undecided":
-        theory = (
-            ""
-            if modes is None
-            else f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
-        )
-        return kind + theory, found.regime.reason
+        if modes is not None:
+            stability = "unstable" if modes else "stable"
+            kind = f"{kind}; smooth sliding is linearly {stability}"
+        return kind, found.regime.reason
     if kind == "smooth sliding":
-        return "linearly unstable, but smooth in this run" if modes else kind, hidden
-    often = (
-        ""
-        if found.frequency is None
-        else f", {engineering(found.frequency, frequency_unit(rig), 3)}"
-    )
-    words = f"{kind}{often}, force ±{quantity(rig, found.amplitude, 'force', 3)}"
+        return "linearly unstable, but smooth in this run" if modes else kind, more
+    words = kind
+    if found.frequency is not None:
+        unit = frequency_unit(found.rig)
+        words += f", {engineering(found.frequency, unit, 3)}"
+    words += f", force ±{quantity(found.rig, found.amplitude, 'force', 3)}"
     if found.bistable:
-        return (
-            f"{words}; bistable",
-            (
-                "from this start, although smooth sliding, once reached, is linearly "
-                "stable"
-            ),
-        )
-    return (
-        words,
-        f"no mode grows, but {contacts} leave smooth sliding by their noise"
-        if modes == 0
-        else "",
-    )
+        return f"{words}; bistable", _BISTABLE
+    left = f"no mode grows, but {contacts} leave smooth sliding by their noise"
+    return words, left if modes == 0 else ""
+
+
+def _over_delays(found: Findings) -> str:
+    """What a rig without a mechanism would do with a delay."""
+    spans = []
+    for band in found.delays:
+        ends = (quantity(found.rig, end, "time") for end in band.ends)
+        spans.append(f"{band.motion} from {' to '.join(ends)}")
+    words = "with a delay of re-attachment it would be, at this speed, "
+    return words + ", ".join(spans)
 
 
 def _contacts(found: Findings) -> str:
@@ -185,104 +159,98 @@ def speeds(found: Findings) -> Iterator[str]:
     """
     if not found.has_verdict:
         return
-    where = dict[str, list[str]]()
-    known = [band for band in found.bands if band.kind != "unknown"]
+    rig = found.rig
+    where: dict[str, list[str]] = {}
     for band in found.bands:
-        where.setdefault(band.kind, []).append(
-            span := _span(found, *band.ends, band.low_found, band.high_found)
-        )
-        if band.kind not in ("smooth sliding", "stable", "unknown"):
-            yield f"{MOTIONS.get(band.kind, band.kind)} {span}" + (
-                " if started from rest" if band.bistable else ""
-            )
+        span = _span(found, *band.ends, band.low_found, band.high_found)
+        where.setdefault(band.kind, []).append(span)
+        if band.kind not in _QUIET:
+            motion = MOTIONS.get(band.kind, band.kind)
+            yield f"{motion} {span}{' if started from rest' * band.bistable}"
+    spans = {kind: " and ".join(each) for kind, each in where.items()}
+    known = [band for band in found.bands if band.kind != "unknown"]
     if found.theory_note:
         yield found.theory_note
-    elif known and {*where} <= {"smooth sliding", "stable", "unknown"}:
-        kind = (
-            "smooth sliding"
-            if found.complete and "stable" not in where
-            else "linearly stable"
-        )
+    elif known and {*where} <= {*_QUIET}:
+        seen = found.complete and "stable" not in where
+        kind = "smooth sliding" if seen else "linearly stable"
         yield f"{kind} at all speeds {_span(found, known[0].low, known[-1].high)}"
     elif "smooth sliding" in where:
-        yield f"smooth sliding {' and '.join(where['smooth sliding'])}"
+        yield f"smooth sliding {spans['smooth sliding']}"
     if found.complete and "stable" in where:
-        yield (
-            f"linearly stable {' and '.join(where['stable'])} (starts from rest not "
-            "judged)"
-        )
+        yield f"linearly stable {spans['stable']} (starts from rest not judged)"
     if "unknown" in where and not found.theory_note:
         yield (
-            f"{' and '.join(where['unknown'])} linear theory cannot tell, or not "
-            "with the looks that are allowed"
+            f"{spans['unknown']} linear theory cannot tell, or not with the looks that "
+            "are allowed"
         )
-    yield from (
-        f"at {_speed(found.rig, v)}: {kind}"
-        for v, kind in found.at_speeds
-        if v != found.rig.velocity
-    )
+    for speed, motion in found.at_speeds:
+        if speed != rig.velocity:
+            yield f"at {_speed(rig, speed)}: {motion}"
     if len(found.along_drive) > 1:
         spells = (
-            f"{band.motion} from {quantity(found.rig, band.low, 'time', 3)}"
+            f"{band.motion} from {quantity(rig, band.low, 'time', 3)}"
             for band in found.along_drive
         )
-        end = quantity(found.rig, found.along_drive[-1].high, "time", 3)
+        end = quantity(rig, found.along_drive[-1].high, "time", 3)
         yield f"along its drive, if each speed lasted: {', '.join(spells)}, to {end}"
     elif found.between is not None:
         low, high = found.between
-        inside = [band for band in found.bands if band.low < high and band.high > low]
-        words = ", ".join(
-            f"{band.motion} from {_speed(found.rig, max(band.low, low))}"
-            for band in inside
+        inside = (
+            f"{band.motion} from {_speed(rig, max(band.low, low))}"
+            for band in found.bands
+            if band.low < high and band.high > low
         )
-        yield (
-            f"over its range, {_speed(found.rig, low)} to {_speed(found.rig, high)}: "
-            f"{words or 'undecided'}"
-        )
+        words = ", ".join(inside) or "undecided"
+        yield f"over its range, {_speed(rig, low)} to {_speed(rig, high)}: {words}"
 
 
-def sections(found: Findings) -> Iterator[Section]:
+def sections(found: Findings) -> list[Section]:
     """All sections beneath the headline of a rig with a rigid slider."""
     _, more = _motion(found)
-    yield Section("here", "At this speed", "", [more] if more else [])
-    yield Section("speeds", "Speeds", "", list(speeds(found)))
-    evidence = str(found.regime).splitlines() if found.has_verdict else []
-    yield Section("regime", "", "", evidence)
-    yield Section("numbers", "", "", list(numbers(found)))
-    about = (
-        " of smooth sliding, one parameter varied at a time (linear stability, "
-        "without noise)"
-    )
-    yield Section("margins", "Margins", about, list(margins(found)))
-    yield Section("noise", "Noise", "", list(noise(found)))
     if found.between is None:
         at = [speed for speed, _ in found.at_speeds] or [found.rig.velocity]
         words = (quantity(found.rig, speed, "velocity") for speed in at)
         where = f"at {' and '.join(words)}"
     else:
         where = _span(found, *found.between)
-    about = f" {where}, the smallest change first; simulated"
-    yield Section("mitigations", "Mitigations", about, list(mitigations(found)))
-    about = ", within the range searched"
-    yield Section("attempts", "Tried", about, list(attempts(found)))
     left = (
         "not searched farther with the runs that are allowed: "
         f"{', '.join(found.not_searched)}; see --thorough"
     )
-    yield Section("not_searched", "Left out", "", [left] if found.not_searched else [])
-    about = ", all that was fitted or assumed varied at once"
+    of_margins = (
+        " of smooth sliding, one parameter varied at a time (linear stability, "
+        "without noise)"
+    )
+    of_changes = f" {where}, the smallest change first; simulated"
+    of_doubt = ", all that was fitted or assumed varied at once"
+    evidence = str(found.regime).splitlines() if found.has_verdict else []
     doubt = list(found.doubt.sentences()) if found.doubt else []
-    yield Section("doubt", "Doubt", about, doubt)
-    yield from _origins(found.rig)
+    return [
+        Section("here", "At this speed", "", [more] if more else []),
+        Section("speeds", "Speeds", "", list(speeds(found))),
+        Section("regime", "", "", evidence),
+        Section("numbers", "", "", list(numbers(found))),
+        Section("margins", "Margins", of_margins, list(margins(found))),
+        Section("noise", "Noise", "", list(noise(found))),
+        Section("mitigations", "Mitigations", of_changes, list(mitigations(found))),
+        Section(
+            "attempts", "Tried", ", within the range searched", list(attempts(found))
+        ),
+        Section("not_searched", "Left out", "", [left] if found.not_searched else []),
+        Section("doubt", "Doubt", of_doubt, doubt),
+        *_origins(found.rig),
+    ]
 
 
-def _origins(rig: Rig) -> Iterator[Section]:
+def _origins(rig: Rig) -> list[Section]:
     """What of a rig was assumed, and what was fitted."""
     assumed = [f"{key}: {item}" for key, item in rig.assumed.items()]
-    yield Section("assumed", "Assumed", ", not measured", assumed)
     fitted = [f"{key}: {item}" for key, item in rig.fitted.items()]
-    about = " to a trace, with 90 % intervals"
-    yield Section("fitted", "Fitted", about, fitted)
+    return [
+        Section("assumed", "Assumed", ", not measured", assumed),
+        Section("fitted", "Fitted", " to a trace, with 90 % intervals", fitted),
+    ]
 
 
 def numbers(found: Findings) -> Iterator[tuple[str, str]]:
@@ -489,13 +457,12 @@ def headline_of_waves(found: WaveFindings) -> str:
     return f"at {_speed(found.rig, found.rig.velocity)}: {words}"
 
 
-def sections_of_waves(found: WaveFindings) -> Iterator[Section]:
+def sections_of_waves(found: WaveFindings) -> list[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
     rig = found.rig
     told = list[str]()
     where = "" if found.speeds else f" {_span(found, *found.speeds_searched)}"
     known = [f"linearly {_grows(found, found.speeds)}{where}"]
-    yield Section("speeds", "Speeds", "", [] if found.theory_note else known)
     for wave in found.waves:
         decay = "no exponential decay"
         if wave.growth is not None:
@@ -516,5 +483,8 @@ def sections_of_waves(found: WaveFindings) -> Iterator[Section]:
             f"{rig.in_units(distance, 'length', 3)}"
         )
     about = ", the softest first (linear stability)"
-    yield Section("waves", "By wavelength", about, told)
-    yield from _origins(rig)
+    return [
+        Section("speeds", "Speeds", "", [] if found.theory_note else known),
+        Section("waves", "By wavelength", about, told),
+        *_origins(rig),
+    ]
