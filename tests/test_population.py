@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 import stickslip as ss
 from stickslip.kernels import panel_state as kernel
-from stickslip.kernels.cohorts import COUNT
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.follow import follow
 
@@ -86,7 +85,7 @@ def test_every_contact_is_attached_or_waits(interface, drive, end, count, dampin
     )
     follow(engine, drive, 0.0, np.linspace(0, end, 5))
     state = engine.state
-    attached = state.cohorts[COUNT, : state.used.cohorts]
+    attached = state.cohorts.count[: state.used.cohorts]
     waiting = state.panels[: state.used.panels, kernel.WAITING :]
     for some in (attached, waiting):
         assert np.array_equal(some, np.round(some))

@@ -139,6 +139,48 @@ def _attach(
 
 
 @jit
+def _slip(
+    model: Arrest,
+    drive: float,
+    X: float,
+    total: float,
+    attached_at: Floats,
+    breaks_at: Floats,
+    broken: Counts,
+) -> tuple[float, float, int]:
+    """Let the slider slip from `X` until it stops; the `broken` contacts are listed.
+
+    Returns where it stops, the sum `total` over the contacts that are left, and the
+    number of broken ones.
+    """
+    count = model.contacts
+    kappa = model.stiffness
+    residual = model.residual
+    left = count
+    loose = 0
+    velocity = 0.0
+    while True:  # until it stops: each turn breaks one of the contacts
+        contact = winner(breaks_at, count)
+        enter(breaks_at, count, contact, np.inf)
+        broken[loose] = contact
+        loose += 1
+        left -= 1
+        total -= attached_at[contact]
+        distance = smallest(breaks_at) - X
+        if distance <= 0.0:
+            continue
+        friction = left * X - total + residual * loose
+        unbalanced = drive - X - friction / (count * kappa)
+        stiffness = 1.0 + left / (count * kappa)
+        travelled, velocity, stops = _arc(
+            velocity, unbalanced, stiffness, model.damping_ratio, distance
+        )
+        if stops:
+            return X + travelled, total, loose
+        X = smallest(breaks_at)
+
+
+@jit
 def slips(
     model: Arrest,
     floor: float,
@@ -179,44 +221,16 @@ def slips(
                 found += 1
             begun = False
 
-        left = count
-        loose = 0
-        velocity = 0.0
-        while True:
-            contact = winner(breaks_at, count)
-            enter(breaks_at, count, contact, np.inf)
-            broken[loose] = contact
-            loose += 1
-            left -= 1
-            total -= attached_at[contact]
-            distance = smallest(breaks_at) - X
-            if distance <= 0.0:
-                continue
-            unbalanced = (
-                drive - X - (left * X - total + residual * loose) / (count * kappa)
-            )
-            travelled, velocity, stops = _arc(
-                velocity,
-                unbalanced,
-                1.0 + left / (count * kappa),
-                model.damping_ratio,
-                distance,
-            )
-            if stops:
-                X += travelled
-                break
-            X = smallest(breaks_at)
-
+        X, total, loose = _slip(model, drive, X, total, attached_at, breaks_at, broken)
         factor = math.exp(track * (rng.normal() - 0.5 * track)) if track > 0.0 else 1.0
         _attach(
             model, rng, factor, broken[:loose], X - residual, attached_at, breaks_at
         )
-        # Summed anew now and then, so that no rounding adds up.
-        total = (
-            attached_at.sum()
-            if done // count != (done + loose) // count
-            else total + loose * (X - residual)
-        )
+        if done // count != (done + loose) // count:
+            # Summed anew now and then, so that no rounding adds up.
+            total = attached_at.sum()
+        else:
+            total += loose * (X - residual)
         done += loose
         # the ring-down, contacts attached
         X = (kappa * drive + total / count) / (kappa + 1.0)

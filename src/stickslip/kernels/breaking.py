@@ -56,7 +56,8 @@ STEP = 2
 MOMENTS = 3
 PULLED = 4
 BACK = P + 1
-SHARED, FITS = 4 + 2 * BACK, 4 + 4 * BACK
+SHARED = 4 + 2 * BACK
+FITS = 4 + 4 * BACK
 """Rows of the way of the slider in a step, each of P + 1 numbers or more: its place at
 start and nodes, and coefficients of the polynomial through them; what is known of the
 step, and room. Then for each node how what clocks gain up to it follows the slider's
@@ -69,10 +70,12 @@ LENGTH, LOW, HIGH, LOWEST, HIGHEST, YOUNGEST = range(6)
 which places contacts attached, and the age of the youngest.
 """
 
-_FEWEST_AGES, _AGES, _MOST_AGES, _PLACES = 12, 2.0, 60, 24
-"""Ages at which gains are tabulated: so many, and for each width that thresholds
-grow by in e-foldings of age; places.
-"""
+# numbers of ages at which gains are tabulated: at least; for each activation width by
+# which thresholds grow while their age grows by a factor of e; at most
+_FEWEST_AGES = 12
+_AGES = 2.0
+_MOST_AGES = 60
+_PLACES = 24  # number of places at which they are tabulated where energies are squares
 
 
 def a_way(breaking: Breaking) -> Floats:

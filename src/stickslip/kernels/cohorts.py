@@ -26,25 +26,29 @@ from .breaking import (
     note,
     survival,
 )
-from .records import Counts, Floats
-from .rules import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q
+from .records import Counts, Floats, Record, record
+from .rules import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q, dot
 from .survival import Table, value_and_slope, value_at
 
-COHORT_ROWS = 7
-PLACE, MASS, REACH, WHOLE, COUNT, CLOCK, SINCE = range(COHORT_ROWS)
-"""Rows of an array of cohorts, shape (7, room, Q): where they attached, mass of
-newborns, largest stretching; `WHOLE` is 1 for a cohort whose nodes are those of Gauss
-on one panel; `COUNT` is the number attached where they are counted. `CLOCK` is that of
-`breaking`, as is `REACH` where thresholds grow; `SINCE` is when they attached.
+COHORT_NODE = record("place mass reach whole count clock since")
+"""A node of a cohort, in an array of cohorts of shape (room, Q): where its contacts
+attached, mass of newborns, largest stretching; `whole` is 1 for a cohort whose nodes
+are those of Gauss on one panel; `count` is the number attached where they are counted.
+`clock` is that of `breaking`, as is `reach` where thresholds grow; `since` is when they
+attached.
+"""
+
+ACTIVE = record("place mass reach clock age reach_on_way gain")
+"""A node that may break in a step: its place from the origin, mass and reach; where
+contacts break by age or temperature its clock and age, too, and on the way through the
+step its reach and what its clock has gained.
 """
 
 
 class Reading(NamedTuple):
     """Room for what the slider may break in a step, filled by `gather`."""
 
-    # shape (7, n): place, mass and reach of nodes that may break; clock, birth, and
-    # both on the way
-    active: Floats
+    active: Record  # shape (n,), of ACTIVE
     sums: Floats  # shape (3,): moments of the mass of all nodes that cannot
     kinked: Counts  # how many cohorts a knot may pass through, and which
     way: Floats  # of the slider in the step, see `breaking`
@@ -52,24 +56,25 @@ class Reading(NamedTuple):
 
 @bare
 def _is_kinked(
-    cohorts: Floats, g: int, origin: float, breaking: Breaking, low: float, high: float
+    cohorts: Record, g: int, origin: float, breaking: Breaking, low: float, high: float
 ) -> bool:
     """Whether a knot of the thresholds passes through a cohort of nodes while the
     slider is from `low` to `high`.
     """
-    a = cohorts[PLACE, g, 0] - origin
-    b = cohorts[PLACE, g, Q - 1] - origin
+    a = cohorts[g, 0].place - origin
+    b = cohorts[g, Q - 1].place - origin
     least = min(a, b)
     most = max(a, b)
-    if most - least < 1e-9 or cohorts[WHOLE, g, 0] == 0.0:
+    if most - least < 1e-9 or cohorts[g, 0].whole == 0.0:
         return False
     if low != high and _is_passed(cohorts, g, origin, breaking.thresholds, low, high):
         return True
     for j in range(Q):
-        if cohorts[REACH, g, j] > abs(origin - cohorts[PLACE, g, j]) + 1e-12:
+        node = cohorts[g, j]
+        if node.reach > abs(origin - node.place) + 1e-12:
             return False  # its reach stays what it was
     edge = 0.2 * (most - least)
-    ahead = origin - cohorts[PLACE, g, 0] >= 0.0
+    ahead = origin - cohorts[g, 0].place >= 0.0
     if low != high and ahead != (high > -low):
         return False  # the slider moves back to where they attached
     for i in range(breaking.knots.size):
@@ -83,7 +88,7 @@ def _is_kinked(
 
 @bare
 def _is_passed(
-    cohorts: Floats, g: int, origin: float, table: Table, low: float, high: float
+    cohorts: Record, g: int, origin: float, table: Table, low: float, high: float
 ) -> bool:
     """Whether some of a cohort come to be stretched further than ever, one after the
     other.
@@ -93,10 +98,10 @@ def _is_passed(
     last = -np.inf
     widest = 0.0
     for j in range(Q):
-        r = cohorts[REACH, g, j]
-        x = origin - cohorts[PLACE, g, j]
-        widest = max(widest, r)
-        passed = r - sign * x  # until it passes
+        node = cohorts[g, j]
+        x = origin - node.place
+        widest = max(widest, node.reach)
+        passed = node.reach - sign * x  # until it passes
         first = min(first, passed)
         last = max(last, passed)
     far = max(high, -low)
@@ -109,18 +114,24 @@ def _is_passed(
 
 
 @inlined
-def _inside(cohorts: Floats, row: int, g: int, u: float) -> float:
-    """Place of attachment, or attachments per unit of `u`, at ``0 <= u <= 1`` in the
-    panel that a cohort stands for.
+def _inside(values: Floats, u: float) -> float:
+    """Value at ``0 <= u <= 1`` in the panel that a cohort stands for, by those at its
+    nodes.
     """
+    total = 0.0
+    for a in range(Q - 1, -1, -1):
+        total = total * u + dot(GAUSS_MONOMIAL[a], values)
+    return total
+
+
+@inlined
+def _density_inside(masses: Floats, u: float) -> float:
+    """Mass of attachments per unit of `u` in the panel that a cohort stands for."""
     total = 0.0
     for a in range(Q - 1, -1, -1):
         c = 0.0
         for b in range(Q):
-            value = cohorts[row, g, b]
-            if row == MASS:
-                value /= WEIGHT[b]
-            c += GAUSS_MONOMIAL[a, b] * value
+            c += GAUSS_MONOMIAL[a, b] * (masses[b] / WEIGHT[b])
         total = total * u + c
     return total
 
@@ -129,31 +140,29 @@ _EVER = -1.0  # in place of a knot: the largest stretching so far
 
 
 @inlined
-def _beyond(
-    cohorts: Floats, g: int, X: float, knot: float, sign: float, u: float
-) -> float:
+def _beyond(cohort: Record, X: float, knot: float, sign: float, u: float) -> float:
     """How far the contacts at a place in a panel are stretched beyond a knot, or
     beyond their reach.
     """
-    x = X - _inside(cohorts, PLACE, g, u)
-    return abs(x) - _inside(cohorts, REACH, g, u) if knot == _EVER else x * sign - knot
+    x = X - _inside(cohort.place, u)
+    return abs(x) - _inside(cohort.reach, u) if knot == _EVER else x * sign - knot
 
 
 @bare
-def _cut(cohorts: Floats, g: int, X: float, knot: float) -> float:
+def _cut(cohort: Record, X: float, knot: float) -> float:
     """Where in a panel the contacts are stretched by `knot`, or as far as ever;
     outside of (0, 1) nowhere.
     """
-    sign = 1.0 if X - cohorts[PLACE, g, 0] >= 0.0 else -1.0
+    sign = 1.0 if X - cohort[0].place >= 0.0 else -1.0
     a = 0.0
     b = 1.0
-    fa = _beyond(cohorts, g, X, knot, sign, a)
-    fb = _beyond(cohorts, g, X, knot, sign, b)
+    fa = _beyond(cohort, X, knot, sign, a)
+    fb = _beyond(cohort, X, knot, sign, b)
     if fa * fb >= 0.0 or max(abs(fa), abs(fb)) < 1e-9:
         return 2.0
     for _ in range(50):
         u = 0.5 * (a + b)
-        if _beyond(cohorts, g, X, knot, sign, u) * fa > 0.0:
+        if _beyond(cohort, X, knot, sign, u) * fa > 0.0:
             a = u
         else:
             b = u
@@ -161,13 +170,13 @@ def _cut(cohorts: Floats, g: int, X: float, knot: float) -> float:
 
 
 @bare
-def _next_cut(cohorts: Floats, g: int, X: float, knots: Floats, after: float) -> float:
+def _next_cut(cohort: Record, X: float, knots: Floats, after: float) -> float:
     """The first cut after a place in a panel, by a knot or by the limit of what is
     stretched further than ever.
     """
     end = 1.0
     for i in range(-1, knots.size):
-        u = _cut(cohorts, g, X, knots[i] if i >= 0 else _EVER)
+        u = _cut(cohort, X, knots[i] if i >= 0 else _EVER)
         if after + 1e-9 < u < end:
             end = u
     return end
@@ -175,7 +184,7 @@ def _next_cut(cohorts: Floats, g: int, X: float, knots: Floats, after: float) ->
 
 @bare
 def _in_parts(
-    cohorts: Floats, g: int, origin: float, breaking: Breaking, y: float
+    cohort: Record, origin: float, breaking: Breaking, y: float
 ) -> tuple[float, float, float, float]:
     """Force, attached fraction, slope and energy of a cohort, integrated between the
     knots that lie in it.
@@ -185,12 +194,12 @@ def _in_parts(
     table = breaking.thresholds
     X = origin + y
     while begin < 1.0:
-        end = _next_cut(cohorts, g, X, breaking.knots, begin)
+        end = _next_cut(cohort, X, breaking.knots, begin)
         for j in range(Q):
             u = begin + (end - begin) * GAUSS[j]
-            m = (end - begin) * WEIGHT[j] * _inside(cohorts, MASS, g, u)
-            x = X - _inside(cohorts, PLACE, g, u)
-            r = _inside(cohorts, REACH, g, u)
+            m = (end - begin) * WEIGHT[j] * _density_inside(cohort.mass, u)
+            x = X - _inside(cohort.place, u)
+            r = _inside(cohort.reach, u)
             if abs(x) > r - 1e-12:
                 J, slope = value_and_slope(table, abs(x))
                 S += m * (J + abs(x) * slope)
@@ -206,7 +215,7 @@ def _in_parts(
 
 @bare
 def gather(
-    cohorts: Floats,
+    cohorts: Record,
     used: int,
     origin: float,
     reading: Reading,
@@ -233,12 +242,13 @@ def gather(
             reading.kinked[kinks] = g
             continue
         for j in range(Q):
-            m = cohorts[MASS, g, j]
+            node = cohorts[g, j]
+            m = node.mass
             if m == 0.0:
                 continue
-            d = cohorts[PLACE, g, j] - origin
-            r = cohorts[REACH, g, j]
-            age = t - cohorts[SINCE, g, j]
+            d = node.place - origin
+            r = node.reach
+            age = t - node.since
             if not fixed:
                 most, far = note(reading.way, breaking, d, age)
             if r >= table.top:
@@ -247,7 +257,7 @@ def gather(
                 r < table.bottom and high - d < table.bottom and d - low < table.bottom
             )
             if not fixed:
-                u = cohorts[CLOCK, g, j]
+                u = node.clock
                 whole = whole and far < table.bottom
                 if breaking.width > 0.0:
                     if u >= breaking.blurred.top:
@@ -256,16 +266,16 @@ def gather(
                         whole
                         and later(breaking.width, u, most) < breaking.blurred.bottom
                     )
-                active[3, count] = u
-                active[4, count] = age
+                active[count].clock = u
+                active[count].age = age
             if whole:
                 m0 += m
                 m1 += m * d
                 m2 += m * d * d
             else:
-                active[0, count] = d
-                active[1, count] = m
-                active[2, count] = r
+                active[count].place = d
+                active[count].mass = m
+                active[count].reach = r
                 count += 1
     reading.sums[0] = m0
     reading.sums[1] = m1
@@ -277,7 +287,7 @@ def gather(
 @bare
 def force_at(
     reading: Reading,
-    cohorts: Floats,
+    cohorts: Record,
     origin: float,
     count: int,
     breaking: Breaking,
@@ -302,9 +312,9 @@ def force_at(
         f, a, s, e, ahead, back = _force_on_the_way(reading, count, breaking, y, k)
         return F + f, A + a, S + s, 0.5 * (E + e), ahead, back
     for i in range(count):
-        x = y - active[0, i]
-        r = active[2, i]
-        m = active[1, i]
+        x = y - active[i].place
+        r = active[i].reach
+        m = active[i].mass
         a = abs(x)
         if a > r:
             J, slope = value_and_slope(table, a)
@@ -317,7 +327,8 @@ def force_at(
         F += mJ * x
         E += mJ * x * x
     for i in range(reading.kinked[0]):
-        f, a, s, e = _in_parts(cohorts, reading.kinked[i + 1], origin, breaking, y)
+        cohort = cohorts[reading.kinked[i + 1]]
+        f, a, s, e = _in_parts(cohort, origin, breaking, y)
         F += f
         A += a
         S += s
@@ -329,23 +340,27 @@ def force_at(
 def _force_on_the_way(
     reading: Reading, count: int, breaking: Breaking, y: float, k: int
 ) -> tuple[float, float, float, float, float, float]:
-    """The same of what may break by age or temperature."""
+    """`force_at`, of what may break by age or temperature."""
     active = reading.active
     way = reading.way
     A = breaking.width
     force = mass = slope = energy = ahead = back = 0.0
     for i in range(count):
-        d = active[0, i]
-        m = active[1, i]
-        r = active[2, i]
-        u = active[3, i]
+        node = active[i]
+        d = node.place
+        m = node.mass
+        r = node.reach
+        u = node.clock
         x = y - d
         part = 0.0
         rises = False
         if k > 0:
-            gain, before = (active[6, i], active[5, i]) if k > 1 else (NEVER, r)
-            gain, r = followed(way, breaking, d, gain, before, active[4, i], 0.0, k)
-            active[6, i], active[5, i], rises = gain, r, r > before
+            gain = node.gain if k > 1 else NEVER
+            before = node.reach_on_way if k > 1 else r
+            gain, r = followed(way, breaking, d, gain, before, node.age, 0.0, k)
+            node.gain = gain
+            node.reach_on_way = r
+            rises = r > before
             if A > 0.0:
                 u = later(A, u, gain)
                 part = math.exp((gain - u) / A)
@@ -364,7 +379,7 @@ def _force_on_the_way(
 
 
 @bare
-def kink_at(cohorts: Floats, used: int, breaking: Breaking, level: float) -> float:
+def kink_at(cohorts: Record, used: int, breaking: Breaking, level: float) -> float:
     """How much the slope of the force falls where the slider passes a place at which
     it has turned.
     """
@@ -374,17 +389,16 @@ def kink_at(cohorts: Floats, used: int, breaking: Breaking, level: float) -> flo
         return 0.0  # it bends, or falls for a few of them at a time
     for g in range(used):
         for j in range(Q):
-            r = cohorts[REACH, g, j]
-            if (
-                table.bottom < r < table.top
-                and abs(abs(level - cohorts[PLACE, g, j]) - r) < 1e-9
-            ):
-                jump -= cohorts[MASS, g, j] * r * value_and_slope(table, r)[1]
+            node = cohorts[g, j]
+            r = node.reach
+            is_last = abs(abs(level - node.place) - r) < 1e-9
+            if table.bottom < r < table.top and is_last:
+                jump -= node.mass * r * value_and_slope(table, r)[1]
     return abs(jump)
 
 
 @bare
-def divide(cohorts: Floats, used: int, X: float, breaking: Breaking, room: int) -> int:
+def divide(cohorts: Record, used: int, X: float, breaking: Breaking, room: int) -> int:
     """Divide the cohorts through which a knot passes, as there is room: when the
     slider turns, their reach stays.
     """
@@ -397,7 +411,7 @@ def divide(cohorts: Floats, used: int, X: float, breaking: Breaking, room: int) 
 
 @bare
 def divide_passed(
-    cohorts: Floats, used: int, X: float, breaking: Breaking, room: int
+    cohorts: Record, used: int, X: float, breaking: Breaking, room: int
 ) -> int:
     """Divide cohorts of which some are stretched further than ever, and others not.
 
@@ -409,51 +423,49 @@ def divide_passed(
         ahead = 0
         widest = 0.0
         for j in range(Q):
-            x = abs(X - cohorts[PLACE, g, j])
+            x = abs(X - cohorts[g, j].place)
             widest = max(widest, x)
-            if x > cohorts[REACH, g, j]:
+            if x > cohorts[g, j].reach:
                 ahead += 1
-        if 0 < ahead < Q and widest >= table.bottom and cohorts[WHOLE, g, 0] != 0.0:
+        if 0 < ahead < Q and widest >= table.bottom and cohorts[g, 0].whole != 0.0:
             count = _divide(cohorts, g, count, X, breaking.knots[:0], room)
     return count
 
 
 @bare
 def _divide(
-    cohorts: Floats, g: int, count: int, X: float, knots: Floats, room: int
+    cohorts: Record, g: int, count: int, X: float, knots: Floats, room: int
 ) -> int:
     """Divide a cohort at all cuts, behind the others; their number."""
-    first = begin = _next_cut(cohorts, g, X, knots, 0.0)
+    first = begin = _next_cut(cohorts[g], X, knots, 0.0)
     while begin < 1.0 and count < room - 1:
-        end = _next_cut(cohorts, g, X, knots, begin)
-        _part(cohorts, g, count, X, begin, end)
+        end = _next_cut(cohorts[g], X, knots, begin)
+        _part(cohorts[g], cohorts[count], X, begin, end)
         count += 1
         begin = end
     if first < 1.0 and begin == 1.0:
-        _part(cohorts, g, count, X, 0.0, first)
+        _part(cohorts[g], cohorts[count], X, 0.0, first)
         for j in range(Q):
-            for row in range(4):
-                cohorts[row, g, j] = cohorts[row, count, j]
+            cohorts[g, j] = cohorts[count, j]
     return count
 
 
 @bare
-def _part(cohorts: Floats, g: int, n: int, X: float, begin: float, end: float) -> None:
-    """Make cohort `n` of a part of the panel of cohort `g`."""
+def _part(whole: Record, part: Record, X: float, begin: float, end: float) -> None:
+    """Make a cohort the `part` from `begin` to `end` of the panel of a whole one."""
     for j in range(Q):
         u = begin + (end - begin) * GAUSS[j]
-        b = _inside(cohorts, PLACE, g, u)
-        cohorts[PLACE, n, j], cohorts[MASS, n, j] = (
-            b,
-            (end - begin) * WEIGHT[j] * _inside(cohorts, MASS, g, u),
-        )
-        cohorts[REACH, n, j] = max(abs(X - b), _inside(cohorts, REACH, g, u))
-        cohorts[WHOLE, n, j] = 1.0
+        b = _inside(whole.place, u)
+        part[j] = whole[j]
+        part[j].place = b
+        part[j].mass = (end - begin) * WEIGHT[j] * _density_inside(whole.mass, u)
+        part[j].reach = max(abs(X - b), _inside(whole.reach, u))
+        part[j].whole = 1.0
 
 
 def merged(
-    cohorts: Floats, used: int, breaking: Breaking, width: float, tolerance: float
-) -> Floats:
+    cohorts: Record, used: int, breaking: Breaking, width: float, tolerance: float
+) -> Record:
     """Join cohorts that lie close to each other and reach equally far: their moments
     stay up to order ``2 Q - 1``.
 
@@ -463,17 +475,16 @@ def merged(
     reach what it is to the stretching, and has to be ahead of it; what grows with age
     stays apart, and what has a parabolic barrier.
     """
-    b = cohorts[PLACE, :used]
-    m = cohorts[MASS, :used]
-    r = cohorts[REACH, :used]
+    cohorts = cohorts[:used]
+    b = cohorts.place
+    m = cohorts.mass
+    r = cohorts.reach
     table = breaking.thresholds
     met = np.zeros(used, dtype=np.bool_)
     if breaking.width > 0.0:
-        met = np.any(
-            (r > table.bottom) & (cohorts[CLOCK, :used] < r + CERTAIN * breaking.width),
-            axis=1,
-        )
-        r = cohorts[CLOCK, :used]
+        is_pulled = cohorts.clock < r + CERTAIN * breaking.width
+        met = np.any((r > table.bottom) & is_pulled, axis=1)
+        r = cohorts.clock
         table = breaking.blurred
     # A reach that was made by the slider at one place is that place less where they
     # attached, or the reverse.
@@ -509,7 +520,7 @@ def merged(
     _, first, which, size = np.unique(
         keys, axis=1, return_index=True, return_inverse=True, return_counts=True
     )
-    made = cohorts[:, first]
+    made = cohorts[first]
     for i in np.flatnonzero(size > 1):
         run = which.ravel() == i
         x, weight = gauss_rule(b[run].ravel(), m[run].ravel())
@@ -517,15 +528,13 @@ def merged(
         at = level[first[i]]
         reach = at - x if k == 1 else x - at if k == 2 else np.full(Q, r[run].max())
         # any will do that their clocks are ahead of
-        least = np.full(Q, cohorts[REACH, :used][run].min())
-        made[:5, i] = (
-            x,
-            weight,
-            least if breaking.width > 0.0 else reach,
-            np.zeros(Q),
-            np.zeros(Q),
-        )
-        made[CLOCK, i] = reach
+        least = np.full(Q, cohorts.reach[run].min())
+        made.place[i] = x
+        made.mass[i] = weight
+        made.reach[i] = least if breaking.width > 0.0 else reach
+        made.whole[i] = 0.0
+        made.count[i] = 0.0
+        made.clock[i] = reach
     return made
 
 
@@ -548,14 +557,14 @@ def gauss_rule(x: Floats, weight: Floats, count: int = Q) -> tuple[Floats, Float
     return centre + half * place, total * vector[0] ** 2
 
 
-def spread_out(cohorts: Floats, spacing: float) -> Floats:
+def spread_out(cohorts: Record, spacing: float) -> Floats:
     """Places, masses, reaches and clocks of all cohorts; those of whole panels at as
     many places as they need.
 
     Shape (4, n).
     """
-    whole = cohorts[WHOLE, :, 0] > 0.0
-    rows = cohorts[[PLACE, MASS, REACH, CLOCK]]
+    whole = cohorts.whole[:, 0] > 0.0
+    rows = np.stack([cohorts.place, cohorts.mass, cohorts.reach, cohorts.clock])
     parts = [rows[:, ~whole].reshape(4, -1)]
     for place, mass, reach, clock in np.moveaxis(rows[:, whole], 1, 0):
         count = max(int(np.ptp(place) / spacing), Q)

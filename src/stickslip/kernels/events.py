@@ -777,7 +777,8 @@ def _crosses(
 @inlined
 def _stops(m: Record) -> bool:
     """The slider turns round; whether it has stopped after a break."""
-    m.slid, last = 0, m.breaks_at_arrest
+    last = m.breaks_at_arrest
+    m.slid = 0
     m.breaks_at_arrest = m.breaks
     return bool(m.breaks > last)
 
@@ -793,6 +794,44 @@ def _due(state: State, boxes: Boxes) -> tuple[float, int]:
     due, by = shared_clock.strikes(clock, boxes.rule, state.motion[0].time)
     until = clock.window[0].until
     return (until, -2) if until < due else (due, by)
+
+
+@inlined
+def _happens(state: State, by: int, draws: Draws, boxes: Boxes, c: Constants) -> None:
+    """The time of a contact has come, by a clock that they share or by its own; or
+    the window (-2) is over, which only needs laying anew.
+    """
+    if by >= 0:
+        _strike(state, by, draws, boxes, c)
+    elif by == -1:
+        place = boxes.of[winner(boxes.times, state.size)]["place"]
+        _leave(state, place, draws, boxes, c)
+
+
+@inlined
+def _winds(state: State, ahead: float, draws: Draws, boxes: Boxes) -> bool:
+    """Wind the clocks that contacts share, where that is due; False if there are too
+    few variates.
+    """
+    m = state.motion[0]
+    if shared_clock.runs_evenly(boxes.clock, m):
+        return True
+    behind = _first_behind(state)
+    return shared_clock.wind(
+        boxes.clock, boxes.rule, m, state.ahead, ahead, behind, draws.variates
+    )
+
+
+@inlined
+def _next_attachment(state: State, on_arrest: bool) -> float:
+    """When the next detached contact attaches; on arrest, once the slider has
+    stopped.
+    """
+    m = state.motion[0]
+    attachment = peek(state.waiting)
+    if not on_arrest:
+        return attachment
+    return np.inf if m.breaks > m.breaks_at_arrest else max(attachment, m.time)
 
 
 @inlined
@@ -847,26 +886,12 @@ def advance(
         if boxes is not None:
             if c.massless and _leaps(state, piece.drive, ahead, draws, boxes, c):
                 continue
-            if not shared_clock.runs_evenly(boxes.clock, m):
-                behind = _first_behind(state)
-                if not shared_clock.wind(
-                    boxes.clock,
-                    boxes.rule,
-                    m,
-                    state.ahead,
-                    ahead,
-                    behind,
-                    draws.variates,
-                ):
-                    return DRAWS_USED_UP
+            if not _winds(state, ahead, draws, boxes):
+                return DRAWS_USED_UP
         leg, edges = _begin(m, piece.drive, draws.on_arrest or draws.tracks, boxes, c)
-        attachment = peek(state.waiting)
+        attachment = _next_attachment(state, draws.on_arrest)
         due = np.inf
         by = 0
-        if draws.on_arrest:
-            attachment = (
-                np.inf if m.breaks > m.breaks_at_arrest else max(attachment, m.time)
-            )
         if boxes is not None:
             due, by = _due(state, boxes)
         limit = min(min(attachment, due), piece.end)
@@ -898,15 +923,6 @@ def advance(
             pop(state.waiting)
             _attach(state, slot, draws, boxes, c)
         elif boxes is not None and ends_at == due:
-            if by >= 0:
-                _strike(state, by, draws, boxes, c)
-            elif by == -1:
-                _leave(
-                    state,
-                    boxes.of[winner(boxes.times, state.size)]["place"],
-                    draws,
-                    boxes,
-                    c,
-                )
+            _happens(state, by, draws, boxes, c)
         elif ends_at >= piece.end:
             return FINISHED

@@ -22,13 +22,13 @@ import numpy as np
 
 from ._jit import bare, inlined
 from .breaking import NEVER, Breaking, carried, reach_at, survival, survivals
-from .cohorts import CLOCK, COHORT_ROWS, COUNT, MASS, PLACE, REACH, SINCE, WHOLE
+from .cohorts import COHORT_NODE
 from .drive import drive_at
 from .oscillator import is_rigid, response
 from .panel_state import WAITING, Case, Delays, FiniteNumber, State, Work
 from .panel_step import element_at
 from .reattachment import in_panel
-from .records import Floats, Record
+from .records import Floats, Record, blank
 from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
 from .survival import GONE, drawn, value_at, values_at
 
@@ -111,6 +111,94 @@ def deviate(row: Record, t: float, end: Record, work: Work, case: Case) -> None:
     row.stored = total - row.lost
 
 
+class _Broken(NamedTuple):
+    """Contacts that have broken in a step, and what more of them than on average had:
+    their number, force and energy.
+    """
+
+    total: float
+    excess: float
+    force: float
+    energy: float
+
+
+@bare
+def _draw_breaks(
+    state: State, work: Work, case: Case, finite: FiniteNumber, place: float
+) -> _Broken:
+    """Draw how many contacts of each node break in a step; the excess breaks with the
+    slider at a `place`.
+    """
+    cohorts = state.cohorts
+    N = finite.contacts
+    breaking = case.breaking
+    start = work.before[0]
+    origin = start.position
+    e = element_at(state, case, place) if case.sliding_force > 0.0 else 0.0
+    total = excess = force = energy = 0.0
+    for g in range(state.used.cohorts):
+        for j in range(Q):
+            node = cohorts[g, j]
+            n = node.count
+            if n == 0.0:
+                continue
+            b = node.place
+            age = start.time - node.since
+            clock, most = carried(
+                work.reading.way,
+                breaking,
+                b - origin,
+                node.clock,
+                node.reach,
+                age,
+                0.0,
+                work.nodes.size - 2,
+            )
+            is_tried = most > node.reach and most > breaking.thresholds.bottom
+            if is_tried or breaking.width > 0.0:
+                left = N * node.mass * survival(breaking, clock, most)[0]
+                held = min(max(left / n, 0.0), 1.0)
+                k = drawn(finite.rng, n, held)
+                more = k - n * (1.0 - held)
+                x = origin + place - b
+                excess += more
+                force += more * (x - e)
+                energy += 0.5 * more * (x * x - e * e)
+                node.count = n - k
+                total += k
+            node.reach = most
+            node.clock = clock
+    return _Broken(total, excess, force, energy)
+
+
+@bare
+def _fluctuate(
+    work: Work, case: Case, N: float, broken: _Broken, u: float, place: float, dt: float
+) -> None:
+    """Note the deviation from the mean that the excess of broken contacts makes from a
+    part `u` of a step on.
+    """
+    nodes = work.nodes
+    extra = work.fluctuation
+    h = max((1.0 - u) * dt, 1e-300)
+    extra.time = work.before[0].time + u * dt
+    extra.force = broken.force / N
+    extra.fraction = broken.excess / N
+    extra.energy = broken.energy / N
+    away = 1.0
+    for i in range(case.delays.time.size):
+        if case.delays.time[i] == 0.0:
+            away -= case.delays.weight[i]
+    extra.detached = away * extra.fraction
+    extra.velocity = (nodes[P].x - place) / h
+    extra.acceleration = (nodes[P].v - value(nodes.v, work.curves.v, u)) / h
+    slope = (nodes[P].force - value(nodes.force, work.curves.force, u)) / h
+    extra.loss_rate = nodes[P].attached * extra.velocity - slope
+    if not is_rigid(case.slider):
+        held = max(nodes[P].attached - extra.fraction, 0.0)
+        extra.frequency2 = (case.slider.stiffness + held) / case.slider.mass
+
+
 @bare
 def settle(
     state: State,
@@ -125,94 +213,25 @@ def settle(
 
     The cohorts are still those of its start.
     """
-    cohorts = state.cohorts
     motion = state.motion
     nodes = work.nodes
-    extra = work.fluctuation
     N = finite.contacts
-    breaking = case.breaking
     start = work.before[0]
-    origin = start.position
     u = finite.rng.random()
     place = value(nodes.x, work.curves.x, u)
-    e = element_at(state, case, place) if case.sliding_force > 0.0 else 0.0
-    total = excess = force = energy = 0.0
-    for g in range(state.used.cohorts):
-        for j in range(Q):
-            n = cohorts[COUNT, g, j]
-            if n == 0.0:
-                continue
-            b = cohorts[PLACE, g, j]
-            r = cohorts[REACH, g, j]
-            clock = cohorts[CLOCK, g, j]
-            age = start.time - cohorts[SINCE, g, j]
-            clock, most = carried(
-                work.reading.way,
-                breaking,
-                b - origin,
-                clock,
-                r,
-                age,
-                0.0,
-                nodes.size - 2,
-            )
-            if (most > r and most > breaking.thresholds.bottom) or breaking.width > 0.0:
-                held = min(
-                    max(
-                        N
-                        * cohorts[MASS, g, j]
-                        * survival(breaking, clock, most)[0]
-                        / n,
-                        0.0,
-                    ),
-                    1.0,
-                )
-                k = drawn(finite.rng, n, held)
-                more = k - n * (1.0 - held)
-                x = origin + place - b
-                excess += more
-                force += more * (x - e)
-                energy += 0.5 * more * (x * x - e * e)
-                cohorts[COUNT, g, j] = n - k
-                total += k
-            cohorts[REACH, g, j] = most
-            cohorts[CLOCK, g, j] = clock
-    h = max((1.0 - u) * dt, 1e-300)
-    extra.time = start.time + u * dt
-    extra.force = force / N
-    extra.fraction = excess / N
-    extra.energy = energy / N
-    away = 1.0
-    for i in range(case.delays.time.size):
-        if case.delays.time[i] == 0.0:
-            away -= case.delays.weight[i]
-    extra.detached = away * extra.fraction
-    extra.velocity, extra.acceleration = (
-        (nodes[P].x - place) / h,
-        (nodes[P].v - value(nodes.v, work.curves.v, u)) / h,
-    )
-    slope = (nodes[P].force - value(nodes.force, work.curves.force, u)) / h
-    extra.loss_rate = nodes[P].attached * extra.velocity - slope
-    if not is_rigid(case.slider):
-        held = max(nodes[P].attached - extra.fraction, 0.0)
-        extra.frequency2 = (case.slider.stiffness + held) / case.slider.mass
+    broken = _draw_breaks(state, work, case, finite, place)
+    _fluctuate(work, case, N, broken, u, place, dt)
     deviation(work, case, motion.time, motion, nodes[P].force, nodes[P].v)
     if case.sliding_force > 0.0:
-        motion.element = element_at(state, case, motion.position - origin)
-    total += _go_on(state, case, finite)
+        motion.element = element_at(state, case, motion.position - start.position)
+    total = broken.total + _go_on(state, case, finite)
     motion.broken = start.broken
     _keep(state, work, case, finite, dt, total)
     reattached = _arrivals(state, case, finite, start.time, motion.time)
     motion.reattached = start.reattached + reattached / N
     if reattached > 0.0:
-        _keep(
-            state,
-            work,
-            case,
-            finite,
-            dt,
-            _attach(state, work, case, finite, direction, reattached, dt),
-        )
+        again = _attach(state, work, case, finite, direction, reattached, dt)
+        _keep(state, work, case, finite, dt, again)
     count_up(state, N)
 
 
@@ -228,12 +247,13 @@ def _go_on(state: State, case: Case, finite: FiniteNumber) -> float:
     kept = 0
     for g in range(state.used.cohorts):
         for j in range(Q):
-            n = cohorts[COUNT, g, j]
-            b = cohorts[PLACE, g, j]
-            r = cohorts[REACH, g, j]
-            u = cohorts[CLOCK, g, j]
-            since = cohorts[SINCE, g, j]
-            cohorts[COUNT, g, j] = cohorts[MASS, g, j] = 0.0
+            node = cohorts[g, j]
+            n = node.count
+            b = node.place
+            r = node.reach
+            u = node.clock
+            since = node.since
+            node.count = node.mass = 0.0
             if n == 0.0:
                 continue
             x = reach_at(breaking.growth, abs(X - b), state.motion.time - since)
@@ -256,29 +276,28 @@ def _held(case: Case, u: float, r: float, clock: float, most: float) -> float:
 
 @inlined
 def _put(
-    cohorts: Floats, place: int, case: Case, finite: FiniteNumber, n: float, life: Life
+    cohorts: Record, place: int, case: Case, finite: FiniteNumber, n: float, life: Life
 ) -> int:
     """Put contacts with a life so far into a place among the nodes; whether there
     are any.
     """
     if n == 0.0:
         return 0
-    g = place // Q
-    j = place % Q
     J = survival(case.breaking, life.clock, life.reach)[0]
-    cohorts[PLACE, g, j] = life.b
-    cohorts[REACH, g, j] = life.reach
-    cohorts[WHOLE, g, j] = 0.0
-    cohorts[COUNT, g, j] = n
-    cohorts[MASS, g, j] = n / (finite.contacts * J) if J > GONE else 0.0
-    cohorts[CLOCK, g, j] = life.clock
-    cohorts[SINCE, g, j] = life.since
+    node = cohorts[place // Q, place % Q]
+    node.place = life.b
+    node.reach = life.reach
+    node.whole = 0.0
+    node.count = n
+    node.mass = n / (finite.contacts * J) if J > GONE else 0.0
+    node.clock = life.clock
+    node.since = life.since
     return 1
 
 
 @inlined
 def _joins(
-    cohorts: Floats,
+    cohorts: Record,
     place: int,
     case: Case,
     finite: FiniteNumber,
@@ -289,33 +308,25 @@ def _joins(
     """Let contacts join those at a place among the nodes if that is as good as where
     they attached.
     """
-    g = place // Q
-    j = place % Q
     if place < 0 or n == 0.0:
         return False
-    u = max(life.clock, cohorts[CLOCK, g, j])
-    r = max(life.reach, cohorts[REACH, g, j])
+    node = cohorts[place // Q, place % Q]
+    u = max(life.clock, node.clock)
+    r = max(life.reach, node.reach)
     if r > case.breaking.thresholds.bottom or (
         case.breaking.width > 0.0 and u > case.breaking.blurred.bottom
     ):
         return False
-    total = n + cohorts[COUNT, g, j]
-    offset = life.b - cohorts[PLACE, g, j]
+    total = n + node.count
+    offset = life.b - node.place
     error = total / finite.contacts * offset * offset
     if abs(offset) > finite.grain or error > _COARSE * case.accuracy.tolerance:
         return False
     part = n / total
-    before = cohorts[SINCE, g, j]
-    b = cohorts[PLACE, g, j] + offset * part
+    since = node.since + part * (life.since - node.since)
+    b = node.place + offset * part
     r = max(r, abs(X - b)) if case.breaking.growth.first == 0.0 else r
-    _put(
-        cohorts,
-        place,
-        case,
-        finite,
-        total,
-        Life(b, u, r, before + part * (life.since - before)),
-    )
+    _put(cohorts, place, case, finite, total, Life(b, u, r, since))
     return True
 
 
@@ -502,8 +513,9 @@ def _fill_up(state: State, place: int) -> None:
     """Let the cohorts end after some places; the rest of the last is empty."""
     state.used.cohorts = (place + Q - 1) // Q
     for i in range(place, Q * state.used.cohorts):
-        for row in range(COHORT_ROWS):
-            state.cohorts[row, i // Q, i % Q] = 0.0
+        node = state.cohorts[i // Q, i % Q]
+        node.place = node.reach = node.clock = node.since = 0.0
+        node.whole = node.mass = node.count = 0.0
 
 
 @bare
@@ -543,8 +555,8 @@ def count_up(state: State, N: float) -> None:
     A = F = E = 0.0
     for g in range(state.used.cohorts):
         for j in range(Q):
-            n = cohorts[COUNT, g, j]
-            x = motion.position - cohorts[PLACE, g, j]
+            n = cohorts[g, j].count
+            x = motion.position - cohorts[g, j].place
             A += n
             F += n * x
             E += n * x * x
@@ -567,18 +579,18 @@ def counted(state: State, case: Case, finite: FiniteNumber) -> State:
     count = round(N)
     state = copy.deepcopy(state)
     used = state.used
-    cohorts = state.cohorts
     panels = state.panels
     n = used.cohorts
-    alive = survivals(case.breaking, cohorts[CLOCK, :n], cohorts[REACH, :n])
-    weight = cohorts[MASS, :n] * np.maximum(alive, 1e-12)
+    cohorts = state.cohorts[:n]
+    alive = survivals(case.breaking, cohorts.clock, cohorts.reach)
+    weight = cohorts.mass * np.maximum(alive, 1e-12)
     attached = round(count * float(weight.sum()))
     held = rng.multinomial(attached, (weight / weight.sum()).ravel()).reshape(
         weight.shape
     )
-    cohorts[COUNT, :n] = held
-    cohorts[MASS, :n] = held / (N * np.maximum(alive, 1e-12))
-    cohorts[WHOLE, :n] = 0.0
+    cohorts.count = held
+    cohorts.mass = held / (N * np.maximum(alive, 1e-12))
+    cohorts.whole = 0.0
     if attached < count:
         past = panels[: used.panels]
         t = state.motion.time
@@ -604,15 +616,15 @@ def counted(state: State, case: Case, finite: FiniteNumber) -> State:
 
 
 def joined(
-    cohorts: Floats, used: int, breaking: Breaking, finite: FiniteNumber, now: float
-) -> Floats:
+    cohorts: Record, used: int, breaking: Breaking, finite: FiniteNumber, now: float
+) -> Record:
     """Join nodes that lie close to each other and reach nearly as far; none of the
     contacts is lost.
     """
-    there = cohorts[:, :used].reshape(COHORT_ROWS, -1)
-    there = there[:, there[COUNT] > 0]
-    count = there[COUNT]
-    lives = there[[PLACE, REACH, CLOCK, SINCE]]
+    there = cohorts[:used].ravel()
+    there = there[there.count > 0]
+    count = there.count
+    lives = np.stack([there.place, there.reach, there.clock, there.since])
     alike = lives[:3].copy()
     alike[2] = (
         np.maximum(alike[2], breaking.blurred.low) if breaking.width > 0.0 else 0.0
@@ -621,7 +633,7 @@ def joined(
     if breaking.growth.first != 0.0:  # of one age, or nearly
         cell = np.append(
             cell,
-            [np.round(20.0 * np.log(np.maximum(now - there[SINCE], 1e-300)))],
+            [np.round(20.0 * np.log(np.maximum(now - there.since, 1e-300)))],
             axis=0,
         )
     kinds, which = np.unique(cell, axis=1, return_inverse=True)
@@ -630,16 +642,15 @@ def joined(
         np.bincount(which.ravel(), count * each, kinds.shape[1]) / total
         for each in lives
     )
-    made = np.zeros((COHORT_ROWS, -(-total.size // Q) * Q))
+    made = blank(COHORT_NODE, -(-total.size // Q) * Q)
+    nodes = made[: b.size]
     alive = survivals(breaking, u, r)
-    made[[PLACE, REACH, CLOCK, SINCE, COUNT], : b.size] = (
-        b,
-        r,
-        u,
-        since,
-        np.round(total),
-    )
-    made[MASS, : b.size] = np.where(
+    nodes.place = b
+    nodes.reach = r
+    nodes.clock = u
+    nodes.since = since
+    nodes.count = np.round(total)
+    nodes.mass = np.where(
         alive > GONE, total / (finite.contacts * np.maximum(alive, GONE)), 0.0
     )
-    return made.reshape(COHORT_ROWS, -1, Q)
+    return made.reshape(-1, Q)

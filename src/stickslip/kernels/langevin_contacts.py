@@ -339,6 +339,68 @@ def _live_hot(
     return x, f, min(left, 0.0)
 
 
+@inlined
+def _sleep(contacts: Contacts, i: int, until: float, X: float, third: float) -> None:
+    """Let a contact be until a time, while the slider stays within a third of its
+    margin from `X`.
+    """
+    contacts.until[i] = until
+    contacts.room[i, 0] = X - third
+    contacts.room[i, 1] = X + third
+
+
+@inlined
+def _falls_asleep(
+    contacts: Contacts, i: int, f: float, stroke: Stroke, mean: float, noise: float
+) -> bool:
+    """Whether a contact that is looked at sleeps on, with the threshold `f` of now."""
+    margin = f - abs(contacts.stretching[i] + stroke.X) - max(f - mean, 0.0)
+    is_far = margin > 3.0 * abs(stroke.dX)
+    if not is_far or SLEEP * margin * margin <= noise * stroke.dt:
+        return False
+    contacts.threshold[i] = f
+    contacts.seen[i] = stroke.time
+    until = stroke.time + SLEEP * margin * margin / noise
+    _sleep(contacts, i, until, stroke.X, margin / 3.0)
+    return True
+
+
+@inlined
+def _step_one(
+    x: float,
+    f: float,
+    left: float,
+    stroke: Stroke,
+    step: _Step,
+    langevin: Langevin,
+    hazard: Hazard,
+    delays: Floats,
+    rng: np.random.Generator,
+) -> tuple[float, float, float]:
+    """Stretching and threshold of a contact at the end of a step, see `_live`, in the
+    quickest of the ways that hold for it.
+    """
+    mean = langevin.mean
+    v = step.v
+    noise = step.noise
+    if hazard.attempts > 0.0:
+        return _live_hot(x, f, left, v, langevin, hazard, delays, rng)
+    margin = f - abs(x)
+    if margin < step.certain:
+        margin, age = reflected(0.0, step.drift, noise, stroke.dt, rng)
+        x = v * age
+        return x, abs(x) + margin, 0.0
+    if step.young and f < 0.1 * mean and x * v >= 0.0 and left == stroke.dt:
+        # Near the boundary and driven towards it: the drift is as good as constant,
+        # one sample does it all.
+        square = langevin.rate * langevin.rate
+        drift = min(step.drift, square * (mean - f) - abs(v))
+        margin, age = reflected(max(margin, 0.0), drift, noise, stroke.dt, rng)
+        x = v * age if age >= 0.0 else x + stroke.dX
+        return x, abs(x) + margin, 0.0
+    return _live(x, f, left, step, langevin, delays, rng)
+
+
 @jit
 def _age(
     contacts: Contacts,
@@ -355,46 +417,29 @@ def _age(
     contacts the step has attached.
     """
     step = _prepare(langevin, stroke)
-    square = langevin.rate * langevin.rate
     mean = langevin.mean
     base = contacts.stretching
     threshold = contacts.threshold
     attach = contacts.attach
     now = stroke.time
-    X = stroke.X
-    dX = stroke.dX
-    v = step.v
     noise = step.noise
     end = now + stroke.dt
-    new_X = X + dX
+    new_X = stroke.X + stroke.dX
     lost = 0.0
     more = 0
-    hot = hazard.attempts > 0.0
     for i in range(base.size):
-        if (
-            end <= contacts.until[i]
-            and contacts.room[i, 0] <= new_X <= contacts.room[i, 1]
-        ):
+        is_within = contacts.room[i, 0] <= new_X <= contacts.room[i, 1]
+        if end <= contacts.until[i] and is_within:
             continue
         if attach[i] <= now:
             left = stroke.dt
-            x = base[i] + X
+            x = base[i] + stroke.X
             f = threshold[i]
             if contacts.seen[i] < now:
                 f = aged_threshold(f, now - contacts.seen[i], langevin, rng)
-                margin = f - abs(x) - max(f - mean, 0.0)
-                # on it sleeps
-                if (
-                    margin > 3.0 * abs(dX)
-                    and SLEEP * margin * margin > noise * stroke.dt
-                ):
-                    threshold[i] = f
-                    contacts.seen[i] = now
-                    contacts.until[i] = now + SLEEP * margin * margin / noise
-                    contacts.room[i, 0] = X - margin / 3.0
-                    contacts.room[i, 1] = X + margin / 3.0
+                if _falls_asleep(contacts, i, f, stroke, mean, noise):
                     continue
-            lost += x + dX
+            lost += x + stroke.dX
             more -= 1
         else:
             left = end - attach[i]
@@ -402,28 +447,10 @@ def _age(
             f = langevin.newborn
             if left < 0.0:
                 continue
-        margin = f - abs(x)
-        if hot:
-            x, f, left = _live_hot(x, f, left, v, langevin, hazard, delays, rng)
-        elif margin < step.certain:
-            margin, age = reflected(0.0, step.drift, noise, stroke.dt, rng)
-            x = v * age
-            left = 0.0
-            f = abs(x) + margin
-        elif step.young and f < 0.1 * mean and x * v >= 0.0 and left == stroke.dt:
-            # Near the boundary and driven towards it: the drift is as good as constant,
-            # one sample does it all.
-            drift = min(step.drift, square * (mean - f) - abs(v))
-            margin, age = reflected(max(margin, 0.0), drift, noise, stroke.dt, rng)
-            x = v * age if age >= 0.0 else x + dX
-            left = 0.0
-            f = abs(x) + margin
-        else:
-            x, f, left = _live(x, f, left, step, langevin, delays, rng)
+        x, f, left = _step_one(x, f, left, stroke, step, langevin, hazard, delays, rng)
         if left < 0.0:
-            attach[i] = contacts.until[i] = end - left
-            contacts.room[i, 0] = -np.inf
-            contacts.room[i, 1] = np.inf
+            attach[i] = end - left
+            _sleep(contacts, i, end - left, new_X, np.inf)
             continue
         lost -= x
         more += 1
@@ -432,12 +459,9 @@ def _age(
         threshold[i] = f
         contacts.seen[i] = end
         margin = f - abs(x) - max(f - mean, 0.0)
-        if margin > 0.0 and not hot:
-            contacts.until[i] = (
-                end + SLEEP * margin * margin / noise if noise > 0.0 else np.inf
-            )
-            contacts.room[i, 0] = new_X - margin / 3.0
-            contacts.room[i, 1] = new_X + margin / 3.0
+        if margin > 0.0 and hazard.attempts == 0.0:
+            until = end + SLEEP * margin * margin / noise if noise > 0.0 else np.inf
+            _sleep(contacts, i, until, new_X, margin / 3.0)
         else:
             contacts.until[i] = -np.inf
     return lost, more

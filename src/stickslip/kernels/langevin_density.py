@@ -352,11 +352,9 @@ def _close(
     ):
         moment[nearest] += q + m * (place[count] - place[nearest])
         mass[nearest] += m
-        place[count], mass[count], moment[count] = (
-            place[fresh],
-            mass[fresh],
-            moment[fresh],
-        )
+        place[count] = place[fresh]
+        mass[count] = mass[fresh]
+        moment[count] = moment[fresh]
         mass[fresh] = 0.0
         moment[fresh] = 0.0
         return count

@@ -110,8 +110,8 @@ def _panel(
     end: float,
     broken: float,
 ) -> float:
-    """Longest panel that resolves the rate of a contact, at a place on its way to
-    where it meets its threshold.
+    """Longest panel that resolves the rate of a contact which is at `here` on its way
+    to the `end`, where it meets its threshold.
     """
     c, pace = _threshold(growth, strength, here / v)
     exponent, steep, hard = log_rate(hazard, here, c)
@@ -120,18 +120,9 @@ def _panel(
         return h
     fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
     if growth.first != 0.0:
-        fine = min(
-            fine,
-            0.5
-            * (
-                here
-                + (
-                    v * growth.second
-                    if growth.kind == LOGARITHMIC
-                    else v / growth.first
-                )
-            ),
-        )
+        is_logarithmic = growth.kind == LOGARITHMIC
+        time = growth.second if is_logarithmic else 1.0 / growth.first
+        fine = min(fine, 0.5 * (here + v * time))
     if hazard.kind == PARABOLIC:
         most = end / hazard.scale
         fine = min(fine, FOLDS / (steep + 1.0 / np.sqrt(hazard.scale)))
@@ -148,6 +139,49 @@ def _panel(
     return float(
         min(h, (3.0 + 0.3 * broken) * v / hazard.attempts * np.exp(-min(exponent, 0.0)))
     )
+
+
+@inlined
+def _fill_rates(
+    hazard: Hazard,
+    growth: Growth,
+    strength: float,
+    v: float,
+    x: Floats,
+    rate: Floats,
+    along: Floats,
+    older: Floats,
+) -> None:
+    """Fill in the rate of breaking per distance at places on the way of a contact, and
+    its slopes in the stretching and in ln v.
+    """
+    for j in range(NODES):
+        rate[j] = along[j] = older[j] = 0.0
+        if hazard.attempts > 0.0:
+            c, pace = _threshold(growth, strength, x[j] / v)
+            exponent, steep, hard = log_rate(hazard, x[j], c)
+            rate[j] = hazard.attempts / v * np.exp(min(exponent, 0.0))
+            along[j] = rate[j] * steep
+            older[j] = -rate[j] * hard * pace * x[j] / v
+
+
+@inlined
+def _cap(
+    growth: Growth, strength: float, v: float, end: float, held: float
+) -> tuple[float, float, float]:
+    """Where contacts meet their threshold, how many of those `held` up to there break
+    then, and the slope of the place in ln v.
+    """
+    _, pace = _threshold(growth, strength, end / v)
+    return end, held / (1.0 - pace / v), -held * pace * end / v / (1.0 - pace / v)
+
+
+@jit
+def _with_room(table: Floats, used: int, room: int) -> Floats:
+    """Return a table with room for more columns."""
+    larger = np.empty((len(table), room))
+    larger[:, :used] = table[:, :used]
+    return larger
 
 
 @jit
@@ -187,7 +221,6 @@ def march(
         here = 0.0
         broken = 0.0
         late = 0.0
-        first = True
         pushed = 0.0
         while here < end and broken < QUIET:
             h = min(longest, _panel(hazard, growth, xi, v, here, end, broken))
@@ -197,21 +230,12 @@ def march(
                 room *= 2
                 width = np.append(width, np.empty(panels))
                 fresh = np.append(fresh, np.empty(panels, np.bool_))
-                larger = np.empty((6, room * NODES))
-                larger[:, :nodes] = table[:, :nodes]
-                table = larger
+                table = _with_room(table, nodes, room * NODES)
             for j in range(NODES):
                 x[j] = here + h * NODE[j]
-                rate[j] = along[j] = older[j] = 0.0
-                if hazard.attempts > 0.0:
-                    c, pace = _threshold(growth, xi, x[j] / v)
-                    exponent, steep, hard = log_rate(hazard, x[j], c)
-                    rate[j] = hazard.attempts / v * np.exp(min(exponent, 0.0))
-                    along[j] = rate[j] * steep
-                    older[j] = -rate[j] * hard * pace * x[j] / v
+            _fill_rates(hazard, growth, xi, v, x, rate, along, older)
             width[panels] = h
-            fresh[panels] = first
-            first = False
+            fresh[panels] = here == 0.0
             for j in range(NODES):
                 integrated[j] = broken + h * dot(INTEGRAL[j], rate)
                 aged[j] = late + h * dot(INTEGRAL[j], older)
@@ -229,11 +253,7 @@ def march(
             panels += 1
             here = end if h == end - here else here + h
         if broken < QUIET:
-            _, pace = _threshold(growth, xi, end / v)
-            held = part * np.exp(-broken)
-            cap[0, i] = end
-            cap[1, i] = held / (1.0 - pace / v)
-            cap[2, i] = -held * pace * end / v / (1.0 - pace / v)
+            cap[:, i] = _cap(growth, xi, v, end, part * np.exp(-broken))
     table = table[:, :nodes].copy()
     zero = np.zeros(nodes)
     return Lifetimes(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ._jit import inlined
 from .breaking import NEVER, Breaking, survivals
-from .cohorts import CLOCK, COHORT_ROWS, MASS, PLACE, REACH, SINCE, WHOLE, Reading
+from .cohorts import COHORT_NODE, Reading
 from .drive import STILL, Quadratic
 from .oscillator import Slider
 from .records import Floats, Record, blank, record
@@ -149,7 +149,7 @@ class State(NamedTuple):
     """
 
     motion: Record  # record of MOTION
-    cohorts: Floats  # shape (7, room, Q), see `cohorts`
+    cohorts: Record  # shape (room, Q), of COHORT_NODE
     panels: Floats  # shape (room, WAITING + n_delays + Q), in order of time
     # places where the slider has turned and that it has not passed since
     extremes: Floats
@@ -213,13 +213,13 @@ def initial_state(
     )
     clock, reach, age = begun if lives is None else lives
     alive = np.maximum(survivals(breaking, clock, reach), 1e-12)
-    cohorts = np.zeros((COHORT_ROWS, n + 128, Q))
-    cohorts[PLACE, :n] = -stretching
-    cohorts[MASS, :n] = weight / alive
-    cohorts[REACH, :n] = reach
-    cohorts[CLOCK, :n] = clock
-    cohorts[SINCE, :n] = -age
-    cohorts[WHOLE, :n] = np.ptp(stretching, axis=1)[:, None] > 0.0
+    cohorts = blank(COHORT_NODE, (n + 128, Q))
+    cohorts.place[:n] = -stretching
+    cohorts.mass[:n] = weight / alive
+    cohorts.reach[:n] = reach
+    cohorts.clock[:n] = clock
+    cohorts.since[:n] = -age
+    cohorts.whole[:n] = np.ptp(stretching, axis=1)[:, None] > 0.0
     attached = float(weight.sum())
     motion = blank(MOTION)
     used = blank(COUNTS)

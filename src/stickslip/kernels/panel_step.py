@@ -330,11 +330,9 @@ def _begin(state: State, work: Work, case: Case, dt: float) -> None:
             nodes[k].x = NODE[k] * dt * motion.velocity
             nodes[k].v = motion.velocity
         else:
-            nodes[k].force, nodes[k].slope, nodes[k].x = (
-                nodes[0].force,
-                nodes[0].slope,
-                0.0,
-            )
+            nodes[k].x = 0.0
+            nodes[k].force = nodes[0].force
+            nodes[k].slope = nodes[0].slope
             nodes[k].ahead = nodes[k].back = 0.0
     if case.slider.mass > 0.0 and not is_rigid(case.slider):
         _pull(state, work, case, dt)

@@ -26,13 +26,8 @@ from . import panel_state
 from ._jit import bare, jit
 from .breaking import NEVER, Breaking, a_way, carried
 from .cohorts import (
-    CLOCK,
-    COHORT_ROWS,
-    MASS,
-    PLACE,
-    REACH,
-    SINCE,
-    WHOLE,
+    ACTIVE,
+    COHORT_NODE,
     Reading,
     divide,
     divide_passed,
@@ -158,34 +153,28 @@ def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -
     cohorts = state.cohorts
     way = work.reading.way
     last = nodes.size - 2
-    room = cohorts.shape[1] - newborn.stretching.size  # for what attaches
+    room = len(cohorts) - newborn.stretching.size  # for what attaches
     state.used.cohorts = divide_passed(
         cohorts, state.used.cohorts, origin + y, breaking, room
     )
     kept = 0
     for g in range(state.used.cohorts):
         alive = False
-        spare = 0.25 * abs(cohorts[PLACE, g, Q - 1] - cohorts[PLACE, g, 0])
+        spare = 0.25 * abs(cohorts[g, Q - 1].place - cohorts[g, 0].place)
         for j in range(Q):
-            b = cohorts[PLACE, g, j]
-            m = cohorts[MASS, g, j]
-            since = cohorts[SINCE, g, j]
-            u = cohorts[CLOCK, g, j]
-            r = cohorts[REACH, g, j]
-            age = motion.time - since
-            u, r = carried(way, breaking, b - origin, u, r, age, 0.0, last)
+            cohorts[kept, j] = cohorts[g, j]
+            node = cohorts[kept, j]
+            x = node.place - origin
+            age = motion.time - node.since
+            u, r = carried(way, breaking, x, node.clock, node.reach, age, 0.0, last)
+            node.clock = u
+            node.reach = r
             if (
-                m != 0.0
+                node.mass != 0.0
                 and r < breaking.thresholds.top + spare
                 and u < breaking.blurred.top + spare
             ):
                 alive = True
-            cohorts[PLACE, kept, j] = b
-            cohorts[MASS, kept, j] = m
-            cohorts[REACH, kept, j] = r
-            cohorts[WHOLE, kept, j] = cohorts[WHOLE, g, j]
-            cohorts[CLOCK, kept, j] = u
-            cohorts[SINCE, kept, j] = since
         if alive:
             kept += 1
     if abs(nodes[P].reattached) > 0.0:
@@ -195,26 +184,15 @@ def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -
             for j in range(Q):
                 m = dot(INCREASE[P - 1, j], nodes.reattached)
                 b = dot(PART[P - 1, j], nodes.x) - direction * x0
-                cohorts[PLACE, kept, j], cohorts[MASS, kept, j] = (
-                    origin + b,
-                    m * fraction,
-                )
-                u, r = carried(
-                    way,
-                    breaking,
-                    b,
-                    NEVER,
-                    newborn.tried * abs(x0),
-                    0.0,
-                    GAUSS[j],
-                    last,
-                )
-                cohorts[REACH, kept, j] = r
-                cohorts[CLOCK, kept, j] = u
-                cohorts[WHOLE, kept, j], cohorts[SINCE, kept, j] = (
-                    1.0,
-                    motion.time + GAUSS[j] * dt,
-                )
+                r = newborn.tried * abs(x0)
+                u, r = carried(way, breaking, b, NEVER, r, 0.0, GAUSS[j], last)
+                node = cohorts[kept, j]
+                node.place = origin + b
+                node.mass = m * fraction
+                node.reach = r
+                node.clock = u
+                node.whole = 1.0
+                node.since = motion.time + GAUSS[j] * dt
             kept += 1
     state.used.cohorts = kept
     if not case.delays.memoryless and (
@@ -307,13 +285,13 @@ def _arrest(state: State, case: Case, finite: FiniteNumber | None) -> None:
         g = state.used.cohorts
         fraction = newborn.fraction[i] * newborns(case.breaking, newborn, i)
         for j in range(Q):
-            cohorts[PLACE, g, j], cohorts[MASS, g, j] = (
-                motion.position - x,
-                out * fraction / Q,
-            )
-            cohorts[REACH, g, j] = newborn.tried * abs(x)
-            cohorts[WHOLE, g, j] = 0.0
-            cohorts[CLOCK, g, j], cohorts[SINCE, g, j] = NEVER, motion.time
+            node = cohorts[g, j]
+            node.place = motion.position - x
+            node.mass = out * fraction / Q
+            node.reach = newborn.tried * abs(x)
+            node.clock = NEVER
+            node.whole = 0.0
+            node.since = motion.time
         state.used.cohorts = g + 1
         force += newborn.fraction[i] * x
         stored += 0.5 * newborn.fraction[i] * x * x
@@ -487,7 +465,7 @@ def _turn(
     """
     motion = state.motion
     if case.breaking.knots.size > 0:
-        room = state.cohorts.shape[1] - case.newborn.stretching.size
+        room = len(state.cohorts) - case.newborn.stretching.size
         state.used.cohorts = divide(
             state.cohorts, state.used.cohorts, motion.position, case.breaking, room
         )
@@ -595,7 +573,7 @@ def _run(
         if (
             motion.velocity == 0.0
             and case.delays.arrest
-            and used.cohorts + spare <= state.cohorts.shape[1]
+            and used.cohorts + spare <= len(state.cohorts)
         ):
             _arrest(state, case, finite)
     while used.left > 0:
@@ -605,7 +583,7 @@ def _run(
         if most <= smallest:
             return FINISHED
         full = (
-            used.cohorts + spare > state.cohorts.shape[1]
+            used.cohorts + spare > len(state.cohorts)
             or used.panels == state.panels.shape[0]
         )
         if full and not forget(state, case.delays, spare):
@@ -708,9 +686,9 @@ def advance(
 
 
 def _room_to_work(state: State, breaking: Breaking) -> Work:
-    room = state.cohorts.shape[1]
+    room = len(state.cohorts)
     reading = Reading(
-        np.zeros((7, Q * room)),
+        blank(ACTIVE, Q * room),
         np.zeros(3),
         np.zeros(room + 1, np.int64),
         a_way(breaking),
@@ -738,7 +716,7 @@ def _room_to_work(state: State, breaking: Breaking) -> Work:
 def _with_room(state: State, case: Case, finite: FiniteNumber | None) -> State:
     """The same state with room for more cohorts, some joined, and for more panels."""
     used = state.used
-    room = state.cohorts.shape[1]
+    room = len(state.cohorts)
     spare = panel_state.SPARE + case.newborn.stretching.size
     if used.cohorts + spare > room:
         if finite is not None:
@@ -753,15 +731,11 @@ def _with_room(state: State, case: Case, finite: FiniteNumber | None) -> State:
                 case.accuracy.width,
                 case.accuracy.tolerance,
             )
-        used.cohorts = kept.shape[1]
-        cohorts = np.zeros(
-            (
-                COHORT_ROWS,
-                room if used.cohorts + spare < room // 2 else 2 * room + spare,
-                Q,
-            )
-        )
-        cohorts[:, : used.cohorts] = kept
+        used.cohorts = len(kept)
+        if used.cohorts + spare >= room // 2:
+            room = 2 * room + spare
+        cohorts = blank(COHORT_NODE, (room, Q))
+        cohorts[: used.cohorts] = kept
         state = state._replace(cohorts=cohorts)
     if used.panels == len(state.panels):
         state = state._replace(

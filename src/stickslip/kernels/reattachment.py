@@ -164,4 +164,4 @@ def forget(state: State, delays: Delays, spare: int) -> bool:
             for a in range(state.panels.shape[1]):
                 state.panels[k - first, a] = state.panels[k, a]
         state.used.panels = n - first
-    return bool(state.used.cohorts + spare <= state.cohorts.shape[1])
+    return bool(state.used.cohorts + spare <= len(state.cohorts))

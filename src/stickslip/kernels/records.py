@@ -26,9 +26,9 @@ def record(*numbers: str, counts: str = "") -> Record:
     return np.dtype((np.record, fields + [(name, "i8") for name in counts.split()]))
 
 
-def blank(kind: Record, size: int | None = None) -> Record:
-    """Return a record full of zeros, or an array of them; kernels change it in
-    place.
+def blank(kind: Record, size: int | tuple[int, ...] | None = None) -> Record:
+    """Return a record full of zeros, or an array of them of a size or shape; kernels
+    change it in place.
     """
     made = np.zeros(size or 1, kind).view(np.recarray)
     return made[0] if size is None else made

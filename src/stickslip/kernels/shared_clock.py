@@ -244,7 +244,8 @@ def wind(
             dial.reading = wound
             dial.top = edge
         dial.first = np.nan
-        dial.edge, dial.pace = edge, attempts * math.exp((edge - dial.reading) / width)
+        dial.edge = edge
+        dial.pace = attempts * math.exp((edge - dial.reading) / width)
         if not dial.kept and nearest < dial.safe:
             dial.kept = 1
             _wind(clock, side, rule, m, held, variates)

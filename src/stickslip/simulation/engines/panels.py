@@ -20,7 +20,7 @@ from stickslip.kernels.breaking import (
     sliding_lives,
     survivals,
 )
-from stickslip.kernels.cohorts import CLOCK, MASS, REACH, gauss_rule, spread_out
+from stickslip.kernels.cohorts import gauss_rule, spread_out
 from stickslip.kernels.drive import PAUSED, Quadratic, Stop
 from stickslip.kernels.finite_population import counted
 from stickslip.kernels.lifetimes import reach
@@ -229,7 +229,9 @@ class Panels(Cohorts):
         breaking = self._case.breaking
         counted = self._case.finite is not None
         nodes = Q * used.cohorts
-        clock, most = self.state.cohorts[[CLOCK, REACH], : used.cohorts]
+        cohorts = self.state.cohorts[: used.cohorts]
+        clock = cohorts.clock
+        most = cohorts.reach
         may_break = (breaking.thresholds.bottom <= most) | (
             breaking.blurred.bottom <= clock
         )
@@ -259,7 +261,7 @@ class Panels(Cohorts):
         """
         state = self.state
         place, mass, reach, clock = spread_out(
-            state.cohorts[:, : state.used.cohorts], _FINE
+            state.cohorts[: state.used.cohorts], _FINE
         )
         fraction = mass * survivals(self._case.breaking, clock, reach)
         kept = fraction > 0.0
@@ -303,15 +305,13 @@ class Panels(Cohorts):
             accuracy = _accuracy(
                 interface.threshold_distribution, breaking, self._method.rtol, 0
             )
-            clock, reach, mass = state.cohorts[
-                [CLOCK, REACH, MASS], : state.used.cohorts
-            ]
-            old, new = (
-                survivals(one, clock, reach) for one in (case.breaking, breaking)
-            )
+            cohorts = state.cohorts[: state.used.cohorts]
+            old = survivals(case.breaking, cohorts.clock, cohorts.reach)
+            new = survivals(breaking, cohorts.clock, cohorts.reach)
             held = new > 1e-12  # the others break at once
-            mass = np.where(held, mass * old / np.where(held, new, 1.0), 0.0)
-            state.cohorts[MASS, : state.used.cohorts] = mass
+            mass = cohorts.mass * old / np.where(held, new, 1.0)
+            mass = np.where(held, mass, 0.0)
+            cohorts.mass = mass
             lost = state.motion.mass_in - float((mass * new).sum())
             state.motion.mass_in -= lost
             state.motion.attached -= lost
