@@ -100,23 +100,23 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
 
 
 HAZARDS = [
-    Hazard(BELL, 3.0, 0.05, 1.0, 0.0),
-    Hazard(PARABOLIC, 3.0, 0.02, 1.0, 0.0),
-    Hazard(BARRIER, 3.0, 20.0, 1.5, 0.0),
-    Hazard(BARRIER, 3.0, 20.0, 1.5, 1.0),
-    Hazard(BARRIER, 3.0, 20.0, 1.0, 1.0),
+    Hazard(BELL, 3.0, 0.05, 1.0, 1.0, 0.0),
+    Hazard(PARABOLIC, 3.0, 0.02, 1.0, 1.0, 0.0),
+    Hazard(BARRIER, 3.0, 1.0, 20.0, 1.5, 0.0),
+    Hazard(BARRIER, 3.0, 1.0, 20.0, 1.5, 1.0),
+    Hazard(BARRIER, 3.0, 1.0, 20.0, 1.0, 1.0),
 ]
 
 
 def plain_rate(held, x, threshold):
     """The rate as it stands in the docstrings of `Bell`, `Parabolic` and `Barrier`."""
     if held.kind == BELL:
-        return held.attempts * math.exp((abs(x) - threshold) / held.scale)
+        return held.attempts * math.exp((abs(x) - threshold) / held.width)
     if held.kind == PARABOLIC:
-        return held.attempts * math.exp(-(threshold**2 - x**2) / (2.0 * held.scale))
+        return held.attempts * math.exp(-(threshold**2 - x**2) / (2.0 * held.width))
     left = 1.0 - abs(x) / threshold
     prefactor = left ** (held.power - 1.0) if held.kramers else 1.0
-    return held.attempts * prefactor * math.exp(-held.scale * left**held.power)
+    return held.attempts * prefactor * math.exp(-held.height * left**held.power)
 
 
 @pytest.mark.parametrize("held", HAZARDS)

@@ -44,7 +44,8 @@ class Breaking(NamedTuple):
     thresholds: Table  # survival of strengths, by the reach
     knots: Floats  # where its slope jumps, if cohorts are cut there
     blurred: Table  # the same at a temperature, by the clock
-    width: float  # activation width; 0: there is no temperature
+    # activation width, or the temperature where `squared`; 0: there is no temperature
+    width: float
     attempts: float
     growth: Growth
     squared: bool = False  # the barrier falls with the square of the stretching

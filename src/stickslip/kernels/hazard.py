@@ -20,18 +20,29 @@ prefactor grows beyond bounds.
 class Hazard(NamedTuple):
     """Kind of barrier, attempt rate, and its numbers.
 
-    `BELL`: `scale` is the width. `PARABOLIC`: the temperature. `BARRIER`: the height;
-    with `power`, and `kramers` 1 for Kramers' prefactor, else 0.
+    `BELL`: `width` is the activation width; `PARABOLIC`: the temperature. `BARRIER` has
+    a `height` over the temperature, a `power`, and `kramers`: 1 for Kramers' prefactor,
+    else 0. Only the functions of this file ask for the kind: another barrier is one
+    more case of each.
     """
 
     kind: int
     attempts: float
-    scale: float
+    width: float
+    height: float
     power: float
     kramers: float
 
 
-NONE = Hazard(BELL, 0.0, 1.0, 1.0, 0.0)  # no temperature: it is never tried
+NONE = Hazard(BELL, 0.0, 1.0, 1.0, 1.0, 0.0)  # no temperature: it is never tried
+
+
+@inlined
+def is_exponential(hazard: Hazard) -> bool:
+    """Whether contacts break at rates that differ by a constant factor, whatever their
+    stretching: Bell's rate.
+    """
+    return hazard.kind == BELL and hazard.attempts > 0.0
 
 
 @inlined
@@ -39,19 +50,16 @@ def log_rate(hazard: Hazard, x: float, threshold: float) -> tuple[float, float, 
     """Logarithm of the rate over the attempts; its derivatives in the stretching
     ``x >= 0`` and in the threshold.
     """
-    scale = hazard.scale
+    width = hazard.width
     if hazard.kind == BELL:
-        return (x - threshold) / scale, 1.0 / scale, -1.0 / scale
+        return (x - threshold) / width, 1.0 / width, -1.0 / width
     if hazard.kind == PARABOLIC:
-        return (
-            0.5 * (x - threshold) * (x + threshold) / scale,
-            x / scale,
-            -threshold / scale,
-        )
+        exponent = 0.5 * (x - threshold) * (x + threshold) / width
+        return exponent, x / width, -threshold / width
     left = max(1.0 - x / threshold, TOP)
     p = hazard.power
     log_left = math.log(left)
-    height = scale * math.exp(p * log_left)  # half the time of a power
+    height = hazard.height * math.exp(p * log_left)  # half the time of a power
     exponent = -height
     along = p * height / (left * threshold)
     if hazard.kramers != 0.0 and p > 1.0:
@@ -76,9 +84,8 @@ def largest_rate(hazard: Hazard, x: float, threshold: float) -> float:
     exponent, along, _ = log_rate(hazard, x, threshold)
     # with Kramers' prefactor the rate falls again on the last bit of the way
     if along < 0.0:
-        top = ((hazard.power - 1.0) / (hazard.power * hazard.scale)) ** (
-            1.0 / hazard.power
-        )
+        part = (hazard.power - 1.0) / (hazard.power * hazard.height)
+        top = part ** (1.0 / hazard.power)
         exponent = log_rate(hazard, threshold * (1.0 - min(top, 1.0)), threshold)[0]
     return hazard.attempts * math.exp(exponent)
 
@@ -89,26 +96,56 @@ def height(hazard: Hazard, x: float, threshold: float) -> float:
     stretched by ``x >= 0``.
     """
     if hazard.kind == BELL:
-        return (threshold - x) / hazard.scale
+        return (threshold - x) / hazard.width
     if hazard.kind == PARABOLIC:
-        return 0.5 * (threshold - x) * (threshold + x) / hazard.scale
-    return hazard.scale * math.exp(
-        hazard.power * math.log(max(1.0 - x / threshold, TOP))
-    )
+        return 0.5 * (threshold - x) * (threshold + x) / hazard.width
+    log_left = math.log(max(1.0 - x / threshold, TOP))
+    return hazard.height * math.exp(hazard.power * log_left)
 
 
 @inlined
 def stretching_at(hazard: Hazard, height: float, threshold: float) -> float:
-    """Stretching at which so much is left of the barrier; below 0 if it never is as
-    high.
+    """Stretching at which a `height` of the barrier is left; below 0 if it never is
+    as high.
     """
     if hazard.kind == BELL:
-        return threshold - hazard.scale * height
+        return threshold - hazard.width * height
     if hazard.kind == PARABOLIC:
-        return math.sqrt(max(threshold * threshold - 2.0 * hazard.scale * height, 0.0))
-    return threshold * (
-        1.0 - math.exp(math.log(max(height, 1e-300) / hazard.scale) / hazard.power)
-    )
+        return math.sqrt(max(threshold * threshold - 2.0 * hazard.width * height, 0.0))
+    log_part = math.log(max(height, 1e-300) / hazard.height)
+    return threshold * (1.0 - math.exp(log_part / hazard.power))
+
+
+@inlined
+def steepest(hazard: Hazard, x: float, threshold: float) -> float:
+    """Bound on the slope of the logarithm of the rate in the stretching up to ``x``,
+    on thresholds of at least `threshold`.
+    """
+    if hazard.kind == BELL:
+        return 1.0 / hazard.width
+    if hazard.kind == PARABOLIC:
+        return x / hazard.width
+    return hazard.height * hazard.power / threshold
+
+
+@inlined
+def longest_fold(
+    hazard: Hazard, folds: float, x: float, end: float, threshold: float
+) -> float:
+    """Bound on the distance in which the rate grows by so many `folds` (powers of e),
+    where its logarithm is no straight line; infinite for Bell's.
+
+    From a stretching ``x`` on the way to where it meets its threshold, at `end`; now it
+    is `threshold`.
+    """
+    if hazard.kind == BELL:
+        return math.inf
+    if hazard.kind == PARABOLIC:
+        return folds / (x / hazard.width + 1.0 / math.sqrt(hazard.width))
+    fine = 0.5 * (threshold - x) + 1e-3 * end / hazard.height
+    if hazard.kramers != 0.0:
+        fine = min(fine, 0.5 * (end - x) + 10.0 * TOP * end)
+    return fine
 
 
 EXPONENTIAL, LOGARITHMIC = range(2)

@@ -12,7 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import inlined, jit
-from .hazard import BELL, LOGARITHMIC, PARABOLIC, TOP, Growth, Hazard, grown, log_rate
+from .hazard import (
+    LOGARITHMIC,
+    Growth,
+    Hazard,
+    grown,
+    log_rate,
+    longest_fold,
+    steepest,
+)
 from .records import Complexes, Floats, Mask
 from .rules import dot, integrals, radau, solve
 
@@ -121,24 +129,14 @@ def _panel(
     fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
     if growth.first != 0.0:
         is_logarithmic = growth.kind == LOGARITHMIC
-        time = growth.second if is_logarithmic else 1.0 / growth.first
-        fine = min(fine, 0.5 * (here + v * time))
-    if hazard.kind == PARABOLIC:
-        most = end / hazard.scale
-        fine = min(fine, FOLDS / (steep + 1.0 / np.sqrt(hazard.scale)))
-    elif hazard.kind == BELL:
-        most = 1.0 / hazard.scale
-    else:
-        most = hazard.scale * hazard.power / min(c, strength)
-        if hazard.kramers != 0.0:
-            fine = min(fine, 0.5 * (end - here) + 10.0 * TOP * end)
-        fine = min(fine, 0.5 * (c - here) + 1e-3 * end / hazard.scale)
-    most += abs(hard) * max(-pace, 0.0) / v
+        path = v * growth.second if is_logarithmic else v / growth.first
+        fine = min(fine, 0.5 * (here + path))
+    fine = min(fine, longest_fold(hazard, FOLDS, here, end, c))
+    most = steepest(hazard, end, min(c, strength)) + abs(hard) * max(-pace, 0.0) / v
     quiet = -(np.log(hazard.attempts * end / v) + QUIET)
     h = min(h, max(fine, (quiet - exponent) / most if quiet > exponent else 0.0))
-    return float(
-        min(h, (3.0 + 0.3 * broken) * v / hazard.attempts * np.exp(-min(exponent, 0.0)))
-    )
+    lifetime = v / hazard.attempts * np.exp(-min(exponent, 0.0))
+    return float(min(h, (3.0 + 0.3 * broken) * lifetime))
 
 
 @inlined

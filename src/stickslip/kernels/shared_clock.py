@@ -25,7 +25,7 @@ import numpy as np
 from ._jit import bare, inlined
 from .boxes import CHANCE, Rule
 from .event_queue import Queue, size, used
-from .hazard import BELL, LOGARITHMIC
+from .hazard import LOGARITHMIC, is_exponential
 from .records import Floats, Record, blank, record
 from .tournament import enter, play, smallest, tournaments
 
@@ -83,7 +83,7 @@ def is_shared(rule: Rule) -> bool:
     """Whether contacts share a clock."""
     growth = rule.growth
     fixed = growth.kind == LOGARITHMIC and growth.first == 0.0
-    return rule.hazard.kind == BELL and rule.hazard.attempts > 0.0 and fixed
+    return is_exponential(rule.hazard) and fixed
 
 
 @inlined
@@ -110,15 +110,15 @@ def _strikes(clock: Clock, side: int, width: float) -> float:
 @inlined
 def strikes(clock: Clock, rule: Rule, now: float) -> tuple[float, int]:
     """Time of the next proposal, and of which clock."""
-    ahead = _strikes(clock, 0, rule.hazard.scale)
-    behind = _strikes(clock, 1, rule.hazard.scale)
+    ahead = _strikes(clock, 0, rule.hazard.width)
+    behind = _strikes(clock, 1, rule.hazard.width)
     return max(min(ahead, behind), now), int(behind < ahead)
 
 
 @inlined
 def chance(clock: Clock, side: int, rule: Rule, X: float, x: float) -> float:
     """Probability that a proposal is accepted, of a contact stretched by `x`."""
-    width = rule.hazard.scale
+    width = rule.hazard.width
     sign = 1 - 2 * side
     return math.exp((sign * X - clock.dials[side].edge) / width) / (
         1.0 + math.exp(-2.0 * abs(x) / width)
@@ -161,7 +161,7 @@ def propose(
         clock.window[0].until = -np.inf
     if dial.kept:
         reading = _reading(
-            clock, side, rest, rule.hazard.scale, m.time, variates[m.variates_used]
+            clock, side, rest, rule.hazard.width, m.time, variates[m.variates_used]
         )
         enter(clock.readings[side], contacts, slot, reading)
         m.variates_used += 1
@@ -193,7 +193,7 @@ def wind(
     """
     window = clock.window[0]
     N = held.capacity
-    width = rule.hazard.scale
+    width = rule.hazard.width
     attempts = rule.hazard.attempts
     onwards = m.direction > 0
     span = _SPAN[0] * width
@@ -264,7 +264,7 @@ def _wind(
         if contact["key"] < np.inf:
             rest = contact["threshold"] + (1 - 2 * side) * contact["birth"]
             reading = _reading(
-                clock, side, rest, rule.hazard.scale, m.time, variates[m.variates_used]
+                clock, side, rest, rule.hazard.width, m.time, variates[m.variates_used]
             )
             clock.readings[side, contact["slot"] - held.capacity] = reading
             m.variates_used += 1

@@ -75,7 +75,7 @@ def _lifetimes(
         hazard.kind == PARABOLIC and ageing is None
     )
     # that e-folds the rate
-    width = hazard.scale / float(_barrier(hazard, np.array(distribution.moment(1)))[0])
+    width = hazard.width / float(_barrier(hazard, np.array(distribution.moment(1)))[0])
     one_variable = activation is None or (
         separable and distribution.standard_deviation() > 2.0 * width
     )
@@ -158,11 +158,11 @@ def hazard_of(activation: ActivationModel | None) -> Hazard:
     """
     match activation:
         case Bell(width=width, attempts=attempts):
-            return Hazard(BELL, attempts, width, 1.0, 0.0)
-        case Parabolic(temperature=scale, attempts=attempts):
-            return Hazard(PARABOLIC, attempts, scale, 1.0, 0.0)
+            return Hazard(BELL, attempts, width, 1.0, 1.0, 0.0)
+        case Parabolic(temperature=width, attempts=attempts):
+            return Hazard(PARABOLIC, attempts, width, 1.0, 1.0, 0.0)
         case Barrier(height=height, attempts=attempts, power=power, kramers=kramers):
-            return Hazard(BARRIER, attempts, height, power, float(kramers))
+            return Hazard(BARRIER, attempts, 1.0, height, power, float(kramers))
     return NONE
 
 
@@ -242,7 +242,7 @@ def _in_one(
     temperature for ``A``.
     """
     low, high = distribution.support
-    A = hazard.scale
+    A = hazard.width
     # even the strongest break as soon as they attach: there are no lifetimes
     if kernel.reach(growth, high, v) <= 0:
         return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, math.inf)
@@ -305,7 +305,7 @@ def _in_one(
 
 
 def _barrier(hazard: Hazard, x: Array) -> tuple[Array, Array]:
-    """What a stretching takes off a barrier, in units of its scale: its slope, and
+    """What a stretching takes off a barrier, in units of its width: its slope, and
     itself.
     """
     return (x, 0.5 * x**2) if hazard.kind == PARABOLIC else (np.ones_like(x), x)
@@ -318,7 +318,7 @@ def _edges_in_one(
     broken.
     """
     low, high = distribution.support
-    A = hazard.scale
+    A = hazard.width
     weakest = max(low, 0.0)
     shortest = _shortest(distribution, hazard, growth, v)
     # at a high speed all break within a small part of the panels that suit their
@@ -383,8 +383,8 @@ def _shortest(
         # The weakest, all but one in 1e8, break at a rate that hardly grows while it is
         # that of attempts.
         weakest = np.maximum(distribution.inverse_survival(1.0 - 1e-8), 0.0)
-        quiet = min(float(_barrier(hazard, weakest)[1]) / hazard.scale, 40.0)
-        lengths += [hazard.scale, v / hazard.attempts * math.exp(quiet)]
+        quiet = min(float(_barrier(hazard, weakest)[1]) / hazard.width, 40.0)
+        lengths += [hazard.width, v / hazard.attempts * math.exp(quiet)]
     if growth.first > 0.0:
         lengths.append(
             v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
@@ -408,7 +408,7 @@ def _reached(
     """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by
     age, and ``rho'/rho``.
     """
-    A = hazard.scale
+    A = hazard.width
     age = x / v
     _, addend, _, slope = rule(growth, age)
     # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the
