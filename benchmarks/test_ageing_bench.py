@@ -14,7 +14,7 @@ from stickslip.kernels.langevin import Langevin
 from stickslip.kernels.langevin_contacts import advance_contacts, awake
 from stickslip.kernels.langevin_steady import steady_friction
 from stickslip.kernels.oscillator import Slider
-from stickslip.kernels.stepping import Course
+from stickslip.kernels.time_steps import Course
 
 # Fig. 8
 COUNT = 2000

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 import stickslip as ss
 from stickslip.kernels import flight as flights
 from stickslip.kernels import hazard
-from stickslip.kernels.boxes import Rule, box_of, threshold_now
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.event_queue import (
     clear,
@@ -25,6 +24,7 @@ from stickslip.kernels.event_queue import (
     size,
     used,
 )
+from stickslip.kernels.thinning import Rule, box_of, threshold_now
 from stickslip.simulation.engines import Beginning, Leg, contacts
 from stickslip.simulation.follow import follow
 

@@ -11,12 +11,12 @@ import pytest
 from scipy.linalg import expm
 
 from stickslip.kernels import panels, survival
-from stickslip.kernels.breaking import Breaking
 from stickslip.kernels.drive import FINISHED, Quadratic
+from stickslip.kernels.effective_stretching import Breaking
 from stickslip.kernels.hazard import FIXED
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
 from stickslip.kernels.panel_state import Accuracy, Case, Delays, State, initial_state
-from stickslip.kernels.rules import GAUSS, WEIGHT
+from stickslip.kernels.quadrature import GAUSS, WEIGHT
 from stickslip.model.distributions import Exponential, Gaussian, Uniform, excess
 
 GAUSSIAN = Gaussian(mean=1.0, std=0.1)

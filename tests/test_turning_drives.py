@@ -25,7 +25,7 @@ from stickslip.kernels.drive import (
     drive_at,
     turns_at,
 )
-from stickslip.kernels.motion import make_motion
+from stickslip.kernels.event_motion import make_motion
 from stickslip.kernels.oscillator import Slider
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.engines.base import Advance

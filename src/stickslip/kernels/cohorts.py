@@ -5,8 +5,8 @@ A contact that attached at ``b`` is stretched by ``X - b``; of a mass ``m`` of t
 ``m J_c(r)`` are attached when their largest stretching so far is ``r``. The sum over
 the nodes of a cohort is the integral over its panel, to an order that follows the
 smoothness of ``J_c``. Where ``J_c`` has a kink within a panel, the panel is integrated
-in parts, of fixed thresholds. Of those that grow, and at a temperature, `breaking` says
-what is attached.
+in parts, of fixed thresholds. Of those that grow, and at a temperature,
+`effective_stretching` says what is attached.
 """
 
 import math
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .breaking import (
+from .effective_stretching import (
     CERTAIN,
     NEVER,
     Breaking,
@@ -26,16 +26,16 @@ from .breaking import (
     note,
     survival,
 )
+from .quadrature import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q, dot
 from .records import Counts, Floats, Record, record
-from .rules import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q, dot
 from .survival import Table, value_and_slope, value_at
 
 COHORT_NODE = record("place mass reach whole count clock since")
 """A node of a cohort, in an array of cohorts of shape (room, Q): where its contacts
 attached, mass of newborns, largest stretching; `whole` is 1 for a cohort whose nodes
 are those of Gauss on one panel; `count` is the number attached where they are counted.
-`clock` is that of `breaking`, as is `reach` where thresholds grow; `since` is when they
-attached.
+`clock` and `reach`, where thresholds grow, are those of `effective_stretching`; `since`
+is when they attached.
 """
 
 ACTIVE = record("place mass reach clock age reach_on_way gain")
@@ -51,7 +51,7 @@ class Reading(NamedTuple):
     active: Record  # shape (n,), of ACTIVE
     sums: Floats  # shape (3,): moments of the mass of all nodes that cannot
     kinked: Counts  # how many cohorts a knot may pass through, and which
-    way: Floats  # of the slider in the step, see `breaking`
+    way: Floats  # of the slider in the step, see `effective_stretching`
 
 
 @bare

@@ -13,9 +13,9 @@ whatever that number. Samples are read off the closed form inside the interval w
 they fall, so that sampling never changes the motion.
 
 With temperature, with thresholds that grow, and of different areas, contacts break by
-the rule of `boxes`: what waits in the queues are then the sides of boxes, and proposals
-wait in a tournament of their times. Where all that matters is Bell's rate, one box does
-for all contacts, that of `shared_clock`.
+`thinning`: what waits in the queues are then the sides of boxes, and proposals wait in
+a tournament of their times. Where all that matters is Bell's rate, one box does for all
+contacts, that of `shared_clock`.
 
 Detached contacts that carry a force slide together: one element, elastic with the
 contacts' stiffness up to that force and plastic beyond, follows the slider for all of
@@ -31,17 +31,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import motion, shared_clock
+from . import event_motion as motion
+from . import shared_clock
 from ._jit import bare, inlined
-from .boxes import (
-    YOUTH,
-    Rule,
-    box_of,
-    can_hold,
-    grows_from_nothing,
-    is_met,
-    threshold_now,
-)
 from .drive import (
     ARRESTED,
     DRAWS_USED_UP,
@@ -53,6 +45,7 @@ from .drive import (
     Quadratic,
     Sampling,
 )
+from .event_motion import Constants, Leg
 from .event_queue import (
     MOVED,
     Queue,
@@ -69,10 +62,18 @@ from .event_queue import (
 )
 from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
 from .hazard import rate
-from .motion import Constants, Leg
 from .oscillator import Slider
 from .records import Counts, Floats, Record, Records
 from .shared_clock import Clock, is_shared
+from .thinning import (
+    YOUTH,
+    Rule,
+    box_of,
+    can_hold,
+    grows_from_nothing,
+    is_met,
+    threshold_now,
+)
 from .tournament import enter, smallest, tournaments, winner
 
 # When a contact attached; how far its box reaches, and the largest rate there: 0 if the
@@ -157,7 +158,7 @@ def make_state(
 
     `birth` are the positions without stretching; the last ``len(pending)`` contacts are
     detached until these times, which may be infinite. Some contacts have `reached`
-    these stretchings, through so many `boxes`; `scale_time` is a typical delay.
+    these stretchings, through so many `thinning`; `scale_time` is a typical delay.
     """
     N = birth.size
     attached = N - pending.size

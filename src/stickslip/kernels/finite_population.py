@@ -21,15 +21,22 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .breaking import NEVER, Breaking, carried, reach_at, survival, survivals
 from .cohorts import COHORT_NODE
 from .drive import drive_at
+from .effective_stretching import (
+    NEVER,
+    Breaking,
+    carried,
+    reach_at,
+    survival,
+    survivals,
+)
 from .oscillator import is_rigid, response
 from .panel_state import WAITING, Case, Delays, FiniteNumber, State, Work
 from .panel_step import element_at
+from .quadrature import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
 from .reattachment import in_panel
 from .records import Floats, Record, blank
-from .rules import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
 from .survival import GONE, drawn, value_at, values_at
 
 

@@ -14,7 +14,7 @@ from .hazard import Hazard, log_rate, rate
 from .langevin import Langevin
 from .oscillator import Load
 from .records import Floats
-from .stepping import (
+from .time_steps import (
     COLUMNS,
     LOSS,
     Course,
@@ -505,7 +505,7 @@ def advance_contacts(
     moment of breaking, and for contacts that attach on their boundary the exact
     distribution of the margin after any number of breaks (`reflected`). A longest step
     of ``0.04/rate^2`` is converged to 2e-3 in steady motion, with a reach of 0.02 mean
-    thresholds with a slider and inf for steady rigid motion. `state` (see `stepping`)
+    thresholds with a slider and inf for steady rigid motion. `state` (see `time_steps`)
     and `contacts`, those of `awake` at first, are changed; each break draws one of the
     `delays`, ``[0.]`` for none. With a delay, or at a temperature (a `hazard`),
     newborns must have strength.

@@ -20,7 +20,7 @@ from ._jit import jit
 from .langevin import Langevin, bernoulli
 from .oscillator import Load
 from .records import Counts, Floats
-from .stepping import (
+from .time_steps import (
     COLUMNS,
     LOSS,
     Course,

@@ -19,8 +19,8 @@ import numpy as np
 from ._jit import jit
 from .langevin import Life, longest_age
 from .langevin_survival import NODE, P, panel_ages, panel_edges, survive
+from .quadrature import gauss
 from .records import Complexes, Counts, Floats
-from .rules import gauss
 
 _LEGENDRE = np.ascontiguousarray(
     np.linalg.inv(np.polynomial.legendre.legvander(2.0 * NODE - 1.0, P))

@@ -16,8 +16,8 @@ from .langevin import (
     margin_rates,
 )
 from .langevin_survival import P, interpolate, panel_edges, survive
+from .quadrature import gauss
 from .records import Floats
-from .rules import gauss
 
 _GAUSS, _WEIGHT = gauss(8)
 

@@ -24,8 +24,8 @@ import numpy as np
 
 from ._jit import jit
 from .langevin import Life, longest_age
+from .quadrature import gauss, lobatto
 from .records import Floats
-from .rules import gauss, lobatto
 
 # order of the polynomials; a panel has ``P + 1`` nodes, the first of them the last of
 # the panel before

@@ -21,8 +21,8 @@ from .hazard import (
     longest_fold,
     steepest,
 )
+from .quadrature import dot, integrals, radau, solve
 from .records import Complexes, Floats, Mask
-from .rules import dot, integrals, radau, solve
 
 NODES = 8
 # powers of e by which a rate of breaking may grow in a panel: 2e-9 is lost

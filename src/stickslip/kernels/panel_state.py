@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import inlined
-from .breaking import NEVER, Breaking, survivals
 from .cohorts import COHORT_NODE, Reading
 from .drive import STILL, Quadratic
+from .effective_stretching import NEVER, Breaking, survivals
 from .oscillator import Slider
+from .quadrature import NODE, WEIGHT, P, Q
 from .records import Floats, Record, blank, record
-from .rules import NODE, WEIGHT, P, Q
 from .survival import Table, value_at
 
 

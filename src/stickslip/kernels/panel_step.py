@@ -5,7 +5,9 @@ whether it is too long.
 import math
 
 from ._jit import bare, inlined
-from .breaking import (
+from .cohorts import force_at, gather
+from .drive import drive_at
+from .effective_stretching import (
     BACK,
     LENGTH,
     NEVER,
@@ -16,8 +18,6 @@ from .breaking import (
     run_clocks,
     survival,
 )
-from .cohorts import force_at, gather
-from .drive import drive_at
 from .oscillator import is_rigid
 from .panel_state import (
     FIRST,
@@ -30,9 +30,7 @@ from .panel_state import (
     Work,
     newborns,
 )
-from .reattachment import all_reattachment, known_reattachment
-from .records import Floats, Record
-from .rules import (
+from .quadrature import (
     COLLOCATION,
     GAUSS,
     INCREASE,
@@ -45,6 +43,8 @@ from .rules import (
     dot,
     solve,
 )
+from .reattachment import all_reattachment, known_reattachment
+from .records import Floats, Record
 
 
 @inlined

@@ -24,7 +24,6 @@ import numpy as np
 
 from . import panel_state
 from ._jit import bare, jit
-from .breaking import NEVER, Breaking, a_way, carried
 from .cohorts import (
     ACTIVE,
     COHORT_NODE,
@@ -45,6 +44,7 @@ from .drive import (
     drive_at,
     holds,
 )
+from .effective_stretching import NEVER, Breaking, a_way, carried
 from .finite_population import attach_all, deviate, joined, settle
 from .oscillator import is_rigid, spring_force
 from .panel_state import (
@@ -58,9 +58,9 @@ from .panel_state import (
     newborns,
 )
 from .panel_step import element_at, heading, only_lose, try_step
+from .quadrature import GAUSS, INCREASE, INTEGRAL, NODE, PART, P, Q, along, dot, fit
 from .reattachment import forget, mark_rough, next_front
 from .records import Floats, Record, blank
-from .rules import GAUSS, INCREASE, INTEGRAL, NODE, PART, P, Q, along, dot, fit
 
 # What ends a step: nothing but its length; or the slider turns, it passes the last
 # place where it turned, or detached contacts begin to slide. `FAILS` if even the

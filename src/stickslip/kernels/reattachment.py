@@ -6,8 +6,8 @@ import math
 
 from ._jit import bare, inlined
 from .panel_state import Delays, State, Work
+from .quadrature import GAUSS, INCREASE, NODE, P, Q, between, dot
 from .records import Floats
-from .rules import GAUSS, INCREASE, NODE, P, Q, between, dot
 from .survival import value_at
 
 

@@ -23,10 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import bare, inlined
-from .boxes import CHANCE, Rule
 from .event_queue import Queue, size, used
 from .hazard import LOGARITHMIC, is_exponential
 from .records import Floats, Record, blank, record
+from .thinning import CHANCE, Rule
 from .tournament import enter, play, smallest, tournaments
 
 # widths that a clock is wound behind the slider, and that the slider may retreat before

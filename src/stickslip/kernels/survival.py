@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import inlined, jit
+from .quadrature import GAUSS, WEIGHT
 from .records import Floats
-from .rules import GAUSS, WEIGHT
 
 DEGREE = 5
 _POWERS = range(DEGREE + 1)

@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from stickslip.kernels.boxes import Rule, lifetimes
-from stickslip.kernels.breaking import Breaking
+from stickslip.kernels.effective_stretching import Breaking
 from stickslip.kernels.survival import Table, tabulate, values_at
+from stickslip.kernels.thinning import Rule, lifetimes
 from stickslip.model import (
     Bell,
     Delay,

@@ -1,7 +1,7 @@
 """N contacts, event by event, exact for their number: `stickslip.kernels.events`.
 
 Whatever makes contacts break before a fixed threshold, or after it has grown, is the
-rule of `stickslip.kernels.boxes`.
+rule of `stickslip.kernels.thinning`.
 """
 
 import math
@@ -19,8 +19,8 @@ from stickslip.kernels.drive import (
     Piece,
     Sampling,
 )
+from stickslip.kernels.event_motion import make_motion
 from stickslip.kernels.events import force_of, short_of
-from stickslip.kernels.motion import make_motion
 from stickslip.model import (
     Bell,
     Contacts,

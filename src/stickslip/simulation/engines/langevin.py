@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError
-from stickslip.kernels import stepping
+from stickslip.kernels import time_steps
 from stickslip.kernels.drive import Quadratic, Stop, drive_at, holds
 from stickslip.kernels.langevin import Langevin as Constants
 from stickslip.kernels.langevin_contacts import SLEEP, advance_contacts, awake
@@ -102,8 +102,8 @@ class Steps(base.Engine, Protocol):
     remembered: float  # largest step of a free slider, of the contacts' memory
     budget: int  # steps in an advance: some 50 ms
 
-    def take(self, course: stepping.Course) -> Array:
-        """Follow a course, and return the samples of `stickslip.kernels.stepping`."""
+    def take(self, course: time_steps.Course) -> Array:
+        """Follow a course, and return the samples of `stickslip.kernels.time_steps`."""
         ...
 
     def here(self) -> tuple[float, float]:
@@ -122,7 +122,7 @@ class Steps(base.Engine, Protocol):
             speeds = (drive_at(leg.drive, t)[1] for t in (leg.drive.start, leg.end))
             longest = min(longest, _longest(self._constants, self.remembered, *speeds))
         look = leg.looks[0] if leg.looks else math.inf
-        course = stepping.Course(
+        course = time_steps.Course(
             leg.drive,
             self.slider,
             times,
@@ -283,7 +283,7 @@ class LangevinContacts(Steps):
             self._contacts.attach <= self.state[0],
         )
 
-    def take(self, course: stepping.Course) -> Array:
+    def take(self, course: time_steps.Course) -> Array:
         """Follow a course, and return the samples."""
         model = self._constants, self._hazard, self._delays
         return advance_contacts(self.state, self._contacts, course, *model, self._rng)
@@ -362,7 +362,7 @@ class LangevinDensity(Steps):
         )
         return base.Stretchings(self.state[1] - place, fraction[kept], cells=True)
 
-    def take(self, course: stepping.Course) -> Array:
+    def take(self, course: time_steps.Course) -> Array:
         """Follow a course, and return the samples."""
         return advance_density(
             self.state, self._cohorts, self._nodes, course, self._constants

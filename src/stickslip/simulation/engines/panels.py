@@ -12,7 +12,9 @@ import numpy as np
 
 from stickslip.errors import InputError
 from stickslip.kernels import panel_state as kernel
-from stickslip.kernels.breaking import (
+from stickslip.kernels.cohorts import gauss_rule, spread_out
+from stickslip.kernels.drive import PAUSED, Quadratic, Stop
+from stickslip.kernels.effective_stretching import (
     NEVER,
     Breaking,
     energy,
@@ -20,8 +22,6 @@ from stickslip.kernels.breaking import (
     sliding_lives,
     survivals,
 )
-from stickslip.kernels.cohorts import gauss_rule, spread_out
-from stickslip.kernels.drive import PAUSED, Quadratic, Stop
 from stickslip.kernels.finite_population import counted
 from stickslip.kernels.lifetimes import reach
 from stickslip.kernels.panel_state import (
@@ -32,8 +32,8 @@ from stickslip.kernels.panel_state import (
     Newborn,
 )
 from stickslip.kernels.panels import advance
+from stickslip.kernels.quadrature import GAUSS, WEIGHT, P, Q
 from stickslip.kernels.records import Record
-from stickslip.kernels.rules import GAUSS, WEIGHT, P, Q
 from stickslip.kernels.survival import EMPTY, tabulate, widest
 from stickslip.model import (
     Bell,

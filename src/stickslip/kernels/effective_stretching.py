@@ -26,8 +26,8 @@ import numpy as np
 
 from ._jit import bare, inlined
 from .hazard import Growth, grown
+from .quadrature import MONOMIAL, NODE, P, along, dot, fit, gauss
 from .records import Floats, Record
-from .rules import MONOMIAL, NODE, P, along, dot, fit, gauss
 from .survival import Table, value_and_slope, value_at
 
 NEVER = -1e9  # the clock of a contact that was never tried
