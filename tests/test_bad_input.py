@@ -517,14 +517,14 @@ def test_messages_are_one_short_line_that_steers_no_terminal():
 def test_a_run_whose_numbers_stop_being_finite_names_the_moment(monkeypatch):
     from stickslip.kernels import events
 
-    advance = events.advance
+    advance = events.advance_events
 
     def overflow(state, slider, piece, sampling, *rest):
         why = advance(state, slider, piece, sampling, *rest)
         sampling.samples[10:, 0] = np.nan
         return why
 
-    monkeypatch.setattr(events, "advance", overflow)
+    monkeypatch.setattr(events, "advance_events", overflow)
     with pytest.raises(
         InputError,
         match=r"from t = 0\.1 on the numbers of the run are not finite: .*mass",

@@ -27,7 +27,7 @@ from stickslip.fitting.rigs import remade
 from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
 from stickslip.fitting.tables import Observation, Table, folder_of, table
 from stickslip.io.rig_files import to_toml
-from stickslip.kernels.turning_points import Sampling
+from stickslip.kernels.turning_points import Recording
 from stickslip.rate_state.fitting import Estimate
 
 BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"
@@ -280,7 +280,7 @@ def test_what_is_known_holds_for_the_draws():
     error = 0.02
     ideal = Observation(
         slips=25,
-        sampling=Sampling(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01),
+        sampling=Recording(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01),
     )
     peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
     observed = seen_of(ideal, peaks, troughs, seed=1)

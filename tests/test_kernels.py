@@ -79,7 +79,7 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
     peaks = np.array([9.0, 10.0, 8.0, 11.0, 9.0, 10.0])
     troughs = np.array([2.0, 3.0, 1.0, 4.0, 2.0, 3.0])
     seen = np.full((2, 4), np.nan)
-    sampling = turning_points.Sampling(0.1, noise, resolution, 2.0, 2.0)
+    sampling = turning_points.Recording(0.1, noise, resolution, 2.0, 2.0)
     assert (
         turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), seen)
         == 4

@@ -15,7 +15,13 @@ from stickslip.kernels.drive import FINISHED, Quadratic
 from stickslip.kernels.effective_stretching import Breaking
 from stickslip.kernels.hazard import FIXED
 from stickslip.kernels.oscillator import RIGID, Slider, is_rigid, response
-from stickslip.kernels.panel_state import Accuracy, Case, Delays, State, initial_state
+from stickslip.kernels.panel_state import (
+    Accuracy,
+    Case,
+    Delays,
+    PanelsState,
+    initial_state,
+)
 from stickslip.kernels.quadrature import GAUSS, WEIGHT
 from stickslip.model.distributions import Exponential, Gaussian, Uniform, excess
 
@@ -108,13 +114,15 @@ def run(
     passed = (
         motion.time + np.arange(0.0, duration + 1e-9, 0.01) if times is None else times
     )
-    return Run(*panels.advance(state, case, motion.time + duration, passed, **options))
+    return Run(
+        *panels.advance_panels(state, case, motion.time + duration, passed, **options)
+    )
 
 
 class Run(NamedTuple):
-    """What `panels.advance` returns."""
+    """What `panels.advance_panels` returns."""
 
-    state: State
+    state: PanelsState
     rows: np.recarray
     reason: int
 

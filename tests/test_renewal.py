@@ -27,7 +27,7 @@ def interface(
 ):
     distribution = distribution.positive()
     x_0, weight = start or delta()
-    return renewal.Contacts(
+    return renewal.RenewalContacts(
         density=distribution.density,
         excess=partial(excess, distribution),
         stretching=x_0,

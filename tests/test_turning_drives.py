@@ -221,13 +221,16 @@ def test_contacts_move_as_in_a_plain_loop(seed):
     slider = Slider(case.slider.stiffness, case.slider.mass, case.slider.damping)
     samples = np.full((times.size, 8), np.nan)
     sampling = Sampling(times, samples)
-    draws = kernel.Draws(newborn, np.empty(0), delay)
+    draws = kernel.ContactDraws(newborn, np.empty(0), delay)
     begin = 0.0
     place = 0.0
     for piece in case.drive.pieces:
         end = begin + piece.duration
         drive = Piece(Quadratic(begin, place, piece.start, piece.acceleration), end)
-        assert kernel.advance(state, slider, drive, sampling, draws, 10**8) == FINISHED
+        assert (
+            kernel.advance_events(state, slider, drive, sampling, draws, 10**8)
+            == FINISHED
+        )
         begin = end
         place = place + 0.5 * (piece.start + piece.end) * piece.duration
     exact = plain(case, birth, threshold, newborn, delay, times)

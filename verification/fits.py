@@ -20,7 +20,7 @@ from stickslip.fitting.inference import infer
 from stickslip.fitting.model import KEYS
 from stickslip.fitting.summary import NAMES
 from stickslip.fitting.tables import Observation, table
-from stickslip.kernels.turning_points import Sampling
+from stickslip.kernels.turning_points import Recording
 from stickslip.paper import Claim, Measured
 from stickslip.paper.figure import between
 from verification.sources import COMPUTING
@@ -177,7 +177,7 @@ def _coverage(
 
 IDEAL = Observation(
     slips=167,
-    sampling=Sampling(slope=3e-3, noise=0.0, resolution=0.0, drop=1e-6, rise=1e-6),
+    sampling=Recording(slope=3e-3, noise=0.0, resolution=0.0, drop=1e-6, rise=1e-6),
 )
 """A recording without noise, of so many samples that no slip is too small to be
 seen.

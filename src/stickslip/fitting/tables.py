@@ -28,7 +28,7 @@ from stickslip.fitting.events import LOST, PLATEAU, Events, least_rise
 from stickslip.fitting.model import FLOOR, KEYS, SLIPS, VERSION, Prior, simulate
 from stickslip.fitting.summary import statistics
 from stickslip.io import files
-from stickslip.kernels.turning_points import Sampling, observe, pick
+from stickslip.kernels.turning_points import Recording, observe, pick
 from stickslip.measure.arrays import Array
 
 DRAWS = 6_000  # from the prior, in a table of usual size
@@ -212,7 +212,7 @@ class Observation(NamedTuple):
     """
 
     slips: int
-    sampling: Sampling
+    sampling: Recording
 
     @classmethod
     def of(cls, events: Events) -> Self:
@@ -227,7 +227,7 @@ class Observation(NamedTuple):
         )
         return cls(
             len(events) // events.stretches,
-            Sampling(*(force / events.mean_peak for force in forces)),
+            Recording(*(force / events.mean_peak for force in forces)),
         )
 
     def see(self, table: Table, *, seed: int = 0) -> tuple[Array, Array]:
@@ -275,7 +275,7 @@ class Observation(NamedTuple):
         if peaks.size > self.slips:  # the first begins the trace
             P = peaks.astype(float)
             T = troughs.astype(float)
-            sampling = Sampling(*(float(P.mean()) * force for force in self.sampling))
+            sampling = Recording(*(float(P.mean()) * force for force in self.sampling))
             found = observe(P, T, sampling, rng, seen)
             doubled = PLATEAU * sampling.drop
             rise = least_rise(doubled, sampling.noise)

@@ -28,17 +28,17 @@ from .drive import (
     Piece,
     Sampling,
 )
-from .leapfrog import Motion, Network, at_rest, begin_step, end_step, slide
+from .leapfrog import BlockMotion, Network, at_rest, begin_step, end_step, slide
 from .records import Counts, Floats
 from .tournament import enter, smallest, tournaments, winner
 
 
-class Draws(NamedTuple):
+class BlockDraws(NamedTuple):
     """Random numbers of each block in the order of use, shape (n, any); the delay of
     all, or NaN to take the drawn.
 
-    Thresholds count `factor` times, shape (n,); with `tracks`, `advance` returns where
-    a block stops after a break.
+    Thresholds count `factor` times, shape (n,); with `tracks`, `advance_blocks` returns
+    where a block stops after a break.
     """
 
     thresholds: Floats
@@ -48,7 +48,7 @@ class Draws(NamedTuple):
     tracks: bool
 
 
-class Contacts(NamedTuple):
+class BlockContacts(NamedTuple):
     """The contacts of n blocks, N each; shapes (n, N), tournaments (n, some 8/7 N),
     and (n,) for what is next.
     """
@@ -70,11 +70,11 @@ class Contacts(NamedTuple):
     heading: Floats  # velocity in the step before
 
 
-class State(NamedTuple):
+class BlocksState(NamedTuple):
     """All that the next step needs."""
 
-    motion: Motion
-    contacts: Contacts
+    motion: BlockMotion
+    contacts: BlockContacts
 
 
 def make_state(
@@ -85,7 +85,7 @@ def make_state(
     V: Floats,
     sliding: float,
     anchored: Floats,
-) -> State:
+) -> BlocksState:
     """Return the state of n blocks of N contacts; `birth`, `threshold` and `waiting`
     have shape (n, N).
 
@@ -100,7 +100,7 @@ def make_state(
     breaks, thresholds, delays, stops = np.zeros((4, n), np.int64)
     first = ahead[:, 0].copy(), behind[:, 0].copy(), attach[:, 0].copy()
     counts = breaks, attached.sum(axis=1), thresholds, delays, stops
-    contacts = Contacts(
+    contacts = BlockContacts(
         birth,
         threshold,
         ahead,
@@ -111,7 +111,7 @@ def make_state(
         *counts,
         np.zeros(n),
     )
-    state = State(motion, contacts)
+    state = BlocksState(motion, contacts)
     motion.blocks.held[:] = attached.sum(axis=1) / N
     for j in range(n):
         _sum_again(state, j)
@@ -119,7 +119,7 @@ def make_state(
 
 
 @bare
-def _sum_again(state: State, j: int) -> None:
+def _sum_again(state: BlocksState, j: int) -> None:
     """Sum the birth positions of a block afresh: rounding cannot pile up."""
     contacts = state.contacts
     N = state.contacts.birth.shape[1]
@@ -134,7 +134,7 @@ def _sum_again(state: State, j: int) -> None:
 
 
 @inlined
-def look_ahead(contacts: Contacts, j: int) -> None:
+def look_ahead(contacts: BlockContacts, j: int) -> None:
     """Find what is next on a block."""
     contacts.ahead[j] = smallest(contacts.tree_ahead[j])
     contacts.behind[j] = smallest(contacts.tree_behind[j])
@@ -142,7 +142,7 @@ def look_ahead(contacts: Contacts, j: int) -> None:
 
 
 @inlined
-def next_threshold(contacts: Contacts, j: int, draws: Draws) -> float:
+def next_threshold(contacts: BlockContacts, j: int, draws: BlockDraws) -> float:
     """Threshold of the next contact that attaches on a block; NaN if there is none
     left.
     """
@@ -153,7 +153,7 @@ def next_threshold(contacts: Contacts, j: int, draws: Draws) -> float:
 
 
 @inlined
-def next_delay(contacts: Contacts, j: int, draws: Draws) -> float:
+def next_delay(contacts: BlockContacts, j: int, draws: BlockDraws) -> float:
     """Delay of the next contact that breaks on a block; NaN if there is none left."""
     if not math.isnan(draws.fixed_delay):
         return draws.fixed_delay
@@ -164,7 +164,7 @@ def next_delay(contacts: Contacts, j: int, draws: Draws) -> float:
 
 
 @inlined
-def has_broken(contacts: Contacts, j: int) -> bool:
+def has_broken(contacts: BlockContacts, j: int) -> bool:
     """Whether contacts of a block that stops have broken since it did so last."""
     last = contacts.breaks_at_stop[j]
     contacts.breaks_at_stop[j] = contacts.breaks[j]
@@ -173,7 +173,7 @@ def has_broken(contacts: Contacts, j: int) -> bool:
 
 @inlined
 def break_contact(
-    state: State, j: int, slot: int, time: float, force: float, delay: float
+    state: BlocksState, j: int, slot: int, time: float, force: float, delay: float
 ) -> float:
     """A contact breaks and from now on slides with `force`; what the block's
     friction force gains.
@@ -209,7 +209,7 @@ def break_contact(
 
 @inlined
 def attach_contact(
-    state: State, j: int, X: float, threshold: float, force: float
+    state: BlocksState, j: int, X: float, threshold: float, force: float
 ) -> float:
     """The contact that is due, which slid with `force`, attaches unstretched; what
     the block's friction force gains.
@@ -233,7 +233,12 @@ def attach_contact(
 
 @bare
 def _drift(
-    state: State, j: int, h: float, inverse_mass: float, sliding: float, draws: Draws
+    state: BlocksState,
+    j: int,
+    h: float,
+    inverse_mass: float,
+    sliding: float,
+    draws: BlockDraws,
 ) -> int:
     """Let a block drift through all events of its contacts in a step; ON_THE_WAY
     when all has gone well.
@@ -289,12 +294,12 @@ def _drift(
 
 
 @bare
-def advance(
-    state: State,
+def advance_blocks(
+    state: BlocksState,
     network: Network,
     piece: Piece,
     sampling: Sampling,
-    draws: Draws,
+    draws: BlockDraws,
     sliding: float,
     budget: int,
 ) -> int:

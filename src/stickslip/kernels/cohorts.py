@@ -28,7 +28,7 @@ from .effective_stretching import (
 )
 from .quadrature import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q, dot
 from .records import Counts, Floats, Record, record
-from .survival import Table, value_and_slope, value_at
+from .survival import SurvivalTable, value_and_slope, value_at
 
 COHORT_NODE = record("place mass reach whole count clock since")
 """A node of a cohort, in an array of cohorts of shape (room, Q): where its contacts
@@ -88,7 +88,12 @@ def _is_kinked(
 
 @bare
 def _is_passed(
-    cohorts: Record, g: int, origin: float, table: Table, low: float, high: float
+    cohorts: Record,
+    g: int,
+    origin: float,
+    table: SurvivalTable,
+    low: float,
+    high: float,
 ) -> bool:
     """Whether some of a cohort come to be stretched further than ever, one after the
     other.

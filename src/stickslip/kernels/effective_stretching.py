@@ -28,7 +28,7 @@ from ._jit import bare, inlined
 from .hazard import Growth, grown
 from .quadrature import MONOMIAL, NODE, P, along, dot, fit, gauss
 from .records import Floats, Record
-from .survival import Table, value_and_slope, value_at
+from .survival import SurvivalTable, value_and_slope, value_at
 
 NEVER = -1e9  # the clock of a contact that was never tried
 CERTAIN = 3.7  # ``exp(-exp(CERTAIN))`` is less than rounding
@@ -41,9 +41,9 @@ _EIGHT, _OF_EIGHT = gauss(8)
 class Breaking(NamedTuple):
     """How contacts break."""
 
-    thresholds: Table  # survival of strengths, by the reach
+    thresholds: SurvivalTable  # survival of strengths, by the reach
     knots: Floats  # where its slope jumps, if cohorts are cut there
-    blurred: Table  # the same at a temperature, by the clock
+    blurred: SurvivalTable  # the same at a temperature, by the clock
     # activation width, or the temperature where `squared`; 0: there is no temperature
     width: float
     attempts: float

@@ -76,7 +76,7 @@ class Constants(NamedTuple):
     massless: bool
 
 
-class Leg(NamedTuple):
+class FlightLeg(NamedTuple):
     """A flight from one event towards the next: where it begins, with which forces, and
     its motion.
 
@@ -138,7 +138,7 @@ def contact_force(m: Record, N: float) -> float:
 
 
 @inlined
-def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
+def set_out(m: Record, drive: Quadratic, c: Constants) -> FlightLeg:
     """Motion from here on, if nothing happened."""
     t = m.time
     X = m.position
@@ -149,7 +149,7 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
     stiffness = n + free if m.slides == 0 else n
     if c.rigid or c.massless:
         v = drive_v if c.rigid else c.K * drive_v / (c.K + stiffness * c.part)
-        return Leg(
+        return FlightLeg(
             t, X, n, free, F_d, drive_v, take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0)
         )
     F_c = n * (X - m.reference) - m.origins
@@ -164,7 +164,7 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> Leg:
         c.K * drive_v * c.inverse_mass,
         0.5 * c.K * drive.acceleration * c.inverse_mass,
     )
-    return Leg(t, X, n, free, F_d, drive_v, flight)
+    return FlightLeg(t, X, n, free, F_d, drive_v, flight)
 
 
 @inlined
@@ -187,7 +187,7 @@ def balance(m: Record, drive: Quadratic, c: Constants) -> float:
 
 @inlined
 def sample(
-    m: Record, row: Floats, leg: Leg, part: float, a: float, c: Constants
+    m: Record, row: Floats, leg: FlightLeg, part: float, a: float, c: Constants
 ) -> None:
     """Fill a row with what the flight passes a time `part` after its beginning.
 
@@ -220,7 +220,12 @@ def sample(
 
 @inlined
 def sample_until(
-    m: Record, piece: Piece, sampling: Sampling, leg: Leg, end: float, c: Constants
+    m: Record,
+    piece: Piece,
+    sampling: Sampling,
+    leg: FlightLeg,
+    end: float,
+    c: Constants,
 ) -> bool:
     """Fill the samples up to `end`, or to the first at which the condition holds,
     and go there; whether it does.
@@ -246,7 +251,7 @@ def sample_until(
 
 @inlined
 def fly(
-    m: Record, leg: Leg, h: float, y: float, u: float, a: float, c: Constants
+    m: Record, leg: FlightLeg, h: float, y: float, u: float, a: float, c: Constants
 ) -> None:
     """Make the end of the flight the state, but for its time."""
     if not c.rigid:

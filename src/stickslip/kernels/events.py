@@ -45,7 +45,7 @@ from .drive import (
     Quadratic,
     Sampling,
 )
-from .event_motion import Constants, Leg
+from .event_motion import Constants, FlightLeg
 from .event_queue import (
     MOVED,
     Queue,
@@ -88,15 +88,15 @@ _ULPS = 4.0 * 2.0**-52
 _TRIES = 64  # thresholds from which a newborn without strength may choose
 
 
-class Draws(NamedTuple):
+class ContactDraws(NamedTuple):
     """Random numbers in the order of use: thresholds of contacts that attach, and
     delays of those that break.
 
     `fixed_delay` is the delay of all, infinite for none to re-attach, or NaN to take
     them from `delays`. Contacts attach with the `stretchings` along the motion; without
     any, unstretched. With `on_arrest` they attach when the slider first stops after a
-    break, and with `tracks`, `advance` returns then. `variates`, between 0 and 1,
-    decide when contacts in boxes break.
+    break, and with `tracks`, `advance_events` returns then. `variates`, between 0 and
+    1, decide when contacts in boxes break.
     """
 
     thresholds: Floats
@@ -108,7 +108,7 @@ class Draws(NamedTuple):
     variates: Floats = np.empty(0)
 
 
-class State(NamedTuple):
+class ContactsState(NamedTuple):
     """All that the next step needs: contacts, queues, motion.
 
     ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what
@@ -153,7 +153,7 @@ def make_state(
     scale_time: float,
     motion: Record,
     boxes: float = 1.0,
-) -> State:
+) -> ContactsState:
     """Return the state of an interface at time 0.
 
     `birth` are the positions without stretching; the last ``len(pending)`` contacts are
@@ -168,7 +168,7 @@ def make_state(
     width = 12.0 * (float(reached.mean()) or 1.0) / (N * boxes)
     bins = _power_of_two(reach / width, N / 4)
     time_width = 16.0 * scale_time / N if 0 < scale_time < math.inf else 1.0
-    state = State(
+    state = ContactsState(
         size=N,
         ahead=make_queue(N, bins, width),
         behind=make_queue(N, bins, width),
@@ -184,7 +184,7 @@ def make_state(
     return state
 
 
-def boxed(state: State, rule: Rule, since: Floats, own: Floats) -> Boxes:
+def boxed(state: ContactsState, rule: Rule, since: Floats, own: Floats) -> Boxes:
     """Return the boxes of contacts that have attached at the times `since`; drawn as
     soon as the state goes on.
     """
@@ -220,7 +220,11 @@ def boxed(state: State, rule: Rule, since: Floats, own: Floats) -> Boxes:
 
 @bare
 def _fill(
-    state: State, birth: Floats, threshold: Floats, detached: Counts, until: Floats
+    state: ContactsState,
+    birth: Floats,
+    threshold: Floats,
+    detached: Counts,
+    until: Floats,
 ) -> None:
     """Put contacts where attached ones live, and others where they wait to re-attach.
 
@@ -235,17 +239,17 @@ def _fill(
         push(state.waiting, until[i], detached[i])
 
 
-def force_of(state: State) -> float:
+def force_of(state: ContactsState) -> float:
     """Force of the contacts, per contact."""
     return float(motion.contact_force(state.motion[0], float(state.size)))
 
 
-def attached_places(state: State) -> Counts:
+def attached_places(state: ContactsState) -> Counts:
     """Places of the attached contacts in ``ahead``."""
     return np.flatnonzero(state.ahead.entries["key"][: used(state.ahead)] < np.inf)
 
 
-def attached_contacts(state: State) -> Records:
+def attached_contacts(state: ContactsState) -> Records:
     """Return the attached contacts: number (`slot`), birth position and threshold of
     each.
     """
@@ -259,7 +263,7 @@ def _power_of_two(wanted: float, most: float) -> int:
 
 
 @inlined
-def _reach(state: State, place: int, boxes: Boxes | None) -> float:
+def _reach(state: ContactsState, place: int, boxes: Boxes | None) -> float:
     """Stretching up to which the contact at a place is left alone."""
     if boxes is None:
         return float(state.ahead.entries[place]["threshold"])
@@ -267,7 +271,7 @@ def _reach(state: State, place: int, boxes: Boxes | None) -> float:
 
 
 @inlined
-def _first_behind(state: State) -> float:
+def _first_behind(state: ContactsState) -> float:
     """Nobody behind leaves his box, or breaks, before the slider is at minus this
     position.
     """
@@ -276,7 +280,7 @@ def _first_behind(state: State) -> float:
 
 
 @bare
-def _keep_behind(state: State, boxes: Boxes | None) -> None:
+def _keep_behind(state: ContactsState, boxes: Boxes | None) -> None:
     """Fill the queue of those behind, and keep it from now on."""
     contacts = state.ahead.entries
     clear(state.behind, -state.motion[0].position)
@@ -291,7 +295,7 @@ def _keep_behind(state: State, boxes: Boxes | None) -> None:
 
 
 @bare
-def _look_again(state: State, boxes: Boxes | None) -> None:
+def _look_again(state: ContactsState, boxes: Boxes | None) -> None:
     """Sum afresh about the present position, so that rounding cannot pile up, and
     bound; places may have changed.
     """
@@ -320,11 +324,11 @@ def _look_again(state: State, boxes: Boxes | None) -> None:
 
 @inlined
 def _hold(
-    state: State,
+    state: ContactsState,
     slot: int,
     birth: float,
     threshold: float,
-    draws: Draws,
+    draws: ContactDraws,
     boxes: Boxes | None,
 ) -> None:
     """Put a contact where attached ones live: up to its threshold, or within its
@@ -377,7 +381,7 @@ def _hold(
 
 
 @inlined
-def _drop(state: State, place: int) -> None:
+def _drop(state: ContactsState, place: int) -> None:
     """Take the contact at a place off the queues; its fields can still be read."""
     if state.motion[0].keeps_behind:
         drop(state.behind, wide(state.ahead.entries[place]["other"]))
@@ -385,7 +389,7 @@ def _drop(state: State, place: int) -> None:
 
 
 @inlined
-def _variate(m: Record, draws: Draws) -> float:
+def _variate(m: Record, draws: ContactDraws) -> float:
     m.variates_used += 1
     return float(draws.variates[m.variates_used - 1])
 
@@ -404,7 +408,7 @@ def _enclose(
     slot: int,
     birth: float,
     strength: float,
-    draws: Draws,
+    draws: ContactDraws,
     rule: Rule,
     of: Records,
     times: Floats,
@@ -435,7 +439,9 @@ def _enclose(
 
 
 @inlined
-def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
+def _breaks(
+    state: ContactsState, place: int, draws: ContactDraws, boxes: Boxes
+) -> bool:
     """Whether the contact at a place breaks, that leaves its box or whose time has
     come.
     """
@@ -454,7 +460,7 @@ def _breaks(state: State, place: int, draws: Draws, boxes: Boxes) -> bool:
 
 
 @inlined
-def _forget(state: State, slot: int, boxes: Boxes) -> None:
+def _forget(state: ContactsState, slot: int, boxes: Boxes) -> None:
     """No time is set for a contact any more."""
     if is_shared(boxes.rule):
         shared_clock.forget(boxes.clock, slot, state.size)
@@ -464,7 +470,11 @@ def _forget(state: State, slot: int, boxes: Boxes) -> None:
 
 @inlined
 def _attach(
-    state: State, slot: int, draws: Draws, boxes: Boxes | None, c: Constants
+    state: ContactsState,
+    slot: int,
+    draws: ContactDraws,
+    boxes: Boxes | None,
+    c: Constants,
 ) -> None:
     """Attach a contact where the slider is, with the next threshold and the
     stretching that goes with it.
@@ -505,7 +515,11 @@ def _attach(
 
 @inlined
 def _break(
-    state: State, place: int, draws: Draws, boxes: Boxes | None, c: Constants
+    state: ContactsState,
+    place: int,
+    draws: ContactDraws,
+    boxes: Boxes | None,
+    c: Constants,
 ) -> None:
     """Break the contact at a place; without delay it re-attaches at once."""
     m = state.motion[0]
@@ -533,7 +547,9 @@ def _break(
 
 
 @bare
-def _leave(state: State, place: int, draws: Draws, boxes: Boxes, c: Constants) -> None:
+def _leave(
+    state: ContactsState, place: int, draws: ContactDraws, boxes: Boxes, c: Constants
+) -> None:
     """A contact leaves its box, or its time has come: it breaks or gets another box."""
     if is_shared(boxes.rule) or _breaks(state, place, draws, boxes):
         _break(state, place, draws, boxes, c)
@@ -547,7 +563,9 @@ def _leave(state: State, place: int, draws: Draws, boxes: Boxes, c: Constants) -
 
 
 @inlined
-def _strike(state: State, side: int, draws: Draws, boxes: Boxes, c: Constants) -> None:
+def _strike(
+    state: ContactsState, side: int, draws: ContactDraws, boxes: Boxes, c: Constants
+) -> None:
     """The clock ahead (0) or behind (1) proposes that a contact breaks: it does so,
     or is proposed again later.
     """
@@ -569,7 +587,11 @@ def _strike(state: State, side: int, draws: Draws, boxes: Boxes, c: Constants) -
 
 @inlined
 def _pass(
-    state: State, side: int, draws: Draws, boxes: Boxes | None, c: Constants
+    state: ContactsState,
+    side: int,
+    draws: ContactDraws,
+    boxes: Boxes | None,
+    c: Constants,
 ) -> None:
     """The slider passes the first position ahead or behind."""
     place = first_place(state.ahead) if side == 1 else first_slot(state.behind)
@@ -654,10 +676,10 @@ def _yields(m: Record, edges: _Edges, side: int, first: float) -> bool:
 
 @bare
 def _leaps(
-    state: State,
+    state: ContactsState,
     drive: Quadratic,
     ahead: float,
-    draws: Draws,
+    draws: ContactDraws,
     boxes: Boxes,
     c: Constants,
 ) -> bool:
@@ -688,7 +710,7 @@ def _leaps(
 @inlined
 def _begin(
     m: Record, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants
-) -> tuple[Leg, _Edges]:
+) -> tuple[FlightLeg, _Edges]:
     """Motion from here on, if nothing happened."""
     leg = motion.set_out(m, drive, c)
     if c.f_d > 0.0 and _element_turns(m, leg.motion, c):
@@ -703,7 +725,7 @@ _TURN = 2  # ends a flight where the slider turns round
 
 @inlined
 def _next_event(
-    state: State, leg: Leg, edges: _Edges, ahead: float, most: float
+    state: ContactsState, leg: FlightLeg, edges: _Edges, ahead: float, most: float
 ) -> tuple[float, float, float, int]:
     """How long the flight lasts, at most `most`; displacement and velocity then; and
     what ends it.
@@ -785,7 +807,7 @@ def _stops(m: Record) -> bool:
 
 
 @inlined
-def _due(state: State, boxes: Boxes) -> tuple[float, int]:
+def _due(state: ContactsState, boxes: Boxes) -> tuple[float, int]:
     """When the first time of a contact comes: by one of the clocks that they share,
     or (-1) of its own.
     """
@@ -798,7 +820,9 @@ def _due(state: State, boxes: Boxes) -> tuple[float, int]:
 
 
 @inlined
-def _happens(state: State, by: int, draws: Draws, boxes: Boxes, c: Constants) -> None:
+def _happens(
+    state: ContactsState, by: int, draws: ContactDraws, boxes: Boxes, c: Constants
+) -> None:
     """The time of a contact has come, by a clock that they share or by its own; or
     the window (-2) is over, which only needs laying anew.
     """
@@ -810,7 +834,9 @@ def _happens(state: State, by: int, draws: Draws, boxes: Boxes, c: Constants) ->
 
 
 @inlined
-def _winds(state: State, ahead: float, draws: Draws, boxes: Boxes) -> bool:
+def _winds(
+    state: ContactsState, ahead: float, draws: ContactDraws, boxes: Boxes
+) -> bool:
     """Wind the clocks that contacts share, where that is due; False if there are too
     few variates.
     """
@@ -824,7 +850,7 @@ def _winds(state: State, ahead: float, draws: Draws, boxes: Boxes) -> bool:
 
 
 @inlined
-def _next_attachment(state: State, on_arrest: bool) -> float:
+def _next_attachment(state: ContactsState, on_arrest: bool) -> float:
     """When the next detached contact attaches; on arrest, once the slider has
     stopped.
     """
@@ -836,7 +862,9 @@ def _next_attachment(state: State, on_arrest: bool) -> float:
 
 
 @inlined
-def short_of(m: Record, draws: Draws, boxes: Boxes | None) -> tuple[bool, bool, bool]:
+def short_of(
+    m: Record, draws: ContactDraws, boxes: Boxes | None
+) -> tuple[bool, bool, bool]:
     """Whether there are too few thresholds, delays and variates for any event that
     may come next.
     """
@@ -853,12 +881,12 @@ def short_of(m: Record, draws: Draws, boxes: Boxes | None) -> tuple[bool, bool, 
 
 
 @bare
-def advance(
-    state: State,
+def advance_events(
+    state: ContactsState,
     slider: Slider,
     piece: Piece,
     sampling: Sampling,
-    draws: Draws,
+    draws: ContactDraws,
     budget: int,
     boxes: Boxes | None = None,
 ) -> int:

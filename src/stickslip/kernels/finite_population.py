@@ -32,7 +32,7 @@ from .effective_stretching import (
     survivals,
 )
 from .oscillator import is_rigid, response
-from .panel_state import WAITING, Case, Delays, FiniteNumber, State, Work
+from .panel_state import WAITING, Case, Delays, FiniteNumber, PanelsState, Work
 from .panel_step import element_at
 from .quadrature import GAUSS, INCREASE, NODE, PART, WEIGHT, P, Q, dot, value
 from .reattachment import in_panel
@@ -40,7 +40,7 @@ from .records import Floats, Record, blank
 from .survival import GONE, drawn, value_at, values_at
 
 
-class Life(NamedTuple):
+class CountedLife(NamedTuple):
     """Where contacts attached and when, their clock and reach."""
 
     b: float
@@ -131,7 +131,7 @@ class _Broken(NamedTuple):
 
 @bare
 def _draw_breaks(
-    state: State, work: Work, case: Case, finite: FiniteNumber, place: float
+    state: PanelsState, work: Work, case: Case, finite: FiniteNumber, place: float
 ) -> _Broken:
     """Draw how many contacts of each node break in a step; the excess breaks with the
     slider at a `place`.
@@ -208,7 +208,7 @@ def _fluctuate(
 
 @bare
 def settle(
-    state: State,
+    state: PanelsState,
     work: Work,
     case: Case,
     finite: FiniteNumber,
@@ -243,7 +243,7 @@ def settle(
 
 
 @bare
-def _go_on(state: State, case: Case, finite: FiniteNumber) -> float:
+def _go_on(state: PanelsState, case: Case, finite: FiniteNumber) -> float:
     """Break what does not hold where the slider has come to lie, and leave out empty
     nodes; how many broke.
     """
@@ -269,7 +269,7 @@ def _go_on(state: State, case: Case, finite: FiniteNumber) -> float:
                 r = x
                 total += k
                 n -= k
-            kept += _put(cohorts, kept, case, finite, n, Life(b, u, r, since))
+            kept += _put(cohorts, kept, case, finite, n, CountedLife(b, u, r, since))
     state.used.cohorts = (kept + Q - 1) // Q
     return total
 
@@ -283,7 +283,12 @@ def _held(case: Case, u: float, r: float, clock: float, most: float) -> float:
 
 @inlined
 def _put(
-    cohorts: Record, place: int, case: Case, finite: FiniteNumber, n: float, life: Life
+    cohorts: Record,
+    place: int,
+    case: Case,
+    finite: FiniteNumber,
+    n: float,
+    life: CountedLife,
 ) -> int:
     """Put contacts with a life so far into a place among the nodes; whether there
     are any.
@@ -309,7 +314,7 @@ def _joins(
     case: Case,
     finite: FiniteNumber,
     n: float,
-    life: Life,
+    life: CountedLife,
     X: float,
 ) -> bool:
     """Let contacts join those at a place among the nodes if that is as good as where
@@ -333,13 +338,18 @@ def _joins(
     since = node.since + part * (life.since - node.since)
     b = node.place + offset * part
     r = max(r, abs(X - b)) if case.breaking.growth.first == 0.0 else r
-    _put(cohorts, place, case, finite, total, Life(b, u, r, since))
+    _put(cohorts, place, case, finite, total, CountedLife(b, u, r, since))
     return True
 
 
 @bare
 def _keep(
-    state: State, work: Work, case: Case, finite: FiniteNumber, dt: float, more: float
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber,
+    dt: float,
+    more: float,
 ) -> None:
     """Let what has broken in a step, or more of it, wait for its re-attachment."""
     panels = state.panels
@@ -398,7 +408,7 @@ def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> N
 
 @bare
 def _arrivals(
-    state: State, case: Case, finite: FiniteNumber, before: float, now: float
+    state: PanelsState, case: Case, finite: FiniteNumber, before: float, now: float
 ) -> float:
     """Draw how many re-attach between two times; they wait no longer."""
     panels = state.panels
@@ -451,7 +461,7 @@ def _arrivals(
 
 @bare
 def _attach(
-    state: State,
+    state: PanelsState,
     work: Work,
     case: Case,
     finite: FiniteNumber,
@@ -508,7 +518,9 @@ def _attach(
                 k = drawn(finite.rng, n, _held(case, NEVER, x0, u, r))
                 broken += k
                 n -= k
-            life = Life(origin + at, u, r, state.motion.time - (1.0 - GAUSS[j]) * dt)
+            life = CountedLife(
+                origin + at, u, r, state.motion.time - (1.0 - GAUSS[j]) * dt
+            )
             if not _joins(cohorts, place - 1, case, finite, n, life, X):
                 place += _put(cohorts, place, case, finite, n, life)
     _fill_up(state, place)
@@ -516,7 +528,7 @@ def _attach(
 
 
 @bare
-def _fill_up(state: State, place: int) -> None:
+def _fill_up(state: PanelsState, place: int) -> None:
     """Let the cohorts end after some places; the rest of the last is empty."""
     state.used.cohorts = (place + Q - 1) // Q
     for i in range(place, Q * state.used.cohorts):
@@ -526,7 +538,7 @@ def _fill_up(state: State, place: int) -> None:
 
 
 @bare
-def attach_all(state: State, case: Case, finite: FiniteNumber) -> None:
+def attach_all(state: PanelsState, case: Case, finite: FiniteNumber) -> None:
     """Let all that is detached re-attach where the slider is, stretched the way it
     has moved last.
     """
@@ -546,14 +558,16 @@ def attach_all(state: State, case: Case, finite: FiniteNumber) -> None:
         )
         more -= n
         other = max(other - newborn.fraction[i], 1e-300)
-        life = Life(motion.position - x, NEVER, newborn.tried * abs(x), motion.time)
+        life = CountedLife(
+            motion.position - x, NEVER, newborn.tried * abs(x), motion.time
+        )
         place += _put(state.cohorts, place, case, finite, n, life)
     _fill_up(state, place)
     count_up(state, N)
 
 
 @bare
-def count_up(state: State, N: float) -> None:
+def count_up(state: PanelsState, N: float) -> None:
     """Take force, attached fraction and energy from the counts; energy that is no
     longer stored is lost.
     """
@@ -576,7 +590,7 @@ def count_up(state: State, N: float) -> None:
     motion.stored = stored
 
 
-def counted(state: State, case: Case, finite: FiniteNumber) -> State:
+def counted(state: PanelsState, case: Case, finite: FiniteNumber) -> PanelsState:
     """Return a state as `initial_state` makes it with a number of contacts in place
     of fractions of infinitely many.
     """

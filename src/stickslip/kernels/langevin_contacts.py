@@ -46,7 +46,7 @@ FINE = 0.5
 _SELDOM = 1e-6  # breaks that may be expected in a step that is not as fine
 
 
-class Contacts(NamedTuple):
+class AgeingContacts(NamedTuple):
     """Contacts one by one; those far from breaking sleep: nothing is done about them
     until they must be looked at.
     """
@@ -340,7 +340,9 @@ def _live_hot(
 
 
 @inlined
-def _sleep(contacts: Contacts, i: int, until: float, X: float, third: float) -> None:
+def _sleep(
+    contacts: AgeingContacts, i: int, until: float, X: float, third: float
+) -> None:
     """Let a contact be until a time, while the slider stays within a third of its
     margin from `X`.
     """
@@ -351,7 +353,12 @@ def _sleep(contacts: Contacts, i: int, until: float, X: float, third: float) -> 
 
 @inlined
 def _falls_asleep(
-    contacts: Contacts, i: int, f: float, stroke: Stroke, mean: float, noise: float
+    contacts: AgeingContacts,
+    i: int,
+    f: float,
+    stroke: Stroke,
+    mean: float,
+    noise: float,
 ) -> bool:
     """Whether a contact that is looked at sleeps on, with the threshold `f` of now."""
     margin = f - abs(contacts.stretching[i] + stroke.X) - max(f - mean, 0.0)
@@ -403,7 +410,7 @@ def _step_one(
 
 @jit
 def _age(
-    contacts: Contacts,
+    contacts: AgeingContacts,
     stroke: Stroke,
     langevin: Langevin,
     hazard: Hazard,
@@ -469,14 +476,14 @@ def _age(
 
 def awake(
     stretching: Floats, threshold: Floats, attach: Floats, time: float, X: float
-) -> Contacts:
+) -> AgeingContacts:
     """Return contacts of which nobody sleeps yet, with the slider at `X`."""
     total, _ = attached_now(stretching, attach, time)
     waits = attach > time
     room = np.zeros((attach.size, 2))
     room[waits] = -np.inf, np.inf
     until = np.where(waits, attach, -np.inf)
-    return Contacts(
+    return AgeingContacts(
         stretching - X,
         threshold,
         attach,
@@ -490,7 +497,7 @@ def awake(
 @jit
 def advance_contacts(
     state: Floats,
-    contacts: Contacts,
+    contacts: AgeingContacts,
     course: Course,
     langevin: Langevin,
     hazard: Hazard,

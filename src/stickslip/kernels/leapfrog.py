@@ -85,7 +85,7 @@ class Blocks(NamedTuple):
     half_detached: Floats
 
 
-class Motion(NamedTuple):
+class BlockMotion(NamedTuple):
     """All that the next step needs, the contacts aside."""
 
     blocks: Blocks
@@ -109,7 +109,7 @@ spent, whether there is a row, and the mode of quasi-static motion.
 """
 
 
-def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
+def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> BlockMotion:
     """Return blocks between two steps, contacts still to be summed; `anchored` is
     the stretching of their elements.
     """
@@ -121,7 +121,7 @@ def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> Motion:
     blocks = Blocks(
         x, v, v.copy(), held, origins, squares, anchor, broken, *np.full((3, n), np.nan)
     )
-    motion = Motion(
+    motion = BlockMotion(
         blocks, blank(NOW), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n))
     )
     motion.now.block = -1
@@ -157,7 +157,7 @@ def element(blocks: Blocks, j: int, X: float, sliding: float) -> float:
 
 
 @inlined
-def slide(motion: Motion, j: int, X: float, sliding: float) -> float:
+def slide(motion: BlockMotion, j: int, X: float, sliding: float) -> float:
     """Take the detached contacts of a block along to `X`; the force of each."""
     blocks = motion.blocks
     e = X - blocks.anchor[j]
@@ -170,7 +170,7 @@ def slide(motion: Motion, j: int, X: float, sliding: float) -> float:
 
 @bare
 def kick(
-    motion: Motion,
+    motion: BlockMotion,
     network: Network,
     piece: Piece,
     before: float,
@@ -250,7 +250,7 @@ def kick(
 
 @bare
 def fill_row(
-    motion: Motion, network: Network, piece: Piece, row: Floats, sliding: float
+    motion: BlockMotion, network: Network, piece: Piece, row: Floats, sliding: float
 ) -> None:
     """Fill a row with what is now, after the kick."""
     blocks = motion.blocks
@@ -297,7 +297,9 @@ def fill_row(
 
 
 @bare
-def _interpolate(motion: Motion, row: Floats, fraction: float, span: float) -> None:
+def _interpolate(
+    motion: BlockMotion, row: Floats, fraction: float, span: float
+) -> None:
     """Fill a row between the last two: displacements by the cubic that has their
     velocities, the rest linearly.
     """
@@ -319,7 +321,7 @@ def _interpolate(motion: Motion, row: Floats, fraction: float, span: float) -> N
 
 @bare
 def _sample(
-    motion: Motion,
+    motion: BlockMotion,
     network: Network,
     piece: Piece,
     sampling: Sampling,
@@ -360,7 +362,11 @@ def _sample(
 
 @bare
 def begin_step(
-    motion: Motion, network: Network, piece: Piece, sampling: Sampling, sliding: float
+    motion: BlockMotion,
+    network: Network,
+    piece: Piece,
+    sampling: Sampling,
+    sliding: float,
 ) -> int:
     """Sample, kick, and set the length of the next step; or come to rest at the end,
     or where a condition holds.
@@ -394,7 +400,7 @@ def begin_step(
 
 
 @inlined
-def end_step(motion: Motion, piece: Piece) -> None:
+def end_step(motion: BlockMotion, piece: Piece) -> None:
     """All blocks have drifted."""
     now = motion.now
     soon = now.time + now.step
@@ -403,7 +409,7 @@ def end_step(motion: Motion, piece: Piece) -> None:
 
 
 @inlined
-def _rest(motion: Motion) -> None:
+def _rest(motion: BlockMotion) -> None:
     """Bring the velocities to the time of the displacements."""
     for j in range(motion.blocks.X.size):
         motion.blocks.V[j] = motion.blocks.V_now[j]

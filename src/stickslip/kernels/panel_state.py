@@ -14,7 +14,7 @@ from .effective_stretching import NEVER, Breaking, survivals
 from .oscillator import Slider
 from .quadrature import NODE, WEIGHT, P, Q
 from .records import Floats, Record, blank, record
-from .survival import Table, value_at
+from .survival import SurvivalTable, value_at
 
 
 class Delays(NamedTuple):
@@ -23,7 +23,7 @@ class Delays(NamedTuple):
     time: Floats  # shape (n,): given times, 0 for at once
     # shape (n,): the fraction of what breaks that re-attaches after each
     weight: Floats
-    continuous: Table  # survival of the times of the rest that re-attaches
+    continuous: SurvivalTable  # survival of the times of the rest that re-attaches
     fraction: float  # of that rest
     grain: float  # a part of the motion that is longer has to be cut
     mean: float
@@ -138,7 +138,7 @@ the slider.
 """
 
 
-class State(NamedTuple):
+class PanelsState(NamedTuple):
     """All that the next step needs.
 
     Arrays have room to spare; `used` says how much is filled.
@@ -195,7 +195,7 @@ def initial_state(
     velocity: float = 0.0,
     rate: float = 0.0,
     element: float = 0.0,
-) -> State:
+) -> PanelsState:
     """Put a slider at 0 on contacts, shape (n, Q): stretchings and weights at nodes of
     Gauss; the rest is detached.
 
@@ -251,4 +251,4 @@ def initial_state(
     used.panels = count
     used.rough = 1
     rough[0] = 0.0
-    return State(motion, cohorts, panels, np.zeros(64), rough, used)
+    return PanelsState(motion, cohorts, panels, np.zeros(64), rough, used)

@@ -26,7 +26,7 @@ from .panel_state import (
     NOT_CONVERGED,
     Case,
     Delays,
-    State,
+    PanelsState,
     Work,
     newborns,
 )
@@ -62,7 +62,7 @@ def _unresolved(row: Floats) -> float:
 
 
 @bare
-def _observe(state: State, work: Work, count: int, case: Case, dt: float) -> None:
+def _observe(state: PanelsState, work: Work, count: int, case: Case, dt: float) -> None:
     """Contacts at the nodes of a step, the slider being where the nodes say."""
     nodes = work.nodes
     A0 = state.motion.mass_in
@@ -88,7 +88,7 @@ def _observe(state: State, work: Work, count: int, case: Case, dt: float) -> Non
 
 
 @bare
-def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
+def _newborn(state: PanelsState, work: Work, case: Case, dt: float) -> float:
     """Add what attaches in the step to what `_observe` has found, and what of it
     breaks at once.
     """
@@ -134,7 +134,7 @@ def _newborn(state: State, work: Work, case: Case, dt: float) -> float:
 
 
 @inlined
-def heading(state: State, work: Work) -> float:
+def heading(state: PanelsState, work: Work) -> float:
     """Direction in which the slider moves in a step, 1 or -1; that of its last motion
     if it is at rest.
 
@@ -168,7 +168,7 @@ def only_lose(case: Case) -> bool:
 
 
 @inlined
-def element_at(state: State, case: Case, y: float) -> float:
+def element_at(state: PanelsState, case: Case, y: float) -> float:
     """Force of the element that stands for the detached contacts: elastic, as
     contacts are, until it yields.
     """
@@ -178,7 +178,9 @@ def element_at(state: State, case: Case, y: float) -> float:
 
 
 @inlined
-def _slide(state: State, work: Work, case: Case, k: int, direction: float) -> None:
+def _slide(
+    state: PanelsState, work: Work, case: Case, k: int, direction: float
+) -> None:
     """Add the force that detached contacts carry."""
     nodes = work.nodes
     e = element_at(state, case, nodes[k].x)
@@ -221,7 +223,7 @@ def _slope(work: Work, k: int, c: int) -> float:
 
 
 @bare
-def _newton(state: State, work: Work, case: Case, dt: float) -> float:
+def _newton(state: PanelsState, work: Work, case: Case, dt: float) -> float:
     """Move the slider at the nodes by one step of Newton's method; the largest
     change of place.
     """
@@ -256,7 +258,9 @@ def _newton(state: State, work: Work, case: Case, dt: float) -> float:
 
 
 @bare
-def _accelerate(state: State, work: Work, M: float, eta: float, dt: float) -> None:
+def _accelerate(
+    state: PanelsState, work: Work, M: float, eta: float, dt: float
+) -> None:
     """Find the velocities at the nodes from forces and stiffness, and leave them in
     place of the forces.
     """
@@ -283,7 +287,7 @@ def _accelerate(state: State, work: Work, M: float, eta: float, dt: float) -> No
 
 
 @bare
-def _pull(state: State, work: Work, case: Case, dt: float) -> None:
+def _pull(state: PanelsState, work: Work, case: Case, dt: float) -> None:
     """Net force at the nodes if the slider stayed at the origin, by the slopes
     found.
     """
@@ -297,7 +301,7 @@ def _pull(state: State, work: Work, case: Case, dt: float) -> None:
 
 
 @inlined
-def _gather(state: State, work: Work, case: Case, low: float, high: float) -> int:
+def _gather(state: PanelsState, work: Work, case: Case, low: float, high: float) -> int:
     """Read the cohorts for ways of the slider from `low` to `high`."""
     motion = state.motion
     return gather(
@@ -313,7 +317,7 @@ def _gather(state: State, work: Work, case: Case, low: float, high: float) -> in
 
 
 @bare
-def _begin(state: State, work: Work, case: Case, dt: float) -> None:
+def _begin(state: PanelsState, work: Work, case: Case, dt: float) -> None:
     """Put the slider at the nodes to where it went if nothing more broke.
 
     A rigid one is put to where it is driven, and one without mass to where it went at
@@ -340,7 +344,9 @@ def _begin(state: State, work: Work, case: Case, dt: float) -> None:
 
 
 @bare
-def _start(state: State, work: Work, case: Case, count: int, velocity: float) -> None:
+def _start(
+    state: PanelsState, work: Work, case: Case, count: int, velocity: float
+) -> None:
     """Set the node at the start of a step: motion, force and energy of the contacts."""
     nodes = work.nodes
     nodes[0].x = 0.0
@@ -368,7 +374,9 @@ def _start(state: State, work: Work, case: Case, count: int, velocity: float) ->
 
 
 @bare
-def try_step(state: State, work: Work, case: Case, dt: float, smallest: float) -> float:
+def try_step(
+    state: PanelsState, work: Work, case: Case, dt: float, smallest: float
+) -> float:
     """Solve a step without taking it; its error in tolerances (above 1: too long), or
     `NOT_CONVERGED`.
 

@@ -53,7 +53,7 @@ from .panel_state import (
     NOT_CONVERGED,
     Case,
     FiniteNumber,
-    State,
+    PanelsState,
     Work,
     newborns,
 )
@@ -100,7 +100,7 @@ def _crossing(row: Floats, curve: Floats, level: float, sign: float) -> float:
 
 
 @bare
-def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
+def _sum_energies(state: PanelsState, work: Work, case: Case, dt: float) -> None:
     """Energies up to each node of a step."""
     nodes = work.nodes
     motion = state.motion
@@ -128,7 +128,7 @@ def _sum_energies(state: State, work: Work, case: Case, dt: float) -> None:
 
 
 @bare
-def _keep_panel(state: State, nodes: Record, dt: float) -> None:
+def _keep_panel(state: PanelsState, nodes: Record, dt: float) -> None:
     """Keep what broke in a step, for the contacts that re-attach later."""
     motion = state.motion
     n = state.used.panels
@@ -142,7 +142,9 @@ def _keep_panel(state: State, nodes: Record, dt: float) -> None:
 
 
 @bare
-def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -> None:
+def _commit(
+    state: PanelsState, work: Work, case: Case, dt: float, direction: float
+) -> None:
     """Make cohorts and a panel of what a step has done to infinitely many contacts."""
     nodes = work.nodes
     motion = state.motion
@@ -204,7 +206,7 @@ def _commit(state: State, work: Work, case: Case, dt: float, direction: float) -
 
 
 @bare
-def _move(state: State, work: Work, case: Case, dt: float) -> None:
+def _move(state: PanelsState, work: Work, case: Case, dt: float) -> None:
     """Go to the end of a step."""
     nodes = work.nodes
     motion = state.motion
@@ -258,7 +260,7 @@ def _sample(
 
 
 @bare
-def _first_step(state: State, case: Case) -> float:
+def _first_step(state: PanelsState, case: Case) -> float:
     """A step in which next to nothing can happen that the next ones would not see."""
     if is_rigid(case.slider) or case.slider.mass == 0.0:
         return float(
@@ -268,7 +270,7 @@ def _first_step(state: State, case: Case) -> float:
 
 
 @bare
-def _arrest(state: State, case: Case, finite: FiniteNumber | None) -> None:
+def _arrest(state: PanelsState, case: Case, finite: FiniteNumber | None) -> None:
     """Let all that is detached re-attach where the slider is."""
     motion = state.motion
     newborn = case.newborn
@@ -304,7 +306,7 @@ def _arrest(state: State, case: Case, finite: FiniteNumber | None) -> None:
 
 
 @bare
-def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
+def _first_event(state: PanelsState, work: Work, case: Case) -> tuple[float, int]:
     """What first ends a smooth step within the one that was tried, and at which part
     of it.
     """
@@ -358,7 +360,7 @@ def _first_event(state: State, work: Work, case: Case) -> tuple[float, int]:
 
 
 @bare
-def _misled(state: State, work: Work, case: Case) -> float:
+def _misled(state: PanelsState, work: Work, case: Case) -> float:
     """Error of the force where newborns are stretched along the heading of a step
     and the slider moves against it.
     """
@@ -376,7 +378,7 @@ def _misled(state: State, work: Work, case: Case) -> float:
 
 @bare
 def _step(
-    state: State, work: Work, case: Case, most: float, smallest: float
+    state: PanelsState, work: Work, case: Case, most: float, smallest: float
 ) -> tuple[float, int]:
     """Take a step as long as the error and the first event allow, at most `most`:
     its length, and what ends it.
@@ -430,7 +432,9 @@ def _step(
 
 
 @bare
-def _held(state: State, work: Work, case: Case, wanted: Wanted, dt: float) -> float:
+def _held(
+    state: PanelsState, work: Work, case: Case, wanted: Wanted, dt: float
+) -> float:
     """Length of a step up to the first sample at which the condition holds; else all
     of it.
     """
@@ -453,7 +457,7 @@ def _held(state: State, work: Work, case: Case, wanted: Wanted, dt: float) -> fl
 
 @bare
 def _turn(
-    state: State,
+    state: PanelsState,
     work: Work,
     case: Case,
     finite: FiniteNumber | None,
@@ -485,7 +489,7 @@ def _turn(
 
 
 @bare
-def _pass(state: State, work: Work, event: int) -> None:
+def _pass(state: PanelsState, work: Work, event: int) -> None:
     """Forget the last two places where the slider turned, if a step has passed them:
     at its end, or without notice.
     """
@@ -504,7 +508,7 @@ def _pass(state: State, work: Work, event: int) -> None:
 
 @bare
 def _sample_all(
-    state: State,
+    state: PanelsState,
     work: Work,
     case: Case,
     finite: FiniteNumber | None,
@@ -533,7 +537,7 @@ def _sample_all(
 
 
 @bare
-def _sample_here(state: State, wanted: Wanted, smallest: float) -> bool:
+def _sample_here(state: PanelsState, wanted: Wanted, smallest: float) -> bool:
     """Take the samples that are due where a step begins; whether the condition holds
     there.
     """
@@ -554,7 +558,11 @@ def _sample_here(state: State, wanted: Wanted, smallest: float) -> bool:
 
 @jit  # which gives the generator back; the others make no array
 def _run(
-    state: State, work: Work, case: Case, finite: FiniteNumber | None, wanted: Wanted
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber | None,
+    wanted: Wanted,
 ) -> int:
     """Take steps until there is a reason to come back."""
     motion = state.motion
@@ -617,7 +625,7 @@ def _run(
 
 @bare
 def _take(
-    state: State,
+    state: PanelsState,
     work: Work,
     case: Case,
     finite: FiniteNumber | None,
@@ -652,14 +660,14 @@ def _take(
             _arrest(state, case, finite)
 
 
-def advance(
-    state: State,
+def advance_panels(
+    state: PanelsState,
     case: Case,
     until: float,
     times: Floats,
     stop: Stop = Stop(),
     max_steps: int = 2**62,
-) -> tuple[State, Record, int]:
+) -> tuple[PanelsState, Record, int]:
     """Go on from a state, which is not changed, under one piece of the drive that ends
     at the time `until`.
 
@@ -685,7 +693,7 @@ def advance(
     return state, rows[: state.used.sampled], reason
 
 
-def _room_to_work(state: State, breaking: Breaking) -> Work:
+def _room_to_work(state: PanelsState, breaking: Breaking) -> Work:
     room = len(state.cohorts)
     reading = Reading(
         blank(ACTIVE, Q * room),
@@ -713,7 +721,9 @@ def _room_to_work(state: State, breaking: Breaking) -> Work:
     )
 
 
-def _with_room(state: State, case: Case, finite: FiniteNumber | None) -> State:
+def _with_room(
+    state: PanelsState, case: Case, finite: FiniteNumber | None
+) -> PanelsState:
     """The same state with room for more cohorts, some joined, and for more panels."""
     used = state.used
     room = len(state.cohorts)

@@ -17,8 +17,8 @@ import math
 from . import drive
 from ._jit import bare, inlined
 from .blocks import (
-    Draws,
-    State,
+    BlockDraws,
+    BlocksState,
     attach_contact,
     break_contact,
     has_broken,
@@ -79,7 +79,7 @@ def _solve_ring(
 
 @bare
 def _answer(
-    state: State,
+    state: BlocksState,
     network: Network,
     sliding: float,
     right: Floats,
@@ -146,7 +146,7 @@ def _answer(
 
 @bare
 def _first(
-    state: State, sliding: float, direction: float, most: float, room: Floats
+    state: BlocksState, sliding: float, direction: float, most: float, room: Floats
 ) -> tuple[float, int, int]:
     """How far along ``direction * room[0]`` the first event lies, up to `most`; on
     which block; 1 if it is a break.
@@ -179,7 +179,7 @@ def _first(
 
 @bare
 def _go(
-    state: State,
+    state: BlocksState,
     network: Network,
     sliding: float,
     amount: float,
@@ -205,7 +205,7 @@ def _go(
 
 @inlined
 def _follow(
-    state: State,
+    state: BlocksState,
     network: Network,
     sliding: float,
     time: float,
@@ -228,7 +228,7 @@ def _time_of(piece: Piece, now: float, distance: float) -> float:
 
 @bare
 def _break_there(
-    state: State, j: int, direction: float, sliding: float, draws: Draws
+    state: BlocksState, j: int, direction: float, sliding: float, draws: BlockDraws
 ) -> int:
     """Break all contacts of a block at their thresholds where it stands, moving this
     way.
@@ -263,7 +263,7 @@ def _break_there(
 
 
 @bare
-def _attach_due(state: State, sliding: float, draws: Draws) -> int:
+def _attach_due(state: BlocksState, sliding: float, draws: BlockDraws) -> int:
     """Attach what is due."""
     blocks = state.motion.blocks
     now = state.motion.now.time
@@ -282,7 +282,7 @@ def _attach_due(state: State, sliding: float, draws: Draws) -> int:
 
 @bare
 def _out_of_balance(
-    state: State, network: Network, piece: Piece, sliding: float, right: Floats
+    state: BlocksState, network: Network, piece: Piece, sliding: float, right: Floats
 ) -> None:
     """Forces on the blocks that nothing balances."""
     blocks = state.motion.blocks
@@ -302,11 +302,11 @@ def _out_of_balance(
 
 @bare
 def _let_go(
-    state: State,
+    state: BlocksState,
     network: Network,
     piece: Piece,
     sliding: float,
-    draws: Draws,
+    draws: BlockDraws,
     room: Floats,
 ) -> int:
     """Let go of what is out of balance, as far as the first event; that happens."""
@@ -331,12 +331,12 @@ def _let_go(
 
 
 @bare
-def advance(
-    state: State,
+def advance_quasistatic(
+    state: BlocksState,
     network: Network,
     piece: Piece,
     sampling: Sampling,
-    draws: Draws,
+    draws: BlockDraws,
     sliding: float,
     budget: int,
     room: Floats,

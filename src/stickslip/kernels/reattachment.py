@@ -5,14 +5,14 @@ breaks within the step.
 import math
 
 from ._jit import bare, inlined
-from .panel_state import Delays, State, Work
+from .panel_state import Delays, PanelsState, Work
 from .quadrature import GAUSS, INCREASE, NODE, P, Q, between, dot
 from .records import Floats
 from .survival import value_at
 
 
 @bare
-def _panel_at(state: State, t: float) -> int:
+def _panel_at(state: PanelsState, t: float) -> int:
     """Panel of a time before now; the first one for all before it."""
     low = 0
     high = state.used.panels
@@ -26,7 +26,7 @@ def _panel_at(state: State, t: float) -> int:
 
 
 @inlined
-def _broken_at(state: State, t: float) -> float:
+def _broken_at(state: PanelsState, t: float) -> float:
     """Mass broken up to a time before now."""
     return in_panel(state.panels, _panel_at(state, t), t)
 
@@ -42,7 +42,9 @@ def in_panel(panels: Floats, k: int, t: float) -> float:
 
 
 @bare
-def known_reattachment(state: State, work: Work, delays: Delays, dt: float) -> None:
+def known_reattachment(
+    state: PanelsState, work: Work, delays: Delays, dt: float
+) -> None:
     """What broke before this step and re-attaches up to each node of it."""
     nodes = work.nodes
     t = state.motion.time
@@ -65,7 +67,9 @@ def known_reattachment(state: State, work: Work, delays: Delays, dt: float) -> N
 
 
 @bare
-def _add_spread_delays(state: State, work: Work, delays: Delays, dt: float) -> None:
+def _add_spread_delays(
+    state: PanelsState, work: Work, delays: Delays, dt: float
+) -> None:
     """Add what re-attaches after a delay of the continuous part."""
     panels = state.panels
     nodes = work.nodes
@@ -120,7 +124,7 @@ def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
 
 
 @bare
-def next_front(state: State, delays: Delays, t: float, smallest: float) -> float:
+def next_front(state: PanelsState, delays: Delays, t: float, smallest: float) -> float:
     """The next time at which what broke at a rough moment re-attaches."""
     front = math.inf
     for delay in delays.time:
@@ -131,7 +135,7 @@ def next_front(state: State, delays: Delays, t: float, smallest: float) -> float
 
 
 @bare
-def mark_rough(state: State, t: float) -> None:
+def mark_rough(state: PanelsState, t: float) -> None:
     """Remember a moment at which what breaks has no smooth rate."""
     n = state.used.rough
     size = state.rough.size
@@ -141,7 +145,7 @@ def mark_rough(state: State, t: float) -> None:
 
 
 @bare
-def forget(state: State, delays: Delays, spare: int) -> bool:
+def forget(state: PanelsState, delays: Delays, spare: int) -> bool:
     """Forget panels of which all has re-attached; whether there is room now, for
     `spare` cohorts among others.
     """

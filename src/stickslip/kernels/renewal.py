@@ -35,7 +35,7 @@ Density = Callable[[Floats], Floats]
 Excess = Callable[[Floats, int], Floats]
 
 
-class Contacts(NamedTuple):
+class RenewalContacts(NamedTuple):
     """The contacts at the start and what becomes of them."""
 
     density: Density  # ``P_c(x)`` at ``x >= 0``
@@ -65,7 +65,7 @@ class ReAttached(NamedTuple):
     values: Floats
 
 
-class Response(NamedTuple):
+class RigidResponse(NamedTuple):
     """The interface under rigid motion, per contact."""
 
     force: Floats  # ``F_c/N`` in units of ``f_s``, Eq. (4)
@@ -76,7 +76,7 @@ class Response(NamedTuple):
     stiffness: Floats
 
 
-def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
+def solve(contacts: RenewalContacts, distance: float, points: int) -> ReAttached:
     """Solve for the contacts that break and re-attach from 0 to a distance, at so
     many points and two finer grids.
     """
@@ -112,12 +112,14 @@ def solve(contacts: Contacts, distance: float, points: int) -> ReAttached:
     return ReAttached(spacing, np.stack([force, attached, rate, back - stiffness]))
 
 
-def _carried(contacts: Contacts) -> float:
+def _carried(contacts: RenewalContacts) -> float:
     """Mean stretching at re-attachment."""
     return float(contacts.born_weight @ contacts.born)
 
 
-def observe(contacts: Contacts, re_attached: ReAttached, X: Floats) -> Response:
+def observe(
+    contacts: RenewalContacts, re_attached: ReAttached, X: Floats
+) -> RigidResponse:
     """Evaluate force, attached fraction, breaking rate and stiffness at any positions
     up to the distance of `solve`.
 
@@ -137,11 +139,13 @@ def observe(contacts: Contacts, re_attached: ReAttached, X: Floats) -> Response:
     if carried:
         stiffness += carried * re_attaching(contacts, re_attached, X, breaking)
     force += initial.force + carried * once * broken
-    return Response(force, 1.0 - (1.0 - once) * broken + attached, breaking, stiffness)
+    return RigidResponse(
+        force, 1.0 - (1.0 - once) * broken + attached, breaking, stiffness
+    )
 
 
 def re_attaching(
-    contacts: Contacts, re_attached: ReAttached, X: Floats, breaking: Floats
+    contacts: RenewalContacts, re_attached: ReAttached, X: Floats, breaking: Floats
 ) -> Floats:
     """Contacts that re-attach per contact and unit displacement: the breaking rate,
     each delay earlier.
@@ -158,7 +162,7 @@ def re_attaching(
     return total
 
 
-def _initial(contacts: Contacts, X: Floats) -> Response:
+def _initial(contacts: RenewalContacts, X: Floats) -> RigidResponse:
     """The contacts of the start: those still there, and those that break for the
     first time.
     """
@@ -177,10 +181,10 @@ def _initial(contacts: Contacts, X: Floats) -> Response:
         )
         terms = x * survivors, survivors, breaking, survivors - x * breaking
         values[:, part] = [np.sum(term, axis=0) for term in terms]
-    return Response(*values)
+    return RigidResponse(*values)
 
 
-def _end(contacts: Contacts) -> float:
+def _end(contacts: RenewalContacts) -> float:
     """A stretching that no contact survives.
 
     To stop there saves most of the evaluations of the distribution.
@@ -190,12 +194,12 @@ def _end(contacts: Contacts) -> float:
     return float(max(gone[0] if gone.size else np.inf, 2.0 * contacts.reach.max()))
 
 
-def _at_once(contacts: Contacts) -> float:
+def _at_once(contacts: RenewalContacts) -> float:
     """Fraction of broken contacts that re-attach without delay."""
     return float(contacts.fraction[contacts.shift == 0].sum())
 
 
-def solve_once(contacts: Contacts, first: Floats, distance: float) -> Floats:
+def solve_once(contacts: RenewalContacts, first: Floats, distance: float) -> Floats:
     """Second-order solution on the uniform grid on which the first breaks ``m_0`` are
     given.
 
@@ -232,7 +236,7 @@ def solve_once(contacts: Contacts, first: Floats, distance: float) -> Floats:
 WRAPPED = 1e-13
 
 
-def _antiderivatives(contacts: Contacts, path: Floats, end: float) -> Floats:
+def _antiderivatives(contacts: RenewalContacts, path: Floats, end: float) -> Floats:
     """Second antiderivatives, zero where the path begins with their slope, of the four
     kernels that act on ``m``.
 

@@ -19,7 +19,7 @@ _POWERS = range(DEGREE + 1)
 GONE = 1e-13  # fraction of contacts so small that none of them is left
 
 
-class Table(NamedTuple):
+class SurvivalTable(NamedTuple):
     """Polynomials of degree `DEGREE` on cells of one width, made by `tabulate`; a
     cell that holds a knot has two.
     """
@@ -57,7 +57,7 @@ def tabulate(
     tolerance: float = 2e-13,
     most: int = 2**14,
     low: float = 0.0,
-) -> Table:
+) -> SurvivalTable:
     """Tabulate a function from `low` to `top`, in cells so narrow that it is met to the
     tolerance, or in the most.
 
@@ -100,11 +100,11 @@ def tabulate(
         True,
         key=lambda i: bool(function(np.full(1, low + width * (i + 1.0))) < whole),
     )
-    return Table(pieces, 1.0 / width, low + width * full, low, top)
+    return SurvivalTable(pieces, 1.0 / width, low + width * full, low, top)
 
 
 @inlined
-def value_and_slope(table: Table, x: float) -> tuple[float, float]:
+def value_and_slope(table: SurvivalTable, x: float) -> tuple[float, float]:
     """Value and slope."""
     if x >= table.top:
         return 0.0, 0.0
@@ -123,13 +123,13 @@ def value_and_slope(table: Table, x: float) -> tuple[float, float]:
 
 
 @inlined
-def value_at(table: Table, x: float) -> float:
+def value_at(table: SurvivalTable, x: float) -> float:
     """Value alone."""
     return value_and_slope(table, x)[0]
 
 
 @jit
-def values_at(table: Table, x: Floats) -> Floats:
+def values_at(table: SurvivalTable, x: Floats) -> Floats:
     """Values at many places."""
     values = np.empty(x.size)
     for i in range(x.size):
@@ -138,7 +138,7 @@ def values_at(table: Table, x: Floats) -> Floats:
 
 
 def widest(
-    table: Table, knots: Floats, tolerance: float, most: float, order: int
+    table: SurvivalTable, knots: Floats, tolerance: float, most: float, order: int
 ) -> float:
     """Width of a window, up to `most`, of which nodes of Gauss give the mean of
     ``x**order`` times the function.
@@ -168,7 +168,9 @@ def widest(
         width *= 0.9
 
 
-EMPTY = Table(np.zeros((2, DEGREE + 3)), 1.0, 0.0, 0.0, 0.0)  # the table of nothing
+EMPTY = SurvivalTable(
+    np.zeros((2, DEGREE + 3)), 1.0, 0.0, 0.0, 0.0
+)  # the table of nothing
 
 
 @inlined

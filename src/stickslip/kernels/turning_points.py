@@ -73,7 +73,7 @@ def pick(force: Floats, drop: float, rise: float) -> tuple[Counts, Counts]:
     return peaks[:count], troughs[:count]
 
 
-class Sampling(NamedTuple):
+class Recording(NamedTuple):
     """How a trace was recorded and picked; forces in one unit, `slope` of the
     loading in that unit per sample.
     """
@@ -89,7 +89,7 @@ class Sampling(NamedTuple):
 def observe(
     peaks: Floats,
     troughs: Floats,
-    sampling: Sampling,
+    sampling: Recording,
     rng: np.random.Generator,
     seen: Floats,
 ) -> int:

@@ -38,7 +38,7 @@ def check_renewal(interface: Interface, who: str) -> None:
 
 def solved(
     interface: Interface, distance: float, velocity: float, points: int
-) -> Callable[[Array], renewal.Response]:
+) -> Callable[[Array], renewal.RigidResponse]:
     """Return the solution of the renewal equation, to be looked at anywhere."""
     distribution = interface.threshold_distribution
     born = interface.newborn
@@ -58,7 +58,7 @@ def solved(
             "mean"
         )
     delay, part = interface.delay.quadrature()
-    contacts = renewal.Contacts(
+    contacts = renewal.RenewalContacts(
         distribution.density,
         lambda x, n: excess(distribution, x, n),
         stretchings,
@@ -74,7 +74,7 @@ def solved(
     )
     re_attached = renewal.solve(contacts, distance, points)
 
-    def at(X: Array) -> renewal.Response:
+    def at(X: Array) -> renewal.RigidResponse:
         found = renewal.observe(contacts, re_attached, X)
         if sliding_force == 0:
             return found

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from stickslip.kernels.effective_stretching import Breaking
-from stickslip.kernels.survival import Table, tabulate, values_at
+from stickslip.kernels.survival import SurvivalTable, tabulate, values_at
 from stickslip.kernels.thinning import Rule, lifetimes
 from stickslip.model import (
     Bell,
@@ -169,16 +169,18 @@ def pending_times(delay: DelayModel, detached: int, rng: np.random.Generator) ->
 
 def survival_of(
     distribution: Distribution, width: float = 0.0, squared: bool = False
-) -> Table:
+) -> SurvivalTable:
     """Return the survival of thresholds as kernels take it; with a width that of
     newborns, at ``u = A ln G``.
     """
-    table: Table = _survival_of(hashable(distribution), width, squared)
+    table: SurvivalTable = _survival_of(hashable(distribution), width, squared)
     return table
 
 
 @lru_cache(maxsize=128)
-def _survival_of(distribution: Distribution, width: float, squared: bool) -> Table:
+def _survival_of(
+    distribution: Distribution, width: float, squared: bool
+) -> SurvivalTable:
     if width == 0.0:
         return tabulate(distribution.survival, *end_and_knots(distribution))
     known = survival_of(distribution)

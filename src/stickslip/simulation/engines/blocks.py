@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 
 from stickslip.errors import InputError
 from stickslip.kernels import blocks, drive, quasistatic
-from stickslip.kernels.blocks import Draws
+from stickslip.kernels.blocks import BlockDraws
 from stickslip.kernels.drive import Piece, Sampling
 from stickslip.kernels.leapfrog import (
     OF_BLOCKS,
@@ -161,7 +161,7 @@ class Streams:
         fixed = delay.time if isinstance(delay, Delay) else math.nan
         thresholds = np.empty((blocks, _POOL))
         delays = np.empty((blocks, _POOL if math.isnan(fixed) else 0))
-        self.draws = Draws(
+        self.draws = BlockDraws(
             thresholds,
             delays,
             fixed,
@@ -384,10 +384,10 @@ class BlocksOfContacts(Engine):
         network = self._network
         draws = self._streams.draws
         if not self._balanced:
-            return blocks.advance(
+            return blocks.advance_blocks(
                 state, network, piece, sampling, draws, self._sliding, _BUDGET
             )
-        return quasistatic.advance(
+        return quasistatic.advance_quasistatic(
             state, network, piece, sampling, draws, self._sliding, _BUDGET, self._room
         )
 

@@ -113,7 +113,7 @@ class EventByEvent(base.Engine):
         )
         happens = isinstance(self._delay, OnArrest), interface.slip_to_slip_scatter > 0
         self._draws = self._with_thresholds(
-            kernel.Draws(np.empty(0), np.empty(0), fixed, np.empty(0), *happens)
+            kernel.ContactDraws(np.empty(0), np.empty(0), fixed, np.empty(0), *happens)
         )
 
     @staticmethod
@@ -231,7 +231,7 @@ class EventByEvent(base.Engine):
         pending = (length[order] - gone)[held:] / velocity
         return (start[order] + gone), strength[order], pending, -gone / velocity
 
-    def _with_thresholds(self, draws: kernel.Draws) -> kernel.Draws:
+    def _with_thresholds(self, draws: kernel.ContactDraws) -> kernel.ContactDraws:
         """Return the draws with new thresholds of contacts that attach; fewer where
         they are soon out of date.
         """
@@ -320,7 +320,7 @@ class EventByEvent(base.Engine):
         while True:
             piece = Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
             left = last - m.events
-            why = kernel.advance(
+            why = kernel.advance_events(
                 self._state,
                 self.slider,
                 piece,

@@ -31,7 +31,7 @@ from stickslip.kernels.panel_state import (
     Delays,
     Newborn,
 )
-from stickslip.kernels.panels import advance
+from stickslip.kernels.panels import advance_panels
 from stickslip.kernels.quadrature import GAUSS, WEIGHT, P, Q
 from stickslip.kernels.records import Record
 from stickslip.kernels.survival import EMPTY, tabulate, widest
@@ -114,7 +114,7 @@ class Panels(Cohorts):
 
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "activation"})
     smooth = True
-    kernel = advance
+    kernel = advance_panels
     steps = 2_000
 
     def __init__(
@@ -213,7 +213,9 @@ class Panels(Cohorts):
             if passed[-1] > loaded and spent[-1][0] > max(least, share * total[0]):
                 break
             before = self.state.used
-            self.state, _, why = advance(self.state, case, end, np.empty(0), Stop(), 20)
+            self.state, _, why = advance_panels(
+                self.state, case, end, np.empty(0), Stop(), 20
+            )
             passed.append(self.here()[0] / end)
             spent.append(spent[-1] + self._spent(before))
             # first slips are not as others
