@@ -71,7 +71,7 @@ class BlockContacts(NamedTuple):
 
 
 class BlocksState(NamedTuple):
-    """All that the next step needs."""
+    """State of the blocks and of their contacts."""
 
     motion: BlockMotion
     contacts: BlockContacts
@@ -240,8 +240,8 @@ def _drift(
     sliding: float,
     draws: BlockDraws,
 ) -> int:
-    """Let a block drift through all events of its contacts in a step; ON_THE_WAY
-    when all has gone well.
+    """Drift a block through all events of its contacts in a step; ON_THE_WAY unless
+    draws are used up.
     """
     contacts = state.contacts
     blocks = state.motion.blocks

@@ -146,17 +146,15 @@ _EVER = -1.0  # in place of a knot: the largest stretching so far
 
 @inlined
 def _beyond(cohort: Record, X: float, knot: float, sign: float, u: float) -> float:
-    """How far the contacts at a place in a panel are stretched beyond a knot, or
-    beyond their reach.
-    """
+    """Stretching of the contacts at a place in a panel, less a knot or their reach."""
     x = X - _inside(cohort.place, u)
     return abs(x) - _inside(cohort.reach, u) if knot == _EVER else x * sign - knot
 
 
 @bare
 def _cut(cohort: Record, X: float, knot: float) -> float:
-    """Where in a panel the contacts are stretched by `knot`, or as far as ever;
-    outside of (0, 1) nowhere.
+    """Place in a panel where contacts are stretched by `knot`, or to their reach;
+    outside of (0, 1) if nowhere.
     """
     sign = 1.0 if X - cohort[0].place >= 0.0 else -1.0
     a = 0.0
@@ -385,8 +383,8 @@ def _force_on_the_way(
 
 @bare
 def kink_at(cohorts: Record, used: int, breaking: Breaking, level: float) -> float:
-    """How much the slope of the force falls where the slider passes a place at which
-    it has turned.
+    """Fall of the slope of the force where the slider passes a place at which it has
+    turned.
     """
     jump = 0.0
     table = breaking.thresholds
@@ -457,7 +455,9 @@ def _divide(
 
 @bare
 def _part(whole: Record, part: Record, X: float, begin: float, end: float) -> None:
-    """Make a cohort the `part` from `begin` to `end` of the panel of a whole one."""
+    """Fill the `part` from `begin` to `end` of the panel of a whole cohort into
+    another.
+    """
     for j in range(Q):
         u = begin + (end - begin) * GAUSS[j]
         b = _inside(whole.place, u)

@@ -1,5 +1,5 @@
-"""What is left of contacts that attached together, whatever makes them break: two
-numbers that never fall.
+"""Survival of contacts that attached together, by two numbers that never fall: a reach
+and a clock.
 
 A contact of strength ``s`` has broken once the largest ``(|x| - addend)/factor`` of its
 life, its `reach`, is beyond ``s``: of thresholds that do not grow the largest
@@ -26,7 +26,7 @@ import numpy as np
 
 from ._jit import bare, inlined
 from .hazard import Growth, grown
-from .quadrature import MONOMIAL, NODE, P, along, dot, fit, gauss
+from .quadrature import MONOMIAL, NODE, P, along, bisect, dot, fit, gauss
 from .records import Floats, Record
 from .survival import SurvivalTable, value_and_slope, value_at
 
@@ -39,7 +39,7 @@ _EIGHT, _OF_EIGHT = gauss(8)
 
 
 class Breaking(NamedTuple):
-    """How contacts break."""
+    """How contacts break: at thresholds, which may grow, and by heat before them."""
 
     thresholds: SurvivalTable  # survival of strengths, by the reach
     knots: Floats  # where its slope jumps, if cohorts are cut there
@@ -112,7 +112,9 @@ def _is_tabulated(breaking: Breaking) -> bool:
 
 @inlined
 def energy(breaking: Breaking, x: float) -> float:
-    """What a clock has in place of a stretching, or of a strength."""
+    """What counts for a clock in place of a stretching, or of a strength: itself, or
+    half its square.
+    """
     return 0.5 * x * x if breaking.squared else x
 
 
@@ -187,8 +189,9 @@ def survival(breaking: Breaking, u: float, r: float) -> tuple[float, float, floa
 
 @bare
 def _beyond(breaking: Breaking, d: float, r: float, held: float) -> float:
-    """What survives where strengths below `r` matter:
-    ``Int J_c(max(r, u - A ln E)) exp(-E) dE``, by panels.
+    """Fraction that survives where strengths below `r` matter.
+
+    That is ``Int J_c(max(r, u - A ln E)) exp(-E) dE``, by panels.
     """
     total = held * math.exp(-math.exp(d))
     begin = 0.0
@@ -264,7 +267,7 @@ def _gain(
     sign: float,
     age: float,
 ) -> float:
-    """What a clock gains between two parts of a step on one side of a place `b`, of
+    """Gain of a clock between two parts of a step on one side of a place `b`, of
     contacts of an `age` at its start.
 
     That is ``A ln a Int exp((sign (x - b) - g)/A)``, by panels from the end where the
@@ -378,8 +381,8 @@ def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> Non
 
 @inlined
 def _limits(way: Floats, breaking: Breaking, side: int) -> tuple[float, float]:
-    """Between which numbers those lie that gains are a function of, of the contacts
-    that the slider is above, or below.
+    """Limits of the variable of the tabulated gains, for contacts that the slider is
+    above (side 0) or below (1).
 
     They are the places where contacts attached, or ``ln(1 + dt/(t_0 + age))``.
     """
@@ -424,8 +427,8 @@ def _tabulate(way: Floats, breaking: Breaking) -> None:
 def _shared(
     way: Floats, breaking: Breaking, side: int, k: int, b: float, age: float
 ) -> float:
-    """What the clock of contacts of a place, and of an age at the start of a step,
-    gains from a node to the next.
+    """Gain of the clock from a node to the next, of contacts at a place that have an
+    age at the start of a step.
     """
     growth = breaking.growth
     row = way[SHARED + side * BACK + k]
@@ -451,8 +454,8 @@ def _shared(
 def _gain_of_interval(
     way: Floats, breaking: Breaking, b: float, begin: float, k: int, age: float
 ) -> float:
-    """What the clock of contacts at a place gains before a node, from the node
-    before it or from a later `begin`.
+    """Gain of the clock of contacts at a place up to a node, from the node before it or
+    from a later `begin`.
     """
     a = NODE[k - 1]
     x0 = way[X, k - 1] - b
@@ -462,15 +465,8 @@ def _gain_of_interval(
         a = begin
         x0 = along(way[CURVE], begin) - b
     if x0 * x1 < 0.0 and min(abs(x0), abs(x1)) > 1e-14 and not breaking.squared:
-        low = a
-        high = NODE[k]
         sign = 1.0 if x1 > 0.0 else -1.0
-        for _ in range(40):
-            u = 0.5 * (low + high)
-            if (along(way[CURVE], u) - b) * sign > 0.0:
-                high = u
-            else:
-                low = u
+        low, _ = bisect(way[CURVE], b, sign, a, NODE[k], 40)
         before = (
             _gain(way, scratch, breaking, a, low, b, -sign, age) if low > a else NEVER
         )

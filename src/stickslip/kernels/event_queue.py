@@ -102,13 +102,13 @@ def wide(number: int) -> int:
 
 @inlined
 def size(queue: Queue) -> int:
-    """How many entries wait."""
+    """Number of entries that wait."""
     return int(queue.counts[_SIZE])
 
 
 @inlined
 def used(queue: Queue) -> int:
-    """All entries lie in places before this one."""
+    """Number of places in use: all entries lie below it."""
     return int(queue.counts[_UNUSED]) * _CHUNK
 
 
@@ -164,7 +164,7 @@ def push(queue: Queue, key: float, slot: int) -> int:
 
 @inlined
 def _insert(queue: Queue, key: float, place: int) -> None:
-    """Put an entry of the bin in use in its order."""
+    """Insert an entry of the bin in use in the order of its key."""
     counts = queue.counts
     first = counts[FIRST]
     last = counts[LAST]
@@ -205,7 +205,7 @@ def peek(queue: Queue) -> float:
 
 @bare
 def _next_bin(queue: Queue) -> None:
-    """Put the next bin with entries in use."""
+    """Advance to the next bin that is not empty."""
     counts = queue.counts
     last = queue.newest.size - 1
     if queue.newest[counts[BIN] & last] >= 0:
@@ -252,7 +252,7 @@ def drop(queue: Queue, place: int) -> None:
 
 @inlined
 def _load(queue: Queue) -> None:
-    """Put the entries of the bin in use in order."""
+    """Sort the entries of the bin in use."""
     counts = queue.counts
     bin_ = counts[BIN]
     place = queue.newest[bin_ & (queue.newest.size - 1)]

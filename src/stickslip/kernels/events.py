@@ -109,7 +109,7 @@ class ContactDraws(NamedTuple):
 
 
 class ContactsState(NamedTuple):
-    """All that the next step needs: contacts, queues, motion.
+    """State of the engine: contacts, queues, motion.
 
     ``ahead``, keyed by ``birth + threshold``, is where attached contacts live: what
     breaks next lies together. Its slots are the contacts' numbers, `other` the places
@@ -128,7 +128,7 @@ class ContactsState(NamedTuple):
 
 
 class Boxes(NamedTuple):
-    """What contacts that break by a `Rule` need besides.
+    """Further state of contacts that break by a `Rule`.
 
     ``of`` are those of the contacts, which have strengths for thresholds, ``times`` a
     tournament of their next proposals and ends of boxes. ``own`` are the strengths of
@@ -226,7 +226,8 @@ def _fill(
     detached: Counts,
     until: Floats,
 ) -> None:
-    """Put contacts where attached ones live, and others where they wait to re-attach.
+    """Enter attached contacts into the queue ahead, and detached ones into the queue of
+    those that wait.
 
     A contact whose threshold has grown may be stretched beyond its strength.
     """
@@ -272,8 +273,8 @@ def _reach(state: ContactsState, place: int, boxes: Boxes | None) -> float:
 
 @inlined
 def _first_behind(state: ContactsState) -> float:
-    """Nobody behind leaves his box, or breaks, before the slider is at minus this
-    position.
+    """Minus the position of the slider from which on a contact behind may break or
+    leave its box.
     """
     m = state.motion[0]
     return peek(state.behind) if m.keeps_behind else float(m.least)
@@ -331,8 +332,8 @@ def _hold(
     draws: ContactDraws,
     boxes: Boxes | None,
 ) -> None:
-    """Put a contact where attached ones live: up to its threshold, or within its
-    next box.
+    """Enter a contact that is attached into the queues, up to its threshold or within
+    its next box.
     """
     m = state.motion[0]
     contacts = state.ahead.entries
@@ -382,7 +383,7 @@ def _hold(
 
 @inlined
 def _drop(state: ContactsState, place: int) -> None:
-    """Take the contact at a place off the queues; its fields can still be read."""
+    """Remove the contact at a place from the queues; its fields can still be read."""
     if state.motion[0].keeps_behind:
         drop(state.behind, wide(state.ahead.entries[place]["other"]))
     drop(state.ahead, place)
@@ -396,8 +397,8 @@ def _variate(m: Record, draws: ContactDraws) -> float:
 
 @inlined
 def _rounding(m: Record) -> float:
-    """How well stretchings are known far from the origin, and thresholds that grow,
-    long after the beginning.
+    """Rounding error of a stretching, far from the origin, and of a threshold that
+    grows, long after the start.
     """
     return float(_ULPS * (abs(m.position) + abs(m.velocity) * m.time))
 
@@ -621,7 +622,9 @@ class _Edges(NamedTuple):
 
 @inlined
 def _edges(m: Record, watch: bool, boxes: Boxes | None, c: Constants) -> _Edges:
-    """Where the element yields; while it does so already, nowhere."""
+    """Positions at which the element of the detached contacts yields; infinite while it
+    does.
+    """
     ahead = np.inf
     behind = -np.inf
     low = -np.inf
@@ -683,8 +686,8 @@ def _leaps(
     boxes: Boxes,
     c: Constants,
 ) -> bool:
-    """Take a slider without mass towards its balance; whether something happens on
-    the way there.
+    """Move a slider without mass towards its balance; return whether an event happens
+    on the way.
     """
     m = state.motion[0]
     goal = motion.balance(m, drive, c)
@@ -727,8 +730,8 @@ _TURN = 2  # ends a flight where the slider turns round
 def _next_event(
     state: ContactsState, leg: FlightLeg, edges: _Edges, ahead: float, most: float
 ) -> tuple[float, float, float, int]:
-    """How long the flight lasts, at most `most`; displacement and velocity then; and
-    what ends it.
+    """Find the duration of the flight, at most `most`; displacement and velocity at its
+    end; and what ends it.
 
     1 and -1: a break ahead or behind, or the element of the detached contacts yields
     there; `_TURN`; 0: the limit, or the end of what was searched.

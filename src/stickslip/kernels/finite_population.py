@@ -276,7 +276,9 @@ def _go_on(state: PanelsState, case: Case, finite: FiniteNumber) -> float:
 
 @bare
 def _held(case: Case, u: float, r: float, clock: float, most: float) -> float:
-    """What a clock and a reach leave of contacts that have survived smaller ones."""
+    """Fraction of the surviving contacts, of clock `u` and reach `r`, that survive up
+    to this clock and reach.
+    """
     before = survival(case.breaking, u, r)[0]
     return survival(case.breaking, clock, most)[0] / before if before > GONE else 0.0
 
@@ -290,9 +292,7 @@ def _put(
     n: float,
     life: CountedLife,
 ) -> int:
-    """Put contacts with a life so far into a place among the nodes; whether there
-    are any.
-    """
+    """Enter contacts into a place among the nodes; return 1, or 0 if there are none."""
     if n == 0.0:
         return 0
     J = survival(case.breaking, life.clock, life.reach)[0]
@@ -317,8 +317,8 @@ def _joins(
     life: CountedLife,
     X: float,
 ) -> bool:
-    """Let contacts join those at a place among the nodes if that is as good as where
-    they attached.
+    """Add contacts to those at a place among the nodes if both count as attached at one
+    place; return whether they do.
     """
     if place < 0 or n == 0.0:
         return False
@@ -351,7 +351,9 @@ def _keep(
     dt: float,
     more: float,
 ) -> None:
-    """Let what has broken in a step, or more of it, wait for its re-attachment."""
+    """Enter what has broken in a step, or more of it, into the panel of the step, where
+    it waits to re-attach.
+    """
     panels = state.panels
     nodes = work.nodes
     delays = case.delays
@@ -410,7 +412,9 @@ def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> N
 def _arrivals(
     state: PanelsState, case: Case, finite: FiniteNumber, before: float, now: float
 ) -> float:
-    """Draw how many re-attach between two times; they wait no longer."""
+    """Draw how many contacts re-attach between two times, and take them off those that
+    wait.
+    """
     panels = state.panels
     delays = case.delays
     N = finite.contacts
@@ -469,8 +473,8 @@ def _attach(
     reattached: float,
     dt: float,
 ) -> float:
-    """Put what re-attaches in a step where the slider is on the way; how many have
-    broken again by its end.
+    """Enter what re-attaches in a step at the slider's places on the way; return how
+    many have broken again by its end.
     """
     cohorts = state.cohorts
     nodes = work.nodes
@@ -529,7 +533,7 @@ def _attach(
 
 @bare
 def _fill_up(state: PanelsState, place: int) -> None:
-    """Let the cohorts end after some places; the rest of the last is empty."""
+    """End the cohorts after a number of places, and empty the rest of the last."""
     state.used.cohorts = (place + Q - 1) // Q
     for i in range(place, Q * state.used.cohorts):
         node = state.cohorts[i // Q, i % Q]
@@ -539,8 +543,8 @@ def _fill_up(state: PanelsState, place: int) -> None:
 
 @bare
 def attach_all(state: PanelsState, case: Case, finite: FiniteNumber) -> None:
-    """Let all that is detached re-attach where the slider is, stretched the way it
-    has moved last.
+    """Re-attach all that is detached where the slider is, stretched the way it has
+    moved last.
     """
     motion = state.motion
     newborn = case.newborn
@@ -568,8 +572,8 @@ def attach_all(state: PanelsState, case: Case, finite: FiniteNumber) -> None:
 
 @bare
 def count_up(state: PanelsState, N: float) -> None:
-    """Take force, attached fraction and energy from the counts; energy that is no
-    longer stored is lost.
+    """Sum force, attached fraction and energy from the counts; energy that is no longer
+    stored is lost.
     """
     cohorts = state.cohorts
     motion = state.motion

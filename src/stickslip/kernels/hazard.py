@@ -1,5 +1,5 @@
-"""How contacts come to break: rates of thermal activation, and thresholds that grow
-with age by a fixed rule.
+"""Rates at which heat breaks contacts, and thresholds that grow with age by a fixed
+rule.
 """
 
 import math
@@ -105,8 +105,8 @@ def height(hazard: Hazard, x: float, threshold: float) -> float:
 
 @inlined
 def stretching_at(hazard: Hazard, height: float, threshold: float) -> float:
-    """Stretching at which a `height` of the barrier is left; below 0 if it never is
-    as high.
+    """Stretching at which a `height` of the barrier is left; below 0 if it is never as
+    high.
     """
     if hazard.kind == BELL:
         return threshold - hazard.width * height
@@ -132,8 +132,8 @@ def steepest(hazard: Hazard, x: float, threshold: float) -> float:
 def longest_fold(
     hazard: Hazard, folds: float, x: float, end: float, threshold: float
 ) -> float:
-    """Bound on the distance in which the rate grows by so many `folds` (powers of e),
-    where its logarithm is no straight line; infinite for Bell's.
+    """Bound on the distance in which the rate grows by a number of `folds` (powers of
+    e), where its logarithm is no straight line; infinite for Bell's.
 
     From a stretching ``x`` on the way to where it meets its threshold, at `end`; now it
     is `threshold`.

@@ -61,7 +61,7 @@ class AgeingContacts(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """What is the same for all contacts in a step of length `dt`."""
+    """Numbers of a step of length `dt` that all contacts share."""
 
     dt: float
     v: float
@@ -262,7 +262,7 @@ def _live(
 def _at_once(
     hazard: Hazard, langevin: Langevin, x: float, f: float, v: float, left: float
 ) -> float:
-    """How long a contact may be followed at once, of the time that is left."""
+    """Longest time, of what is left, in which a contact may be followed in one step."""
     square = langevin.rate * langevin.rate
     noise = 2.0 * square * langevin.std * langevin.std
     h = left
@@ -289,8 +289,8 @@ def _live_hot(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """`_live` at a temperature: the rate of breaking follows the threshold of the
-    moment, which is noisy.
+    """Follow a contact as `_live` does, at a temperature: its rate of breaking goes
+    with the noisy threshold of the moment.
 
     A contact breaks where the integral of the rate along its own path reaches a number
     drawn from ``exp(-E)``, or where it meets its threshold. It takes steps of its own:

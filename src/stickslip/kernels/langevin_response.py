@@ -189,7 +189,7 @@ def _transform(
 
 @jit
 def life_transforms(known: Excursions, p: Complexes) -> Complexes:
-    """What one life contributes to the dynamic stiffness at Laplace variables `p` in
+    """Contribution of one life to the dynamic stiffness at Laplace variables `p` in
     units of rate^2, shape (4, n).
 
     ``int S e^{-pa}``, ``int u a S e^{-pa}``, and the same two of the perturbation of

@@ -146,8 +146,8 @@ def _remember(
     matrix: Floats,
     known: Floats,
 ) -> None:
-    """What came above its level again, at an age of panel `k` where the levels are
-    `levels`.
+    """Add to the equations the thresholds that came above their level again, at an age
+    of panel `k` where the levels are `levels`.
 
     Of the panel itself it goes into the row `matrix` of the equations, shape (P + 1,
     n); of those before into `known`.

@@ -1,5 +1,5 @@
-"""Blocks in motion: leapfrog, kick and drift, with what goes with it: dashpots,
-energies, samples, pieces of the drive.
+"""Leapfrog of blocks, kick and drift; with dashpots, energies, samples and pieces of
+the drive.
 
 What the contacts of a block do while it drifts is for another kernel to say
 (`blocks`); here they are three sums: the attached fraction, and the origins of
@@ -68,8 +68,8 @@ class Network(NamedTuple):
 
 
 class Blocks(NamedTuple):
-    """What each block has, shape (n,): motion, sums over its contacts, and what has
-    been.
+    """Of each block, shape (n,): motion, sums over its contacts, and records of its
+    past.
     """
 
     X: Floats
@@ -158,7 +158,7 @@ def element(blocks: Blocks, j: int, X: float, sliding: float) -> float:
 
 @inlined
 def slide(motion: BlockMotion, j: int, X: float, sliding: float) -> float:
-    """Take the detached contacts of a block along to `X`; the force of each."""
+    """Move the detached contacts of a block along to `X`; return the force of each."""
     blocks = motion.blocks
     e = X - blocks.anchor[j]
     force = min(max(e, -sliding), sliding)
@@ -401,7 +401,7 @@ def begin_step(
 
 @inlined
 def end_step(motion: BlockMotion, piece: Piece) -> None:
-    """All blocks have drifted."""
+    """End a step after all blocks have drifted."""
     now = motion.now
     soon = now.time + now.step
     now.time = piece.end if piece.end - soon < 1e-6 * now.step else soon

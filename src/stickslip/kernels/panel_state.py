@@ -1,6 +1,4 @@
-"""What the master equation on panels goes on from, and what stays the same on the
-way.
-"""
+"""State and constants of the master equation on panels."""
 
 import math
 from typing import NamedTuple
@@ -55,7 +53,7 @@ def newborns(breaking: Breaking, newborn: Newborn, i: int) -> float:
 
 
 class Accuracy(NamedTuple):
-    """How large a step may be."""
+    """Bounds on a step: its error, the way of the slider, and what breaks."""
 
     tolerance: float  # largest error
     # how far the slider may go while all that is attached re-attaches in a step
@@ -77,8 +75,8 @@ UNSTRETCHED = Newborn(np.zeros(1), np.ones(1), 1.0)
 
 
 class Case(NamedTuple):
-    """All that stays the same while the drive moves by one rule; a detached contact
-    slides with `sliding_force`.
+    """Constants of the motion under one piece of the drive; a detached contact slides
+    with `sliding_force`.
     """
 
     breaking: Breaking
@@ -139,7 +137,7 @@ the slider.
 
 
 class PanelsState(NamedTuple):
-    """All that the next step needs.
+    """State of the slider and of the cohorts.
 
     Arrays have room to spare; `used` says how much is filled.
 

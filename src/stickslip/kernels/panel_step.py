@@ -150,7 +150,7 @@ def heading(state: PanelsState, work: Work) -> float:
 
 @inlined
 def reach(nodes: Record) -> tuple[float, float]:
-    """How far the slider goes back and ahead in a step."""
+    """Farthest places of the slider in a step, behind and ahead."""
     low = high = 0.0
     for k in range(1, P + 1):
         low = min(low, nodes[k].x)
@@ -213,7 +213,7 @@ def _hold(work: Work, delays: Delays, dt: float) -> None:
 
 @inlined
 def _slope(work: Work, k: int, c: int) -> float:
-    """How the force at one node follows the slider's place at another."""
+    """Slope of the force at one node in the slider's place at another."""
     nodes = work.nodes
     way = work.reading.way
     slope = (
@@ -318,7 +318,7 @@ def _gather(state: PanelsState, work: Work, case: Case, low: float, high: float)
 
 @bare
 def _begin(state: PanelsState, work: Work, case: Case, dt: float) -> None:
-    """Put the slider at the nodes to where it went if nothing more broke.
+    """Guess where the slider is at the nodes: where it would go if nothing more broke.
 
     A rigid one is put to where it is driven, and one without mass to where it went at
     the same velocity: as it breaks contacts it has next to no stiffness.
@@ -445,8 +445,8 @@ def try_step(
 
 @bare
 def _trouble(nodes: Record, case: Case, dt: float) -> float:
-    """Error of a solved step in tolerances, and how far it goes in what its nodes
-    can stand for.
+    """Error of a solved step in tolerances, or how far the slider goes over what its
+    nodes resolve, the larger.
     """
     slider = case.slider
     tol = case.accuracy.tolerance

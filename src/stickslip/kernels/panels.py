@@ -58,7 +58,19 @@ from .panel_state import (
     newborns,
 )
 from .panel_step import element_at, heading, only_lose, try_step
-from .quadrature import GAUSS, INCREASE, INTEGRAL, NODE, PART, P, Q, along, dot, fit
+from .quadrature import (
+    GAUSS,
+    INCREASE,
+    INTEGRAL,
+    NODE,
+    PART,
+    P,
+    Q,
+    along,
+    bisect,
+    dot,
+    fit,
+)
 from .reattachment import forget, mark_rough, next_front
 from .records import Floats, Record, blank
 
@@ -69,9 +81,7 @@ SMOOTH, TURNS, PASSES, SLIDES, FAILS = range(5)
 
 
 class Wanted(NamedTuple):
-    """How far to go, the condition that ends it early, the times of the samples, and
-    room for them.
-    """
+    """End of a call: a time or a condition; times of the samples, and room for them."""
 
     until: float
     stop: Stop
@@ -87,15 +97,7 @@ def _crossing(row: Floats, curve: Floats, level: float, sign: float) -> float:
     for k in range(1, P + 1):
         if (row[k] - level) * sign > 0.0:
             fit(row, curve)
-            a = NODE[k - 1]
-            b = NODE[k]
-            for _ in range(50):
-                u = 0.5 * (a + b)
-                if (along(curve, u) - level) * sign > 0.0:
-                    b = u
-                else:
-                    a = u
-            return float(b)
+            return bisect(curve, level, sign, NODE[k - 1], NODE[k], 50)[1]
     return 2.0
 
 
@@ -207,7 +209,7 @@ def _commit(
 
 @bare
 def _move(state: PanelsState, work: Work, case: Case, dt: float) -> None:
-    """Go to the end of a step."""
+    """Advance the motion to the end of a step."""
     nodes = work.nodes
     motion = state.motion
     motion.broken += nodes[P].broken
@@ -261,7 +263,7 @@ def _sample(
 
 @bare
 def _first_step(state: PanelsState, case: Case) -> float:
-    """A step in which next to nothing can happen that the next ones would not see."""
+    """Length of a first step, so short that it needs no step before it."""
     if is_rigid(case.slider) or case.slider.mass == 0.0:
         return float(
             0.1 * case.accuracy.width / max(abs(state.motion.velocity), 1e-300)
@@ -271,7 +273,7 @@ def _first_step(state: PanelsState, case: Case) -> float:
 
 @bare
 def _arrest(state: PanelsState, case: Case, finite: FiniteNumber | None) -> None:
-    """Let all that is detached re-attach where the slider is."""
+    """Re-attach all that is detached where the slider is."""
     motion = state.motion
     newborn = case.newborn
     cohorts = state.cohorts
@@ -307,8 +309,8 @@ def _arrest(state: PanelsState, case: Case, finite: FiniteNumber | None) -> None
 
 @bare
 def _first_event(state: PanelsState, work: Work, case: Case) -> tuple[float, int]:
-    """What first ends a smooth step within the one that was tried, and at which part
-    of it.
+    """Find the first event within a smooth step that was tried; return at which part of
+    the step, and what it is.
     """
     motion = state.motion
     nodes = work.nodes
@@ -380,8 +382,8 @@ def _misled(state: PanelsState, work: Work, case: Case) -> float:
 def _step(
     state: PanelsState, work: Work, case: Case, most: float, smallest: float
 ) -> tuple[float, int]:
-    """Take a step as long as the error and the first event allow, at most `most`:
-    its length, and what ends it.
+    """Solve a step as long as the error and the first event allow, at most `most`;
+    return its length, and what ends it.
     """
     motion = state.motion
     planned = motion.next_step
@@ -538,8 +540,8 @@ def _sample_all(
 
 @bare
 def _sample_here(state: PanelsState, wanted: Wanted, smallest: float) -> bool:
-    """Take the samples that are due where a step begins; whether the condition holds
-    there.
+    """Fill the samples that are due where a step begins; return whether the condition
+    holds there.
     """
     motion = state.motion
     used = state.used
@@ -632,7 +634,7 @@ def _take(
     dt: float,
     event: int,
 ) -> None:
-    """Take a step that has been solved, and what happens at its end."""
+    """Accept a step that has been solved, with the event at its end."""
     motion = state.motion
     nodes = work.nodes
     direction = heading(state, work)
@@ -724,7 +726,9 @@ def _room_to_work(state: PanelsState, breaking: Breaking) -> Work:
 def _with_room(
     state: PanelsState, case: Case, finite: FiniteNumber | None
 ) -> PanelsState:
-    """The same state with room for more cohorts, some joined, and for more panels."""
+    """Return the state with room for more cohorts, some of them joined, and for more
+    panels.
+    """
     used = state.used
     room = len(state.cohorts)
     spare = panel_state.SPARE + case.newborn.stretching.size

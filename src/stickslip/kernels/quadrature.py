@@ -126,6 +126,22 @@ def along(curve: Floats, u: float) -> float:
     return float(total)
 
 
+@inlined
+def bisect(
+    curve: Floats, level: float, sign: float, low: float, high: float, times: int
+) -> tuple[float, float]:
+    """Bracket where a polynomial crosses a level, in the direction of `sign`, between
+    two places, by bisection.
+    """
+    for _ in range(times):
+        middle = 0.5 * (low + high)
+        if (along(curve, middle) - level) * sign > 0.0:
+            high = middle
+        else:
+            low = middle
+    return low, high
+
+
 @bare
 def between(row: Floats, u: float) -> float:
     """Value at ``0 <= u <= 1`` of the polynomial through values at start and nodes;

@@ -86,8 +86,8 @@ def _answer(
     direction: float,
     room: Floats,
 ) -> bool:
-    """How the blocks move (``room[0]``) as forces `right` are added, and whether it was
-    found which elements slide.
+    """Find how the blocks move (``room[0]``) as forces `right` are added; return
+    whether it was found which elements slide.
 
     `direction` is the sign of the path.
     """
@@ -148,8 +148,8 @@ def _answer(
 def _first(
     state: BlocksState, sliding: float, direction: float, most: float, room: Floats
 ) -> tuple[float, int, int]:
-    """How far along ``direction * room[0]`` the first event lies, up to `most`; on
-    which block; 1 if it is a break.
+    """Distance along ``direction * room[0]`` to the first event, up to `most`; its
+    block; 1 if it is a break.
     """
     blocks = state.motion.blocks
     Y = room[0]
@@ -212,7 +212,7 @@ def _follow(
     piece: Piece,
     room: Floats,
 ) -> None:
-    """Let the blocks follow the drive to a time."""
+    """Move the blocks with the drive to a time."""
     now = state.motion.now.time
     direction = drive_at(piece.drive, time)[0] - drive_at(piece.drive, now)[0]
     _go(state, network, sliding, direction, max(time, now), piece, room)
@@ -309,7 +309,7 @@ def _let_go(
     draws: BlockDraws,
     room: Floats,
 ) -> int:
-    """Let go of what is out of balance, as far as the first event; that happens."""
+    """Relax the unbalanced force up to the first event, and let it happen."""
     blocks = state.motion.blocks
     now = state.motion.now
     right = room[6]

@@ -45,7 +45,7 @@ def in_panel(panels: Floats, k: int, t: float) -> float:
 def known_reattachment(
     state: PanelsState, work: Work, delays: Delays, dt: float
 ) -> None:
-    """What broke before this step and re-attaches up to each node of it."""
+    """Sum what re-attaches up to each node of a step of what broke before it."""
     nodes = work.nodes
     t = state.motion.time
     for k in range(P + 1):
@@ -94,7 +94,7 @@ def _add_spread_delays(
 
 @bare
 def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
-    """All that re-attaches up to each node: what was known, and what breaks in the
+    """Sum what re-attaches up to each node: what was known, and of what breaks in the
     step itself.
     """
     nodes = work.nodes

@@ -56,7 +56,7 @@ class RenewalContacts(NamedTuple):
 
 
 class ReAttached(NamedTuple):
-    """What all but the initial contacts contribute, on a uniform grid from 0:
+    """Contribution of all but the initial contacts, on a uniform grid from 0:
     continuous functions.
     """
 

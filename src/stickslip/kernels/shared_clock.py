@@ -1,5 +1,5 @@
-"""The clock of contacts that break by Bell's rate at thresholds that stay: one box for
-all of them.
+"""One clock for all contacts that break by Bell's rate at thresholds that do not grow:
+one box for all of them.
 
 A contact that attached at ``b`` with threshold ``s`` breaks at the rate
 ``w exp((|X - b| - s)/A)``. Breaks are proposed at the rate
@@ -169,7 +169,7 @@ def propose(
 
 @inlined
 def forget(clock: Clock, slot: int, contacts: int) -> None:
-    """Take a contact that breaks off the clocks."""
+    """Remove a contact that breaks from the clocks."""
     for side in range(2):
         if clock.dials[side].kept:
             enter(clock.readings[side], contacts, slot, np.inf)

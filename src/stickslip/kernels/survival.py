@@ -175,7 +175,7 @@ EMPTY = SurvivalTable(
 
 @inlined
 def drawn(rng: np.random.Generator, count: float, held: float) -> float:
-    """How many of a number break if each holds with a probability."""
+    """Draw how many of a number break, if each holds with a probability."""
     if held >= 1.0 - GONE or count == 0.0:  # rounding draws no number
         return 0.0
     if held <= 0.0:

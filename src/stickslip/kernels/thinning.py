@@ -58,8 +58,8 @@ class Rule(NamedTuple):
 
 
 class Box(NamedTuple):
-    """How far a contact may be stretched, for how long, and its largest rate there;
-    no time: it breaks at once.
+    """Bounds of a box: largest stretching, duration, and largest rate within; with no
+    duration the contact breaks at once.
     """
 
     reach: float

@@ -37,7 +37,7 @@ COLUMNS = 5
 
 
 class Course(NamedTuple):
-    """What a slider is to do."""
+    """Course of a slider: its drive, the samples, the largest step, and the end."""
 
     drive: Quadratic
     slider: Slider
@@ -103,8 +103,8 @@ def keep(state: Floats, here: Motion, loss: float) -> None:
 def _pace(
     course: Course, here: Motion, load: Load, angle: float, until: float
 ) -> float:
-    """Next step of time: none beyond `until`, none in which the slider goes farther
-    than it may.
+    """Length of the next step: it ends by `until`, and the slider goes no farther than
+    it may.
 
     A free oscillation that matters is followed in steps of `angle` (rad).
     """

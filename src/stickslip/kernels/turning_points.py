@@ -35,8 +35,8 @@ START = Zigzag(False, -np.inf, 0, np.inf, 0, NOTHING)
 
 @jit
 def turn(state: Zigzag, at: int, value: float, drop: float, rise: float) -> Zigzag:
-    """Take the next value of the force; `found` says whether it proves the last peak
-    or the last trough.
+    """Add the next value of the force; `found` says whether it proves the last peak or
+    the last trough.
     """
     falling, high, high_at, low, low_at, _ = state
     if falling:
