@@ -202,15 +202,14 @@ def march(
     width = np.empty(room)
     fresh = np.empty(room, np.bool_)
     table = np.empty((6, room * NODES))
-    n = strengths.size
-    cap = np.zeros((3, n))
+    cap = np.zeros((3, strengths.size))
     integrated = np.empty(NODES)
     aged = np.empty(NODES)
     x = np.empty(NODES)
     rate = np.empty(NODES)
     along = np.empty(NODES)
     older = np.empty(NODES)
-    for i in range(n):
+    for i in range(strengths.size):
         xi = strengths[i]
         part = weights[i]
         end = reach(growth, xi, v)

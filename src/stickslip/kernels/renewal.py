@@ -82,9 +82,8 @@ def solve(contacts: RenewalContacts, distance: float, points: int) -> ReAttached
     """
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
-    first = (
-        1.0 - _initial(contacts, np.linspace(0.0, distance, 4 * points + 1)).attached
-    )
+    finest = np.linspace(0.0, distance, 4 * points + 1)
+    first = 1.0 - _initial(contacts, finest).attached
     coarse, middle, fine = (
         solve_once(contacts, first[:: 4 // every], distance)[:, ::every]
         for every in (1, 2, 4)
@@ -100,10 +99,9 @@ def solve(contacts: RenewalContacts, distance: float, points: int) -> ReAttached
         stretched = np.zeros_like(X)
         for shift, fraction in zip(contacts.shift, contacts.fraction, strict=True):
             later = shift <= X
-            back[later] += fraction * _interpolate(broken, (X[later] - shift) / spacing)
-            stretched[later] += fraction * _interpolate(
-                travelled, (X[later] - shift) / spacing
-            )
+            where = (X[later] - shift) / spacing
+            back[later] += fraction * _interpolate(broken, where)
+            stretched[later] += fraction * _interpolate(travelled, where)
     # What the initial breaks put back at once is left to `observe`, which knows it
     # without interpolating.
     once = _at_once(contacts)
@@ -175,12 +173,13 @@ def _initial(contacts: RenewalContacts, X: Floats) -> RigidResponse:
     size = max(1_000_000 // contacts.stretching.size, 1)
     for part in (inside[begin : begin + size] for begin in range(0, inside.size, size)):
         x = contacts.stretching[:, None] + X[part]
-        survivors = scale * contacts.excess(np.maximum(x, known), 0)
-        breaking = np.where(
-            x >= known, scale * contacts.density(np.maximum(x, known)), 0.0
-        )
-        terms = x * survivors, survivors, breaking, survivors - x * breaking
-        values[:, part] = [np.sum(term, axis=0) for term in terms]
+        reached = np.maximum(x, known)
+        survivors = scale * contacts.excess(reached, 0)
+        breaking = np.where(x >= known, scale * contacts.density(reached), 0.0)
+        values[0, part] = np.sum(x * survivors, axis=0)
+        values[1, part] = np.sum(survivors, axis=0)
+        values[2, part] = np.sum(breaking, axis=0)
+        values[3, part] = np.sum(survivors - x * breaking, axis=0)
     return RigidResponse(*values)
 
 
@@ -223,10 +222,8 @@ def solve_once(contacts: RenewalContacts, first: Floats, distance: float) -> Flo
     damping = np.exp(np.log(WRAPPED) / size * np.arange(n))
     kernels = np.fft.rfft(weights * damping, size)
     breaks = np.fft.rfft(first * damping, size) / (1 - kernels[0])
-    rows = (
-        np.fft.irfft(np.concatenate([breaks[None], breaks * kernels[1:]]), size)[:, :n]
-        / damping
-    )
+    spectra = np.concatenate([breaks[None], breaks * kernels[1:]])
+    rows = np.fft.irfft(spectra, size)[:, :n] / damping
     broken = rows[0]
     travelled = h * (np.cumsum(broken) - 0.5 * broken)
     return np.stack([broken, travelled, *rows[1:]])
@@ -253,8 +250,9 @@ def _antiderivatives(contacts: RenewalContacts, path: Floats, end: float) -> Flo
         contacts.born.tolist(), contacts.born_weight.tolist(), strict=True
     ):
         held = abs(born)
+        at_birth = np.array([held])
         all_held, mean, half_square = (
-            float(contacts.excess(np.array([held]), order)[0]) for order in range(3)
+            float(contacts.excess(at_birth, order)[0]) for order in range(3)
         )
         gone = held + mean / all_held
         work = 0.5 * held * held + (half_square + held * mean) / all_held
@@ -265,18 +263,16 @@ def _antiderivatives(contacts: RenewalContacts, path: Floats, end: float) -> Flo
             contacts.excess(x, order) / all_held for order in range(3)
         )
         G = 1.0 - survival
-        total[:, begin:tail] += weight * np.stack(
-            [x - gone + first, G, 0.5 * x * x - work + second + x * first, x * G]
-        )
+        integral = x - gone + first
+        moment = 0.5 * x * x - work + second + x * first
+        total[:, begin:tail] += weight * np.stack([integral, G, moment, x * G])
         lost += weight * np.array([gone - born, work - 0.5 * born * born])
     x = path[tail:]
     carried = _carried(contacts)
-    total[:, tail:] = (
-        x - lost[0],
-        np.ones_like(x),
-        x * (0.5 * x + carried) - lost[1],
-        x + carried,
-    )
+    total[0, tail:] = x - lost[0]
+    total[1, tail:] = 1.0
+    total[2, tail:] = x * (0.5 * x + carried) - lost[1]
+    total[3, tail:] = x + carried
     return total
 
 
@@ -290,6 +286,7 @@ def _interpolate(values: Floats, where: Floats) -> Floats:
     offset = where - first
     total = np.zeros(values.shape[:-1] + where.shape)
     for i in range(degree + 1):
-        factors = [(offset - j) / (i - j) for j in range(degree + 1) if j != i]
+        others = [j for j in range(degree + 1) if j != i]
+        factors = [(offset - j) / (i - j) for j in others]
         total += np.prod(factors, axis=0) * values[..., first + i]
     return total
