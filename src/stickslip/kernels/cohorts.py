@@ -26,7 +26,7 @@ from .effective_stretching import (
     note,
     survival,
 )
-from .quadrature import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q, dot
+from .quadrature import GAUSS, GAUSS_MONOMIAL, WEIGHT, Q
 from .records import Counts, Floats, Record, record
 from .survival import SurvivalTable, value_and_slope, value_at
 
@@ -38,10 +38,13 @@ are those of Gauss on one panel; `count` is the number attached where they are c
 is when they attached.
 """
 
-ACTIVE = record("place mass reach clock age reach_on_way gain")
-"""A node that may break in a step: its place from the origin, mass and reach; where
-contacts break by age or temperature its clock and age, too, and on the way through the
-step its reach and what its clock has gained.
+ACTIVE = record("place mass reach")
+"""A node that may break in a step: its place from the origin, mass and reach."""
+
+ON_WAY = record("clock age reach gain")
+"""Of such a node, where contacts break by age or temperature: its clock and age, and on
+the way through the step its reach and what its clock has gained. Apart from `ACTIVE`,
+which is read most often: memory is read faster without what is not asked for.
 """
 
 
@@ -49,6 +52,7 @@ class Reading(NamedTuple):
     """Room for what the slider may break in a step, filled by `gather`."""
 
     active: Record  # shape (n,), of ACTIVE
+    on_way: Record  # shape (n,), of ON_WAY
     sums: Floats  # shape (3,): moments of the mass of all nodes that cannot
     kinked: Counts  # how many cohorts a knot may pass through, and which
     way: Floats  # of the slider in the step, see `effective_stretching`
@@ -118,37 +122,49 @@ def _is_passed(
     )
 
 
-@inlined
-def _inside(values: Floats, u: float) -> float:
-    """Value at ``0 <= u <= 1`` in the panel that a cohort stands for, by those at its
-    nodes.
+_ONES = np.ones(Q)
+
+
+class _Curve(NamedTuple):
+    """Coefficients of the polynomial through values at the `Q` nodes of a cohort, over
+    its panel from 0 to 1.
     """
-    total = 0.0
-    for a in range(Q - 1, -1, -1):
-        total = total * u + dot(GAUSS_MONOMIAL[a], values)
-    return total
+
+    c0: float
+    c1: float
+    c2: float
+    c3: float
 
 
 @inlined
-def _density_inside(masses: Floats, u: float) -> float:
-    """Mass of attachments per unit of `u` in the panel that a cohort stands for."""
-    total = 0.0
-    for a in range(Q - 1, -1, -1):
-        c = 0.0
-        for b in range(Q):
-            c += GAUSS_MONOMIAL[a, b] * (masses[b] / WEIGHT[b])
-        total = total * u + c
-    return total
+def _curve(values: Floats, per: Floats) -> _Curve:
+    """Polynomial through values at the nodes of a cohort, each over a number."""
+    c0 = c1 = c2 = c3 = 0.0
+    for b in range(Q):
+        value = values[b] / per[b]
+        c0 += GAUSS_MONOMIAL[0, b] * value
+        c1 += GAUSS_MONOMIAL[1, b] * value
+        c2 += GAUSS_MONOMIAL[2, b] * value
+        c3 += GAUSS_MONOMIAL[3, b] * value
+    return _Curve(c0, c1, c2, c3)
+
+
+@inlined
+def _inside(curve: _Curve, u: float) -> float:
+    """Value at ``0 <= u <= 1`` in the panel that a cohort stands for."""
+    return ((curve.c3 * u + curve.c2) * u + curve.c1) * u + curve.c0
 
 
 _EVER = -1.0  # in place of a knot: the largest stretching so far
 
 
 @inlined
-def _beyond(cohort: Record, X: float, knot: float, sign: float, u: float) -> float:
+def _beyond(
+    place: _Curve, reach: _Curve, X: float, knot: float, sign: float, u: float
+) -> float:
     """Stretching of the contacts at a place in a panel, less a knot or their reach."""
-    x = X - _inside(cohort.place, u)
-    return abs(x) - _inside(cohort.reach, u) if knot == _EVER else x * sign - knot
+    x = X - _inside(place, u)
+    return abs(x) - _inside(reach, u) if knot == _EVER else x * sign - knot
 
 
 @bare
@@ -156,16 +172,18 @@ def _cut(cohort: Record, X: float, knot: float) -> float:
     """Place in a panel where contacts are stretched by `knot`, or to their reach;
     outside of (0, 1) if nowhere.
     """
+    place = _curve(cohort.place, _ONES)
+    reach = _curve(cohort.reach, _ONES)
     sign = 1.0 if X - cohort[0].place >= 0.0 else -1.0
     a = 0.0
     b = 1.0
-    fa = _beyond(cohort, X, knot, sign, a)
-    fb = _beyond(cohort, X, knot, sign, b)
+    fa = _beyond(place, reach, X, knot, sign, a)
+    fb = _beyond(place, reach, X, knot, sign, b)
     if fa * fb >= 0.0 or max(abs(fa), abs(fb)) < 1e-9:
         return 2.0
     for _ in range(50):
         u = 0.5 * (a + b)
-        if _beyond(cohort, X, knot, sign, u) * fa > 0.0:
+        if _beyond(place, reach, X, knot, sign, u) * fa > 0.0:
             a = u
         else:
             b = u
@@ -196,13 +214,16 @@ def _in_parts(
     begin = 0.0
     table = breaking.thresholds
     X = origin + y
+    place = _curve(cohort.place, _ONES)
+    reach = _curve(cohort.reach, _ONES)
+    density = _curve(cohort.mass, WEIGHT)
     while begin < 1.0:
         end = _next_cut(cohort, X, breaking.knots, begin)
         for j in range(Q):
             u = begin + (end - begin) * GAUSS[j]
-            m = (end - begin) * WEIGHT[j] * _density_inside(cohort.mass, u)
-            x = X - _inside(cohort.place, u)
-            r = _inside(cohort.reach, u)
+            m = (end - begin) * WEIGHT[j] * _inside(density, u)
+            x = X - _inside(place, u)
+            r = _inside(reach, u)
             if abs(x) > r - 1e-12:
                 J, slope = value_and_slope(table, abs(x))
                 S += m * (J + abs(x) * slope)
@@ -269,8 +290,8 @@ def gather(
                         whole
                         and later(breaking.width, u, most) < breaking.blurred.bottom
                     )
-                active[count].clock = u
-                active[count].age = age
+                reading.on_way[count].clock = u
+                reading.on_way[count].age = age
             if whole:
                 m0 += m
                 m1 += m * d
@@ -349,20 +370,20 @@ def _force_on_the_way(
     A = breaking.width
     force = mass = slope = energy = ahead = back = 0.0
     for i in range(count):
-        node = active[i]
-        d = node.place
-        m = node.mass
-        r = node.reach
+        d = active[i].place
+        m = active[i].mass
+        r = active[i].reach
+        node = reading.on_way[i]
         u = node.clock
         x = y - d
         part = 0.0
         rises = False
         if k > 0:
             gain = node.gain if k > 1 else NEVER
-            before = node.reach_on_way if k > 1 else r
+            before = node.reach if k > 1 else r
             gain, r = followed(way, breaking, d, gain, before, node.age, 0.0, k)
             node.gain = gain
-            node.reach_on_way = r
+            node.reach = r
             rises = r > before
             if A > 0.0:
                 u = later(A, u, gain)
@@ -458,13 +479,16 @@ def _part(whole: Record, part: Record, X: float, begin: float, end: float) -> No
     """Fill the `part` from `begin` to `end` of the panel of a whole cohort into
     another.
     """
+    place = _curve(whole.place, _ONES)
+    reach = _curve(whole.reach, _ONES)
+    density = _curve(whole.mass, WEIGHT)
     for j in range(Q):
         u = begin + (end - begin) * GAUSS[j]
-        b = _inside(whole.place, u)
+        b = _inside(place, u)
         part[j] = whole[j]
         part[j].place = b
-        part[j].mass = (end - begin) * WEIGHT[j] * _density_inside(whole.mass, u)
-        part[j].reach = max(abs(X - b), _inside(whole.reach, u))
+        part[j].mass = (end - begin) * WEIGHT[j] * _inside(density, u)
+        part[j].reach = max(abs(X - b), _inside(reach, u))
         part[j].whole = 1.0
 
 

@@ -27,6 +27,7 @@ from ._jit import bare, jit
 from .cohorts import (
     ACTIVE,
     COHORT_NODE,
+    ON_WAY,
     Reading,
     divide,
     divide_passed,
@@ -699,6 +700,7 @@ def _room_to_work(state: PanelsState, breaking: Breaking) -> Work:
     room = len(state.cohorts)
     reading = Reading(
         blank(ACTIVE, Q * room),
+        blank(ON_WAY, Q * room),
         np.zeros(3),
         np.zeros(room + 1, np.int64),
         a_way(breaking),
