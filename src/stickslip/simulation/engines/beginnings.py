@@ -268,7 +268,7 @@ def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
 
 def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
     """How often each contact breaks in a piece of the drive, or at rest, and is in a
-    box of `kernels.boxes`.
+    box of `kernels.thinning`.
 
     Whatever the distribution of the time `C` from one attachment to the next, a renewal
     process attaches contacts between once and twice ``T/<min(C, T)>`` times in the time
