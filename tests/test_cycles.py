@@ -121,7 +121,7 @@ def test_verdicts_of_random_rigs_agree_with_long_runs():
 def test_an_oscillation_that_has_not_settled_is_undecided(monkeypatch):
     # A slow passage: just below tau* the oscillation lingers at .55 before it decays.
     assert is_sustained(pulled(0.0757)).sustained is False
-    monkeypatch.setattr(cycles.verdict, "PATIENCE", 4)
+    monkeypatch.setattr(cycles.oscillation_verdict, "PATIENCE", 4)
     hurried = is_sustained(pulled(0.0757))
     assert (hurried.sustained, hurried.kind) == (None, "undecided")
     assert "still changes" in hurried.reason

@@ -24,8 +24,8 @@ from stickslip.fitting.bench import half_speed_of, read_pairs, strengthening_of
 from stickslip.fitting.inference import infer
 from stickslip.fitting.model import KEYS, Prior, sampled, simulate
 from stickslip.fitting.rigs import remade
+from stickslip.fitting.series_table import Observation, SeriesTable, folder_of, table
 from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
-from stickslip.fitting.tables import Observation, Table, folder_of, table
 from stickslip.io.rig_files import to_toml
 from stickslip.kernels.turning_points import Recording
 from stickslip.rate_state.fitting import Estimate
@@ -246,7 +246,7 @@ def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
 
 def seen_of(observation, peaks, troughs, **how):
     """Statistics of one series of slips, as a bench sees it."""
-    one = Table(
+    one = SeriesTable(
         prior=Prior(),
         parts=np.empty((1, 6)),
         count=np.array([peaks.size]),

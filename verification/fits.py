@@ -18,8 +18,8 @@ from stickslip.errors import InputError
 from stickslip.fitting import FITTED, Bench, Fit, Prior, pick_events, synthetic_trace
 from stickslip.fitting.inference import infer
 from stickslip.fitting.model import KEYS
+from stickslip.fitting.series_table import Observation, table
 from stickslip.fitting.summary import NAMES
-from stickslip.fitting.tables import Observation, table
 from stickslip.kernels.turning_points import Recording
 from stickslip.paper import Claim, Measured
 from stickslip.paper.figure import between

@@ -11,7 +11,7 @@ from dataclasses import replace
 from itertools import product
 from typing import Any, TypeVar
 
-from stickslip.cycles.verdict import linearly_unstable
+from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
 from stickslip.measure.arrays import ERRORS

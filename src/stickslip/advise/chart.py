@@ -6,7 +6,7 @@ import xarray as xr
 from stickslip import stability
 from stickslip.advise.mitigations import highest
 from stickslip.cycles import METHOD, bistable_region
-from stickslip.cycles.ride import check_rig
+from stickslip.cycles.cycle_run import check_rig
 from stickslip.errors import InputError, number, whole
 from stickslip.model import FromRest
 from stickslip.model.parameters import parameter_named

@@ -16,7 +16,7 @@ from stickslip.advise.budget import OSCILLATES, Budget, BudgetExhausted, trial
 from stickslip.advise.mitigations import has, highest
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.cycles.verdict import linearly_unstable
+from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError
 from stickslip.model import Contacts, parameters
 from stickslip.model.parameters import Parameter

@@ -30,7 +30,7 @@ from stickslip.advise.survey import (
     theory_along,
 )
 from stickslip.cycles.edges import halved
-from stickslip.cycles.verdict import linearly_unstable
+from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError
 from stickslip.model import OnArrest, parameters
 from stickslip.model.parameters import VELOCITY, Parameter

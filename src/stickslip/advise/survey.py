@@ -21,7 +21,7 @@ from stickslip.advise.budget import (
     runs_of,
     trial,
 )
-from stickslip.cycles.verdict import linearly_unstable
+from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig

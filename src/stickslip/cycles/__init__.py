@@ -23,10 +23,10 @@ error of `METHOD`, 1e-4, ``tau*`` of Fig. 6 is .07574, as with 1e-5; 1e-3 moves 
 
 from stickslip.cycles.bistable import BistableRange, bistable_range, bistable_region
 from stickslip.cycles.branch import cycle_branch
+from stickslip.cycles.cycle_run import METHOD
 from stickslip.cycles.edges import Edge, Interval
+from stickslip.cycles.oscillation_verdict import Verdict, is_sustained
 from stickslip.cycles.persistence import Sustained, sustained
-from stickslip.cycles.ride import METHOD
-from stickslip.cycles.verdict import Verdict, is_sustained
 
 __all__ = [
     "METHOD",

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.cycles.branch import carried, first_point
-from stickslip.cycles.edges import TOLERANCE, Edge, Interval, Intervals, Span
+from stickslip.cycles.edges import TOLERANCE, Edge, Interval, Intervals, ParameterScan
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
@@ -94,12 +94,14 @@ def bistable_range(
     >>> [(band.low.kind, band.high.kind) for band in found], 1.0 in found
     ([('fold', 'linear')], True)
     """
-    span = Span(rig, parameter, between, FromRest(), tolerance=tolerance, step=step)
-    crossings = critical(rig, span.parameter, between=(span.low, span.high))
+    scan = ParameterScan(
+        rig, parameter, between, FromRest(), tolerance=tolerance, step=step
+    )
+    crossings = critical(rig, scan.parameter, between=(scan.low, scan.high))
     found: list[Interval | str] = []
-    ends = [span.low, *(edge.value for edge in crossings.edges), span.high]
+    ends = [scan.low, *(edge.value for edge in crossings.edges), scan.high]
     for i, edge in enumerate(crossings.edges):
-        each = _beside(span, edge, ends[i] if edge.loses_stability else ends[i + 2])
+        each = _beside(scan, edge, ends[i] if edge.loses_stability else ends[i + 2])
         # a band between two boundaries is seen from both
         found += [each] if each not in found else []
     if crossings.unstable_at_ends[0] and not found:
@@ -108,42 +110,42 @@ def bistable_range(
         ]
     elif not found:  # a cycle apart from any boundary
         try:
-            first = first_point(span)
+            first = first_point(scan)
             low, high = (
-                carried(span, first, until)[1] for until in (span.low, span.high)
+                carried(scan, first, until)[1] for until in (scan.low, scan.high)
             )
             found = [Interval(low=low, high=high)]
         except UndecidedError as reason:
             found = [str(reason)]
     return BistableRange(
-        **span.about,
+        **scan.about,
         bands=tuple(each for each in found if isinstance(each, Interval)),
         crossings=crossings,
         notes=tuple(each for each in found if isinstance(each, str)),
     )
 
 
-def _beside(span: Span, edge: Crossing, furthest: float) -> Interval | str:
+def _beside(scan: ParameterScan, edge: Crossing, furthest: float) -> Interval | str:
     """The band from a linear boundary on towards a value, or why there is none."""
     downwards = edge.loses_stability  # smooth sliding is stable below
-    boundary = f"the linear boundary {span.parameter.name} = {span.said(edge.value)}"
-    first = span.settled(
-        min(max(edge.value * (1.01 if downwards else 0.99), span.low), span.high)
+    boundary = f"the linear boundary {scan.parameter.name} = {scan.said(edge.value)}"
+    first = scan.settled(
+        min(max(edge.value * (1.01 if downwards else 0.99), scan.low), scan.high)
     )
     if not first.verdict.has_cycle:
         return f"next to {boundary}: {first.verdict}"
-    _, end = carried(span, first, furthest)
+    _, end = carried(scan, first, furthest)
     width = math.log(edge.value / end.value) * (1 if downwards else -1)
     if (
         end.kind == "shrinks to nothing"
-        or width <= (4 if end.kind == "undecided" else 1) * span.tolerance
+        or width <= (4 if end.kind == "undecided" else 1) * scan.tolerance
     ):
         return (
-            f"beyond {boundary} the cycle persists to {span.said(end.persists_at)} "
+            f"beyond {boundary} the cycle persists to {scan.said(end.persists_at)} "
             "at most: no band"
         )
     linear = Edge.of("linear", edge.value)
-    if end.kind == "end of range" and furthest not in (span.low, span.high):
+    if end.kind == "end of range" and furthest not in (scan.low, scan.high):
         end = Edge.of("linear", furthest)
     return (
         Interval(low=end, high=linear) if downwards else Interval(low=linear, high=end)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from stickslip.cycles.edges import Edge, Point, Span, halved
+from stickslip.cycles.edges import CyclePoint, Edge, ParameterScan, halved
 from stickslip.errors import UndecidedError, number
 from stickslip.io import datasets as store
 from stickslip.model import FromRest
@@ -79,21 +79,23 @@ def cycle_branch(
     >>> branch.low_end, branch.high_end
     ('fold', 'end of range')
     """
-    span = Span(rig, parameter, between, FromRest(), tolerance=tolerance, step=step)
-    along = span.parameter.name
+    scan = ParameterScan(
+        rig, parameter, between, FromRest(), tolerance=tolerance, step=step
+    )
+    along = scan.parameter.name
     if begin is not None:
         begin = number(
-            "begin", begin, at_least=span.low, at_most=span.high, hint=span.unit
+            "begin", begin, at_least=scan.low, at_most=scan.high, hint=scan.unit
         )
-    first = first_point(span, begin)
+    first = first_point(scan, begin)
     (down, low_end), (up, high_end) = (
-        carried(span, first, until) for until in (span.low, span.high)
+        carried(scan, first, until) for until in (scan.low, scan.high)
     )
     points = [*reversed(down), *up[1:]]
     arguments = {
         "rig": rig.natural,
         "parameter": along,
-        "between": [span.low / span.size, span.high / span.size],
+        "between": [scan.low / scan.size, scan.high / scan.size],
     }
     attributes: dict[str, float | str] = {
         "provenance": store.provenance("cycle_branch", arguments)
@@ -104,7 +106,7 @@ def cycle_branch(
             f"{name}_decays_at": edge.decays_at,
             f"{name}_persists_at": edge.persists_at,
         }
-    speeds = [p.ride.drive.velocity * rig.unit("velocity") for p in points]
+    speeds = [p.run.drive.velocity * rig.unit("velocity") for p in points]
     fastest = [
         p.verdict.largest_velocity * speed
         for p, speed in zip(points, speeds, strict=True)
@@ -129,7 +131,7 @@ def cycle_branch(
             "1",
             unstable,
         ),
-        along: (along, span.parameter.unit, [p.value for p in points]),
+        along: (along, scan.parameter.unit, [p.value for p in points]),
     }
     named = {
         name: labelled(title, along, values, rig.unit_name(unit))
@@ -138,31 +140,33 @@ def cycle_branch(
     return xr.Dataset(named, attrs=attributes)
 
 
-def first_point(span: Span, begin: float | None = None) -> Point:
+def first_point(scan: ParameterScan, begin: float | None = None) -> CyclePoint:
     """Look for a cycle from the start: at a value, or at the rig's own and then over
     the range from its middle on.
 
     Raises `UndecidedError` if there is none.
     """
-    own = span.rig.value(span.parameter)
-    middle = math.sqrt(span.low * span.high)
-    grid = sorted(span.grid(17), key=lambda value: abs(math.log(value / middle)))
+    own = scan.rig.value(scan.parameter)
+    middle = math.sqrt(scan.low * scan.high)
+    grid = sorted(scan.grid(17), key=lambda value: abs(math.log(value / middle)))
     values = (
-        [*([own] if span.low <= own <= span.high else []), *grid]
+        [*([own] if scan.low <= own <= scan.high else []), *grid]
         if begin is None
         else [begin]
     )
     for value in values:
-        point = span.settled(value)
+        point = scan.settled(value)
         if point.verdict.has_cycle:
             return point
     raise UndecidedError(
-        f"no sustained oscillation found from {span.start} at {span.parameter.name} = "
-        f"{span.said(*values)}; the last: {point.verdict}"
+        f"no sustained oscillation found from {scan.start} at {scan.parameter.name} = "
+        f"{scan.said(*values)}; the last: {point.verdict}"
     )
 
 
-def carried(span: Span, first: Point, until: float) -> tuple[list[Point], Edge]:
+def carried(
+    scan: ParameterScan, first: CyclePoint, until: float
+) -> tuple[list[CyclePoint], Edge]:
     """Carry the cycle on towards a value; the points, from the first on, and the end
     of the branch.
     """
@@ -171,7 +175,7 @@ def carried(span: Span, first: Point, until: float) -> tuple[list[Point], Edge]:
 
     def persists(value: float) -> bool | None:
         nonlocal failed
-        there = span.settled(value, points[-1].ride)
+        there = scan.settled(value, points[-1].run)
         if there.verdict.has_cycle:
             points.append(there)
         elif there.verdict.sustained is False:
@@ -181,9 +185,9 @@ def carried(span: Span, first: Point, until: float) -> tuple[list[Point], Edge]:
         return there.verdict.has_cycle
 
     away = math.log(until / first.value)
-    strides = math.ceil(abs(away) / math.log1p(span.step) - 1e-12)
+    strides = math.ceil(abs(away) / math.log1p(scan.step) - 1e-12)
     ahead = [
-        first.value * math.exp(math.copysign(k * math.log1p(span.step), away))
+        first.value * math.exp(math.copysign(k * math.log1p(scan.step), away))
         for k in range(1, strides)
     ]
     for value in [*ahead, until] if strides else []:
@@ -193,11 +197,11 @@ def carried(span: Span, first: Point, until: float) -> tuple[list[Point], Edge]:
         return points, Edge.of("end of range", until)
     if persistent is None:
         return points, Edge.of("undecided", value, points[-1].value)
-    edge = halved(persists, value, points[-1].value, span.tolerance)
+    edge = halved(persists, value, points[-1].value, scan.tolerance)
     # Where smooth sliding turns stable just as the cycle decays, the one has become the
     # other.
     gone = points[-1].verdict.linearly_unstable and not failed.verdict.linearly_unstable
-    bracketed = abs(math.log(edge[0] / edge[1])) <= span.tolerance
+    bracketed = abs(math.log(edge[0] / edge[1])) <= scan.tolerance
     return points, Edge.of(
         ("shrinks to nothing" if gone else "fold") if bracketed else "undecided", *edge
     )

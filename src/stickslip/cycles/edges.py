@@ -8,8 +8,8 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 
 from stickslip.answers import Answer
-from stickslip.cycles.ride import METHOD, Ride, check_rig
-from stickslip.cycles.verdict import Verdict, settle
+from stickslip.cycles.cycle_run import METHOD, CycleRun, check_rig
+from stickslip.cycles.oscillation_verdict import Verdict, settle
 from stickslip.errors import number
 from stickslip.model import Start
 from stickslip.model.parameters import Parameter, parameter_named
@@ -101,15 +101,15 @@ class Intervals(Along[Interval]):
         return any(value in interval for interval in self)
 
 
-class Point(NamedTuple):
+class CyclePoint(NamedTuple):
     """What a run settles at, at one value of a parameter."""
 
     value: float
     verdict: Verdict
-    ride: Ride
+    run: CycleRun
 
 
-class Span:
+class ParameterScan:
     """Where to look along a parameter, in the rig's own units, how runs begin there,
     and how closely to look.
 
@@ -155,13 +155,15 @@ class Span:
         values: list[float] = np.geomspace(self.low, self.high, count).tolist()
         return values
 
-    def settled(self, value: float, after: Ride | None = None) -> Point:
+    def settled(self, value: float, after: CycleRun | None = None) -> CyclePoint:
         """What a run settles at: from the start, or carried on from another value."""
         rig = self.parameter.set(self.rig, value / self.size)
-        ride = (
-            Ride.begin(rig, self.start, METHOD) if after is None else after.turned(rig)
+        run = (
+            CycleRun.begin(rig, self.start, METHOD)
+            if after is None
+            else after.turned(rig)
         )
-        return Point(value, *settle(ride))
+        return CyclePoint(value, *settle(run))
 
     def said(self, *values: float) -> str:
         """Say values of the parameter in words."""

@@ -6,8 +6,15 @@ import itertools
 import math
 from dataclasses import dataclass
 
-from stickslip.cycles.edges import TOLERANCE, Edge, Interval, Intervals, Span, halved
-from stickslip.cycles.verdict import Verdict
+from stickslip.cycles.edges import (
+    TOLERANCE,
+    Edge,
+    Interval,
+    Intervals,
+    ParameterScan,
+    halved,
+)
+from stickslip.cycles.oscillation_verdict import Verdict
 from stickslip.errors import whole
 from stickslip.model import FromRest, Start
 from stickslip.model.parameters import Parameter
@@ -107,15 +114,15 @@ def sustained(
     ('decay', 0.7)
     """
     points = whole("points", points, at_least=1, at_most=_MOST_POINTS)
-    span = Span(rig, parameter, between, start, tolerance=tolerance)
+    scan = ParameterScan(rig, parameter, between, start, tolerance=tolerance)
     known: dict[float, Verdict] = {}
 
     def persists(value: float) -> bool | None:
         if value not in known:
-            known[value] = span.settled(value).verdict
+            known[value] = scan.settled(value).verdict
         return known[value].sustained
 
-    values = span.grid(max(2, math.ceil(points * math.log10(span.high / span.low)) + 1))
+    values = scan.grid(max(2, math.ceil(points * math.log10(scan.high / scan.low)) + 1))
     decided = [value for value in values if persists(value) is not None]
     ends = [
         Edge.of("end of range", value) if persists(value) else None for value in decided
@@ -125,11 +132,11 @@ def sustained(
         if persists(one) != persists(two):
             fails_at, holds_at = (two, one) if persists(one) else (one, two)
             edges.append(
-                Edge.of("decay", *halved(persists, fails_at, holds_at, span.tolerance))
+                Edge.of("decay", *halved(persists, fails_at, holds_at, scan.tolerance))
             )
     edges += [edge for edge in ends[-1:] if edge]
     return Sustained(
-        **span.about,
+        **scan.about,
         start=start,
         windows=tuple(
             Interval(low=low, high=high)

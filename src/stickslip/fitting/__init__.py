@@ -8,11 +8,17 @@ from stickslip.fitting.bench import Constraint
 from stickslip.fitting.bench import newtons as force_unit_in_newtons
 from stickslip.fitting.bench import seconds as time_unit_in_seconds
 from stickslip.fitting.events import Events, check, pick_events
-from stickslip.fitting.fits import Fit, Interval, fit
+from stickslip.fitting.fits import Fit, FittedInterval, fit
 from stickslip.fitting.model import UNKNOWNS, Bench, Prior, sampled, synthetic_trace
 from stickslip.fitting.rigs import compared, friction_ratio_range, quick_fit, rigs_drawn
+from stickslip.fitting.series_table import (
+    DRAWS,
+    SeriesTable,
+    draws_kept,
+    seconds_per_draw,
+    table,
+)
 from stickslip.fitting.summary import FITTED, HELD_OUT, statistics
-from stickslip.fitting.tables import DRAWS, Table, draws_kept, seconds_per_draw, table
 
 __all__ = [
     "FITTED",
@@ -22,9 +28,9 @@ __all__ = [
     "Constraint",
     "Events",
     "Fit",
-    "Interval",
+    "FittedInterval",
     "Prior",
-    "Table",
+    "SeriesTable",
 ]
 __all__ += [
     "check",

@@ -17,8 +17,8 @@ from stickslip.fitting import bench
 from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.inference import EDGE, Sample, infer
 from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, sampled, simulate
+from stickslip.fitting.series_table import DRAWS, Observation, table
 from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
-from stickslip.fitting.tables import DRAWS, Observation, table
 from stickslip.measure.arrays import Array
 from stickslip.model.rig import Rig
 from stickslip.progress import reporting
@@ -42,7 +42,7 @@ LOW = 0.02  # p-values below this are listed
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interval:
+class FittedInterval:
     """A quantity: its median, its 90 % interval, and what the trace says of it."""
 
     key: str
@@ -64,7 +64,7 @@ class Interval:
     width: float | None = None
 
     @classmethod
-    def of(cls, key: str, draws: Array, parts: Array | None = None) -> Interval:
+    def of(cls, key: str, draws: Array, parts: Array | None = None) -> FittedInterval:
         """Take it from draws of a quantity; of a parameter, with where these lie in
         the range of the prior.
         """
@@ -131,23 +131,25 @@ class Fit(Answer):
         return len(self.values)
 
     @property
-    def parameters(self) -> tuple[Interval, ...]:
+    def parameters(self) -> tuple[FittedInterval, ...]:
         """The six parameters of the model, each with what the trace says of it."""
         return tuple(self[key] for key in KEYS)
 
     @property
-    def quantities(self) -> tuple[Interval, ...]:
+    def quantities(self) -> tuple[FittedInterval, ...]:
         """All that what is known allows to tell in SI units."""
         if self.events.force_unit == "1" and "load" not in self.known:
             return ()
-        return tuple(Interval.of(key, draws) for key, draws in self._in_si().items())
+        return tuple(
+            FittedInterval.of(key, draws) for key, draws in self._in_si().items()
+        )
 
-    def __getitem__(self, key: str) -> Interval:
+    def __getitem__(self, key: str) -> FittedInterval:
         """A parameter of the model, or a quantity in SI units."""
         parts = (
             self.prior.parts(self.values)[:, KEYS.index(key)] if key in KEYS else None
         )
-        return Interval.of(key, self.draws(key), parts)
+        return FittedInterval.of(key, self.draws(key), parts)
 
     def draws(self, key: str) -> Array:
         """Equally likely values of a parameter, or of a quantity in SI units.

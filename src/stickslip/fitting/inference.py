@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 from scipy.special import expit, logit
 
 from stickslip.errors import InputError
+from stickslip.fitting.series_table import Observation, SeriesTable
 from stickslip.fitting.summary import comparable
-from stickslip.fitting.tables import Observation, Table
 from stickslip.measure.arrays import Array
 
 NEAREST = 300
@@ -56,7 +56,7 @@ class Sample(NamedTuple):
 
 
 def infer(
-    table: Table,
+    table: SeriesTable,
     observation: Observation,
     observed: Array,
     *,

@@ -122,7 +122,9 @@ def rig_of(found: Fit, name: str) -> Rig:
         try:
             words, agrees = compared(remade(rig, found.events, known), found.events)
         except InputError:
-            words = f"its own run hardly slips, the trace {_said(found.events)}"
+            words = (
+                f"its own run hardly slips, the trace {_drop_in_words(found.events)}"
+            )
             agrees = False
         if agrees:
             return replace(rig, source=f"{rig.source}; {words}")
@@ -231,10 +233,13 @@ def compared(made: Events, events: Events) -> tuple[str, bool]:
         agrees &= abs(math.log(float(one.mean() / other.mean()))) <= _NINETY * max(
             error, 1e-9
         )
-    return f"its own run drops {_said(made)}, the trace {_said(events)}", agrees
+    return (
+        f"its own run drops {_drop_in_words(made)}, the trace {_drop_in_words(events)}",
+        agrees,
+    )
 
 
-def _said(events: Events) -> str:
+def _drop_in_words(events: Events) -> str:
     drop = with_unit(float(events.drops.mean()), events.force_unit)
     return f"{drop} every {with_unit(events.recurrence, events.time_unit)}"
 

@@ -122,10 +122,10 @@ def statistics(peaks: Array, troughs: Array) -> Array:
     mean_drop = (peaks - troughs).mean(axis=-1, keepdims=True)
     P = detrended(peaks) / high
     T = detrended(troughs) / high
-    return _of(P, T, np.squeeze(mean_drop / high, axis=-1))
+    return _statistics_of(P, T, np.squeeze(mean_drop / high, axis=-1))
 
 
-def _of(P: Array, T: Array, mean: Array) -> Array:
+def _statistics_of(P: Array, T: Array, mean: Array) -> Array:
     drops, reloads = (
         mean[..., None] + rises for rises in (P - T, P[..., 1:] - T[..., :-1])
     )
@@ -158,7 +158,7 @@ def resampled(
     P = P[index]
     T = T[index]
     means = P.mean(axis=-1), T.mean(axis=-1)
-    return _of(
+    return _statistics_of(
         P - means[0][:, None], T - means[1][:, None], fraction + means[0] - means[1]
     )
 

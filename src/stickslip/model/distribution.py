@@ -266,7 +266,7 @@ def nodes_between(left: Array, right: Array, count: int = 16) -> tuple[Array, Ar
     return left[..., None] + half * (1.0 + node), half * weight
 
 
-class Table(NamedTuple):
+class QuadratureTable(NamedTuple):
     """The density of a distribution on panels on each of which Gauss-Legendre
     quadrature is exact to rounding.
     """
@@ -297,7 +297,7 @@ _TAIL = 1e-18
 
 
 @lru_cache(maxsize=64)
-def table_of(distribution: Distribution) -> Table:
+def table_of(distribution: Distribution) -> QuadratureTable:
     """Return the table of a distribution, its panels halved until halving changes
     nothing.
 
@@ -322,7 +322,9 @@ def table_of(distribution: Distribution) -> Table:
     part = slice(held[0], held[-1] + 1)
     weight = weight[part] / total
     survival = np.append(np.cumsum(weight.sum(axis=1)[::-1])[::-1], 0.0)
-    return Table(edges[held[0] : held[-1] + 2], x[part], weight, survival, total)
+    return QuadratureTable(
+        edges[held[0] : held[-1] + 2], x[part], weight, survival, total
+    )
 
 
 def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:

@@ -37,7 +37,7 @@ class Parameter:
         object.__setattr__(self, "unit", natural_unit(self.unit))
 
 
-def _of(
+def _parameter_of_part(
     name: str, unit: str, title: str, part: str = "slider", field: str = "", **more: Any
 ) -> Parameter:
     """Parameter of the slider or of a part of the interface: a field, or what it has
@@ -98,11 +98,15 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     return replace(rig, drive=rig.drive.faster(value / before))
 
 
-STIFFNESS = _of("stiffness", "k", "stiffness of the driving spring", holds="damping")
+STIFFNESS = _parameter_of_part(
+    "stiffness", "k", "stiffness of the driving spring", holds="damping"
+)
 """Stiffness of the driving spring ``K/N``."""
-MASS = _of("mass", "f_s time^2/x_s", "mass of the slider", zero=True, holds="damping")
+MASS = _parameter_of_part(
+    "mass", "f_s time^2/x_s", "mass of the slider", zero=True, holds="damping"
+)
 """Mass ``M/N``."""
-DAMPING = _of("damping", "1/time", "damping eta", zero=True)
+DAMPING = _parameter_of_part("damping", "1/time", "damping eta", zero=True)
 """``eta`` of Eq. (11)."""
 VELOCITY = Parameter(
     name="velocity",
@@ -112,15 +116,21 @@ VELOCITY = Parameter(
     set=_set_velocity,
 )
 """Velocity of the drive at its beginning; the path of the drive stays."""
-DELAY = _of("delay", "time", "delay of re-attachment", "delay", "mean", zero=True)
+DELAY = _parameter_of_part(
+    "delay", "time", "delay of re-attachment", "delay", "mean", zero=True
+)
 """Delay time; for a `RandomDelay` its mean, the standard deviation kept in
 proportion.
 """
-STD = _of("std", "1", "standard deviation of the thresholds", "thresholds")
+STD = _parameter_of_part(
+    "std", "1", "standard deviation of the thresholds", "thresholds"
+)
 """Standard deviation of the thresholds at constant mean: the distribution's own
 ``std``, else as it is.
 """
-AGEING = _of("ageing", "time", "time of ageing of the thresholds", "ageing", "time")
+AGEING = _parameter_of_part(
+    "ageing", "time", "time of ageing of the thresholds", "ageing", "time"
+)
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
 
@@ -192,9 +202,11 @@ UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
 """Parameters of a rig in SI units that are 1 in natural ones, and are varied alone."""
 
 _OF_BODIES = (
-    _of("coupling", "k", "coupling of neighbouring blocks"),
-    _of("leaf", "k", "stiffness of the spring from each block to the drive", zero=True),
-    _of(
+    _parameter_of_part("coupling", "k", "coupling of neighbouring blocks"),
+    _parameter_of_part(
+        "leaf", "k", "stiffness of the spring from each block to the drive", zero=True
+    ),
+    _parameter_of_part(
         "side",
         "k",
         "stiffness of the spring from the first block to the drive",

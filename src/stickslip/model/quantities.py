@@ -187,11 +187,11 @@ def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
             exponent = sign * int(power or raised.translate(_RAISED) or 1)
             if name in _UNCLEAR:
                 raise InputError(f"the unit {name!r} {_UNCLEAR[name]}")
-            if name not in _known():
+            if name not in _unit_spellings():
                 raise InputError(
                     f"unknown unit {name!r}; units are case-sensitive, as MN and mN"
                 )
-            factor, parts = _known()[name]
+            factor, parts = _unit_spellings()[name]
             size *= factor**exponent
             dimensions.update({base: exponent * count for base, count in parts.items()})
     return size, {base: count for base, count in dimensions.items() if count}
@@ -210,7 +210,7 @@ def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
 
 
 @lru_cache(maxsize=1)
-def _known() -> dict[str, tuple[Fraction, dict[str, int]]]:
+def _unit_spellings() -> dict[str, tuple[Fraction, dict[str, int]]]:
     """Every spelling of one unit, with its size and the exponents of the SI base
     units.
     """

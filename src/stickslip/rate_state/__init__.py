@@ -7,6 +7,7 @@ a distance ``D``. Contacts with temperature and ageing come near to it, others d
 """
 
 from stickslip.rate_state.contacts import finite_step, small_step
+from stickslip.rate_state.equivalent_law import RateAndStateFit, rate_and_state
 from stickslip.rate_state.experiments import Healing, Step, healing, velocity_step_in
 from stickslip.rate_state.exports import export_rate_and_state
 from stickslip.rate_state.laws import RateAndState
@@ -16,7 +17,6 @@ from stickslip.rate_state.measured import (
     fit_contacts,
     fit_rate_and_state,
 )
-from stickslip.rate_state.verdict import RateAndStateFit, rate_and_state
 
 __all__ = [
     "ContactsFit",

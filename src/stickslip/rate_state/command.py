@@ -13,10 +13,10 @@ from stickslip.errors import InputError, shown
 from stickslip.io import rig_files
 from stickslip.measure import read_trace
 from stickslip.model.quantities import read_value
+from stickslip.rate_state.equivalent_law import rate_and_state
 from stickslip.rate_state.experiments import healing, velocity_step_in
 from stickslip.rate_state.exports import Program, export_rate_and_state
 from stickslip.rate_state.measured import StepFit, fit_rate_and_state
-from stickslip.rate_state.verdict import rate_and_state
 from stickslip.simulation.steps_and_holds import slide_hold_slide
 
 

@@ -12,7 +12,7 @@ from stickslip.errors import InputError, instance, shown
 from stickslip.io import files
 from stickslip.model.quantities import read_value
 from stickslip.model.units import Scales, engineering
-from stickslip.rate_state.verdict import RateAndStateFit
+from stickslip.rate_state.equivalent_law import RateAndStateFit
 
 Program = Literal["qdyn", "tandem", "diabayes", "rsfmodel"]
 

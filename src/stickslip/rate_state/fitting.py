@@ -122,7 +122,7 @@ def _plain(other: Any) -> Any:
     return float(other) if isinstance(other, Estimate) else other
 
 
-class Fit(NamedTuple):
+class LeastSquaresFit(NamedTuple):
     """What least squares found: values with their covariance, and the curve."""
 
     value: Array
@@ -150,7 +150,7 @@ def least_squares(
     like: Callable[[Array], Array] | None = None,
     tolerance: float = 1e-10,
     most: int = 200,
-) -> Fit:
+) -> LeastSquaresFit:
     """Fit a model from several starts and the best of what is `tried`, by logarithms
     where a range lies above 0.
 
@@ -211,4 +211,6 @@ def least_squares(
     turned = turned * np.where(logarithmic, value, 1.0)
     covariance = turned.T @ turned * square / max(data.size - value.size, 1)
     misfit = math.sqrt(square / data.size)
-    return Fit(value, covariance, scale * misfit, misfit, model(value), best.status > 0)
+    return LeastSquaresFit(
+        value, covariance, scale * misfit, misfit, model(value), best.status > 0
+    )

@@ -1,11 +1,10 @@
-"""Steady sliding of any interface by one door, `sliding_of`: force, slope and linear
+"""Steady sliding of any interface, by `sliding_of`: force, slope and linear
 response.
 
 `kinetic_friction`, `friction_slope` and `turning_velocities` are the friction law; the
 linear response `respond` carries the stability of smooth sliding, and rate and state.
 """
 
-from stickslip.sliding.door import respond, sliding_of
 from stickslip.sliding.law import (
     TurningVelocity,
     friction_slope,
@@ -13,6 +12,7 @@ from stickslip.sliding.law import (
     turning_velocities,
 )
 from stickslip.sliding.response import Response
+from stickslip.sliding.steady import respond, sliding_of
 
 __all__ = [
     "Response",

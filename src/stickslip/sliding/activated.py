@@ -38,7 +38,7 @@ from stickslip.sliding.response import (
     MeanLifetimes,
     Perturbed,
     Response,
-    Scales,
+    ResponseScales,
     stretched,
 )
 
@@ -163,8 +163,10 @@ class ActivatedResponse(Response):
             velocity * np.concatenate([slow, np.arange(step, top, step), fast])
         )
 
-    def scales(self, velocity: float) -> Scales:
+    def scales(self, velocity: float) -> ResponseScales:
         cycle = float(
             mean_lives(self.interface, velocity).distance[0]
         ) / velocity + self.interface.delay.moment(1)
-        return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
+        return ResponseScales(
+            cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle
+        )

@@ -30,7 +30,7 @@ from stickslip.sliding.response import (
     ComplexArray,
     Fluctuations,
     Response,
-    Scales,
+    ResponseScales,
     Unperturbed,
 )
 
@@ -192,8 +192,10 @@ class DrawnResponse(Response):
             )
         )
 
-    def scales(self, velocity: float) -> Scales:
+    def scales(self, velocity: float) -> ResponseScales:
         cycle = float(
             lives_of(self.interface).held[:, 0].sum()
         ) / velocity + self.interface.delay.moment(1)
-        return Scales(cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle)
+        return ResponseScales(
+            cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle
+        )

@@ -30,7 +30,7 @@ from stickslip.sliding.response import (
     Fluctuations,
     Perturbed,
     Response,
-    Scales,
+    ResponseScales,
     stretched,
 )
 
@@ -83,7 +83,7 @@ class AgedResponse(Response):
         """Frequency, in units of ``rate**2``, up to which the panels of a life
         resolve a perturbation.
         """
-        return 25.0 / float(_known(u, *self._shape).edges[1])
+        return 25.0 / float(_kept_excursions(u, *self._shape).edges[1])
 
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
@@ -101,10 +101,12 @@ class AgedResponse(Response):
             )
         )
 
-    def scales(self, velocity: float) -> Scales:
+    def scales(self, velocity: float) -> ResponseScales:
         u = self._reduced(velocity)
         cycle = 1.0 / ((u + u * u) * self._square)
-        return Scales(cycle, cycle, cycle, fastest=np.inf, leftmost=-4.0 / cycle)
+        return ResponseScales(
+            cycle, cycle, cycle, fastest=np.inf, leftmost=-4.0 / cycle
+        )
 
     @cached_property
     def _square(self) -> float:
@@ -160,7 +162,7 @@ def response(interface: Interface) -> AgedResponse:
 
 
 @lru_cache(maxsize=64)
-def _known(u: float, delta: float, newborn: float) -> Excursions:
+def _kept_excursions(u: float, delta: float, newborn: float) -> Excursions:
     """The part that is the same at all Laplace variables; takes some milliseconds."""
     try:
         return excursions(Life(u, delta, newborn))
@@ -181,7 +183,7 @@ def _life(
     strength) and work.
     """
     points = np.append(np.asarray(p, dtype=np.complex128).ravel(), 0.0)
-    parts = life_transforms(_known(u, delta, newborn), points)
+    parts = life_transforms(_kept_excursions(u, delta, newborn), points)
     if newborn == 0:  # lifetimes from the boundary are known up to a factor
         parts /= parts[0, -1].real
     return parts[:, :-1].reshape(4, *p.shape), (

@@ -12,8 +12,8 @@ from scipy import optimize
 
 from stickslip.errors import InputError, instance, numbers, shown
 from stickslip.model import Interface
-from stickslip.sliding.door import sliding_of
 from stickslip.sliding.response import Array
+from stickslip.sliding.steady import sliding_of
 
 # velocities at which the slope is computed; two turning points nearer than that may be
 # missed

@@ -80,7 +80,7 @@ def _lifetimes(
         separable and distribution.standard_deviation() > 2.0 * width
     )
     if one_variable and not inner and not distribution.single:
-        return _cut(_in_one(distribution, hazard, growth, velocity), longest)
+        return _cut_panels(_in_one(distribution, hazard, growth, velocity), longest)
     if high > 1e3 * distribution.moment(1) and activation is not None:
         longest = math.inf if longest == 1.0 else longest
     bends = []
@@ -94,7 +94,7 @@ def _lifetimes(
     )
 
 
-def _cut(one: Lifetimes, longest: float) -> Lifetimes:
+def _cut_panels(one: Lifetimes, longest: float) -> Lifetimes:
     """Lives of all contacts at once on shorter panels, by the polynomials through
     the nodes of each panel.
     """

@@ -63,7 +63,7 @@ class Fluctuations(NamedTuple):
     """
 
 
-class Scales(NamedTuple):
+class ResponseScales(NamedTuple):
     """Times and frequencies of a response at one speed."""
 
     cycle: float  #: mean time between two attachments of a contact
@@ -104,7 +104,7 @@ class Response(ABC):
         """
 
     @abstractmethod
-    def scales(self, velocity: float) -> Scales:
+    def scales(self, velocity: float) -> ResponseScales:
         """Times and frequencies at a speed."""
 
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:

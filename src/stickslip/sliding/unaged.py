@@ -45,7 +45,7 @@ from stickslip.sliding.response import (
     MeanLifetimes,
     Parts,
     Response,
-    Scales,
+    ResponseScales,
     stretched,
 )
 
@@ -77,19 +77,19 @@ class UnagedResponse(Response):
         """
         return np.asarray(self._means[0] + velocity * self._means[1])
 
-    def scales(self, velocity: float) -> Scales:
+    def scales(self, velocity: float) -> ResponseScales:
         _, delay, scatter = self._means
         cycle = float(self._path(velocity)) / velocity
         memory = self._largest / velocity + self.delay.longest
         if self.inert:
-            return Scales(cycle, cycle, memory, fastest=0.0, leftmost=-math.inf)
+            return ResponseScales(cycle, cycle, memory, fastest=0.0, leftmost=-math.inf)
         # At high frequencies the delay is all that is left of the response, and f_d
         # keeps it from fading.
         pace = cycle if self.sliding_force == 0 else min(cycle, delay)
         # The scatter of the thresholds wipes out their memory; their transform has an
         # abscissa of convergence.
         fastest = 8.0 * velocity / scatter
-        return Scales(
+        return ResponseScales(
             cycle, pace, memory, fastest, self.distribution.leftmost * velocity
         )
 

@@ -289,7 +289,7 @@ def _range(
     return varied, rig.natural, low, high
 
 
-class Point(NamedTuple):
+class LinePoint(NamedTuple):
     """The neutral frequencies at one value of the parameter."""
 
     value: float
@@ -375,15 +375,15 @@ class Line(NamedTuple):
             found += neutral_frequencies(respond(interface), rigs, softest=softest)
         return found
 
-    def look(self, values: Sequence[float]) -> list[Point]:
+    def look(self, values: Sequence[float]) -> list[LinePoint]:
         """Points at values."""
         along = self.neutral(values)
         return [
-            Point(value, neutral, neutral.unstable())
+            LinePoint(value, neutral, neutral.unstable())
             for value, neutral in zip(values, along, strict=True)
         ]
 
-    def finer(self, left: Point, right: Point, cuts: Array) -> list[Point]:
+    def finer(self, left: LinePoint, right: LinePoint, cuts: Array) -> list[LinePoint]:
         """Two points, and those at some parts of the way between them."""
         return [
             left,
@@ -393,7 +393,7 @@ class Line(NamedTuple):
 
     def crossings(
         self,
-        points: list[Point],
+        points: list[LinePoint],
         depth: int = _DEPTH,
         *,
         begin: int = 1,
@@ -417,7 +417,7 @@ class Line(NamedTuple):
                 )
         return found
 
-    def between(self, left: Point, right: Point) -> list[Crossing]:
+    def between(self, left: LinePoint, right: LinePoint) -> list[Crossing]:
         """Crossings between two points, by quartering until a part holds one branch
         that changes sign.
         """
@@ -533,7 +533,7 @@ def _nearest(neutral: Neutral) -> list[float]:
     return [*neutral.omega[np.argsort(np.abs(neutral.extra))].tolist(), math.inf]
 
 
-def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
+def _matched(one: LinePoint, two: LinePoint) -> list[tuple[float, float, float, float]]:
     """Branches present at both points, each the other's nearest: frequency and
     lacking spring at one, then at two.
     """
@@ -566,7 +566,7 @@ def _matched(one: Point, two: Point) -> list[tuple[float, float, float, float]]:
     )
 
 
-def _hides(points: list[Point], close: float) -> bool:
+def _hides(points: list[LinePoint], close: float) -> bool:
     """Whether a branch comes near to changing sign about the middle one of three
     points, and turns back.
 

@@ -22,7 +22,7 @@ from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter
 from stickslip.model.rig import Ends, Rig
 from stickslip.sliding import respond
 from stickslip.stability import roots
-from stickslip.stability.critical import Line, Point
+from stickslip.stability.critical import Line, LinePoint
 from stickslip.stability.impedances import impedance
 from stickslip.stability.modes import growth_rate
 from stickslip.stability.neutral import Neutral
@@ -85,7 +85,7 @@ def boundary(
         else FEW_LINES
     )
     grids = [np.geomspace(low, high, lines) for low, high in window]
-    grid = _Grid(parameters, rig.natural, grids)
+    grid = _MapGrid(parameters, rig.natural, grids)
     curves = grid.contour()
     points = np.concatenate([np.empty((0, 3)), *curves]).T
     which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
@@ -159,7 +159,7 @@ def stability_map(
         / rig.unit(parameter.unit)
         for parameter, value in given
     ]
-    grid = _Grid(parameters, rig.natural, grids)
+    grid = _MapGrid(parameters, rig.natural, grids)
     counts = np.array(
         [[neutral.unstable() for neutral in row] for row in grid.neutral()],
         dtype=np.int64,
@@ -212,7 +212,7 @@ def _is_free(parameter: Parameter, rig: Rig) -> bool:
     return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
 
 
-class _Grid(NamedTuple):
+class _MapGrid(NamedTuple):
     """Points over two parameters of a rig, in natural units."""
 
     parameters: tuple[Parameter, Parameter]
@@ -333,7 +333,7 @@ class _Grid(NamedTuple):
             (float(self.values[k][end[k]]), points[end[0]][end[1]]) for end in ends
         ]
         for crossing in line.between(
-            *(Point(value, neutral, neutral.unstable()) for value, neutral in sides)
+            *(LinePoint(value, neutral, neutral.unstable()) for value, neutral in sides)
         ):
             if crossing.loses_stability or crossing.regains_stability:
                 place = (crossing.value, other) if k == 0 else (other, crossing.value)

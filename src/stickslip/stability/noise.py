@@ -301,7 +301,9 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     )
 
 
-def _known(response: Response, velocity: float) -> Callable[[Array], Fluctuations]:
+def _fluctuations_of(
+    response: Response, velocity: float
+) -> Callable[[Array], Fluctuations]:
     """Fluctuations at any frequencies, from a table of them where they are dear."""
     lowest = _SLOWEST / response.scales(velocity).cycle
     highest = math.inf
@@ -338,7 +340,7 @@ def _spectrum(
     On panels that are halved until that changes neither the variance of the
     displacement nor that of the velocity.
     """
-    known = _known(response, velocity)
+    known = _fluctuations_of(response, velocity)
 
     def displaced(omega: Array) -> Array:
         kappa, noise = known(omega.ravel())

@@ -33,14 +33,14 @@ _ABOUT = np.array([0.0, 1.0, -1.0])
 
 
 @lru_cache(maxsize=256)
-def _known(response: Response, body: Any, velocity: float) -> Neutral:
+def _kept_neutral(response: Response, body: Any, velocity: float) -> Neutral:
     return neutral_frequencies(response, [(body, velocity)])[0]
 
 
 def _neutral(response: Response, body: Impedance, velocity: float) -> Neutral:
     """Neutral frequencies of one body, which several questions about it need."""
     # others may not be fit for the key of a table
-    known: Any = _known if is_plain(body) else _known.__wrapped__
+    known: Any = _kept_neutral if is_plain(body) else _kept_neutral.__wrapped__
     found: Neutral = known(response, body, velocity)
     return found
 

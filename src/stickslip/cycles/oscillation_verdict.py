@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.cycles.ride import METHOD, Look, Ride, check_rig
+from stickslip.cycles.cycle_run import METHOD, CycleRun, Look, check_rig
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.measure.verdict import TINY, Kind
@@ -148,18 +148,18 @@ def is_sustained(
     ('stick-slip', 'smooth sliding')
     """
     check_rig(rig, start, method)
-    return settle(Ride.begin(rig, start, method))[0]
+    return settle(CycleRun.begin(rig, start, method))[0]
 
 
-def settle(ride: Ride) -> tuple[Verdict, Ride]:
+def settle(run: CycleRun) -> tuple[Verdict, CycleRun]:
     """Go on until it is clear whether the oscillation persists."""
-    rig = ride.rig
+    rig = run.rig
     looks = list[Look]()
-    growing = linearly_unstable(ride.rig)
+    growing = linearly_unstable(run.rig)
     floor = TINY * _friction(rig)
     fate: tuple[bool | None, float, str] | None = None
     while fate is None:
-        ride, look = ride.look()
+        run, look = run.look()
         looks.append(look)
         fate = _fate(looks, floor, growing)
     answer, amplitude, what = fate
@@ -183,7 +183,7 @@ def settle(ride: Ride) -> tuple[Verdict, Ride]:
         largest_velocity=fastest,
         linearly_unstable=growing,
     )
-    return verdict, ride
+    return verdict, run
 
 
 def linearly_unstable(rig: Rig) -> bool | None:

@@ -72,7 +72,7 @@ class Look(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Ride:
+class CycleRun:
     """A run under way, in natural units.
 
     Immutable, so that one can go back and try again.
@@ -126,7 +126,7 @@ class Ride:
             rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
         )
         completed, rest = _cycles(joined, stiffness, velocity)
-        ride = replace(
+        run = replace(
             self, engine=engine, begun=joined[:, rest:] if completed.size else None
         )
         cycles = (
@@ -137,14 +137,14 @@ class Ride:
         if cycles.shape[1] == 0:
             oscillation = float(np.ptp(force))
             if oscillation > TINY:  # cycles longer than expected
-                ride = replace(ride, cycle=2.0 * ride.cycle)
-            return ride, Look(
+                run = replace(run, cycle=2.0 * run.cycle)
+            return run, Look(
                 oscillation, math.nan, fastest, float(force.mean()), completed[0]
             )
         oscillation = np.median(cycles[0])
         period = np.mean(cycles[1])
         mean = np.average(cycles[2], weights=cycles[1])
-        return ride, Look(
+        return run, Look(
             float(oscillation), float(period), fastest, float(mean), completed[0]
         )
 
@@ -171,7 +171,7 @@ class Ride:
             ]
         )
 
-    def turned(self, rig: Rig) -> "Ride":
+    def turned(self, rig: Rig) -> "CycleRun":
         """Return what goes on as another rig; forces and positions stay, and the
         drive goes on from where it is.
         """
@@ -183,7 +183,7 @@ class Ride:
         stretched *= self.rig.slider.stiffness / rig.slider.stiffness
         drive = Quadratic(time, X + stretched, rig.natural.velocity, 0.0)
         cycle = self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig)
-        return Ride(rig, engine, drive, cycle)
+        return CycleRun(rig, engine, drive, cycle)
 
 
 def _expected_cycle(rig: Rig) -> float:

@@ -44,7 +44,7 @@ Series = NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class SeriesTable:
     """Simulated series of slips, drawn from a prior."""
 
     prior: Prior
@@ -91,7 +91,7 @@ def table(
     seed: int = 0,
     executor: Executor | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Table:
+) -> SeriesTable:
     """Return the table of a prior: from the cache as far as it is there, the rest
     simulated and kept.
 
@@ -140,18 +140,18 @@ def table(
     return joined([blocks[i] for i in range(len(paths))], draws)
 
 
-def joined(tables: Sequence[Table], draws: int | None = None) -> Table:
+def joined(tables: Sequence[SeriesTable], draws: int | None = None) -> SeriesTable:
     """Tables of one prior one after another, and of them so many draws."""
     made = {
         name: np.concatenate([getattr(one, name) for one in tables])[:draws]
         for name in _FIELDS
     }
-    return Table(prior=tables[0].prior, **made)
+    return SeriesTable(prior=tables[0].prior, **made)
 
 
 def simulate_block(
     block: int, prior: Prior, draws: int, slips: int, seed: int
-) -> Table:
+) -> SeriesTable:
     """Simulate one block of the table; what it holds depends on its number and on
     the seed alone.
     """
@@ -172,7 +172,7 @@ def seconds_per_draw() -> float:
 
 def _simulated(
     prior: Prior, parts: Array, slips: int, rng: np.random.Generator
-) -> Table:
+) -> SeriesTable:
     """Series of slips at given parts of the ranges of a prior."""
     count = np.zeros(len(parts), dtype=np.int64)
     peaks, troughs = np.zeros((2, len(parts), slips), np.float32)
@@ -181,10 +181,12 @@ def _simulated(
         count[i] = P.size
         peaks[i, : P.size] = P
         troughs[i, : P.size] = T
-    return Table(prior=prior, parts=parts, count=count, peaks=peaks, troughs=troughs)
+    return SeriesTable(
+        prior=prior, parts=parts, count=count, peaks=peaks, troughs=troughs
+    )
 
 
-def _read(path: Path, prior: Prior, slips: int) -> Table | None:
+def _read(path: Path, prior: Prior, slips: int) -> SeriesTable | None:
     """A block as it was kept; nothing if it is not there, or damaged, so that it is
     made again.
     """
@@ -192,7 +194,7 @@ def _read(path: Path, prior: Prior, slips: int) -> Table | None:
         with np.load(
             BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False
         ) as found:
-            block = Table(prior=prior, **{name: found[name] for name in _FIELDS})
+            block = SeriesTable(prior=prior, **{name: found[name] for name in _FIELDS})
     except (
         InputError,
         OSError,
@@ -230,7 +232,7 @@ class Observation(NamedTuple):
             Recording(*(force / events.mean_peak for force in forces)),
         )
 
-    def see(self, table: Table, *, seed: int = 0) -> tuple[Array, Array]:
+    def see(self, table: SeriesTable, *, seed: int = 0) -> tuple[Array, Array]:
         """Sample and pick many series, on all cores: statistics (draws, 20) and mean
         peaks of what is seen.
 
@@ -260,7 +262,7 @@ class Observation(NamedTuple):
         blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
         slips = 2 * self.slips + 10  # some are too small to be seen
 
-        def one(block: int) -> Table:
+        def one(block: int) -> SeriesTable:
             return _simulated(
                 prior, blocks[block], slips, np.random.default_rng([seed, 3, block])
             )

@@ -1,5 +1,5 @@
-"""The one door to steady sliding: which kind of contacts has which force, slope and
-linear response.
+"""Steady sliding of any interface: force, slope and linear response by the kind of its
+contacts.
 
 The force is the mean work of a contact over the mean distance slid, both from one
 attachment to the next. With ``M_j`` the mean of the integral of ``x**j`` times the

@@ -21,7 +21,7 @@ from stickslip.rate_state.contacts import (
     finite_step,
     small_step,
 )
-from stickslip.rate_state.fitting import Estimate, Fit, least_squares
+from stickslip.rate_state.fitting import Estimate, LeastSquaresFit, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability.critical import critical_spring
@@ -295,7 +295,7 @@ def _fitted(
     reach: float,
     law: Law,
     near: Array | None,
-) -> Fit:
+) -> LeastSquaresFit:
     """Fit a, b, D to the force from a step on, 0 at first, over so much slip; near
     some values, if there are any.
     """
@@ -317,7 +317,7 @@ def _fitted(
     )
 
 
-def _small(interface: Interface, velocity: float) -> Fit:
+def _small(interface: Interface, velocity: float) -> LeastSquaresFit:
     """Fit a small step, from the linear response of the contacts: the same for both
     laws.
     """
@@ -333,13 +333,13 @@ def _small(interface: Interface, velocity: float) -> Fit:
 
 def _of_a_step(
     interface: Interface, velocity: float, step: float, laws: Sequence[Law], near: Array
-) -> tuple[Law, Fit, float]:
+) -> tuple[Law, LeastSquaresFit, float]:
     """Fit laws to steps up and down: the law of which D changes less, its fit, and D
     up over D down.
     """
     reach = SLIP * interface.threshold_distribution.moment(1)
 
-    def fits(before: float, after: float) -> list[Fit]:
+    def fits(before: float, after: float) -> list[LeastSquaresFit]:
         lead, force = (
             each[::3]
             for each in finite_step(interface, before, after, reach, method=ROUGH)
@@ -363,7 +363,7 @@ def _of_a_step(
     return min(found, key=lambda one: abs(math.log(one[2])))
 
 
-def _failing(interface: Interface, velocity: float, fit: Fit) -> str:
+def _failing(interface: Interface, velocity: float, fit: LeastSquaresFit) -> str:
     """Say what keeps it from being rate and state, or nothing."""
     a = fit.estimates()[0]
     spring = contact_stiffness(interface, velocity)
