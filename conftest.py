@@ -109,12 +109,12 @@ def _is_slow(example: Example) -> bool:
 
 
 def _plainly(evaluate: Callable[[Example], object]) -> Callable[[Example], None]:
-    """A block that fails says so in one plain text: pytest stumbles over the chain
-    of causes that sybil leaves.
+    """Fail a block with one plain text: pytest stumbles over the chain of causes that
+    sybil leaves.
     """
 
     @functools.wraps(evaluate)
-    def told(example: Example) -> None:
+    def evaluated(example: Example) -> None:
         _catch_up(example)
         try:
             evaluate(example)
@@ -124,7 +124,7 @@ def _plainly(evaluate: Callable[[Example], object]) -> Callable[[Example], None]
             return
         pytest.fail(f"{example.path}, line {example.line}:\n{words}", pytrace=False)
 
-    return told
+    return evaluated
 
 
 @_plainly
@@ -217,7 +217,7 @@ def pytest_collection_modifyitems(items):
 
 
 MARGIN = 2.0
-"""How much longer than told a test takes before it is listed: threads that share a
+"""Factor of CPU time over its limit at which a test is listed: threads that share a
 core take half of it each.
 """
 BLOCK = 15.0
@@ -227,11 +227,11 @@ searches.
 
 
 def pytest_addoption(parser):
-    told = (
+    help_text = (
         "list the tests that took more than twice this CPU time, or twice what the "
         "marker `takes` allows"
     )
-    parser.addoption("--at-most", type=float, metavar="SECONDS", help=told)
+    parser.addoption("--at-most", type=float, metavar="SECONDS", help=help_text)
 
 
 class _Compiling(numba.core.event.Listener):
@@ -279,8 +279,8 @@ def pytest_runtest_call(item):
 def pytest_terminal_summary(terminalreporter):
     for report in [
         r
-        for told in terminalreporter.stats.values()
-        for r in told
+        for reports in terminalreporter.stats.values()
+        for r in reports
         if getattr(r, "when", None) == "call"
     ]:
         for took in [value for name, value in report.user_properties if name == "cpu"]:

@@ -362,7 +362,7 @@ def in_a_process(*arguments, reader="cat", **environment):
 def test_letters_that_a_terminal_lacks_are_replaced(encoding):
     script = (
         "from stickslip import cli, console\n"
-        "console.print_what_can_be()\n"
+        "console.replace_missing_letters()\n"
         "cli._answer('\\u00b1 6 \\u00b5m \\u2265 \\u03c3', {}, False)\n"
     )
     done = subprocess.run(

@@ -26,7 +26,7 @@ from stickslip.model.activation import ACTIVATIONS
 from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.delays import RandomDelay
 from stickslip.model.distributions import DISTRIBUTIONS
-from stickslip.paper.figure import near, weighed
+from stickslip.paper.figure import claim_from, near
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -164,7 +164,7 @@ def report_of(folder, studies):
 
 def test_claims_become_a_table_for_each_group(house, tmp_path):
     measured = near("K*", 2.98913, 2.989, 0.003, "k")
-    claim = weighed(
+    claim = claim_from(
         6, "K* = 3.59 | N", measured, printed=False, evidence="Eq. (8)", exact="2.989 k"
     ).plain()
     finding = claim | {"lines": [str(measured)]}

@@ -97,7 +97,7 @@ def test_a_rig_is_the_same_in_other_units(document):
     ]
     was = documents.rig_of(document)
     back = documents.rig_of(returned)
-    if document == documents.first():  # in its very words
+    if document == documents.first_document():  # in its very words
         for table, key in (
             ("interface", "contact_strength"),
             ("slider", "stiffness"),
@@ -125,7 +125,7 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
     # in the unit of time of the document; other thresholds have none to turn
     if parameter == "ageing":
         with pytest.raises(InputError, match="has no ageing to vary"):
-            documents.turned(document, {"ageing": 1.0})
+            documents.with_parameters(document, {"ageing": 1.0})
         document = deepcopy(dict(document))
         document["interface"]["ageing"] = {
             "model": "langevin",
@@ -135,7 +135,7 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
     before = documents.values_of(rig)
     after = documents.values_of(
         documents.rig_of(
-            documents.turned(document, {parameter: 1.5 * before[parameter]})
+            documents.with_parameters(document, {parameter: 1.5 * before[parameter]})
         )
     )
     assert after == pytest.approx(
@@ -161,7 +161,7 @@ def test_the_rig_stands_on_the_map_where_its_fields_say(document, over):
 
 
 def test_a_parameter_turned_keeps_the_kelvins():
-    document = documents.turned(
+    document = documents.with_parameters(
         preset("Teaching bench, contacts broken by heat"), {"stiffness": 500.0}
     )
     assert document["interface"]["activation"]["temperature"] == "293 K"
@@ -240,7 +240,7 @@ def test_a_run_that_would_take_long_is_cut_short_and_says_so():
 
 
 def test_a_run_that_is_undecided_goes_on_by_itself():
-    document = documents.first()
+    document = documents.first_document()
     document["drive"]["velocity"] = "80 mm/s"
     first, *_, last, _ = simulate.run({"document": document}, silent)
     assert first["regime"]["kind"] == "undecided"
@@ -335,7 +335,7 @@ def test_a_master_equation_is_drawn_with_contacts_that_are_said_to_be_others():
 
 
 def bar(title, **parts):
-    return changed(preset(title, documents.begun()["bars"]), parts)
+    return changed(preset(title, documents.page_content()["bars"]), parts)
 
 
 def test_a_front_that_a_push_sets_off_runs_through_the_bar():
@@ -417,7 +417,7 @@ def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
     """Its slips are fast: friction in them says less than that of slow sliding, by
     which the delay is read.
     """
-    bench = documents.rig_of(documents.first())
+    bench = documents.rig_of(documents.first_document())
     run = simulated(bench)
     rows = [
         f"{t:.7g},{F:.7g}"

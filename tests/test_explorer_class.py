@@ -65,9 +65,9 @@ def test_a_long_computation_holds_up_nobody(lesson):
         for session in rest:
             session.websocket.send(json.dumps(long))
             session.websocket.recv(timeout=60)  # it is being worked on
-        assert first.ask("run", documents.first()).get("done")
+        assert first.ask("run", documents.first_document()).get("done")
         assert first.ask(
-            "chart", documents.first(), over=["stiffness", "velocity"]
+            "chart", documents.first_document(), over=["stiffness", "velocity"]
         ).get("done")
         for session in rest:  # they were there first, and are still at it
             with suppress(TimeoutError):
@@ -114,7 +114,7 @@ def test_forty_visitors(lesson):
         rng = np.random.default_rng(number)
         with headless.session(lesson) as session:
             while time.monotonic() < stop:
-                document = documents.first() | {"name": f"visitor {number}"}
+                document = documents.first_document() | {"name": f"visitor {number}"}
                 document["slider"]["stiffness"] = f"{rng.uniform(100, 6000):.4g} N/m"
                 session.count += 1
                 begun = time.monotonic()

@@ -556,7 +556,7 @@ def test_intervals_say_what_the_trace_tells_and_can_be_stopped(
 def test_fronts_are_drawn_with_one_cursor_and_a_bar_file_opens_on_them(
     browser, tmp_path
 ):
-    bar = documents.begun()["bars"][2]["document"] | {"name": "My bar"}
+    bar = documents.page_content()["bars"][2]["document"] | {"name": "My bar"}
     (tmp_path / "bar.toml").write_text(rigs.to_toml(documents.any_rig_of(bar)))
     with (
         headless.server(str(tmp_path / "bar.toml")) as running,

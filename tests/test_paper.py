@@ -19,7 +19,7 @@ from stickslip.errors import InputError, UndecidedError
 from stickslip.io import datasets as store
 from stickslip.paper import FIGURES
 from stickslip.paper.cases import FIG2, FIG5
-from stickslip.paper.figure import at_most, near, weighed
+from stickslip.paper.figure import at_most, claim_from, near
 from stickslip.paper.instability import first_instability
 from stickslip.rigid import effective_stiffness
 
@@ -229,7 +229,7 @@ def test_fig_4_smooth_sliding_carries_the_mean_force_of_the_closed_form(quick):
 
 
 def claim(value=2.9891, **said):
-    return weighed(
+    return claim_from(
         6,
         "K* = 3.59",
         near("K*", value, 2.989, 0.003, "k"),
@@ -258,7 +258,7 @@ def test_a_claim_holds_where_the_verdict_is_the_settled_one_and_its_numbers_are_
 
 
 def test_a_claim_that_fails_in_words_and_as_json():
-    failed = weighed(6, "", at_most("p", math.nan, 0.05), evidence="")
+    failed = claim_from(6, "", at_most("p", math.nan, 0.05), evidence="")
     assert "    p = nan (at most 0.05: NOT MET)" in str(failed)
     plain = json.loads(json.dumps(failed.plain(), allow_nan=False))
     assert plain["number"] == 6

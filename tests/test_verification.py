@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stickslip.paper.figure import at_most, weighed
+from stickslip.paper.figure import at_most, claim_from
 
 ROOT = Path(__file__).parents[1]
 
@@ -92,7 +92,7 @@ def test_studies_are_listed_and_a_misspelt_one_is_named(verify):
 
 def held(value):
     return lambda: (
-        weighed(
+        claim_from(
             None, "small", at_most("size", value, 1.0), printed=True, evidence="none"
         ),
     )

@@ -20,8 +20,8 @@ def tables(record: dict[str, Any]) -> dict[str, str]:
     """Return the table of fast paths beside the plain loops of their groups, and that
     of what runs cost, by name.
 
-    A benchmark says its `role`: "plain", what the others of its group are beside;
-    "fast", at least so many times as quick; "cost", at most so many times as long.
+    A benchmark has a `role`: "plain" is the reference of its group, "fast" is
+    `promised` times as quick at least, "cost" `promised` times as long at most.
     """
     plain = {
         item["group"]: item

@@ -1,5 +1,5 @@
-"""See to a browser for the tests that need one: `python tools/chromium.py`, called by
-`make browser`.
+"""Find or install a browser for the tests that need one: `python tools/chromium.py`,
+called by `make browser`.
 
 A chromium of the system comes first, then the one that playwright downloads, then
 Debian's package where this user may install it. Without any, the tests that need one

@@ -78,7 +78,7 @@ class Server:
 
     url: str
     process: subprocess.Popen[str]
-    said: list[str]
+    lines: list[str]
 
     @property
     def host(self) -> str:
@@ -136,21 +136,21 @@ def server(*arguments: str) -> Iterator[Server]:
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as process:
         assert process.stdout is not None
-        said: list[str] = []
+        lines: list[str] = []
         try:
             while "http://" not in (line := process.stdout.readline()):
-                said.append(line)
+                lines.append(line)
                 if process.poll() is not None:
-                    raise RuntimeError("the server did not start: " + "".join(said))
-            said.clear()
+                    raise RuntimeError("the server did not start: " + "".join(lines))
+            lines.clear()
             reader = threading.Thread(
-                target=lambda: said.extend(process.stdout or ()), daemon=True
+                target=lambda: lines.extend(process.stdout or ()), daemon=True
             )
             reader.start()
             yield Server(
                 next(word for word in line.split() if word.startswith("http://")),
                 process,
-                said,
+                lines,
             )
         finally:
             process.send_signal(signal.SIGINT)
@@ -158,10 +158,10 @@ def server(*arguments: str) -> Iterator[Server]:
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
-    # What a server says after its address, and what it shares, is a complaint.
+    # A server prints its address and what it shares; anything after that is a fault.
     reader.join(5)
-    told = "".join(said).removeprefix(f"{explorer.EXPOSED}\n")
-    assert not told, "the server said: " + told
+    printed = "".join(lines).removeprefix(f"{explorer.EXPOSED}\n")
+    assert not printed, "the server printed: " + printed
     assert process.returncode == 0
 
 

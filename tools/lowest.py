@@ -19,7 +19,7 @@ from packaging.requirements import Requirement
 
 PROJECT = Path(__file__).resolve().parent.parent / "pyproject.toml"
 EXTRAS = ("sweep", "explorer", "traces")
-"""What users install; tools of development may be new."""
+"""Extras that users install; tools of development may be new."""
 
 
 def requirements(

@@ -1,4 +1,4 @@
-"""Small rigs of every mechanism, method and body, which tests and pages go through.
+"""Small rigs of every mechanism, method and body, for tests and pages.
 
 Nothing but the package is imported here: pages are built without the tests' packages.
 """

@@ -42,8 +42,8 @@ from coverage import CoverageData
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "stickslip"
 WORKSHOP = ROOT / ".mutants"
-"""The copies, what is compiled of them, and what was learnt: always in one place,
-for compiled code knows its own.
+"""Folder of the copies, of their compiled code, and of the record of `--learn`: always
+the same place, which compiled code names.
 """
 LEARNT = WORKSHOP / "learnt.json"
 """Of tests that pass: `seconds`, by name; `lines`, by module and line, the places in
@@ -244,14 +244,14 @@ def learn() -> None:
         "--cov-report=",
     ]
     asked += ["-rfE", "-vv", "--durations=0", "--durations-min=0"]  # the quickest, too
-    _, told = _run([*asked, "tests"], None, {"COVERAGE_FILE": str(traced)})
+    _, output = _run([*asked, "tests"], None, {"COVERAGE_FILE": str(traced)})
     seconds: dict[str, float] = defaultdict(float)
     for took, test in re.findall(
-        r"^([\d.]+)s (?:setup|call) +(.+)$", told, re.MULTILINE
+        r"^([\d.]+)s (?:setup|call) +(.+)$", output, re.MULTILINE
     ):
         seconds[test] += float(took)
-    # a name may hold spaces; what is wrong follows
-    wrong = re.findall(r"^(?:FAILED|ERROR) (.+)$", told, re.MULTILINE)
+    # a name may hold spaces; the error follows
+    wrong = re.findall(r"^(?:FAILED|ERROR) (.+)$", output, re.MULTILINE)
     failed = {
         test
         for test in seconds
@@ -309,7 +309,7 @@ def compiled_of(mutant: Mutant) -> set[tuple[str, str]]:
 
 
 def tests_for(mutant: Mutant) -> list[str]:
-    """Return the tests that a mutant meets: the quick ones of its own room first."""
+    """Return the tests to run on a mutant, the quick ones of its own room first."""
     room = tuple(tests_of(mutant.file))
     places = {(mutant.name, line) for line in mutant.statement}
     if kernels := compiled_of(mutant):
@@ -353,17 +353,17 @@ def _fails(mutant: Mutant | None, tests: list[str]) -> bool:
     WORKSHOP.mkdir(exist_ok=True)
     asked = WORKSHOP / "tests"
     asked.write_text("\n".join(tests), encoding="utf-8")
-    code, told = _run(["-x", f"@{asked}"], mutant)
+    code, output = _run(["-x", f"@{asked}"], mutant)
     if code == 5:
-        sys.exit(f"no test was run:\n{told}")
+        sys.exit(f"no test was run:\n{output}")
     return code != 0
 
 
 def _run(
     asked: list[str], mutant: Mutant | None, more: dict[str, str] | None = None
 ) -> tuple[int, str]:
-    """Run quick tests on a copy of the package, with a change; how it ends, and what
-    it says.
+    """Run quick tests on a copy of the package, with a change; return the exit code and
+    the output.
     """
     copy = WORKSHOP / "src" / "stickslip"
     shutil.rmtree(copy, ignore_errors=True)
@@ -408,9 +408,9 @@ def _run(
     ]
     report = WORKSHOP / "report"
     with (
-        report.open("w") as told,
+        report.open("w") as output,
         subprocess.Popen(
-            command, cwd=ROOT, env=environment, stdout=told, stderr=told
+            command, cwd=ROOT, env=environment, stdout=output, stderr=output
         ) as run,
     ):
         while run.poll() is None:
@@ -422,7 +422,7 @@ def _run(
 
 
 def _compiled(environment: dict[str, str]) -> str:
-    """Return the folder of what is compiled of the copy as it is now."""
+    """Return the folder of the compiled code of the copy as it is now."""
     asked = [
         sys.executable,
         "-c",

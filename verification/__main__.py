@@ -33,7 +33,7 @@ def run(
         bool,
         Parameter(
             name="--stale",
-            help="Leave out what the report tells of these sources already.",
+            help="Leave out the studies that the report has of these sources.",
             negative="",
         ),
     ] = False,
@@ -58,27 +58,27 @@ def run(
         return 0
     if workers < 1:
         raise InputError(f"--workers {workers}: must be at least 1")
-    told = read(report)
-    chosen = [name for name in _chosen(names) if not only_stale or name in stale(told)]
+    kept = read(report)
+    chosen = [name for name in _chosen(names) if not only_stale or name in stale(kept)]
     with _bar(len(chosen)) as step:
 
         def keep(outcome: Outcome) -> None:
-            told[outcome.study] = outcome.plain()
-            save(told, report)
+            kept[outcome.study] = outcome.plain()
+            save(kept, report)
             step(outcome)
 
         outcomes = run_all(chosen, workers, keep)
-    data, page = save(told, report)
+    data, page = save(kept, report)
     for outcome in outcomes:
         for claim in outcome.findings:
             if not claim.ok:
                 print(f"\n{outcome.study}: {claim}")
         if outcome.failure:
             print(f"\n{outcome.study}: could not be finished\n{outcome.failure}")
-    bad = [name for name, study in told.items() if not study["ok"]]
+    bad = [name for name, study in kept.items() if not study["ok"]]
     print(
         (
-            f"\n{len(told) - len(bad)} of {len(told)} studies in the report came out "
+            f"\n{len(kept) - len(bad)} of {len(kept)} studies in the report came out "
             "as "
             "settled"
         )

@@ -1,4 +1,4 @@
-"""Orders of convergence: halve the step, see what is left."""
+"""Orders of convergence: the step is halved, and the error that is left is compared."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ _SBC = 21.7
 
 @dataclass(frozen=True, kw_only=True)
 class Coverage:
-    """What fits of many known truths gave.
+    """Fits of many known truths.
 
     Attributes
     ----------
@@ -114,8 +114,8 @@ def coverage_test(
     slips: int = 170,
     report: Callable[[str], None] | None = None,
 ) -> Coverage:
-    """Fit traces of fresh truths from the prior, at random samplings and noise,
-    until so many were not refused.
+    """Fit traces of new truths from the prior, at random samplings and noise, until a
+    given number was not refused.
     """
     prior = Prior()
     rng = np.random.default_rng(seed)
@@ -179,14 +179,13 @@ IDEAL = Observation(
     slips=167,
     sampling=Recording(slope=3e-3, noise=0.0, resolution=0.0, drop=1e-6, rise=1e-6),
 )
-"""A recording without noise, of so many samples that no slip is too small to be
-seen.
+"""A recording without noise, of samples close enough for the smallest slip to be seen.
 """
 
 
 def contraction_test(truths: int = 200, *, seed: int = 2) -> Coverage:
-    """Infer fresh truths from ideal recordings of their slips: what the statistics tell
-    at best, nothing refused.
+    """Infer new truths from ideal recordings of their slips: the most that the
+    statistics can give, with no trace refused.
 
     A trace whose slip count depends on the detection threshold is refused a fit. Most
     of those come of stiff springs, which the statistics tell best: without them less is
@@ -251,7 +250,8 @@ def calibration() -> tuple[Claim, ...]:
 
 
 def contraction() -> tuple[Claim, ...]:
-    """What the statistics tell at best; over all of the prior less than the bounds ask.
+    """The information in the statistics at best; over the whole prior it is less than
+    the bounds ask.
 
     The bounds were settled on a prior without the series in which contacts break more
     than about 1.2 times a slip, soft springs with large slips, which tell the number of
@@ -305,7 +305,7 @@ def halves_predicted(
 
 
 def measured_trace() -> tuple[Claim, ...]:
-    """What Force7 gives: intervals, the test of the draws, and its second half from
+    """Fit the trace Force7: intervals, the test of the draws, and its second half from
     its first.
     """
     found = fit(read_trace(FORCE7, step=0.25), after=45.0)

@@ -137,11 +137,11 @@ def _ratio(rig: ss.Rig, noise: ContactNoise) -> float:
 def _noise() -> tuple[Claim, ...]:
     measured = []
     for _, (rig, noise) in zip(range(_RIGS), _random_rigs(2026), strict=False):
-        said = (
+        name = (
             f"{rig.interface.thresholds}, {noise.contacts} contacts, velocity "
             f"{noise.relative_velocity:.0%} rms"
         )
-        measured.append(near(said, _ratio(rig, noise), 1.0, 0.05, "of theory"))
+        measured.append(near(name, _ratio(rig, noise), 1.0, 0.05, "of theory"))
     return (
         finding(
             (

@@ -19,7 +19,7 @@ from verification import STUDIES
 from verification.sources import fingerprint
 
 Studies = dict[str, dict[str, Any]]
-"""What JSON holds of each study, by its name."""
+"""The studies as JSON holds them, by name."""
 
 _TEMPLATE = Path(__file__).with_name("template.html")
 
@@ -28,7 +28,7 @@ _TEMPLATE = Path(__file__).with_name("template.html")
 class Outcome:
     """What the study of this name found, when, and how long it took in s.
 
-    `failure` says why it could not be finished.
+    `failure` is the reason why it could not be finished.
     """
 
     study: str
@@ -71,8 +71,8 @@ class Outcome:
 
 
 def read(folder: Path) -> Studies:
-    """Return the studies that the report in a folder tells of, if there is one, as
-    far as there still are such.
+    """Return the studies of the report in a folder that still exist; none without a
+    report.
     """
     file = folder / "report.json"
     studies = (
@@ -82,8 +82,8 @@ def read(folder: Path) -> Studies:
 
 
 def stale(studies: Studies) -> list[str]:
-    """Return the names of the studies of which nothing is told, or what other
-    sources gave.
+    """Return the names of the studies that the report lacks, or made with other
+    sources.
     """
     return [
         name
@@ -102,11 +102,11 @@ def save(studies: Mapping[str, Mapping[str, Any]], folder: Path) -> tuple[Path, 
     page = Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True
     ).from_string(_TEMPLATE.read_text())
-    told = [studies[name] for name in STUDIES if name in studies]
+    kept = [studies[name] for name in STUDIES if name in studies]
     report = {
-        "ok": all(study["ok"] for study in told),
-        "made_by": _made_by(told),
-        "studies": told,
+        "ok": all(study["ok"] for study in kept),
+        "made_by": _made_by(kept),
+        "studies": kept,
     }
     texts = {
         "report.json": json.dumps(report, indent=1) + "\n",
@@ -118,13 +118,13 @@ def save(studies: Mapping[str, Mapping[str, Any]], folder: Path) -> tuple[Path, 
     return first, second
 
 
-def _made_by(told: Sequence[Mapping[str, Any]]) -> str:
+def _made_by(kept: Sequence[Mapping[str, Any]]) -> str:
     """Which versions made a report, and when the last study ended."""
     version, python = (
-        " and ".join(dict.fromkeys(each[name] for each in told))
+        " and ".join(dict.fromkeys(each[name] for each in kept))
         for name in ("stickslip", "python")
     )
     return (
         f"version {version}, Python {python}, "
-        f"{max((each['when'] for each in told), default='never')}"
+        f"{max((each['when'] for each in kept), default='never')}"
     )

@@ -189,8 +189,8 @@ def _energy() -> tuple[Claim, ...]:
 
 
 def _linear() -> tuple[Claim, ...]:
-    """A small perturbation of the cohorts grows at the rate of linear theory, and
-    decays where theory says so.
+    """A small perturbation of the cohorts grows, or decays, at the rate of linear
+    theory.
     """
     slider = FIG7.slider
     interface = replace(FIG7.interface, delay=Delay(0.1))
@@ -251,8 +251,8 @@ def _linear() -> tuple[Claim, ...]:
 
 
 def _fitted_mode(t: np.ndarray, force: np.ndarray) -> tuple[float, float]:
-    """Rate and frequency of one oscillating mode, by least squares on what is left
-    of the transient.
+    """Return the rate and the frequency of one oscillating mode, by least squares on
+    the rest of the transient.
     """
     from scipy.optimize import least_squares
 

@@ -20,8 +20,8 @@ COMPUTING = (
     "cycles",
     "measure",
 )
-"""What every study goes through, of the package; pictures and files may change
-without a new report.
+"""Rooms of the package that every study uses; pictures and files may change without a
+new report.
 """
 
 

@@ -1,4 +1,4 @@
-"""What a study is: a question, and a function that answers it with claims."""
+"""A study: a question, and a function that answers it with claims."""
 
 from __future__ import annotations
 

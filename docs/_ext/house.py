@@ -432,29 +432,29 @@ def _one_name_each(
     """Give attributes that share a line, ``low, high : float``, one each: napoleon
     takes the first for a type.
     """
-    told: list[str] = []
+    rewritten: list[str] = []
     inside, names, kind, about = False, [""], "", list[str]()
 
-    def tell() -> None:
+    def write_names() -> None:
         for name in names:
-            told.extend([name + kind, *about])
+            rewritten.extend([name + kind, *about])
 
     for before, line in zip(["", *lines], [*lines, ""], strict=True):
         if set(line) == {"-"}:
             inside = before == "Attributes"
         if inside and (found := re.fullmatch(r"(\w+(?:, \w+)+)( : .*)", line)):
-            tell()
+            write_names()
             names = found[1].split(", ")
             kind = found[2]
             about = []
         elif len(names) > 1 and line.startswith(" "):
             about.append(line)
         else:
-            tell()
+            write_names()
             names = [line]
             kind = ""
             about = []
-    lines[:] = told[1:]
+    lines[:] = rewritten[1:]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -16,7 +16,8 @@ COLOURS = {
     "unstable": "#BFBFBF",
     "stable": "#FFFFFF",
 }
-"""Of each motion, in every picture: light to dark, as what it does to a machine."""
+"""Colours of the kinds of motion in every picture: the darker, the worse for a machine.
+"""
 _LINE = "#8888"  # seen on any page, light or dark, as the colour of the text is
 _CARD = (
     f"border:1px solid {_LINE};border-radius:6px;padding:.5em "
@@ -25,9 +26,7 @@ _CARD = (
 
 
 class Answer:
-    """Base of the records that answer a question; a record says what it found in
-    ``__str__``.
-    """
+    """Base of the records that answer a question; ``__str__`` of one is its text."""
 
     def __repr__(self) -> str:
         return str(self)
@@ -41,16 +40,16 @@ class Answer:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the answer as plain numbers, texts and lists, as JSON takes them;
-        what is not finite is None.
+        """Return the answer as plain numbers, texts and lists, as JSON takes them; NaN
+        and infinity become None.
         """
         found: dict[str, Any] = plain(self)
         return found
 
 
 def card(title: str, content: str, motion: str = "") -> str:
-    """Return HTML that a notebook shows of an answer: a line, and what stands
-    beneath it; its edge tells a motion.
+    """Return an answer as HTML for a notebook: a title, the content beneath it, and an
+    edge in the colour of a motion.
     """
     edge = f"border-left:5px solid {COLOURS.get(motion, _LINE)}"
     return (
@@ -88,10 +87,10 @@ def escaped(text: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON can hold of a record, mapping, sequence, array or value; what is
-    not finite becomes None.
+    """Return a record, mapping, sequence, array or value as plain JSON values; NaN and
+    infinity become None.
 
-    Beside a number of a record that has an error there is one.
+    A number of a record that has an error is followed by ``NAME_error``.
     """
     if is_dataclass(value) and not isinstance(value, type):
         held = {field.name: getattr(value, field.name) for field in fields(value)}

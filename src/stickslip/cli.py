@@ -53,7 +53,7 @@ def _number(_type: object, tokens: Sequence[Token]) -> float:
 
 
 Number = Annotated[float, Parameter(converter=_number)]
-# whoever takes it asks for a whole number
+# the function that takes it checks for a whole number
 Whole = Annotated[int, Parameter(converter=_number)]
 Switch = Annotated[bool, Parameter(negative="")]
 File = Path | None
@@ -87,7 +87,7 @@ Kind = Literal[
     "contacts",
     "sound",
 ]
-# what is made by default as such a file
+# the picture that such a file holds by default
 SUFFIXES: dict[str, Kind] = {".gif": "contacts", ".wav": "sound"}
 KINDS = (
     "What to show of a run: by default an overview, as .gif its contacts; fronts, "
@@ -116,8 +116,8 @@ class Columns:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """What is known of a bench besides the force; stiffness and velocity tell the
-    motion of the slider.
+    """Known values of a bench besides the force; with stiffness and velocity the motion
+    of the slider is computed.
     """
 
     displacement: Annotated[
@@ -141,7 +141,7 @@ class Bench:
     ] = None
 
     def read(self, data: Path, columns: Columns) -> xr.Dataset:
-        """Read a run, or a measured trace with what is known of its bench."""
+        """Read a run, or a measured trace with the known values of its bench."""
         if self.contacts is not None:
             whole("--contacts", self.contacts, at_least=1, hint="their number")
         trace = _read_data(
@@ -176,12 +176,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1
     for a claim or case that fails.
     """
-    console.print_what_can_be()
+    console.replace_missing_letters()
     try:
         code = _run(arguments)
         sys.stdout.flush()  # else the interpreter does, and complains of a closed pipe
     except BrokenPipeError:  # the reader went away, as `head` does
-        console.hush()
+        console.discard_output()
         return 0
     except SystemExit as left:
         # rich ends so where the reader of a help went away
@@ -192,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    """Run a command, and say in one line why it failed."""
+    """Run a command; a failure is reported in one line."""
     try:
         _refuse_old_names(sys.argv[1:] if arguments is None else arguments)
         with console.stoppable():
@@ -274,11 +274,11 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
     return ss.read_trace(data, **vars(columns), **more)
 
 
-def _since_and_least(
+def _limits_of_trace(
     trace: xr.Dataset, after: str | None, minimum_drop: str | None
 ) -> tuple[float | None, float | None]:
-    """Where to begin in a trace, and the smallest drop of it that counts, in its
-    units.
+    """Return the time from which a trace is read, and the smallest drop that counts, in
+    its units.
     """
     time, force = (
         str(trace[name].attrs.get("units", "")) for name in ("time", "spring_force")
@@ -443,7 +443,7 @@ def simulate(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Simulate a rig and say what it did."""
+    """Simulate a rig and report its regime and slips."""
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=rig)
@@ -464,7 +464,9 @@ def rerun(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Make a run again from its provenance, bit for bit, and say what it did."""
+    """Make a run again from its provenance, bit for bit, and report its regime and
+    slips.
+    """
     _check_outputs(output, picture=plot, read=run)
     before = ss.load(run)
     with console.working("simulating") as progress:
@@ -475,7 +477,7 @@ def rerun(
 def _keep_run(
     run: xr.Dataset, output: Path | None, plot: Path | None, json: bool
 ) -> None:
-    """Write a run and its picture, and say what it did."""
+    """Write a run and its picture, and report its regime and slips."""
     if output is not None:
         ss.save(run, output)
     seen = ss.regime(run)
@@ -524,7 +526,7 @@ def measure(
 
     _check_outputs(events, picture=plot, read=data)
     trace = bench.read(data, columns)
-    since, smallest = _since_and_least(trace, after, minimum_drop)
+    since, smallest = _limits_of_trace(trace, after, minimum_drop)
     seen, catalogue = ss.measure.regime_and_drops(
         trace, minimum_drop=smallest, after=since
     )
@@ -687,7 +689,7 @@ def fit(
     means = read_pairs(speeds, "m/s")
     peaks = read_pairs(holds, "s")
     data = _read_data(trace, columns, flip=flip)
-    since, least = _since_and_least(data, after, minimum_drop)
+    since, least = _limits_of_trace(data, after, minimum_drop)
     with console.working("simulating") as progress:
         found = ss.fit(
             data,
@@ -774,7 +776,7 @@ def sweep(
         Path, Parameter(help="File of the results; if it is there, the sweep goes on.")
     ],
     status: Annotated[
-        Switch, Parameter(help="Run nothing: say how far the sweep is.")
+        Switch, Parameter(help="Run nothing: report how far the sweep is.")
     ] = False,
     workers: Annotated[
         Whole | None,
@@ -839,7 +841,7 @@ def sweep(
 def _report_sweep(
     result: xr.Dataset, store: Path, picture: Path | None, json: bool
 ) -> int:
-    """Say what became of the cases; the last line and the exit code say whether some
+    """Report the cases of a sweep; the last line and the exit code show whether some
     failed.
     """
     from stickslip.sweep import failures, summary
@@ -883,8 +885,8 @@ def _report_sweep(
 
 
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool = False) -> str:
-    """Draw a sweep with what theory says on top; return what that is, or why there
-    is nothing.
+    """Draw a sweep with the results of theory on top; return what was drawn there, or
+    why nothing was.
     """
     from stickslip.sweep.theory import with_theory
 

@@ -1,5 +1,5 @@
-"""The command line's other end: progress, executors and answers on a terminal, in a
-pipe, or in a log.
+"""Progress, executors and answers of the command line, on a terminal, in a pipe, or in
+a log.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 def executor_of(
     workers: int | None, processes: bool, scheduler: str | None
 ) -> Iterator[Any]:
-    """Where the cases of a sweep run: in threads, processes, or on the Dask cluster
-    at an address.
+    """Yield the executor of a sweep: threads, processes, or the Dask cluster at an
+    address.
     """
     from stickslip.sweep import Processes, Threads
 
@@ -47,7 +47,7 @@ def executor_of(
         ) from None
     for name in [*logging.root.manager.loggerDict]:
         if name.startswith("distributed"):
-            # what concerns the user is said in our line
+            # our own line reports what concerns the user
             logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client: Any = Client(scheduler, timeout="10s", set_as_default=False)  # type: ignore[no-untyped-call]
@@ -70,7 +70,9 @@ def executor_of(
 
 @contextmanager
 def working(title: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar; before the very first one, why it will stand still for a while."""
+    """Show a progress bar; before the first use, explain why it stands still while
+    kernels are compiled.
+    """
     from stickslip.kernels._jit import compiled_before
 
     if not compiled_before():
@@ -90,19 +92,19 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
     """
     with bar(title, first=0.0, every=30.0) as report:
 
-        def tell(p: Progress) -> None:
+        def report_cases(p: Progress) -> None:
             words = f"{p.finished} of {p.total} cases" + (
                 f", {p.failed} failed" if p.failed else ""
             )
             report(p.finished / p.total, words, p.found / p.total)
 
-        yield tell
+        yield report_cases
 
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Take for a Ctrl-C what a cluster sends before it kills, and what a terminal
-    sends when it is closed.
+    """Treat the signals of a cluster before it kills, and of a closing terminal, as
+    Ctrl-C.
     """
     if threading.current_thread() is not threading.main_thread():  # only that one may
         yield
@@ -111,7 +113,7 @@ def stoppable() -> Iterator[None]:
     def stop(_number: int, _frame: object) -> None:
         raise KeyboardInterrupt
 
-    # What is ignored stays so: `nohup` means it.
+    # A signal that is ignored stays ignored, as `nohup` asks.
     heeded = [
         n
         for n in (signal.SIGTERM, signal.SIGHUP)
@@ -125,15 +127,17 @@ def stoppable() -> Iterator[None]:
             signal.signal(n, handler)
 
 
-def print_what_can_be() -> None:
-    """Let a terminal that lacks a letter, as of ASCII or Latin-1, show it replaced."""
-    out: Any = sys.stdout  # whoever calls us from Python may have put anything there
+def replace_missing_letters() -> None:
+    """Replace letters that the terminal lacks, as in ASCII or Latin-1, instead of
+    failing.
+    """
+    out: Any = sys.stdout  # a caller from Python may have replaced it by any object
     if hasattr(out, "reconfigure") and out.errors == "strict":
         out.reconfigure(errors="replace")
 
 
-def hush() -> None:
-    """Send what is still to be printed nowhere: its reader went away."""
+def discard_output() -> None:
+    """Discard the rest of the output: its reader has closed the pipe."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)

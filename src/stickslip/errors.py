@@ -138,7 +138,7 @@ def number(
     """Return `value` as a float if it is a real number in the range, else raise
     `InputError`.
 
-    `place` says where it stands (``"Slider.mass"``), `hint` what it means, with its
+    `place` is where it stands (``"Slider.mass"``), `hint` what it means, with its
     unit. Refused, too, is a size beyond 1e30, and one below 1e-30 of what is neither 0
     nor may be negative.
     """
@@ -234,7 +234,7 @@ def sequence(place: str, value: Any, hint: str) -> tuple[Any, ...]:
 
 
 def extreme(value: float) -> str:
-    """Say what is wrong with the size of a number; empty if nothing is, or if it is
+    """Return why the size of a number is refused; empty if it is not, or if it is
     infinite.
     """
     if value == 0 or SMALLEST <= abs(value) <= LARGEST or math.isinf(value):

@@ -39,8 +39,8 @@ _POSITIONAL = 7
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number of so many significant digits, without an exponent from 0.0001 to ten
-    millions.
+    """Return a number in a given number of significant digits, without an exponent from
+    0.0001 to ten millions.
 
     Examples
     --------
@@ -52,14 +52,14 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def listed(names: Iterable[object]) -> str:
-    """Names in a row: ``a, b and c``."""
+    """Return names in a row: ``a, b and c``."""
     *first, last = map(str, names)
     return f"{', '.join(first)} and {last}" if first else last
 
 
 def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
-    """The prefix that suits a value in an SI unit: what to divide it by, and the unit
-    with that prefix.
+    """Return the divisor of a value in an SI unit, and the unit with the prefix that
+    suits it.
 
     Any other unit stays as it is. 999.96 N in four significant digits is 1 kN. Rates
     are given per second.
@@ -85,8 +85,8 @@ def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
 
 
 def engineering(value: float, unit: str, digits: int = 4) -> str:
-    """A value in so many digits, with its unit and the prefix that suits it; ``"1"`` is
-    no unit, "time" time units.
+    """Return a value with its unit and the prefix that suits it; ``"1"`` is no unit,
+    "time" time units.
 
     Examples
     --------

@@ -32,7 +32,7 @@ Shared with this network until you stop it: whoever has this link can simulate o
 second and searches of at most a minute each, and have force traces of up to 5 MB read. Visitors see the rig that you
 opened it with, none of your files, and no rig or trace of another visitor. The link is the only lock, and it is sent in
 the clear (http): give it to people in the room, not to the internet."""  # noqa: E501
-"""What ``--share`` exposes, in words."""
+"""Warning that ``--share`` prints: what visitors can do, and what they cannot see."""
 
 
 def serve(

@@ -45,8 +45,8 @@ MOST = {
     "bins": 1_000,
     "blocks": 400,
 }
-"""What a run, its drive, a distribution of thresholds and a bar may have, so that
-the page stays live.
+"""Largest numbers of contacts, samples, pieces, bins and blocks that the page takes, so
+that it answers at once.
 """
 DIGITS = 5  # significant digits of the numbers that the page shows
 DECADES = 15  # powers of ten of a number of the model, in natural units
@@ -104,14 +104,12 @@ def any_rig_of(document: object) -> Rig:
 
 
 def seconds_of(request: Mapping[str, Any]) -> float:
-    """What a run may take, as the server says; by default as on one's own machine."""
+    """Return the seconds that the server allows for a run, by default `LONGEST`."""
     return float(request.get("seconds", LONGEST))
 
 
 def values_of(rig: Rig) -> dict[str, float]:
-    """Where each parameter of the map stands, in the unit of its axis: the rig's
-    own.
-    """
+    """Return the values of the parameters of the map, in the rig's own units."""
     found = {}
     for name in NAMES if rig.natural.velocity > 0 else ():
         with suppress(InputError):  # the rig has no such parameter
@@ -152,7 +150,7 @@ def extended(rig: Rig, seconds: float) -> Rig | None:
     return longer if estimate(longer).seconds <= seconds else None
 
 
-def of_duration(rig: Rig, duration: object) -> Rig:
+def with_duration(rig: Rig, duration: object) -> Rig:
     """Return the rig with the duration, in its own units, that its run on the page
     had; without one, as it is.
     """
@@ -235,15 +233,15 @@ def check_thresholds(rig: Rig) -> None:
         raise InputError(
             f"interface.thresholds.std = {std:.4g}: must be at least {NARROWEST:g} of "
             "the mean "
-            f"({mean:.4g}), and both together at most {WIDEST:g}, for what theory says "
-            "of them, to stay live",
+            f"({mean:.4g}), and both together at most {WIDEST:g}, for "
+            "theory to answer at once",
             "interface.thresholds.std",
         )
 
 
 def complaints(error: Exception) -> list[dict[str, str]]:
-    """Return what is wrong, each with the key of the document that it is about (empty
-    if there is none).
+    """Return the mistakes in a document, each with the key that it belongs to (empty if
+    there is none).
 
     More mistakes than a rig has keys stand beside no field: they are reported in one
     line, which counts the rest.
@@ -260,9 +258,9 @@ def complaints(error: Exception) -> list[dict[str, str]]:
     ]
 
 
-def turned(document: Document, values: Mapping[str, Any]) -> Document:
-    """Return a document with some parameters varied, in the basic units of its own
-    system (N/m, m/s, kg; natural).
+def with_parameters(document: Document, values: Mapping[str, Any]) -> Document:
+    """Return a document with other values of some parameters, in the basic units of its
+    own system (N/m, m/s, kg; natural).
     """
     rig = rig_of(document)
     for name, value in values.items():
@@ -271,7 +269,7 @@ def turned(document: Document, values: Mapping[str, Any]) -> Document:
                 f"{shown(name)}: is no parameter; there are {', '.join(NAMES)}"
             )
         rig = rig.with_values(**{name: number(name, value, above=0)})
-    # A parameter is turned at constant eta, as on the map.
+    # A parameter is varied at constant eta, as on the map.
     ratio = _by_ratio(document) and not values.keys() & {"stiffness", "mass", "damping"}
     return _like(document, rig, damping_ratio=ratio)
 
@@ -298,9 +296,9 @@ def in_units(document: Document, units: str, scales: Any = None) -> Document:
         raise InputError(
             f"scales = {shown(scales)}: must be a table of force, stretching and time"
         ) from None
-    # What was assumed is said of the numbers of the file.
-    turned = replace(rig, scales=None if rig.scales else back, assumed={})
-    found = {"document": _like(document, turned, damping_ratio=_by_ratio(document))}
+    # The assumptions of a file hold for its own numbers alone.
+    converted = replace(rig, scales=None if rig.scales else back, assumed={})
+    found = {"document": _like(document, converted, damping_ratio=_by_ratio(document))}
     return found | ({"scales": vars(rig.scales)} if rig.scales else {})
 
 
@@ -309,7 +307,7 @@ def _by_ratio(document: Document) -> bool:
 
 
 def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
-    """The document of a rig, its heat as it was given."""
+    """Return the document of a rig, with the temperature as it was given."""
     made = io.to_document(rig, digits=DIGITS, damping_ratio=damping_ratio)
     if (heat := document["interface"].get("activation")) and document.get(
         "units"
@@ -321,12 +319,12 @@ def _like(document: Document, rig: Rig, *, damping_ratio: bool) -> Document:
 @lru_cache(maxsize=1)
 def presets() -> tuple[dict[str, Any], ...]:
     """Return every preset: a group, a title and a document."""
-    bench = first()
+    bench = first_document()
     shipped = _table("presets")
     short = paper(CASES["fig4"], "Sliding or stick-slip")
     short["simulation"]["contacts"] = 3_000
     short["drive"]["distance"] = 40.0
-    warm = first() | {"name": "Warm teaching bench"}
+    warm = first_document() | {"name": "Warm teaching bench"}
     warm["interface"]["activation"] = shipped["heat"]
     titles = {
         "Teaching bench": bench,
@@ -359,9 +357,9 @@ def presets() -> tuple[dict[str, Any], ...]:
     return tuple(found)
 
 
-def begun() -> dict[str, Any]:
-    """Return what a page begins with: presets, bars, the questions of the tour, and
-    what each quantity and field is.
+def page_content() -> dict[str, Any]:
+    """Return the content of a page at its start: presets, bars, the questions of the
+    tour, and the explanation of each quantity and field.
     """
     shipped = _table("presets")
     bar = io.example("pmma_bar")
@@ -378,7 +376,7 @@ def _table(name: str) -> dict[str, Any]:
     return tomllib.loads((Path(__file__).parent / f"{name}.toml").read_text("utf-8"))
 
 
-def first() -> Document:
+def first_document() -> Document:
     """Return the rig that the app begins with: a bench for teaching, in a shorter
     run so that it answers at once.
     """

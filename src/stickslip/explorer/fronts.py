@@ -26,7 +26,7 @@ _PER_BLOCK = 3.0  # samples while sound passes one
 _ROWS = 600
 _CLOSE = 240
 _EVENTS = 12  # that can be looked at closer
-_FEWEST = 3  # blocks of an event that is told
+_FEWEST = 3  # blocks of the smallest event that is listed
 _DECADES = 3.0  # of velocity below the largest
 
 

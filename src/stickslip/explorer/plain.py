@@ -22,12 +22,12 @@ Watch = Callable[[float], None]
 for the rest.
 """
 
-_MOST_MARKED = 2_000  # slips; more cannot be told apart on a screen
+_MOST_MARKED = 2_000  # slips; more cannot be distinguished on a screen
 
 
 def force_trace(data: xr.Dataset, width: int) -> Plain:
-    """Force against time, thinned to the width of the screen, with regime in words,
-    drops, and slips if it has any.
+    """Return the force against time, thinned to the width of the screen, with its
+    regime in words, its drops, and its slips if it has any.
     """
     seen, drops = measure.regime_and_drops(data)
     words = measure.transitions_in_words(data)
@@ -63,7 +63,9 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
 
 
 def within(request: Plain, key: str, low: float, high: float, usual: float) -> float:
-    """A number of a request, within bounds."""
+    """Return a number of a request, clipped to its bounds; a usual one if there is
+    none.
+    """
     value = request.get(key)
     number = (
         float(value)
@@ -74,13 +76,13 @@ def within(request: Plain, key: str, low: float, high: float, usual: float) -> f
 
 
 def width_of(request: Plain) -> int:
-    """Pixels of the screen that asks."""
+    """Return the width of the page that asks, in pixels."""
     return int(within(request, "width", 100, 4_000, 1_000))
 
 
 def axis(variable: xr.DataArray) -> Plain:
-    """Name and unit of an axis; SI units get the prefix that suits the values, which
-    `factor` divides out.
+    """Return the name and the unit of an axis; SI units get the prefix that suits the
+    values, which `factor` divides out.
     """
     name = name_of(variable)
     values = variable.to_numpy()
@@ -97,7 +99,7 @@ def in_unit(variable: xr.DataArray, along: Plain) -> Array:
 
 
 def span(data: xr.Dataset, times: Plain) -> list[float]:
-    """When a run, or a trace, begins and ends."""
+    """Return when a run, or a trace, begins and ends."""
     return [float(time) / times["factor"] for time in data["time"][[0, -1]]]
 
 
@@ -110,7 +112,7 @@ def name_of(variable: xr.DataArray) -> Plain:
 
 
 def floats(values: Array) -> list[float | None]:
-    """Numbers as JSON has them; None for what is none."""
+    """Return numbers as JSON holds them; None for NaN and infinity."""
     return [float(value) if math.isfinite(value) else None for value in values]
 
 

@@ -52,7 +52,7 @@ _HEADERS = {
 
 
 class Limits(NamedTuple):
-    """What one visitor may ask for."""
+    """Limits on the questions of one visitor."""
 
     run: float  # seconds of a run, by estimate; longer ones are cut short
     quick: float  # seconds after which a question is given up
@@ -83,7 +83,9 @@ def run(
     rig: Path | None, port: int | None, ready: Callable[[str], None] | None, share: bool
 ) -> None:
     """Serve until interrupted; see `stickslip.explorer.serve`."""
-    begin = documents.first() if rig is None else documents.of(io.read_rig(rig))
+    begin = (
+        documents.first_document() if rig is None else documents.of(io.read_rig(rig))
+    )
     host = _own_address() if share else HOST
     token = secrets.token_urlsafe(24) if share else ""
     with _listen(host, port) as listening:
@@ -138,8 +140,10 @@ def _listen(host: str, port: int | None) -> socket.socket:
     )
 
 
-class _House:
-    """What all windows share: workers, limits, and a count of who is in."""
+class _Shared:
+    """State that all windows share: the workers, the limits, and the number of windows
+    from each address.
+    """
 
     def __init__(self, begin: documents.Document, limits: Limits) -> None:
         self.limits = limits
@@ -150,12 +154,17 @@ class _House:
         self.slow = Crew("slow", max(4, 2 * cores), niceness=10)
         # A bar is shown on the page Fronts; the other pages have a rig with one slider.
         mine = (
-            {"document": documents.first(), "chain": begin}
+            {"document": documents.first_document(), "chain": begin}
             if "chain" in begin
             else {"document": begin}
         )
         self.hello = json.dumps(
-            {"kind": "hello", **mine, "largest": limits.trace, **documents.begun()}
+            {
+                "kind": "hello",
+                **mine,
+                "largest": limits.trace,
+                **documents.page_content(),
+            }
         )
         self.windows: Counter[str] = Counter()  # by address
 
@@ -166,17 +175,17 @@ def application(
     """Return the app that begins with a document, and is reached at an address,
     behind a token if there is one.
     """
-    house = _House(begin, SHARED if token else ALONE)
+    shared = _Shared(begin, SHARED if token else ALONE)
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> Any:
         threading.Thread(target=forkserver.ensure_running, daemon=True).start()
         yield
-        house.quick.close()
-        house.slow.close()
+        shared.quick.close()
+        shared.slow.close()
 
     routes = [
-        WebSocketRoute("/session", partial(_session, house)),
+        WebSocketRoute("/session", partial(_session, shared)),
         Mount("/plotly", StaticFiles(packages=[("plotly", "package_data")])),
         Mount("/", StaticFiles(directory=Path(__file__).parent / "static", html=True)),
     ]
@@ -234,16 +243,16 @@ class _Lane:
     def __init__(
         self,
         kind: str,
-        house: _House,
+        shared: _Shared,
         turns: asyncio.Semaphore,
         send: Callable[[str], None],
     ) -> None:
         self._kind = kind
-        self._limits = house.limits
+        self._limits = shared.limits
         self._turns = turns
         self._send = send
         self._slow = kind in SLOW
-        self._crew = house.slow if self._slow else house.quick
+        self._crew = shared.slow if self._slow else shared.quick
         self._newest = threading.Event()  # set: dropped
         self._free = asyncio.Lock()
 
@@ -270,22 +279,22 @@ class _Lane:
             )
 
 
-async def _session(house: _House, websocket: WebSocket) -> None:
+async def _session(shared: _Shared, websocket: WebSocket) -> None:
     """Serve one window from its first to its last question, if there is room for it."""
     who = websocket.client.host if websocket.client else ""
-    windows = house.windows
-    if windows[who] >= house.limits.windows or windows.total() >= _MOST_WINDOWS:
+    windows = shared.windows
+    if windows[who] >= shared.limits.windows or windows.total() >= _MOST_WINDOWS:
         await websocket.close(1013)  # try again later
         return
     windows[who] += 1
     try:
         await websocket.accept()
-        await _serve(house, websocket)
+        await _serve(shared, websocket)
     finally:
         windows[who] -= 1
 
 
-async def _serve(house: _House, websocket: WebSocket) -> None:
+async def _serve(shared: _Shared, websocket: WebSocket) -> None:
     loop = asyncio.get_running_loop()
     outgoing: asyncio.Queue[str] = asyncio.Queue()
 
@@ -299,16 +308,16 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
                 await websocket.send_text(await outgoing.get())
 
     turns = {
-        True: asyncio.Semaphore(house.limits.together),
+        True: asyncio.Semaphore(shared.limits.together),
         False: asyncio.Semaphore(len(ANSWERS)),
     }
-    lanes = {kind: _Lane(kind, house, turns[kind in SLOW], send) for kind in ANSWERS}
+    lanes = {kind: _Lane(kind, shared, turns[kind in SLOW], send) for kind in ANSWERS}
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
-    send(house.hello)
+    send(shared.hello)
     try:
         while (message := await websocket.receive())["type"] == "websocket.receive":
             try:
-                request = _question(message, lanes, house.limits.trace)
+                request = _question(message, lanes, shared.limits.trace)
             except InputError as error:
                 send(
                     json.dumps(
@@ -322,7 +331,7 @@ async def _serve(house: _House, websocket: WebSocket) -> None:
                 continue
             task = asyncio.create_task(lane.ask(request))
             tasks.add(task)
-            # asyncio says on the terminal in what error it ended
+            # asyncio prints the error that ended it on the terminal
             task.add_done_callback(tasks.discard)
     finally:
         for lane in lanes.values():

@@ -40,11 +40,11 @@ _LAW_POINTS = 61
 
 
 def run(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Force trace, phase portrait, stretchings at the cursor's time and regime; then
-    the friction forces.
+    """Simulate a rig: yield its force trace, phase portrait, stretchings at the
+    cursor's time and regime; then the friction forces.
 
-    A drive that would take too long is cut short. A run whose regime is undecided goes
-    on, if twice the time can tell.
+    A drive that would take too long is cut short. A run whose regime is undecided is
+    made twice as long, up to `_EXTENSIONS` times.
     """
     asked = documents.rig_of(request.get("document"))
     seconds = documents.seconds_of(request)
@@ -63,7 +63,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         ]
     )
     for step in range(_EXTENSIONS + 1):
-        made = _run(rig, watch, seconds, snapshots=(_look(request, rig),))
+        made = _run(rig, watch, seconds, snapshots=(_cursor_time(request, rig),))
         answer = force_trace(made, width_of(request))
         undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
         longer = documents.extended(rig, seconds) if undecided else None
@@ -97,8 +97,8 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def law(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """Kinetic friction against speed about that of the drive, and the speeds at
-    which it turns.
+    """Yield the kinetic friction against speed, about the speed of the drive, with the
+    speeds at which it is largest or smallest.
     """
     rig = documents.rig_of(request.get("document"))
     documents.check_decades(rig)
@@ -150,18 +150,21 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The distribution of stretchings at another time of the same run."""
-    rig = documents.of_duration(
+    rig = documents.with_duration(
         documents.rig_of(request.get("document")), request.get("duration")
     )
     made = _run(
-        rig, watch, documents.seconds_of(request), snapshots=(_look(request, rig),)
+        rig,
+        watch,
+        documents.seconds_of(request),
+        snapshots=(_cursor_time(request, rig),),
     )
     yield {"stretchings": _stretchings(made)}
 
 
 def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Frames of the contacts one by one, from the cursor on; see `plot.frames`."""
-    rig = documents.of_duration(
+    rig = documents.with_duration(
         documents.rig_of(request.get("document")), request.get("duration")
     )
     documents.check_size(rig, documents.seconds_of(request))
@@ -193,7 +196,7 @@ def edit(request: Plain, watch: Watch) -> Iterator[Plain]:
         instance(
             "turn", values := request["turn"], dict, "a table of parameters and values"
         )
-        yield {"document": documents.turned(document, values)}
+        yield {"document": documents.with_parameters(document, values)}
     elif "units" in request:
         yield documents.in_units(document, request["units"], request.get("scales"))
     else:
@@ -255,7 +258,7 @@ def _stretchings(data: xr.Dataset) -> Plain:
 
 
 def _friction(rig: Rig) -> Plain:
-    """F_k at the drive's speed and F_s of slow rigid motion, in the unit of the
+    """Return F_k at the drive's speed and F_s of slow rigid motion, in the unit of the
     force; and K*, in words.
     """
     aged = replace(rig.interface, ageing=None)
@@ -302,7 +305,7 @@ def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
         if form == "toml":
             file.write_text(io.to_toml(rig), "utf-8")
         else:
-            rig = documents.of_duration(rig, request.get("duration"))
+            rig = documents.with_duration(rig, request.get("duration"))
             made = _run(rig, watch, documents.seconds_of(request))
             made.attrs["rig"] = io.to_toml(rig)
             if form == "nc":
@@ -315,8 +318,8 @@ def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
         }
 
 
-def _look(request: Plain, rig: Rig) -> float:
-    """Time of the cursor; just before the end at the latest, where rounding could
+def _cursor_time(request: Plain, rig: Rig) -> float:
+    """Return the time of the cursor, at most just before the end, where rounding could
     take it beyond.
     """
     return within(request, "cursor", 0.0, 0.9999, 1.0) * rig.drive.duration

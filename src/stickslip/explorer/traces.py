@@ -35,7 +35,7 @@ _DAMPING = 0.15
 def trace(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The columns that may be chosen of a file, and the measured trace in it."""
     watch(0.0)
-    with suppress(InputError):  # it is said below what is wrong
+    with suppress(InputError):  # `_read` below reports the mistake
         yield {"columns": measure.columns(request["content"])}
     data = _read(request)
     about = {
@@ -51,8 +51,8 @@ def _name(request: Plain) -> str:
 
 
 def _options(request: Plain) -> dict[str, str]:
-    """What was filled in: the columns (force, time) or the time from row to row
-    (step); what is known for a fit.
+    """Return the fields that were filled in: the columns (force, time) or the time from
+    row to row (step), and the known values for a fit.
     """
     instance("options", options := request.get("options", {}), dict, "a table of texts")
     return {key: text for key, value in options.items() if (text := str(value).strip())}
@@ -250,10 +250,10 @@ def _overlay(
         slips = fitting.pick_events(
             made, minimum_drop=events.smallest, after=min(settle, 0.5 * float(t[-1]))
         )
-        told, fits = fitting.compared(slips, events)
+        comparison, fits = fitting.compared(slips, events)
         words = (
-            f"This rig {'fits' if fits else 'does not fit'}: {told} (mean drop and "
-            "period, at 90 % confidence)."
+            f"This rig {'fits' if fits else 'does not fit'}: {comparison} "
+            "(mean drop and period, at 90 % confidence)."
         )
         if not fits and slips.drops.mean() > events.drops.mean():
             words += (
@@ -306,8 +306,8 @@ def line(x: Array, y: Array) -> Plain:
 
 
 def _plan(events: fitting.Events) -> Plain:
-    """What intervals would take: seconds for each size of the table that is offered;
-    and why there can be none.
+    """Return the seconds that a fit with intervals takes for each size of its table;
+    the reason where there can be none.
     """
     try:
         fitting.check(events)
@@ -324,9 +324,7 @@ def _plan(events: fitting.Events) -> Plain:
 
 
 def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
-    """The fit with its intervals: what the trace says of each parameter, series of
-    its draws, and the rig.
-    """
+    """Fit a trace; yield the interval of each parameter, series of draws, and a rig."""
     watch(0.0)
     events = fitting.pick_events(_read(request))
     options = _options(request)
@@ -352,7 +350,7 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
             {
                 "title": one.title,
                 "text": str(one),
-                "says": _SAYS[str(one.verdict)],
+                "says": _VERDICTS[str(one.verdict)],
                 "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
                 # where its interval lies within what was held possible, 0 to 1
                 "part": list(one.parts or ()),
@@ -369,9 +367,9 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
     }
 
 
-_SAYS = {
+_VERDICTS = {
     "identified": "identified: the trace determines it",
-    "weak": "weak: the trace says little about it",
+    "weak": "weak: the trace determines it poorly",
     "not identified": (
         "not identified: the interval is hardly narrower than what was held possible"
     ),

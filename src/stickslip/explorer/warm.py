@@ -10,8 +10,8 @@ for simulation in (
     {"method": "contacts", "contacts": 100},
     {"method": "master equation"},
 ):
-    document = documents.first() | {"simulation": simulation}
+    document = documents.first_document() | {"simulation": simulation}
     document["drive"]["distance"] = "5 mm"
-    with suppress(Exception):  # the first question will tell
+    with suppress(Exception):  # the first question of a page reports the error
         for _ in simulate.run({"document": document}, lambda _share: None):
             pass

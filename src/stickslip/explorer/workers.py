@@ -47,7 +47,7 @@ ANSWERS: Mapping[str, Callable[[Plain, Watch], Iterator[Plain]]] = {
     "fit": traces.fit,
     "posterior": traces.posterior,
 } | {form: partial(simulate.download, form) for form in ("nc", "png", "svg", "toml")}
-"""What a window can ask."""
+"""The kinds of questions of a window, and the functions that answer them."""
 SLOW = ("chart", "advice", "fronts", "posterior")
 
 Reply = Callable[[Any], object]
@@ -186,15 +186,15 @@ def _serve(line: Connection, niceness: int) -> None:
 
 
 def _answer(line: Connection, job: Job) -> None:
-    told = time.monotonic()
+    last_report = time.monotonic()
 
     def watch(fraction: float) -> None:
-        nonlocal told
+        nonlocal last_report
         if line.poll():
             line.recv()
             raise _StoppedError
-        if time.monotonic() - told > 0.2:
-            told = time.monotonic()
+        if time.monotonic() - last_report > 0.2:
+            last_report = time.monotonic()
             line.send({"progress": fraction})
 
     try:
@@ -213,12 +213,12 @@ def _answer(line: Connection, job: Job) -> None:
         line.send(errors(f"{what} ({type(error).__name__})"))
     except (EOFError, OSError):
         raise
-    # the page is to stay alive whatever happens; the terminal is told, too
+    # the page stays alive whatever happens, and the terminal shows the traceback
     except Exception as error:
         traceback.print_exc()
         line.send(errors(f"this failed: {type(error).__name__}: {error}"))
 
 
 def errors(message: str) -> Plain:
-    """An answer that says what is wrong."""
+    """Return an answer that reports a mistake."""
     return {"errors": [{"key": "", "message": message}]}

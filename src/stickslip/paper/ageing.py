@@ -15,7 +15,7 @@ import stickslip as ss
 from stickslip import plot, theory
 from stickslip.model import Method, Start
 from stickslip.paper.cases import FIG8, FIG11, aged
-from stickslip.paper.figure import Claim, Figure, at_most, between, near, weighed
+from stickslip.paper.figure import Claim, Figure, at_most, between, claim_from, near
 from stickslip.paper.kit import (
     Array,
     Picture,
@@ -137,7 +137,7 @@ def _claims_8(data: xr.Dataset) -> Iterator[Claim]:
     apart = float(np.max(np.abs(np.cumsum(seen - exact)) * width))
     # 1e5 contacts: standard errors of 3e-4, 2e-4 and at most 1.6e-3 (half of 1e5**-.5);
     # Sheppard's bin width**2/12.
-    yield weighed(
+    yield claim_from(
         13,
         "the ageing model thresholds is stationary and Gaussian, Eqs. (13)-(17)",
         near("mean threshold", mean, 1.0, 1.6e-3, "f_s"),
@@ -176,7 +176,7 @@ def _claims_8(data: xr.Dataset) -> Iterator[Claim]:
         periods.append(
             ss.measure.find_cycles(run["time"].to_numpy(), run.to_numpy()).period
         )
-    yield weighed(
+    yield claim_from(
         14,
         "stick-slip for 1 <= beta <= 1.6, smooth sliding below and above",
         *measured,
@@ -406,7 +406,7 @@ def _claims_11(data: xr.Dataset) -> Iterator[Claim]:
         "the renewal equation"
     )
     noise = 4.0 * 0.5 / float(np.sqrt(data.attrs["count"])) + 0.002
-    yield weighed(
+    yield claim_from(
         17,
         (
             "K_eff falls with the velocity and crosses K at the second transition, to "

@@ -24,8 +24,8 @@ from stickslip.paper.figure import (
     at_least,
     at_most,
     between,
+    claim_from,
     near,
-    weighed,
 )
 from stickslip.paper.kit import (
     Array,
@@ -45,7 +45,7 @@ _SHOWN_DELAYS = (0.0, 0.09, 0.1, 0.2)
 _DELAYS = (0.0, 0.085, 0.09, 0.1, 0.105, 0.2, 0.3)
 
 _SHOWN = 20.0
-# what is evaluated; early windows tell how fast a transient decays
+# the window that is evaluated; earlier ones show how fast a transient decays
 _BEGIN = 60.0
 _END = 120.0
 _EARLY = (20.0, 40.0, 60.0)
@@ -54,7 +54,7 @@ _EARLY = (20.0, 40.0, 60.0)
 _PERIODIC = 1e-4
 
 _TRACES = ["spring_force", "velocity", "displacement"]
-_LATE = {  # what a `Regime` says, by its names for it, and one thing more
+_LATE = {  # fields of a `Regime` that are kept, and the decay beside them
     "kind": f"regime after t = {_BEGIN:g}",
     "peak_to_peak": "peak to peak of the spring force, late, per contact [f_s]",
     "mean_force": "mean spring force, late, per contact [f_s]",
@@ -91,8 +91,8 @@ def _data_4(progress: Progress, quick: bool) -> xr.Dataset:
             for pair in itertools.pairwise(_EARLY)
         )
         shown = made[_TRACES].sel(time=slice(0.0, _SHOWN))
-        said = {name: getattr(late, name, None) for name in _LATE}
-        return said | {"decay": begin / later} | dict(shown)
+        found = {name: getattr(late, name, None) for name in _LATE}
+        return found | {"decay": begin / later} | dict(shown)
 
     def scatter(count: int, progress: Progress) -> dict[str, float]:
         # K = 2 k, delay .2
@@ -185,7 +185,7 @@ def _claims_4(data: xr.Dataset) -> Iterator[Claim]:
     # As printed, K = 5 k would be smooth at once; at a delay of .2 the oscillation of
     # the start outlasts the picture.
     at_once = float(data["decay"].sel(stiffness=5.0, delay=0.2).max()) > 10.0
-    yield weighed(
+    yield claim_from(
         7,
         (
             "at K = 2 k delays up to .09 give smooth sliding and .1 and .2 stick-slip; "
@@ -213,7 +213,7 @@ def _claims_4(data: xr.Dataset) -> Iterator[Claim]:
     # A scatter over n periods is known to 1/sqrt(2 n); here n is about 120.
     error = float(np.sqrt(2.0) / np.sqrt(2.0 * 120.0) / np.log(count[-1] / count[0]))
     name = "coefficient of variation of the period"
-    yield weighed(
+    yield claim_from(
         11,
         "stick-slip is strictly periodic",
         at_most(f"{name}, master equation", exact, _PERIODIC),
@@ -366,8 +366,8 @@ def _data_6(progress: Progress, quick: bool) -> xr.Dataset:
 
 
 def _fit(curve: pd.DataFrame, kind: str = "sustained") -> Array:
-    """Coefficients of ``tau v = A1 + A2 (M v^2)^(1/3)``, to what is fitted of a
-    curve.
+    """Coefficients of ``tau v = A1 + A2 (M v^2)^(1/3)``, by the curve that they are
+    fitted to.
     """
     M_v2 = curve["mass"] * curve["velocity"] ** 2
     kept = M_v2 <= _FITTED
@@ -392,7 +392,7 @@ def _claims_6(data: xr.Dataset) -> Iterator[Claim]:
     apart, linear_apart = abs(
         scaled.to_numpy() / curves["M v^2"][kinds].to_numpy() - 1
     ).max(axis=0)
-    yield weighed(
+    yield claim_from(
         9,
         "the critical delay goes as A1 + A2 M^(1/3) with the mass and as A3/v + A4 "
         "v^(-1/3) with the "

@@ -56,8 +56,8 @@ class Measured:
                     f"{0.5 * (self.high - self.low):.2g}"
                 )
             ]
-        said = f"{self.name} = {self.value:.6g}{unit} ({''.join(band) or 'no bound'}"
-        return f"{said})" if self.ok else f"{said}: NOT MET)"
+        text = f"{self.name} = {self.value:.6g}{unit} ({''.join(band) or 'no bound'}"
+        return f"{text})" if self.ok else f"{text}: NOT MET)"
 
 
 def between(
@@ -147,18 +147,18 @@ class Claim:
     def __str__(self) -> str:
         wrong = "" if self.verdict == self.settled else f" (expected: {self.settled})"
         expected = "as expected: " if self.verdict == self.settled == _NOT else ""
-        said = [
+        lines = [
             f"{name}: {words}"
             for name in ("reading", "exact")
             if (words := getattr(self, name))
         ]
-        said = [
+        lines = [
             f"{expected}{self.verdict}{wrong}",
-            *said,
+            *lines,
             *map(str, self.measured),
             f"evidence: {self.evidence}",
         ]
-        return "\n    ".join([f"{'ok' if self.ok else 'FAILED'}  {self.title}", *said])
+        return "\n    ".join([f"{'ok' if self.ok else 'FAILED'}  {self.title}", *lines])
 
     def plain(self) -> dict[str, object]:
         """Return what JSON can hold; None stands for a missing bound and for a value
@@ -181,11 +181,13 @@ class Claim:
         return found
 
 
-def weighed(
-    number: int | None, statement: str, *measured: Measured, **said: Any
+def claim_from(
+    number: int | None, statement: str, *measured: Measured, **more: Any
 ) -> Claim:
-    """A claim by its numbers; what else `Claim` takes follows by name."""
-    return Claim(number, statement, measured, **said)
+    """Return a claim that rests on some numbers; the other fields of `Claim` follow by
+    name.
+    """
+    return Claim(number, statement, measured, **more)
 
 
 class Figure:
@@ -203,7 +205,7 @@ class Figure:
         claims: Callable[[xr.Dataset], Iterable[Claim]],
         drawing: Callable[[Picture, xr.Dataset], None],
     ) -> None:
-        # The drawing's docstring says the title in its first line, then the caption;
+        # The first line of the drawing's docstring is the title, the rest the caption;
         # the height is in inches.
         title, text, *_ = (drawing.__doc__ or "").split("\n\n")
         self.name = name
@@ -288,14 +290,14 @@ class Reproduction:
 
     def to_dict(self) -> dict[str, object]:
         """Return what JSON can hold."""
-        said = {
+        about = {
             "figure": self.figure.name,
             "title": self.figure.title,
             "caption": self.figure.caption,
         }
         files = {"pictures": list(map(str, self.pictures)), "data": str(self.data)}
         return (
-            said
+            about
             | files
             | {"claims": [claim.plain() for claim in self.claims], "ok": self.ok}
         )
@@ -306,8 +308,8 @@ def places(
     directory: str | os.PathLike[str],
     formats: Sequence[Format] = ("png",),
 ) -> tuple[Path, tuple[Path, ...]]:
-    """Return where data and pictures of a figure go; the directory is made, or
-    `InputError` says what is wrong.
+    """Return the paths of the data and the pictures of a figure; the directory is made,
+    or `InputError` is raised.
     """
     folder = Path(directory)
     try:

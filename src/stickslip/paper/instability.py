@@ -33,8 +33,8 @@ from stickslip.paper.figure import (
     at_least,
     at_most,
     between,
+    claim_from,
     near,
-    weighed,
 )
 from stickslip.paper.kit import (
     Picture,
@@ -171,7 +171,7 @@ def _claims_1(data: xr.Dataset) -> Iterator[Claim]:
     scatter = data["scatter"]
     scaled = scatter * np.sqrt(count)
     typical = np.exp(np.log(scatter.to_numpy()).mean(axis=(1, 2)))
-    yield weighed(
+    yield claim_from(
         1,
         "N contacts scatter about the master equation as N^(-1/2)",
         near("power of N", power(count, typical), -0.5, 0.1),
@@ -184,7 +184,7 @@ def _claims_1(data: xr.Dataset) -> Iterator[Claim]:
 
     far = data["deviation"]
     narrow, wide = data["F_k"].to_numpy()
-    yield weighed(
+    yield claim_from(
         2,
         (
             "for any distribution of thresholds but a delta function the force tends "
@@ -202,7 +202,7 @@ def _claims_1(data: xr.Dataset) -> Iterator[Claim]:
         ),
     )
 
-    yield weighed(
+    yield claim_from(
         3,
         "started in the steady state Q_s, the force does not depend on X",
         at_most(
@@ -221,7 +221,7 @@ def _claims_1(data: xr.Dataset) -> Iterator[Claim]:
         threshold_std=_WIDTHS,
     )
     oscillation = turns[..., 0] - turns[..., 1]
-    yield weighed(
+    yield claim_from(
         4,
         (
             "the first oscillation of the force is stronger the narrower the start, "
@@ -399,7 +399,7 @@ def _claims_2(data: xr.Dataset) -> Iterator[Claim]:
     K = float(data.attrs["stiffness"])
     K_eff = data["K_eff"].to_numpy()
     critical = float(data["K_critical"])
-    yield weighed(
+    yield claim_from(
         None,
         (
             "a spring softer than K* is unstable where K_eff(X) > K, from X* on; a "
@@ -424,7 +424,7 @@ def _claims_2(data: xr.Dataset) -> Iterator[Claim]:
     # near the peak of the force
     wells = np.count_nonzero(np.diff(np.sign(np.diff(V[:, landing > X]))) > 0, axis=1)
     bend = np.diff(V[1], 2) / (X[1] - X[0]) ** 2 - (K - K_eff[1:-1])
-    yield weighed(
+    yield claim_from(
         None,
         (
             "the slider rests in a well of V_eff, which bends as K + dF_c/dX and is "
@@ -592,7 +592,7 @@ _RUNS: dict[str, tuple[float, float, Start, float, bool]] = {
     ),
     "wide thresholds, narrow start, delay .2": (0.3, 0.2, ss.FromRest(), 120.0, False),
 }
-_EVALUATED = 60.0  # the last so many time units
+_EVALUATED = 60.0  # time units at the end of a run
 
 
 def _data_3(progress: Progress, quick: bool) -> xr.Dataset:
@@ -691,7 +691,7 @@ def _claim_5(data: xr.Dataset) -> Claim:
         (0.01, 0.2): 1.033,
         (0.01, 0.3): 0.438,
     }
-    return weighed(
+    return claim_from(
         5,
         "K* decreases with the standard deviation of the thresholds and of the initial "
         "forces; it is largest "
@@ -736,7 +736,7 @@ def _claim_5(data: xr.Dataset) -> Claim:
 
 def _claim_6(data: xr.Dataset) -> Claim:
     at_once, never = data["critical_stiffness"].sel(_PAPER).to_numpy().tolist()
-    return weighed(
+    return claim_from(
         6,
         f"K*/N = {_PRINTED} k for Df_s = .1 and Df_0 = .01",
         near("K*, contacts re-attach at once", at_once, CRITICAL_STIFFNESS, 0.003, "k"),
@@ -759,7 +759,7 @@ def _claim_6(data: xr.Dataset) -> Claim:
 def _claim_18(data: xr.Dataset) -> Claim:
     narrow, wide = data["linear_critical_delay"].to_numpy()
     sticks = data["kind"].to_series() == "stick-slip"
-    return weighed(
+    return claim_from(
         18,
         "wide thresholds, or a start in the steady state, avoid stick-slip",
         *(
@@ -962,7 +962,7 @@ def _claims_5(data: xr.Dataset) -> Iterator[Claim]:
             near(f"largest F_d - F_c, {solver}", surplus, 0.3155, 0.003, "f_s"),
         ]
     early = "Omega dt <= 1"
-    yield weighed(
+    yield claim_from(
         8,
         "after the instability the slider moves by v_d dt [1 + (Omega dt)^2/6]",
         near("X*, quasi-static", data["X_star"], 0.9247, 1e-4, "x_s"),

@@ -75,7 +75,7 @@ def grid(
     """Run every case of a grid as ``run(*case)``, or ``run(*case, progress)`` if it
     reports its progress.
 
-    What a run gives by name stands along the axes, then along dimensions of its own.
+    The variables of a run stand along the axes, then along dimensions of their own.
     """
     coordinates = {name: list(values) for name, values in axes.items()}
     cases = list(itertools.product(*coordinates.values()))
@@ -117,9 +117,7 @@ def power(x: Any, y: Any) -> float:
 
 
 def shade(ax: Axes, ends: Iterable[SupportsFloat], words: str, height: float) -> None:
-    """Shade a range along the axis to the right in grey, and say what it is above a
-    height.
-    """
+    """Shade a range along the axis to the right in grey, labelled above a height."""
     low, high = map(float, ends)
     ax.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
     ax.text(0.5 * (low + high), height, words, ha="center", va="bottom", fontsize=8)

@@ -23,9 +23,9 @@ from stickslip.paper.figure import (
     Figure,
     at_least,
     between,
+    claim_from,
     extremes,
     near,
-    weighed,
 )
 from stickslip.paper.kit import (
     Picture,
@@ -57,8 +57,8 @@ def ramped(
     level: float | None = None,
     start: Start = ss.FromSliding(),
 ) -> xr.Dataset:
-    """Return the force on a ramp, from smooth sliding if nothing else is said, and
-    what `transitions` finds there.
+    """Return the force on a ramp, by default from smooth sliding, and the transitions
+    in it.
     """
     run = ss.simulate(
         rig,
@@ -171,8 +171,8 @@ _PERSISTS: dict[str, tuple[tuple[float, float], ...]] = {
     "0.12, fold": (),
     "0.12, redraw": ((0.65, 0.75), (0.8, 0.95)),
 }
-"""Standard deviations of the delays, what is done with negative draws, and the bands of
-the velocities from which and up to which stick-slip persists, if it does.
+"""Standard deviations of the delays, the treatment of negative draws, and the bands of
+the velocities between which stick-slip persists, if it does.
 """
 _SWEPT = ("0.06, clip", "0.12, clip")
 
@@ -267,7 +267,7 @@ def _claims_7(data: xr.Dataset) -> Iterator[Claim]:
     v1_down = data["v1_down"]
     linear = float(data["v1_linear"])
     fold = float(data["v1_down_fold"])
-    yield weighed(
+    yield claim_from(
         10,
         (
             "stick-slip that sets in at v1 when the velocity rises ends at a lower "
@@ -317,7 +317,7 @@ def _claims_7(data: xr.Dataset) -> Iterator[Claim]:
             )
     of_paper = ends.index.str.startswith("0.12")
     ends_within = (ends[1] < _TOP).to_numpy()
-    yield weighed(
+    yield claim_from(
         12,
         "with random delays the motion is smooth again at high velocity",
         *measured,
@@ -444,7 +444,7 @@ def _claims_9(data: xr.Dataset) -> Iterator[Claim]:
         extremes(name.replace("_down", "'"), data[name], *band, "x_s/time")
         for name, band in _ENDS.items()
     ]
-    yield weighed(
+    yield claim_from(
         15,
         "two transitions while the velocity rises, to stick-slip at v1 and to smooth "
         "sliding at v2, and "
@@ -557,7 +557,7 @@ def _claims_10(data: xr.Dataset) -> Iterator[Claim]:
                 *slope,
             )
         )
-    yield weighed(
+    yield claim_from(
         16,
         "v1 and v2 grow as beta^2",
         *measured,
