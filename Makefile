@@ -96,7 +96,7 @@ mutants: .mutants/learnt.json
 	$(BIN)/python tools/mutants.py $(or $(COUNT),20) $(SEED)
 
 # Lines move when a module changes: which tests run through them is noted anew, in a quarter of an hour.
-.mutants/learnt.json: $(wildcard tests/*.py) $(shell find src/stickslip -name '*.py') | $(VENV)/.dev
+.mutants/learnt.json: $(shell find tests src/stickslip -name '*.py') | $(VENV)/.dev
 	$(BIN)/python tools/mutants.py --learn
 
 # Slow tests, pages, pictures of the browser and the paper's figures take no other road through the dependencies.

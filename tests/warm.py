@@ -2,7 +2,7 @@
 it, beside the checks of style.
 
 What the laws hold for, they compile: every engine with every mechanism that it takes.
-The cases of test_plain.py go through the rest.
+The cases of kernels/test_plain.py go through the rest.
 """
 
 import sys
@@ -10,8 +10,9 @@ from pathlib import Path
 
 from stickslip.kernels import _jit
 
-# pytest finds the tools by its settings, a script does not
-sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+# pytest finds these by its settings, a script does not
+TESTS = Path(__file__).parent
+sys.path[:0] = [str(TESTS / "kernels"), str(TESTS.parent / "tools")]
 
 
 def compile_all() -> None:
