@@ -672,7 +672,7 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
         there = rig
         for name in names.values():
             most = 0.5 if name == "std" else math.inf
-            there = there.replace(
+            there = there.with_values(
                 **{name: min(there.value(name) * 3.0 ** rng.uniform(-1.0, 1.0), most)}
             )
         seen.append(budget.regime(trial(there.natural, other=5)).kind)

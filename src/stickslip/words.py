@@ -57,6 +57,18 @@ def listed(names: Iterable[object]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
+def percent(fraction: float) -> str:
+    """A fraction in per cent: whole ones from 10 % on, two digits below.
+
+    Examples
+    --------
+    >>> percent(1.463), percent(0.034), percent(0.0)
+    ('146 %', '3.4 %', '0 %')
+    """
+    value = 100.0 * fraction
+    return f"{value:.0f} %" if value >= 9.95 else f"{value:.2g} %"
+
+
 def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
     """Return the divisor of a value in an SI unit, and the unit with the prefix that
     suits it.

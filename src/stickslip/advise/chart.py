@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from stickslip import stability
+from stickslip import stability, words
 from stickslip.advise.mitigations import highest
 from stickslip.cycles import METHOD, bistable_region
 from stickslip.cycles.cycle_run import check_rig
@@ -92,7 +92,7 @@ def chart(
     found.attrs["rig"] = rig.name
     found.attrs["summary"] = (
         f"{rig.name}: smooth sliding is {state} at the rig's own point; {boundary} "
-        f"within a factor {around:g} of it in "
+        f"within a factor {words.number(around)} of it in "
         f"{one} and {other}"
     )
     return rig.in_its_units(found)

@@ -22,6 +22,7 @@ from stickslip.model import Contacts, parameters
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
 from stickslip.sliding.rigid_motion import slow_friction, thresholds_of
+from stickslip.words import number, percent
 
 # factor either way, by convention, within which an assumption is varied that the file
 # gives no range of
@@ -166,35 +167,35 @@ class Doubt(Answer):
 
     def sentences(self) -> Iterator[str]:
         """The fraction that oscillates, what matters most, and what was varied."""
-        told = 1.0 - self.undecided
-        part = f"{100 * self.oscillates:.0f} %"
-        of = (
-            f"the {self.draws} draws of the fit"
-            if len(self.matters) > len(self.assumed)
-            else "what was not measured"
-        )
+        known = 1.0 - self.undecided
+        least = self.oscillates * known if known else 0.0
+        part = percent(least)
+        of = "what was not measured"
+        if len(self.matters) > len(self.assumed):
+            of = f"the {self.draws} draws of the fit"
         if self.undecided:
-            least = self.oscillates * told if told else 0.0
-            of += (
-                f": in {part} of the {100 * told:.0f} % that could be told"
-                if told
-                else ": none could be told"
-            )
-            of += " with the runs that are allowed; see --thorough" * self.ended
-            part = f"{100 * least:.0f} to {100 * (least + self.undecided):.0f} %"
+            low = part.removesuffix(" %")
+            part = f"{low} to {percent(least + self.undecided)}"
+            if known:
+                of += f": in {percent(self.oscillates)} of the {percent(known)} that "
+                of += "could be told"
+            else:
+                of += ": none could be told"
+            if self.ended:
+                of += " with the runs that are allowed; see --thorough"
         yield f"oscillates at this speed in {part} of {of}"
         if self.decides:
             key, *parts = self.matters[0]
             sides = sorted(zip(parts, ("larger", "smaller"), strict=True), reverse=True)
             where = ", ".join(
-                f"in {100 * part:.0f} % where it is {side}" for part, side in sides
+                f"in {percent(part)} where it is {s}" for part, s in sides
             )
             yield f"measuring {key} would decide most: oscillates {where}"
         if self.assumed:
             keys = ", ".join(key for key, *_ in self.matters if key in self.assumed)
             yield (
                 f"{self.draws} rigs, each of {keys} within the range of the file, or "
-                f"a factor {WIDEST:g} of its value"
+                f"a factor {number(WIDEST)} of its value"
             )
         if self.left:
             yield (

@@ -18,7 +18,7 @@ from stickslip.errors import InputError
 from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import DELAY, Parameter, parameter_named
 from stickslip.model.rig import Rig
-from stickslip.words import engineering, number
+from stickslip.words import engineering, number, percent
 
 
 class Section(NamedTuple):
@@ -44,7 +44,7 @@ def amount(rig: Rig, parameter: str, value: float) -> str:
     deviation as a fraction of the mean.
     """
     return (
-        f"{value:.3g}"
+        number(value, 3)
         if parameter == "std"
         else quantity(rig, value, parameter_named(parameter).unit)
     )
@@ -115,12 +115,12 @@ def _motion(found: Findings) -> tuple[str, str]:
     hidden = f"the oscillation may not yet exceed the noise of {contacts}"
     more = hidden if modes else ""
     if found.noise is not None:
-        percent = f"{100 * found.noise:.2g} % rms, noise of {contacts}"
+        noise = f"{percent(found.noise)} rms, noise of {contacts}"
         if found.noise > SEEN:
             count = getattr(found.recording.rig.method, "count", math.nan)
             enough = number(count * (found.noise / SEEN) ** 2, 2)  # its variance: 1/N
-            more = f"below {100 * SEEN:.0f} % from {enough} contacts on"
-        return f"{kind}; the force fluctuates by {percent}", more
+            more = f"below {percent(SEEN)} from {enough} contacts on"
+        return f"{kind}; the force fluctuates by {noise}", more
     if kind == "undecided":
         if modes is not None:
             stability = "unstable" if modes else "stable"
@@ -288,7 +288,7 @@ def numbers(found: Findings) -> Iterator[tuple[str, str]]:
     if found.frequency is not None:
         yield (
             "force, peak to peak",
-            f"{100 * found.relative_amplitude:.0f} % of static friction",
+            f"{percent(found.relative_amplitude)} of static friction",
         )
     yield (
         "stiffness K of the driving spring",
@@ -298,7 +298,7 @@ def numbers(found: Findings) -> Iterator[tuple[str, str]]:
     yield (
         "margin K/K*",
         (
-            f"{margin:.3g} "
+            f"{number(margin, 3)} "
             f"({'softer: elastic' if margin < 1 else 'stiffer: no elastic'} "
             "instability)"
         ),
@@ -336,7 +336,7 @@ def noise(found: Findings) -> Iterator[str]:
         limit = min(limits, key=lambda end: abs(math.log(end / value)))
         now, end = (amount(found.rig, name, each) for each in (value, limit))
         yield (
-            f"{_contacts(found)} make the force fluctuate by {100 * SEEN:.0f} % rms at "
+            f"{_contacts(found)} make the force fluctuate by {percent(SEEN)} rms at "
             f"{now}, "
             f"before the {parameter_named(name).title} reaches its limit, {end} "
             "(linear theory)"
@@ -398,7 +398,9 @@ def _value(rig: Rig, name: str) -> str:
     to give anew with it.
     """
     also = (
-        [f"damping ratio {rig.slider.damping_ratio:.3g}"] if name == "damping" else []
+        [f"damping ratio {number(rig.slider.damping_ratio, 3)}"]
+        if name == "damping"
+        else []
     )
     if name == "delay":
         with suppress(InputError):  # the friction never halves

@@ -17,6 +17,7 @@ from stickslip.fitting import bench
 from stickslip.fitting.events import Events, check, pick_events
 from stickslip.fitting.inference import EDGE, Sample, infer
 from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, sampled, simulate
+from stickslip.fitting.rigs import rig_of
 from stickslip.fitting.series_table import DRAWS, Observation, table
 from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
 from stickslip.measure.arrays import Array
@@ -258,8 +259,6 @@ class Fit(Answer):
         Raises `InputError` if the stiffness is not known, without which no length is,
         or if no draw makes the drops and the period of the trace.
         """
-        from stickslip.fitting.rigs import rig_of
-
         return rig_of(self, name)
 
     def plot(self) -> Figure:

@@ -10,15 +10,15 @@ from __future__ import annotations
 import copy
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
 
 from stickslip.errors import InputError, number
-from stickslip.fitting.bench import Known, drawn, in_si, newtons, seconds
+from stickslip.fitting.bench import Constraint, Known, drawn, in_si, newtons, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.model import KEYS as PARAMETERS
 from stickslip.io.rig_files import from_document, to_document
@@ -29,8 +29,43 @@ from stickslip.simulation import simulate
 from stickslip.sliding.rigid_motion import friction_ratios, thresholds_of
 from stickslip.words import engineering
 
-if TYPE_CHECKING:
-    from stickslip.fitting.fits import Fit
+
+class Fitted(Protocol):
+    """What the rig of a fit is made of, as `Fit` has it."""
+
+    @property
+    def events(self) -> Events:
+        """The slips that were fitted."""
+
+    @property
+    def known(self) -> Known:
+        """What was known besides."""
+
+    @property
+    def delays(self) -> Constraint | None:
+        """What other speeds say of the delay."""
+
+    @property
+    def values(self) -> Array:
+        """Draws of the parameters of the model."""
+
+    @property
+    def strength(self) -> Array:
+        """Total contact strength of each draw."""
+
+    @property
+    def parameters(self) -> Sequence[Any]:
+        """Intervals of the parameters."""
+
+    @property
+    def from_the_centre(self) -> list[int]:
+        """The draws, the most central first."""
+
+    def draws(self, key: str) -> Array:
+        """Draws of a quantity."""
+
+    def __len__(self) -> int: ...
+
 
 DRAWS_KEPT = 100
 # where slips are not resolved, the mass lies anywhere between this part of its bound
@@ -88,7 +123,7 @@ or which parameter tells.
 """
 
 
-def rig_of(found: Fit, name: str) -> Rig:
+def rig_of(found: Fitted, name: str) -> Rig:
     """The rig behind a trace, at the draw nearest to the medians whose own run makes
     its drops and period.
     """
@@ -137,7 +172,7 @@ def rig_of(found: Fit, name: str) -> Rig:
     )
 
 
-def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, Any]:
+def _document(found: Fitted, name: str, fitted: Mapping[str, Array]) -> dict[str, Any]:
     """The file of a fitted rig, but for the values of one draw: what was fitted,
     with its interval and draws.
     """
@@ -244,7 +279,7 @@ def _drop_in_words(events: Events) -> str:
     return f"{drop} every {with_unit(events.recurrence, events.time_unit)}"
 
 
-def _draws(found: Fit, known: Known) -> dict[str, Array]:
+def _draws(found: Fitted, known: Known) -> dict[str, Array]:
     """Draws of every key but the delay, in SI units."""
     values = found.values
     events = found.events
