@@ -127,24 +127,9 @@ class RigAnswer(Answer):
         environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
         environment.filters["shown"] = lambda text: Markup(escaped(text))
         template = Path(__file__).with_name("answer.html").read_text(encoding="utf-8")
-        low, high = self.speeds_searched
-        parts = [
-            {
-                "left": self._place(band.low),
-                "width": self._place(band.high) - self._place(band.low),
-                "colour": COLOURS.get(band.kind, "none"),
-                "opacity": 0.6 if band.bistable else 1,
-                "motion": band.kind + ", or smooth" * band.bistable,
-            }
-            for band in self.bands
-        ]
+        ends = [quantity(self.rig, v, "velocity", 3) for v in self.speeds_searched]
         return environment.from_string(template).render(
-            answer=self,
-            edge=COLOURS.get(self.motion, "#8888"),
-            parts=parts,
-            here=self._place(self.rig.velocity),
-            ends=[quantity(self.rig, end, "velocity", 3) for end in (low, high)],
-            page=page,
+            answer=self, colours=COLOURS, place=self._place, ends=ends, page=page
         )
 
     def _place(self, speed: float) -> float:
