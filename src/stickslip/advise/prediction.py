@@ -54,7 +54,7 @@ from stickslip.stability import contact_noise, count_unstable
 # Runs, by convention, that a verdict and all of an answer may take. The fractions of
 # what is left at its turn that other speeds, and what is assumed, get.
 _FOR_VERDICT = 30.0
-_FOR_ALL = 280.0
+_FOR_ALL = 340.0
 _FOR_SPEEDS = 0.5
 _FOR_DOUBT = 0.2
 # the first run counts as so many at most, but lasts for so many of its longest cycles;
