@@ -514,26 +514,6 @@ def test_messages_are_one_short_line_that_steers_no_terminal():
     assert message.endswith("x: remedy")
 
 
-def test_a_run_whose_numbers_stop_being_finite_names_the_moment(monkeypatch):
-    from stickslip.kernels import events
-
-    advance = events.advance_events
-
-    def overflow(state, slider, piece, sampling, *rest):
-        why = advance(state, slider, piece, sampling, *rest)
-        sampling.samples[10:, 0] = np.nan
-        return why
-
-    monkeypatch.setattr(events, "advance_events", overflow)
-    with pytest.raises(
-        InputError,
-        match=r"from t = 0\.1 on the numbers of the run are not finite: .*mass",
-    ):
-        ss.simulate(
-            RIG, method=ss.Contacts(10, seed=1), output=ss.Output(interval=0.01)
-        )
-
-
 def test_a_snapshot_without_attached_contacts_is_empty():
     never = interface(delay=ss.Delay(math.inf))
     rig = ss.Rig(

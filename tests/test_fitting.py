@@ -24,10 +24,15 @@ from stickslip.fitting.bench import half_speed_of, read_pairs, strengthening_of
 from stickslip.fitting.inference import infer
 from stickslip.fitting.model import KEYS, Prior, sampled, simulate
 from stickslip.fitting.rigs import remade
-from stickslip.fitting.series_table import Observation, SeriesTable, folder_of, table
+from stickslip.fitting.series_table import (
+    Observation,
+    Recording,
+    SeriesTable,
+    folder_of,
+    table,
+)
 from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
 from stickslip.io.rig_files import to_toml
-from stickslip.kernels.turning_points import Recording
 from stickslip.rate_state.fitting import Estimate
 
 BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"

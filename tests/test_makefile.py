@@ -50,3 +50,11 @@ def test_a_target_begins_with_its_own_environment(target, tmp_path):
     uses = [i for i, line in enumerate(planned) if f"{tmp_path}/venv/bin/" in line]
     assert installs
     assert installs[0] <= uses[0]
+
+
+def test_the_test_files_that_targets_name_are_there():
+    text = (ROOT / "Makefile").read_text()
+    lowest = re.search(r"^LOWEST_TESTS := (.*)$", text, re.MULTILINE)[1].split()
+    named = {f"tests/test_{name}.py" for name in lowest}
+    named |= set(re.findall(r"tests/\w+\.py", text))
+    assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []

@@ -138,3 +138,9 @@ def test_explorer_and_paper_use_public_names_only(room):
 def test_an_internal_name_is_no_public_one():
     assert not is_public("stickslip.measure", "Heading")
     assert is_public("stickslip.measure", "regime")
+
+
+def test_only_the_tests_of_kernels_use_kernels():
+    using = re.compile(r"^\s*(from|import) stickslip(\.| import )kernels", re.MULTILINE)
+    tests = (ROOT / "tests").glob("test_*.py")
+    assert [file.name for file in tests if using.search(file.read_text())] == []

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
+from stickslip.errors import InputError
+from stickslip.kernels import events, hazard
 from stickslip.kernels import flight as flights
-from stickslip.kernels import hazard
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.event_queue import (
     clear,
@@ -305,3 +306,26 @@ def test_time_goes_on_where_a_slider_slips_as_fast_as_thresholds_grow():
     assert engine.advance(Leg(rest, 1e4, np.empty(0), Stop())).over
     # some 3e4 events
     assert engine.advance(Leg(drive, 1e4 + 200.0, np.empty(0), Stop())).over
+
+
+def test_a_run_whose_numbers_stop_being_finite_names_the_moment(monkeypatch):
+    rig = ss.Rig(
+        ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1)),
+        ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+        ss.constant(1.0, duration=1.0),
+        method=ss.Contacts(10, seed=1),
+        output=ss.Output(interval=0.01),
+    )
+    advance = events.advance_events
+
+    def overflow(state, slider, piece, sampling, *rest):
+        why = advance(state, slider, piece, sampling, *rest)
+        sampling.samples[10:, 0] = np.nan
+        return why
+
+    monkeypatch.setattr(events, "advance_events", overflow)
+    with pytest.raises(
+        InputError,
+        match=r"from t = 0\.1 on the numbers of the run are not finite: .*mass",
+    ):
+        ss.simulate(rig)

@@ -32,7 +32,7 @@ from stickslip.model import Delay, Rig
 from stickslip.simulation import simulate
 
 FRAMES = 1_200  # 40 s, at 30 a second
-STEP = 1e-3  # of the stretchings as they are sent
+STEP = 1e-3  # resolution of the stretchings that are sent to the page, in x_s
 _EXTENSIONS = 3  # of a run that is undecided, each twice as long
 # of the friction law: speeds about that of the drive
 _LAW = 300.0
