@@ -16,7 +16,14 @@ import pytest
 import stickslip as ss
 from stickslip import advise
 from stickslip.advise import Mitigation, prediction, sections
-from stickslip.advise.budget import SEEDS, Budget, survives_noise, trial
+from stickslip.advise.budget import (
+    SEEDS,
+    Budget,
+    BudgetExhausted,
+    runs_of,
+    survives_noise,
+    trial,
+)
 from stickslip.advise.findings import SEEN
 from stickslip.advise.mitigations import smallest_changes
 from stickslip.advise.report import report
@@ -266,6 +273,21 @@ def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained()
     rig = replace(rig, drive=ss.constant(20.0, 4.0))
     assert -0.01 < ss.stability.growth_rate(rig).real < 0.0
     assert Budget(500.0).regime(trial(rig)).kind == "undecided"
+
+
+def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
+    case = replace(trial(ss.example("brake_pad")), method=ss.Contacts(40_000))
+    drive = ss.constant(case.natural.velocity, 2.0 * case.drive.duration)
+    assert runs_of(replace(case, drive=drive)) == pytest.approx(2.0 * runs_of(case))
+    fewer = replace(case, method=ss.Contacts(20_000))
+    assert runs_of(fewer) == pytest.approx(0.5 * runs_of(case))
+    budget = Budget(10.0)
+    with budget.limited_to(0.3):
+        budget.spend(3.0)
+        with pytest.raises(BudgetExhausted):
+            budget.spend(0.1)
+    budget.spend(7.0)
+    assert budget.spent == budget.allowed == 10.0
 
 
 def test_less_friction_is_a_higher_speed_and_no_run_is_made_twice():
