@@ -386,9 +386,14 @@ def test_a_body_of_ones_own():
         expected, rel=1e-12
     )
     run = ss.simulate(rig)
-    balance = ss.simulate(replace(rig, method=ss.MasterEquation(rtol=1e-3)))
-    assert run.sizes["block"] == balance.sizes["block"] == 5
-    displacement = balance["displacement"].to_numpy()
+    # Before the first contact breaks the arms move alike.
+    alike = replace(rig.interface, initial=ss.Gaussian(mean=0.0, std=0.0))
+    loaded = ss.simulate(
+        replace(rig, interface=alike, drive=ss.constant(1.0, duration=0.5))
+    )
+    assert run.sizes["block"] == loaded.sizes["block"] == 5
+    displacement = loaded["displacement"].to_numpy()
+    assert displacement[-1, 1] > 0.0
     np.testing.assert_allclose(
         displacement[:, 1:], displacement[:, 1:2] * np.ones(4), atol=1e-12
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.simulation.engines import Beginning, base, engine_of
+from stickslip.simulation.engines import Beginning, engine_of, panels
 from stickslip.simulation.follow import follow
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
@@ -29,7 +29,7 @@ def test_how_often_a_kernel_comes_back_changes_nothing(name, monkeypatch):
     rig = RIG.replace(interface=KINDS[name], drive=ss.constant(1.0, 0.2))
     runs = []
     for lasts in (1e9, 1e-3):
-        monkeypatch.setattr(base, "_LASTS", lasts)
+        monkeypatch.setattr(panels, "_LASTS", lasts)
         runs.append(ss.simulate(rig))
     assert runs[0].equals(runs[1])
 
@@ -41,7 +41,7 @@ def test_an_advance_is_bounded_by_time(slow, monkeypatch):
     beginning = Beginning(INTERFACE, SLIDER, 1.0)
     running = engine(beginning, RIG.method)
     clock = [0.0]
-    kernel = engine.kernel
+    kernel = panels.advance_panels
     lasted = []
 
     def heavy(state, case, until, times, stop, steps):
@@ -49,9 +49,9 @@ def test_an_advance_is_bounded_by_time(slow, monkeypatch):
         clock[0] += slow * steps
         return kernel(state, case, until, times, stop, steps)
 
-    monkeypatch.setattr(engine, "kernel", staticmethod(heavy))
+    monkeypatch.setattr(panels, "advance_panels", heavy)
     monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
     follow(running, ss.constant(1.0, 20.0), 0.0, np.zeros(1))
     assert len(lasted) > 2
     assert max(lasted) <= 2.0
-    assert max(lasted[1:]) <= max(2.0 * base._LASTS, slow)
+    assert max(lasted[1:]) <= max(2.0 * panels._LASTS, slow)

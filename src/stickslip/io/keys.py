@@ -1,5 +1,5 @@
-"""One key of a file: what may stand there, and how it is read; and rules on the keys
-of one table.
+"""One key of a file: the values that it may have, and how they are read; and rules on
+the keys of one table.
 """
 
 import json
@@ -39,7 +39,7 @@ class Key:
     si: str = ""
     sign: Sign = ""
     choices: Collection[str] = ()  # all that may be written, if that is known
-    # what else may stand there: "table", "list", a word in place of a number
+    # other values that it may have: "table", "list", a word in place of a number
     also: Collection[str] = ()
     default: Any = None
     required: bool = False
@@ -53,7 +53,7 @@ class Key:
         )
 
     def is_left(self, value: object) -> bool:
-        """Whether a value is read elsewhere: a table, or a word in place of a
+        """Return whether a value is read elsewhere: a table, or a word in place of a
         number.
         """
         kind = (
@@ -83,7 +83,7 @@ class Key:
             raise InputError(f"{place} = {shown(value)}: {error}", place) from None
 
     def _value(self, value: Any, natural: bool) -> Any:
-        """The value; errors do not name the place."""
+        """Return the value; errors do not name the place."""
         kind = type(self.example)
         is_quantity = bool(self.unit or self.si)
         if kind is float or (is_quantity and kind is not list):
@@ -109,7 +109,7 @@ class Key:
         return value
 
     def _number(self, value: Any, unit: str) -> float:
-        """A text with a unit, or a plain number where there is none."""
+        """Read a text with a unit, or a plain number where there is none."""
         if unit and isinstance(value, str):
             result = read_quantity(value, unit, self.example)
         elif isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -141,8 +141,8 @@ class Key:
 
 
 def natural_unit_of(example: str) -> str:
-    """The natural unit of a quantity; empty if the text is no quantity, or no scale
-    of a rig measures it.
+    """Return the natural unit of a quantity; empty if the text is no quantity, or no
+    scale of a rig measures it.
     """
     measured = unit_size(example.partition(" ")[2])
     sizes = ((unit, unit_size(si)) for unit, si in UNITS.items())
@@ -165,7 +165,7 @@ class Either:
 
 
 def toml(value: Any) -> str:
-    """A value as it stands in a file, in one line."""
+    """Write a value as it stands in a file, in one line."""
     if isinstance(value, Mapping):
         bare = re.compile(r"[\w-]+").fullmatch
         each = (

@@ -75,32 +75,36 @@ _USUAL = {"mean": 1.0, "scale": 1.0}
 def _keys(
     table: str, examples: Mapping[str, Any], record: type | None = None
 ) -> dict[str, Key]:
-    """The keys of a table, by their examples; some of them are fields of the record
-    that it is made into.
+    """Return the keys of a table, by their examples; some of them are fields of the
+    record that it is made into.
     """
     found = {}
     for name, example in examples.items():
-        said = (
+        properties = (
             _of_field(record, name)
             if record is not None and name in declared(record)
             else {}
         )
         if (
             isinstance(example, str)
-            and not said.get("unit")
+            and not properties.get("unit")
             and (unit := natural_unit_of(example))
         ):
-            said |= {"unit": unit, "sign": "above 0"}
-        elif said.get("unit") and not isinstance(example, (str, list)):
-            example = "2 ms" if said["unit"] == "time" else f"2 {si_unit(said['unit'])}"
+            properties |= {"unit": unit, "sign": "above 0"}
+        elif properties.get("unit") and not isinstance(example, (str, list)):
+            example = (
+                "2 ms"
+                if properties["unit"] == "time"
+                else f"2 {si_unit(properties['unit'])}"
+            )
         if (path := f"{table}.{name}") == "simulation.method":
-            said["choices"] = tuple(METHODS)
-        found[name] = Key(example, **(said | _MORE.get(path, {})))
+            properties["choices"] = tuple(METHODS)
+        found[name] = Key(example, **(properties | _MORE.get(path, {})))
     return found
 
 
 def _of_field(record: type, name: str) -> dict[str, Any]:
-    """Unit, bounds, choices and default of a key, from its field."""
+    """Return unit, bounds, choices and default of a key, from its field."""
     kind, mark = declared(record)[name]
     bounds = mark if isinstance(mark, Number) else Number()
     given = next(field.default for field in fields(record) if field.name == name)
@@ -154,7 +158,7 @@ FITTED = _keys("fitted", next(iter(_EXAMPLES["fitted"].values())))
 
 
 def tables() -> dict[str, Mapping[str, Key]]:
-    """The tables of a file by their names, with bodies of the user's own."""
+    """Return the tables of a file by their names, with bodies of the user's own."""
     return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
 
 
@@ -202,7 +206,7 @@ the breaking displacement and them.
 
 @cache
 def keys_of(record: type) -> Mapping[str, Key]:
-    """Keys of the table that makes a record that a table names.
+    """Return the keys of the table that makes a record that a table names.
 
     Raises `InputError` if a delay of the user's own has a number without a unit: a file
     could not say what it means.
@@ -232,8 +236,9 @@ def keys_of(record: type) -> Mapping[str, Key]:
 
 
 def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
-    """The key at a path of a rig file, such as ``"interface.thresholds.std"``, in the
-    table that the file has there, or could have; None where there is no such key.
+    """Return the key at a path of a rig file, such as ``"interface.thresholds.std"``,
+    in the table that the file has there, or could have; None where there is no such
+    key.
     """
     table, *names = path.split(".")
     keys: Mapping[str, Key] = tables().get(table, TOP if not names else {})
@@ -253,32 +258,34 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
 
 
 def _within(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """A table within a table; an empty one where there is none."""
+    """Return a table within a table; an empty one where there is none."""
     found = content.get(name)
     return found if isinstance(found, Mapping) else {}
 
 
 def by_time(record: type) -> bool:
-    """Whether a model of ageing has a rate, which a file gives as a time."""
+    """Return whether a model of ageing has a rate, which a file gives as a time."""
     return "rate" in declared(record) and hasattr(record, "with_time")
 
 
 def fields_of_method(kind: type) -> dict[str, str]:
-    """Fields of a method that a file gives, each with its key in `simulation`."""
+    """Return the fields of a method that a file gives, with their keys in
+    `simulation`.
+    """
     # for comparison only
     names = [field.name for field in fields(kind) if field.name != "memoryless"]
     return {name: "contacts" if name == "count" else name for name in names}
 
 
 def methods_with(key: str) -> list[str]:
-    """Names of the methods that have a key of `simulation`."""
+    """Return the names of the methods that have a key of `simulation`."""
     return [
         name for name, kind in METHODS.items() if key in fields_of_method(kind).values()
     ]
 
 
 def keys_of_simulation(method: object) -> dict[str, Key]:
-    """Keys of `simulation` with a method, one of the user's own among them."""
+    """Return the keys of `simulation` with a method, also one of the user's own."""
     usual = dict(TABLES["simulation"])
     usual["method"] = replace(usual["method"], choices=tuple(METHODS))
     if not isinstance(method, str) or method not in METHODS:
@@ -292,8 +299,8 @@ def keys_of_simulation(method: object) -> dict[str, Key]:
 
 
 def paths(given: Iterable[str]) -> list[str]:
-    """Paths of keys, such as ``"interface.delay"``: those given, or their parents,
-    and all others.
+    """Return paths of keys, such as ``"interface.delay"``: those given, or their
+    parents, and all others.
     """
     known = [
         "name",

@@ -69,7 +69,7 @@ def _refused(place: str, value: object, what: str) -> InputError:
 def _made(
     kind: Any, values: Values, place: str, names: Mapping[str, str] | None = None
 ) -> Any:
-    """A record of those values of a table that are fields of it."""
+    """Make a record of those values of a table that are fields of it."""
     with at(place, names):
         return kind(**{name: values[name] for name in declared(kind) if name in values})
 
@@ -85,7 +85,7 @@ class _Reader:
         self.length = 1.0  # of the breaking displacement, in the units of the file
 
     def rig(self) -> Rig:
-        """The rig that the file describes."""
+        """Return the rig that the file describes."""
         file = self.file
         one_body = Either("slider", *BODIES)
         top = file.table(
@@ -164,8 +164,8 @@ class _Reader:
         return self._with_what_follows(rig, scales, slider | interface | drive)
 
     def _with_what_follows(self, rig: Rig, scales: Scales, values: Values) -> Rig:
-        """The rig with what the file gives by numbers that belong together, found in
-        natural units.
+        """Return the rig with what the file gives by numbers that belong together,
+        found in natural units.
         """
         if "damping_ratio" in values:
             with at("slider"):
@@ -193,7 +193,7 @@ class _Reader:
         return rig
 
     def _table(self, name: str, content: object) -> Values:
-        """The values of a table of the file, looked through for keys that exclude
+        """Read the values of a table of the file, looked through for keys that exclude
         each other.
         """
         keys = rig_keys.tables()[name]
@@ -206,7 +206,7 @@ class _Reader:
         return self.file.table(content, keys, name, RULES.get(name, ()))
 
     def _record(self, content: Any, place: str) -> Any:
-        """The record that a table names; a delay may be a time or a word."""
+        """Make the record that a table names; a delay may be a time or a word."""
         name = place.rpartition(".")[2]
         word, kinds = rig_keys.KINDS[name]
         if name == "delay" and not isinstance(content, Mapping):
@@ -254,8 +254,8 @@ class _Reader:
         return _made(kind, values, place, names)
 
     def _body(self, values: Values) -> Any:
-        """The body, its springs and masses of blocks made of the material; a damping
-        ratio is left for later.
+        """Make the body, its springs and masses of blocks made of the material; a
+        damping ratio is left for later.
         """
         length, width, height = (values.get(key, math.nan) for key in SHAPE)
         # A spring from a block to the top is as long as the bar is high, one from row
@@ -284,7 +284,7 @@ class _Reader:
         return _made(BODIES.get(self.body, Slider), made, self.body)
 
     def _check_body(self, values: Values) -> None:
-        """Note what a damping ratio and the material need beside them."""
+        """Note missing keys that a damping ratio or the material needs."""
         if "damping_ratio" in values and values.get("mass") == 0:
             self.file.wrong(
                 "slider.mass",
@@ -296,8 +296,8 @@ class _Reader:
                     self.file.missing(f"{self.body}.{name}", TABLES[self.body][name])
 
     def _drive(self, values: Values) -> tuple[Drive, Values]:
-        """The drive, and the speeds at which the rig works; how long it goes follows
-        where it is not given.
+        """Make the drive, and return the speeds at which the rig works; how long it
+        goes follows where it is not given.
         """
         place = "drive.pieces"
         content = values.get("pieces")
@@ -322,7 +322,7 @@ class _Reader:
             return constant(velocity, values.get("duration", 1.0)), speeds
 
     def _speeds(self, content: Any, place: str) -> tuple[float, Values]:
-        """The speed that is simulated, and all those of a list or a range."""
+        """Return the speed that is simulated, and all speeds of a list or a range."""
         key = replace(
             TABLES["drive"]["velocity"], sign="above 0", also=(), required=True
         )
@@ -376,8 +376,8 @@ class _Reader:
         return _made(Prestressed, values, _START)
 
     def _scales(self, interface: Values, drive: Drive, blocks: int) -> Scales:
-        """The scales of the rig, forces per contact of a block; of coefficients of
-        friction the thresholds, too.
+        """Return the scales of the rig, forces per contact of a block; of coefficients
+        of friction the thresholds, too.
         """
         if self.file.natural:
             return Scales(force=1.0, stretching=1.0)
@@ -409,7 +409,7 @@ class _Reader:
             )
 
     def _feasible(self, content: object) -> list[tuple[str, float, float]]:
-        """The ranges within which parameters could be set."""
+        """Read the ranges within which parameters could be set."""
         keys = {}
         for name, parameter in BY_NAME.items():
             unit = "" if parameter.unit == "1" else parameter.unit
@@ -425,15 +425,15 @@ class _Reader:
         return [(name, *ends) for name, ends in found.items()]
 
     def _of_paths(self, content: object, table: str, key: Key) -> Values:
-        """The values of a table whose keys are paths of keys of the file."""
+        """Read the values of a table whose keys are paths of keys of the file."""
         given = [str(path) for path in content] if isinstance(content, Mapping) else []
         return self.file.table(
             content, dict.fromkeys(rig_keys.paths(given), key), table
         )
 
     def _assumed(self, content: object) -> dict[str, Assumption]:
-        """The assumptions that the file marks, then the defaults that were taken;
-        each with its value.
+        """Return the assumptions that the file marks, then the defaults that were
+        taken; each with its value.
         """
         marked = self._of_paths(content, "assumed", Key("text", also=("list",)))
         found = {
@@ -455,8 +455,8 @@ class _Reader:
         return found
 
     def _marked(self, path: str, between: str | list[Any]) -> Assumption:
-        """The assumption of a value that the file marks by how to measure it, or by
-        the range in which it may lie.
+        """Return the assumption of a value that the file marks by how to measure it, or
+        by the range in which it may lie.
         """
         if isinstance(between, str):
             ends = [_NUMBER.fullmatch(end) for end in between.split(" to ")]
@@ -490,8 +490,8 @@ class _Reader:
         )
 
     def _fitted(self, content: object) -> dict[str, Fitted]:
-        """The fitted values that the file marks, with intervals and draws; only of a
-        file without mistakes.
+        """Read the fitted values that the file marks, with intervals and draws; only of
+        a file without mistakes.
         """
         entries = self._of_paths(content, "fitted", Key({})).items()
         read = {
@@ -533,13 +533,13 @@ class _Reader:
                 return
 
     def _at(self, path: str) -> Any:
-        """What stands at a path of the file; empty if nothing does."""
+        """Return the value at a path of the file; empty if there is none."""
         node: Any = self.document
         for part in path.split("."):
             node = node.get(part, "") if isinstance(node, Mapping) else ""
         return node
 
     def _value_at(self, path: str) -> str:
-        """The value at a path of the file, as text."""
+        """Return the value at a path of the file, as text."""
         node = self._at(path)
         return node if isinstance(node, str) else toml(node)

@@ -94,7 +94,7 @@ class _Writer:
         )
 
     def _name_of(self, record: Any, kinds: Mapping[str, type]) -> str:
-        """The name by which a file calls the kind of a record."""
+        """Return the name by which a file calls the kind of a record."""
         for name, kind in kinds.items():
             if type(record) is kind:
                 return name
@@ -105,8 +105,8 @@ class _Writer:
     def _values(
         self, record: Any, keys: Mapping[str, Key], *, defaults: bool = True
     ) -> Document:
-        """The fields of a record that its table has keys for; those that have their
-        default may be left out.
+        """Write the fields of a record that its table has keys for; those that have
+        their default may be left out.
         """
         found: Document = {}
         usual = {field.name: field.default for field in fields(record)}
@@ -134,7 +134,7 @@ class _Writer:
         return found
 
     def _named(self, key: str, record: Any) -> Any:
-        """A record that a table names, or the word or the time that says it."""
+        """Write a record as a table, or as the word or the time that stands for it."""
         if isinstance(record, Delay):
             return (
                 "never"
@@ -192,7 +192,7 @@ class _Writer:
         return found
 
     def in_own_keys(self) -> Document:
-        """The interface in the keys that the rig was given by."""
+        """Write the interface in the keys that the rig was given by."""
         rig = self.rig
         found = self.interface()
         contacts = rig.interface
@@ -305,8 +305,8 @@ class _Writer:
     def quantity(
         self, value: float, unit: str, same: Callable[[float], bool] | None = None
     ) -> Any:
-        """A natural value as it stands in a file: the shortest text that reads back as
-        the same, or the nearest.
+        """Write a natural value as it stands in a file: the shortest text that reads
+        back as the same, or the nearest.
 
         `same` tells whether a value in SI units is the one to be written, where it is
         not divided by the unit.

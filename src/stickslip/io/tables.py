@@ -37,7 +37,7 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
 
 
 class NotedError(InputError):
-    """A part of the file cannot be read on; why is noted already."""
+    """A part of the file cannot be read on; the reason is noted already."""
 
 
 class MissingError(InputError):
@@ -94,8 +94,8 @@ class Tables:
             )
 
     def part(self, read: Callable[[], Any]) -> Any:
-        """A part of the file, or None where it cannot be read: the mistake is noted,
-        and the others are looked for.
+        """Read a part of the file; where it cannot be read, note the mistake, return
+        None, and go on to find the others.
         """
         try:
             return read()
@@ -109,8 +109,8 @@ class Tables:
         place: str = "",
         rules: Iterable[Either] = (),
     ) -> Values:
-        """Values of a table, quantities in SI units or natural ones; tables in it as
-        they stand.
+        """Read the values of a table, quantities in SI units or natural ones; tables
+        in it stay as they stand.
         """
         if not isinstance(content, Mapping):
             self.note(
@@ -160,7 +160,7 @@ class Tables:
         keys: Mapping[str, Key],
         place: str,
     ) -> None:
-        """Note what a rule has against a table."""
+        """Note where a table breaks a rule."""
         # some are none in natural units
         possible = [each for each in rule.alternatives if keys.keys() >= {*each}]
         given = [each for each in possible if not content.keys().isdisjoint(each)]
@@ -181,7 +181,7 @@ class Tables:
         place: str,
         rules: Iterable[Either] = (),
     ) -> Values:
-        """Values of a table without mistakes."""
+        """Read the values of a table, and stop if there is a mistake in it."""
         before = len(self.mistakes)
         values = self.table(content, keys, place, rules)
         self.stop(before)
@@ -193,8 +193,8 @@ class Tables:
             raise NotedError("")
 
     def in_one_line(self, place: str) -> InputError:
-        """One error for every mistake in a file, as far as a line reaches; what is
-        missing comes last, together.
+        """Return one error for all mistakes in a file, as far as a line reaches;
+        missing keys come last, together.
         """
         missing = [
             mistake for mistake in self.mistakes if isinstance(mistake, MissingError)

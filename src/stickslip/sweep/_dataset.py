@@ -31,7 +31,7 @@ from stickslip.sweep._refine import Refinement, Span, search, spans_of
 from stickslip.sweep._run import MAX_CASES, Progress, Runner, Threads
 from stickslip.sweep._table import Table, writer_of
 
-# what can become of a case; the place is the code in the results
+# states of a case; the index is the code in the results
 STATES = ("not run", "done", "failed")
 
 
@@ -145,7 +145,7 @@ def run_study(
         if refinement is None:
             runner.run(_keys_of(table))
         else:
-            table.keep_head(**search(runner, spans, combinations(values), refinement))
+            table.write_head(**search(runner, spans, combinations(values), refinement))
         return dataset_of(table)
 
 
@@ -171,7 +171,7 @@ class Failure:
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """What became of a sweep; as text, its last line."""
+    """Number of cases of a sweep by their state; as text, its last line."""
 
     total: int
     done: int
@@ -202,7 +202,7 @@ class Status:
 
 
 def status_of(store: str | PathLike[str]) -> Status:
-    """Say how far the sweep of a store is, also while it runs."""
+    """Return how many cases of the sweep of a store are done, also while it runs."""
     with closing(Table(Path(store))) as table:
         found = summary(dataset_of(table))
         going_on = "search" in table.head and "cases" not in table.head
@@ -212,7 +212,7 @@ def status_of(store: str | PathLike[str]) -> Status:
 
 
 def summary(dataset: xr.Dataset) -> Summary:
-    """Count what became of the cases of a sweep."""
+    """Count the cases of a sweep by their state."""
     status = _status(dataset).to_numpy()
     missing, done, failed = np.bincount(status.ravel(), minlength=3).tolist()
     return Summary(total=status.size, done=done, failed=failed, missing=missing)
@@ -250,7 +250,7 @@ def _status(dataset: xr.Dataset) -> xr.DataArray:
 def combinations(
     axes: Mapping[str, Sequence[AxisValue]],
 ) -> Iterator[dict[str, AxisValue]]:
-    """All combinations of the values of some axes, the last one fastest."""
+    """Return all combinations of the values of some axes, the last axis fastest."""
     return (
         dict(zip(axes, values, strict=True))
         for values in itertools.product(*axes.values())
@@ -258,7 +258,7 @@ def combinations(
 
 
 def axis_values(name: str, given: object) -> list[AxisValue]:
-    """Values of an axis as Python's own numbers, texts or truth values."""
+    """Return the values of an axis as Python's own numbers, texts or truth values."""
     values = np.asarray(given, dtype=object).tolist()
     found = [
         one.item() if isinstance(one, np.generic) else one
@@ -280,8 +280,8 @@ def axis_values(name: str, given: object) -> list[AxisValue]:
 
 
 def _keys_of(table: Table) -> list[str]:
-    """The cases of a sweep, in the order of its Dataset; of a search that is not
-    done, those that have been run.
+    """Return the keys of the cases in the order of the Dataset; of a search that is
+    not done, of the cases that have been run.
     """
     if "search" in table.head:
         return list(table.head.get("cases", sorted(table.rows)))
@@ -289,8 +289,8 @@ def _keys_of(table: Table) -> list[str]:
 
 
 def dataset_of(table: Table) -> xr.Dataset:
-    """What came of all cases: over the axes of a grid, or along the ``run`` of a
-    search, with its crossings.
+    """Return the results of all cases: over the axes of a grid, or along the ``run``
+    of a search, with its crossings.
     """
     head = table.head
     keys = _keys_of(table)
@@ -328,7 +328,7 @@ def dataset_of(table: Table) -> xr.Dataset:
 
 
 def _with_crossings(found: xr.Dataset, head: Mapping[str, Any]) -> xr.Dataset:
-    """Add the points of the boundary, half way between two runs, with what came of
+    """Add the points of the boundary, half way between two runs, with the results of
     these, once all runs are there.
     """
     sought = head["search"]
@@ -364,8 +364,8 @@ def _with_crossings(found: xr.Dataset, head: Mapping[str, Any]) -> xr.Dataset:
 def _column(
     head: Mapping[str, Any], name: str, values: Sequence[Any]
 ) -> tuple[NDArray[Any], dict[str, Any]]:
-    """What stands under a name, as an array with its attributes: codes of words,
-    texts, or numbers.
+    """Return the results under a name as an array with its attributes: codes of
+    words, texts, or numbers.
     """
     about = {"long_name": name.replace("_", " "), "units": "1"} | head[
         "attributes"

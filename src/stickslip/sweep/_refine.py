@@ -22,11 +22,12 @@ Line = tuple[Point, Point]
 
 EXPLORE, FIND, TOGETHER = 0.25, 0.55, 0.05
 """Fractions of the runs after which exploring ends (evenly over the box), and finding
-(where categories differ); and of those made at a time, on which the result depends.
+(where categories differ); and fraction that is run at a time, on which the result
+depends.
 """
 GOLDEN = 0.5 * math.sqrt(5.0) - 0.5
-"""A step round a circle whose multiples lie apart from one another: what is taken in
-this order is spread evenly.
+"""A step round a circle whose multiples lie apart from one another: items taken in
+this order are spread evenly.
 """
 
 
@@ -53,8 +54,8 @@ class Span:
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    """How the boundaries between the regions of a plane are searched for in which cases
-    are of one category.
+    """Settings of a search for the boundaries between regions of a plane, in each of
+    which all cases have the same category.
 
     A quarter of the runs is distributed over the plane, the next go where categories
     differ, the last bisect lines across the boundary. A region that all of the first
@@ -141,7 +142,7 @@ class _Search:
     seen: dict[Point, Any] = field(default_factory=dict)
 
     def key(self, point: Point) -> str:
-        """The case at a point."""
+        """Return the key of the case at a point."""
         here = {
             name: span.value(part)
             for (name, span), part in zip(self.spans.items(), point, strict=True)
@@ -155,14 +156,16 @@ class _Search:
         seen = self.seen
         how = self.how
         find = math.ceil(FIND * self.how.runs)
-        self._look([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
+        self._run_at([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
         while len(seen) < find:
             middles = [
                 *dict.fromkeys(
                     map(_middle, self._sides(exploring=len(seen) < EXPLORE * how.runs))
                 )
             ]
-            self._look(middles[: min(math.ceil(TOGETHER * how.runs), find - len(seen))])
+            self._run_at(
+                middles[: min(math.ceil(TOGETHER * how.runs), find - len(seen))]
+            )
         lines = self._crossings(how.runs - len(seen))
         while long := [
             i
@@ -170,7 +173,7 @@ class _Search:
             if math.dist(*line) > how.resolution
             and seen.get(_middle(line), 0) is not None
         ]:
-            self._look([_middle(lines[i]) for i in long])
+            self._run_at([_middle(lines[i]) for i in long])
             for i in long:
                 low, high = lines[i]
                 middle = _middle(lines[i])
@@ -180,8 +183,8 @@ class _Search:
                     )
         return lines
 
-    def _look(self, points: Sequence[Point]) -> None:
-        """Learn the category at each point."""
+    def _run_at(self, points: Sequence[Point]) -> None:
+        """Run the cases at these points, and keep the category of each."""
         cases = {point: self.key(point) for point in points if point not in self.seen}
         self.runner.run(list(dict.fromkeys(cases.values())))
         for point, key in cases.items():
@@ -196,8 +199,8 @@ class _Search:
             )
 
     def _sides(self, *, exploring: bool) -> list[Line]:
-        """The longest side of each triangle between the runs, longest first; later,
-        between categories first.
+        """Return the longest side of each triangle between the runs, longest first;
+        later, between categories first.
         """
         sizes = []
         for corners in _triangles(self.seen):
@@ -213,8 +216,8 @@ class _Search:
         return [side for _, side in sorted(sizes, reverse=True)]
 
     def _crossings(self, budget: int) -> list[Line]:
-        """Sides of triangles whose ends are in different categories, as many as so
-        many runs bisect.
+        """Return sides of triangles whose ends are in different categories, as many
+        as the budget of runs can bisect.
         """
         triangles = _triangles(
             point for point, found in self.seen.items() if found is not None
@@ -247,9 +250,9 @@ def _middle(line: Line) -> Point:
 
 
 def _triangles(points: Iterable[Point]) -> list[list[Point]]:
-    """The triangles between points (Delaunay), the corners of each in order; none
-    between fewer than three.
+    """Return the triangles between points (Delaunay), the corners of each in order;
+    none between fewer than three.
     """
-    there = list(points)
-    found = Delaunay(there).simplices.tolist() if len(there) > 2 else []
-    return [sorted(there[i] for i in corners) for corners in found]
+    listed = list(points)
+    found = Delaunay(listed).simplices.tolist() if len(listed) > 2 else []
+    return [sorted(listed[i] for i in corners) for corners in found]

@@ -45,7 +45,7 @@ CYCLES = 30.0  # cycles of loading that a run lasts at least
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a sweep is."""
+    """Number of finished cases of a sweep, and of those that failed."""
 
     total: int  #: cases of the whole sweep
     #: cases with a result or an error by now, those of earlier starts included
@@ -58,9 +58,10 @@ class Progress:
 
 @dataclass(frozen=True, kw_only=True)
 class Runs:
-    """What each case of a sweep is, as the table ``[run]`` of a file says.
+    """Length and results of each case of a sweep, as the table ``[run]`` of a file
+    gives them.
 
-    It lasts until the drive has gone a distance, for a duration, and through some
+    A case lasts until the drive has gone a distance, for a duration, and through some
     cycles of loading.
     """
 
@@ -81,7 +82,7 @@ class Threads(ThreadPoolExecutor):
     """
 
     def __init__(self, workers: int | None = None) -> None:
-        super().__init__(_count("Threads.workers", workers))
+        super().__init__(_number_of_workers("Threads.workers", workers))
 
 
 class Processes(ProcessPoolExecutor):
@@ -96,7 +97,7 @@ class Processes(ProcessPoolExecutor):
     def __init__(self, workers: int | None = None) -> None:
         context = multiprocessing.get_context("spawn")
         super().__init__(
-            _count("Processes.workers", workers),
+            _number_of_workers("Processes.workers", workers),
             mp_context=context,
             initializer=_start_worker,
         )
@@ -106,9 +107,9 @@ OURS = Threads | Processes
 Batch = Future[list[str]]
 
 
-def _count(place: str, workers: int | None) -> int:
-    """How many workers: as many as cores that this process may use, if nobody says;
-    not every system tells.
+def _number_of_workers(place: str, workers: int | None) -> int:
+    """Return the number of workers: by default that of the cores that this process
+    may use, which not every system reports.
     """
     cores = (
         len(os.sched_getaffinity(0))
@@ -125,16 +126,16 @@ def _start_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     threading.Thread(
-        target=_follow, args=(multiprocessing.parent_process(),), daemon=True
+        target=_end_with, args=(multiprocessing.parent_process(),), daemon=True
     ).start()
 
 
-def _follow(parent: BaseProcess) -> None:
+def _end_with(parent: BaseProcess) -> None:
     parent.join()
     os._exit(1)  # else it would wait for work for ever
 
 
-def _sent(study: NamedStudy, executor: Executor) -> NamedStudy | bytes:
+def _packed(study: NamedStudy, executor: Executor) -> NamedStudy | bytes:
     """Return the study as workers get it: pickled by reference for processes of this
     machine, else by cloudpickle if there.
     """
@@ -171,7 +172,7 @@ class Runner:
         progress: Callable[[Progress], object] | None,
     ) -> None:
         self.table = table
-        self._study = _sent(study, executor)
+        self._study = _packed(study, executor)
         self._executor = executor
         self._total = total
         self._progress = progress
@@ -180,7 +181,8 @@ class Runner:
         self._running: dict[Batch, list[str]] = {}
         # how often the worker of a case has died
         self._losses: Counter[str] = Counter()
-        self._size = 1  # of the next batch: twice what the last one came to in its time
+        # cases in the next batch: twice as many as the last one finished in its time
+        self._size = 1
 
     def run(self, keys: Sequence[str]) -> None:
         """Run those of some cases, no two alike, that the table lacks; after an
@@ -189,7 +191,7 @@ class Runner:
         there = [self.table.has_failed(key) for key in keys if key in self.table.rows]
         self._count.update(finished=len(there), failed=sum(there), found=len(there))
         self._todo.extend(key for key in keys if key not in self.table.rows)
-        self._tell()
+        self._report()
         if not self._todo:
             return
         try:
@@ -202,7 +204,7 @@ class Runner:
                 except RuntimeError as error:
                     self._renew(error)
                 if self.table.commit(if_due=True):
-                    self._tell()
+                    self._report()
         finally:
             for future in self._running:
                 future.cancel()
@@ -213,7 +215,7 @@ class Runner:
                 ):
                     process.terminate()
                 futures.wait(self._running)
-        self._tell()
+        self._report()
 
     def _renew(self, error: RuntimeError) -> None:
         """Go on after a worker was lost, with a new executor if it is ours; nothing
@@ -237,8 +239,8 @@ class Runner:
             ) from None
 
     def _fill(self) -> None:
-        """Keep two batches per worker on the way; cases that were lost twice run
-        alone, to know the culprit.
+        """Hand out batches, two per worker; cases that were lost twice run alone, to
+        find the culprit.
         """
         most = 2 * getattr(self._executor, "_max_workers", _MANY)
         while self._todo and len(self._running) < most:
@@ -256,7 +258,9 @@ class Runner:
                 self._todo.popleft()
 
     def _gather(self, done: set[Batch]) -> None:
-        """Note what has finished; `BrokenExecutor` if the pool has lost a worker."""
+        """Take the results of finished batches; raise `BrokenExecutor` if the pool
+        has lost a worker.
+        """
         broken: BrokenExecutor | None = None
         for future in done:
             keys = self._running.pop(future)
@@ -264,32 +268,32 @@ class Runner:
                 rows = future.result()
             except BrokenExecutor as error:
                 broken = error
-                self._lost(keys, 1)
+                self._put_back(keys, 1)
             except Exception as error:
                 # of Dask, after several workers died of this batch
                 if type(error).__name__ != "KilledWorker":
                     raise self._refusal(
                         f"dropped a batch of cases ({error})"
                     ) from error
-                self._lost(keys, 2)
+                self._put_back(keys, 2)
             else:
                 for key, row in zip(keys, rows, strict=False):
-                    self._note(key, row)
+                    self._enter(key, row)
                 self._todo.extendleft(reversed(keys[len(rows) :]))
                 self._size = 2 * len(rows)
         if broken is not None:
             raise broken
 
-    def _note(self, key: str, row: str) -> None:
+    def _enter(self, key: str, row: str) -> None:
         self.table.add(key, row)
         self._count.update(finished=1, failed=self.table.has_failed(key))
 
-    def _lost(self, keys: list[str], times: int) -> None:
+    def _put_back(self, keys: list[str], times: int) -> None:
         """Put back the cases of a batch whose worker died, last those that are to
         run alone; one lost then is named.
         """
         if len(keys) == 1 and self._losses[keys[0]] >= 2:
-            self._note(keys[0], json.dumps(DIED))
+            self._enter(keys[0], json.dumps(DIED))
             return
         for key in reversed(keys):
             self._losses[key] += times
@@ -297,7 +301,7 @@ class Runner:
                 key
             )
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if self._progress is not None:
             self._progress(Progress(total=self._total, **self._count))
 

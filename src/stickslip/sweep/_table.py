@@ -1,7 +1,7 @@
 """The store of a sweep: one sqlite table, a row of JSON for each finished case, each
 with a checksum.
 
-The row with the empty key is the head: what the sweep is made of. Transactions
+The row with the empty key is the head: the description of the sweep. Transactions
 (rollback journal, no write-ahead log: network file systems will do) leave every commit
 whole after a kill; checksums tell what a disk has changed since.
 
@@ -33,10 +33,10 @@ _HEAD = ""
 
 
 class Table:
-    """What came of the cases of a sweep, as JSON by their keys; in memory if it has no
+    """Results of the cases of a sweep, as JSON by their keys; in memory if it has no
     path.
 
-    With a head, what the sweep is made of, it is the table of one who writes.
+    With a head, the description of the sweep, it is opened for writing.
     """
 
     def __init__(
@@ -78,11 +78,11 @@ class Table:
                     f"CREATE TABLE cases ({columns}) WITHOUT ROWID"
                 )
             if head is not None:
-                self.keep_head()
+                self.write_head()
             self._held = held.pop_all()
 
     def close(self) -> None:
-        """Let others write."""
+        """Close the store, and release its lock."""
         with _in_one_line(self.path):
             self._held.close()
 
@@ -99,19 +99,19 @@ class Table:
             del self.rows[key]
 
     def add(self, key: str, row: str) -> None:
-        """Note what came of a case; it is on the disk after the next commit."""
+        """Add the result of a case; it is on the disk after the next commit."""
         self.rows[key] = row
         self._write(key, row)
 
-    def keep_head(self, **more: Any) -> None:
-        """Write down what the sweep is made of, with what is known by now."""
+    def write_head(self, **more: Any) -> None:
+        """Write the description of the sweep, with more that is known by now."""
         self.head |= more
         self._write(_HEAD, json.dumps(self.head))
         self.commit()
 
     def commit(self, *, if_due: bool = False) -> bool:
-        """Write down what was added, or, `if_due`, what was added a while ago; say
-        whether that was done.
+        """Commit what was added, or, `if_due`, only where that is some time ago;
+        return whether it was done.
         """
         if if_due and time.monotonic() < self._due:
             return False
@@ -129,7 +129,7 @@ class Table:
             )
 
     def _is_empty(self) -> bool:
-        """Whether there is nothing in the file: its making was cut short, and taken
+        """Return whether the file holds nothing: its making was cut short, and rolled
         back.
         """
         (form,) = self._connection.execute("PRAGMA application_id").fetchone()
@@ -179,7 +179,7 @@ def is_store(path: str | os.PathLike[str]) -> bool:
 
 
 def writer_of(path: Path) -> str | None:
-    """Who is writing a store, in words; None if nobody is."""
+    """Return the process that writes a store, in words; None if there is none."""
     with suppress(OSError), open(_lock_of(path), errors="replace") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -194,7 +194,7 @@ def _checksum(key: str, row: str) -> str:
 
 @contextmanager
 def _in_one_line(path: Path | None) -> Iterator[None]:
-    """Say in one line what went wrong with a file."""
+    """Turn the errors of a file into one line each."""
     try:
         yield
     except InputError:

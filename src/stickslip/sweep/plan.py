@@ -52,7 +52,7 @@ from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUA
 SHORTEST = 120.0
 NOTE = "sweep"  # attribute of the results that holds the plan
 PER_CONTACT = ("peak_to_peak", "mean_force", "drop", "stiffness", "mass")
-"""What is that of a contact in natural units, and of the whole interface in SI
+"""Quantities of one contact in natural units, and of the whole interface in SI
 units.
 """
 OTHERS = {
@@ -60,7 +60,7 @@ OTHERS = {
     "seed": "seed of the contacts",
     "start": "start of the run",
 }
-"""What can be an axis besides the parameters of a rig."""
+"""Axes besides the parameters of a rig."""
 _START = Key(FROM_SLIDING, choices=(FROM_REST, FROM_SLIDING))
 _SPACING = Key("linear", choices=("linear", "log"))
 
@@ -147,7 +147,7 @@ class Plan:
         return self.select(found)
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
-        """Of all that is stored of each case, what is asked for."""
+        """Return the results that are asked for, of all that are stored."""
         return found.drop_vars(
             [name for name in MEASURES if name not in (*self.measures, *self.axes)],
             errors="ignore",

@@ -13,10 +13,10 @@ from stickslip.model import FromRest, FromSliding, Rig, Slider, constant
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import simulate
 
-# what a regime can be; its place here is its code in the results
+# kinds of regime; the index is the code in the results
 KINDS: tuple[str, ...] = get_args(Kind)
 FROM_REST, FROM_SLIDING = "from rest", "sliding"
-"""How a run can start: at rest with relaxed contacts, or in steady smooth sliding."""
+"""Starts of a run: at rest with relaxed contacts, or in steady smooth sliding."""
 # of the velocity, where the master equation starts in smooth sliding; contacts perturb
 # themselves
 PERTURBATION = 0.02
@@ -24,8 +24,8 @@ PERTURBATION = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What all cases of a sweep share; called with the values of its axes, it runs
-    one.
+    """Rig and length of the runs of a sweep; called with the values of the axes, it
+    runs one case.
     """
 
     rig: Rig
@@ -90,7 +90,7 @@ class Study:
 
     @property
     def start(self) -> str:
-        """How a run starts unless that is an axis."""
+        """Start of a run unless that is an axis."""
         return FROM_REST if isinstance(self.rig.start, FromRest) else FROM_SLIDING
 
 
@@ -112,7 +112,7 @@ MEASURES: dict[str, tuple[str, str]] = {
     "reason": ("1", "why the regime was called so"),
     "seed": ("1", "seed of the contacts"),
 }
-"""What is measured of a case: natural unit, and what it is. All of it is stored."""
+"""Results of a case, by name: natural unit and description. All are stored."""
 
 USUAL = (
     "regime",
@@ -124,4 +124,4 @@ USUAL = (
     "travel",
     "reason",
 )
-"""What is in the results unless the file says otherwise."""
+"""Results that are returned unless the file asks for others."""

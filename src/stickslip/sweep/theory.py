@@ -1,4 +1,4 @@
-"""What theory says of a sweep: the computed boundary of smooth sliding, and how far
+"""Theory beside a sweep: the computed boundary of smooth sliding, and how far
 stick-slip persists beyond it.
 """
 

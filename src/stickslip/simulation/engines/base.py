@@ -7,7 +7,6 @@ To add a solver, write a class that has what `Engine` asks for and register it, 
 
 import copy
 import math
-import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from itertools import chain, combinations
@@ -17,17 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.arrays import Array as Array
-from stickslip.errors import InputError, UndecidedError, shown
-from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
+from stickslip.errors import InputError, shown
+from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.oscillator import Slider as SliderConstants
 from stickslip.model import (
+    Chain,
     ElasticBody,
     ExponentialGrowth,
     FromRest,
     FromSliding,
     Interface,
     Prestressed,
+    QuasiStatic,
     Slider,
     Start,
 )
@@ -52,10 +53,6 @@ COLUMNS = (
 after `MOTION`.
 """
 MOTION = COLUMNS[:4]
-
-
-_LASTS = 0.1
-"""Seconds that an advance lasts, about: only between two is an interrupt answered."""
 
 
 class Leg(NamedTuple):
@@ -360,6 +357,8 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
     name = kind.__name__
     body = type(slider).__name__ if elastic else "Slider"
     known = {taken for taken, *_, bound in ENGINES if bound is elastic}
+    if not isinstance(slider, Chain):
+        known.discard(QuasiStatic)
 
     def takes(other: type, some: Collection[str]) -> bool:
         engine = _engine(other, interface, some, elastic)
@@ -450,66 +449,3 @@ def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ..
             pass
         seen.append(aside.stretchings())
     return tuple(seen)
-
-
-class Cohorts(Engine):
-    """Contacts that attached together, as one; a class says which kernel follows them,
-    and what it is told.
-
-    Their state has a record of motion, and no kernel changes it.
-    """
-
-    columns = COLUMNS
-    angle = 0.1
-    kernel: ClassVar[Callable[..., Any]]
-    """Goes on from a state, in a case, to a time, with samples and a condition, by
-    so many steps.
-    """
-    steps: ClassVar[int]
-    """Steps in an advance, at most."""
-    _some: int = 20
-    """Steps in the next advance: so many that it lasts about `_LASTS`."""
-    state: Any
-    _case: Any
-    _method: Any
-
-    check = staticmethod(check_newborns)
-
-    def here(self) -> tuple[float, float]:
-        """Time, and position of the slider."""
-        return float(self.state.motion.time), float(self.state.motion.position)
-
-    def contact_force(self) -> float:
-        """Force of the contacts now, per contact."""
-        return float(self.state.motion.contact_force)
-
-    def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps."""
-        before = self.copy()
-        case = self._case._replace(drive=leg.drive)
-        begun = time.perf_counter()
-        self.state, records, reason = type(self).kernel(
-            self.state, case, leg.end, leg.times, leg.stop, self._some
-        )
-        took = max(time.perf_counter() - begun, 1e-9)
-        # twice as many at most: later steps may have more cohorts
-        grown = self._some * min(_LASTS / took, 2.0)
-        self._some = int(min(max(grown, 1.0), self.steps))
-        if reason == UNSOLVED:
-            raise UndecidedError(
-                f"{self._method}: no step, however short, can be solved from here on; "
-                "use another rtol, or Contacts"
-            )
-        # Records of motion begin with what a run samples.
-        rows = (
-            np.asarray(records)
-            .view(float)
-            .reshape(len(records), len(records.dtype))[:, : len(COLUMNS)]
-        )
-        return Advance(
-            rows, looks_aside(before, leg, self.here()[0]), over=reason != PAUSED
-        )
-
-    def copy(self) -> Self:
-        """Return an engine in the same state that goes its own way."""
-        return copy.copy(self)

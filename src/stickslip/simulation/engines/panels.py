@@ -4,16 +4,17 @@ for N contacts or infinitely many.
 
 import copy
 import math
+import time
 from functools import lru_cache
 from itertools import pairwise
 from typing import Self
 
 import numpy as np
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, UndecidedError
 from stickslip.kernels import panel_state as kernel
 from stickslip.kernels.cohorts import gauss_rule, spread_out
-from stickslip.kernels.drive import PAUSED, Quadratic, Stop
+from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
 from stickslip.kernels.effective_stretching import (
     NEVER,
     Breaking,
@@ -52,10 +53,15 @@ from stickslip.model.newborn import mean_life, stretching_nodes
 from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import (
+    COLUMNS,
+    Advance,
     Array,
     Beginning,
-    Cohorts,
+    Engine,
+    Leg,
     Stretchings,
+    check_newborns,
+    looks_aside,
     slider_constants,
     solves,
 )
@@ -98,6 +104,10 @@ _TRIED = (0.15, 6.0, 0.4), (0.1, 0.03, 1.0)
 further than that part; and for so many seconds, or this part of what it takes, but no
 longer than that.
 """
+# seconds that an advance lasts, about: only between two is an interrupt answered; and
+# its steps at most
+_LASTS = 0.1
+_MOST_STEPS = 2_000
 _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
@@ -107,15 +117,21 @@ _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 @solves(Population, type(None), LogarithmicGrowth, activation=(type(None), Bell))
 @solves(Population, ExponentialGrowth)
 @solves(Population, activation=(Parabolic,))
-class Panels(Cohorts):
+class Panels(Engine):
     """Cohorts of contacts that attached in the same step: fractions of infinitely
     many, or counted.
+
+    Its state has a record of motion, and no kernel changes it.
     """
 
+    columns = COLUMNS
+    angle = 0.1
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "activation"})
     smooth = True
-    kernel = advance_panels
-    steps = 2_000
+    _steps: int = 20
+    """Number of steps in the next advance, which is to take the time `_LASTS`."""
+
+    check = staticmethod(check_newborns)
 
     def __init__(
         self, beginning: Beginning, method: MasterEquation | Population
@@ -257,6 +273,41 @@ class Panels(Cohorts):
             [steps * (_STEP + _DRAW * nodes * counted) + sweeps * each, steps]
         )
 
+    def here(self) -> tuple[float, float]:
+        """Time, and position of the slider."""
+        return float(self.state.motion.time), float(self.state.motion.position)
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return float(self.state.motion.contact_force)
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some steps."""
+        before = self.copy()
+        case = self._case._replace(drive=leg.drive)
+        begun = time.perf_counter()
+        self.state, records, reason = advance_panels(
+            self.state, case, leg.end, leg.times, leg.stop, self._steps
+        )
+        took = max(time.perf_counter() - begun, 1e-9)
+        # twice as many at most: later steps may have more cohorts
+        fitting = self._steps * min(_LASTS / took, 2.0)
+        self._steps = int(min(max(fitting, 1.0), _MOST_STEPS))
+        if reason == UNSOLVED:
+            raise UndecidedError(
+                f"{self._method}: no step, however short, can be solved from here on; "
+                "use another rtol, or Contacts"
+            )
+        # Records of motion begin with what a run samples.
+        rows = (
+            np.asarray(records)
+            .view(float)
+            .reshape(len(records), len(records.dtype))[:, : len(COLUMNS)]
+        )
+        return Advance(
+            rows, looks_aside(before, leg, self.here()[0]), over=reason != PAUSED
+        )
+
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now, those that attached in one step
         spread over its panel.
@@ -272,7 +323,7 @@ class Panels(Cohorts):
     def copy(self) -> Self:
         """Return an engine in the same state that goes its own way."""
         # what the kernel takes, it leaves as it is, but for random numbers
-        other = super().copy()
+        other = copy.copy(self)
         if self._case.finite is not None:
             other._case = self._case._replace(finite=copy.deepcopy(self._case.finite))
         return other
