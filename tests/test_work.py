@@ -12,8 +12,10 @@ import pytest
 
 import stickslip as ss
 from stickslip import cli
+from stickslip.cycles import cycle_branch
 from stickslip.errors import LONGEST_MESSAGE
 from stickslip.io import rig_files
+from stickslip.kernels.drive import Quadratic
 from stickslip.progress import bar
 from stickslip.simulation import estimate
 from stickslip.simulation.engines import Beginning, engine_of
@@ -343,3 +345,124 @@ def test_a_run_takes_as_many_steps_as_were_said(name):
     )
     steps = float(re.fullmatch(r"about (.*) steps of cohorts", said)[1])
     assert steps / 2 < engine.state.used.steps < 2 * steps
+
+
+DRIVE = Quadratic(0.0, 0.0, 1.0, 0.0)
+
+
+def begun(rig):
+    """The engine of a rig at its start."""
+    beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
+    return engine_of(rig.interface, rig.method)(beginning, rig.method)
+
+
+def ringing_rig(decade, seed):
+    """A random slider on the master equation: its mass is of a decade, its width and
+    damping are of any; it rings for some hundred radians after the first slip.
+    """
+    rng = np.random.default_rng([decade + 20, seed])
+    low, high = (decade, -0.5, -1.5), (decade + 1, 0.7, -0.3)
+    mass, stiffness, std = 10 ** rng.uniform(low, high)
+    ratio = [0.0, 10 ** rng.uniform(-3, -1), 10 ** rng.uniform(-1, 2)][seed % 3]
+    omega = math.sqrt((stiffness + 1.0) / mass)
+    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=2.0 * ratio * omega)
+    interface = ss.Interface(thresholds=ss.LogNormal(mean=1.0, std=std))
+    method = ss.MasterEquation(rtol=10 ** rng.uniform(-4.0, -3.0))
+    rig = ss.Rig(interface, slider, ss.constant(1.0, 20.0), method=method)
+    engine = begun(rig)
+    more = True
+    while more and engine.state.motion.broken < 0.5:
+        _, more = engine.go_on(DRIVE, 20.0, 20)
+    slip = float(engine.state.motion.time)
+    return rig.replace(drive=ss.constant(1.0, min(20.0, slip + 6e2 / omega)))
+
+
+@pytest.mark.parametrize("decade", [-9, -6, -3])
+def test_the_master_equation_is_estimated_over_decades(decade, monkeypatch):
+    """Within a factor 2 from a part of the run, by the same prices of steps and
+    cohorts; what takes less than a hundredth of a second need not be known.
+    """
+    monkeypatch.setattr("stickslip.simulation.engines.panel_trial._LEAST", 0.01)
+    little = 0.01
+    for seed in range(3):
+        rig = ringing_rig(decade, seed)
+        (said,) = (
+            part.seconds
+            for part in estimate(rig).parts
+            if part.key == "simulation.rtol"
+        )
+        engine = begun(rig)
+        took = 0.0
+        more = True
+        while more:
+            spent, more = engine.go_on(DRIVE, rig.drive.duration, 20)
+            took += spent.seconds
+        assert 0.5 < (said + little) / (took + little) < 2.0, seed
+
+
+@pytest.mark.parametrize("method", [ss.Contacts(100), ss.MasterEquation()])
+def test_pieces_of_a_drive_and_snapshots_take_time(method):
+    """Each begins anew, however little it asks for; a thousand times as many take a
+    thousand times as long.
+    """
+
+    def pieces(count):
+        piece = ss.constant(1.0, 1.0 / count).pieces
+        return RIG.replace(drive=ss.model.Drive(piece * count), method=method)
+
+    def looks(count):
+        times = tuple(np.linspace(0.0, 1.0, count))
+        return pieces(1).replace(output=ss.Output(snapshots=times))
+
+    for rigs, key in ((pieces, "drive.pieces"), (looks, "simulation.snapshots")):
+        few, many = (
+            {part.key: part for part in estimate(rigs(count)).parts}[key]
+            for count in (10, 10_000)
+        )
+        assert many.seconds == pytest.approx(1000 * few.seconds)
+        # 9e-5 s on a desktop machine, where nothing happens
+        assert 0.5 * 9e-5 * 10_000 < many.seconds < 4 * 9e-5 * 10_000
+    assert estimate(pieces(10_000)).seconds > 0.9
+
+
+@pytest.mark.parametrize("method", [ss.Contacts(1), ss.Contacts(), ss.QuasiStatic(1)])
+@pytest.mark.parametrize("blocks", [10**5, 10**6, 10**8])
+def test_bodies_of_many_blocks_are_refused_before_they_are_made(blocks, method):
+    body = ss.Chain(blocks=blocks, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0)
+    rig = ss.Rig(INTERFACE, body, ss.constant(1.0, 1e6), method=method)
+    with pytest.raises(ss.InputError, match="would take about") as caught:
+        ss.simulate(rig)
+    assert len(str(caught.value)) <= LONGEST_MESSAGE
+
+
+@pytest.mark.parametrize("search", [ss.sustained, ss.bistable_range, cycle_branch])
+def test_a_search_that_would_take_hours_is_refused_before_it_begins(
+    search, monkeypatch
+):
+    monkeypatch.setattr("stickslip.cycles.edges.LONGEST", 1e-3)
+    with pytest.raises(ss.InputError, match=r"would take about .* a part of the range"):
+        search(RIG, "velocity", between=(0.9, 1.0))
+
+
+def test_a_search_is_estimated_by_the_number_of_its_runs():
+    rig = replace(RIG, slider=replace(SLIDER, damping=0.0))
+    with pytest.raises(
+        ss.InputError, match=r"^velocity from 0.5 .* to 2 .*: 6022 runs"
+    ):
+        ss.sustained(rig, "velocity", between=(0.5, 2.0), points=10_000)
+
+
+def test_a_search_of_more_than_a_minute_is_announced(monkeypatch, caplog):
+    monkeypatch.setattr("stickslip.simulation.work.ANNOUNCED", 1e-9)
+    ss.sustained(RIG, "delay", between=(0.19, 0.2), points=1, tolerance=0.5)
+    (said,) = caplog.messages
+    assert re.match(r"delay from .* to .*: about .* on one core: 2 runs, ", said)
+
+
+@pytest.mark.parametrize(("side", "count"), [(0.0, 10**6), (1.0, 64)])
+def test_modes_that_would_take_too_much_are_refused(side, count):
+    body = ss.Chain(
+        blocks=10**8, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0, side=side
+    )
+    with pytest.raises(ss.InputError, match=r"^modes: count = .*; give at most"):
+        ss.elastic.modes(replace(RIG, slider=body), count=count)

@@ -97,6 +97,7 @@ def bistable_range(
     scan = ParameterScan(
         rig, parameter, between, FromRest(), tolerance=tolerance, step=step
     )
+    scan.check_work(scan.steps)
     crossings = critical(rig, scan.parameter, between=(scan.low, scan.high))
     found: list[Interval | str] = []
     ends = [scan.low, *(edge.value for edge in crossings.edges), scan.high]

@@ -82,6 +82,7 @@ def cycle_branch(
     scan = ParameterScan(
         rig, parameter, between, FromRest(), tolerance=tolerance, step=step
     )
+    scan.check_work(scan.steps)
     along = scan.parameter.name
     if begin is not None:
         begin = number(

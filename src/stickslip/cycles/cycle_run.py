@@ -14,9 +14,25 @@ from stickslip.errors import InputError, instance, number
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.measure.periods import rises
 from stickslip.measure.verdict import TINY
-from stickslip.model import FromRest, FromSliding, MasterEquation, Slider, Start
+from stickslip.model import (
+    FromRest,
+    FromSliding,
+    MasterEquation,
+    Output,
+    Slider,
+    Start,
+)
+from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
-from stickslip.simulation import Beginning, Leg, Panels, check_method, follow_leg
+from stickslip.simulation import (
+    Beginning,
+    Leg,
+    Panels,
+    check_method,
+    estimate,
+    follow_leg,
+)
+from stickslip.simulation.work import Work
 
 # the largest error that keeps the settled numbers; see `stickslip.cycles`
 METHOD = MasterEquation(rtol=1e-4)
@@ -26,6 +42,8 @@ MOST_TURNS = 1e11
 # in a cycle: beside the steps of a slider that rings they cost little
 MOST_SAMPLES = 100_000
 LOOK = 3.0  # cycles, by their expected length, between two looks at the amplitude
+
+_LOOKS = 7  # that a run takes, about: five steps that shrink, and where it begins
 
 
 def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
@@ -57,6 +75,16 @@ def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
             "`stability` only"
         )
     number("velocity", rig.velocity, above=0, hint=rig.unit_name("velocity"))
+
+
+def work_of_run(rig: Rig, start: Start) -> Work:
+    """Work of a run until it is clear whether its oscillation persists, most often."""
+    velocity = rig.natural.velocity
+    cycle = _expected_cycle(rig) / velocity
+    duration = _LOOKS * LOOK * cycle
+    output = Output(interval=_interval(rig, cycle))
+    natural = replace(rig.natural, start=start, method=METHOD, output=output)
+    return estimate(replace(natural, drive=constant(velocity, duration)))
 
 
 class Look(NamedTuple):
@@ -155,11 +183,7 @@ class CycleRun:
         slider = self.rig.slider
         begin = engine.here()[0]
         each = self.cycle / self.drive.velocity
-        # A slip takes about half a period of the slider on its spring; a cap keeps very
-        # quick slips affordable.
-        count = math.ceil(
-            duration / max(min(each / 200, 0.3 / slider.frequency), each / MOST_SAMPLES)
-        )
+        count = math.ceil(duration / _interval(self.rig, each))
         times = begin + duration * np.arange(1, count + 1) / count
         leg = Leg(self.drive, begin + duration, times, Stop())
         samples, _ = follow_leg(engine, leg)
@@ -184,6 +208,15 @@ class CycleRun:
         drive = Quadratic(time, X + stretched, rig.natural.velocity, 0.0)
         cycle = self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig)
         return CycleRun(rig, engine, drive, cycle)
+
+
+def _interval(rig: Rig, cycle: float) -> float:
+    """Time between samples: a slip takes about half a period of the slider on its
+    spring; a cap keeps very quick slips affordable.
+    """
+    slider: Slider = rig.slider
+    finest = min(cycle / 200, 0.3 / slider.frequency)
+    return max(finest, cycle / MOST_SAMPLES)
 
 
 def _expected_cycle(rig: Rig) -> float:

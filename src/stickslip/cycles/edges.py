@@ -8,12 +8,14 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 
 from stickslip.answers import Answer
-from stickslip.cycles.cycle_run import METHOD, CycleRun, check_rig
+from stickslip.cycles.cycle_run import METHOD, CycleRun, check_rig, work_of_run
 from stickslip.cycles.oscillation_verdict import Verdict, settle
-from stickslip.errors import number
+from stickslip.errors import InputError, number
 from stickslip.model import Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
+from stickslip.progress import in_time
+from stickslip.simulation.work import LONGEST, announce
 from stickslip.stability.critical import Along
 
 EdgeKind = Literal[
@@ -142,6 +144,11 @@ class ParameterScan:
         self.step = number("step", step, above=0, below=1)
 
     @property
+    def steps(self) -> int:
+        """Steps over the range."""
+        return math.ceil(math.log(self.high / self.low) / self.step)
+
+    @property
     def about(self) -> dict[str, Any]:
         """The parameter, its unit and the range, as answers have them."""
         return {
@@ -149,6 +156,31 @@ class ParameterScan:
             "unit": self.unit,
             "searched": (self.low, self.high),
         }
+
+    def check_work(self, runs: int) -> None:
+        """Announce a search by so many runs if it takes more than a minute; raise
+        `InputError` if it takes more than an hour.
+        """
+        low, high = (
+            work_of_run(self.parameter.set(self.rig, end / self.size), self.start)
+            for end in (self.low, self.high)
+        )
+        # the mean over values in equal ratios of what goes as a power of them
+        ratio = high.seconds / low.seconds
+        each = low.seconds
+        if not math.isclose(ratio, 1.0, rel_tol=1e-6):
+            each *= (ratio - 1.0) / math.log(ratio)
+        seconds = runs * each
+        longest = max(low, high, key=lambda work: work.seconds).longest
+        what = f"{runs} runs, the longest of {longest.what}"
+        ends = f"from {self.said(self.low)} to {self.said(self.high)}"
+        name = f"{self.parameter.name} {ends}"
+        if seconds > LONGEST:
+            raise InputError(
+                f"{name}: {what}, would take about {in_time(seconds)}; give a part of "
+                "the range, or look less closely"
+            )
+        announce(name, seconds, what)
 
     def grid(self, count: int) -> list[float]:
         """So many values over the range."""

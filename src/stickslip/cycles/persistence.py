@@ -123,6 +123,7 @@ def sustained(
         return known[value].sustained
 
     values = scan.grid(max(2, math.ceil(points * math.log10(scan.high / scan.low)) + 1))
+    scan.check_work(len(values))
     decided = [value for value in values if persists(value) is not None]
     ends = [
         Edge.of("end of range", value) if persists(value) else None for value in decided

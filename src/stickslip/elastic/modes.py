@@ -26,8 +26,14 @@ from stickslip.elastic.threshold_front import rising
 from stickslip.errors import InputError, whole
 from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.model.body import coupling_matrix
+from stickslip.progress import in_time
+from stickslip.simulation.work import LARGEST, LONGEST
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import growth_rate
+
+# seconds that the root of a mode takes, and in one of a chain that is held at one end
+# also each block, and the bytes of that
+_ROOT, _SOFTEST, _SHAPE = 0.01, 2e-7, 8.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -111,6 +117,7 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     body = elastic_body(rig, "modes")
     count = whole("count", count, at_least=1, hint="number of modes")
     natural = rig.natural
+    _check_work(body, count)
     stiffness, coupling, wavelength, each = sliders_of(body, count)
     # modes come in pairs of one stiffness
     of = cache(lambda slider: growth_rate(replace(natural, slider=slider)))
@@ -127,6 +134,22 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
         for name, (values, unit, title) in columns.items()
     }
     return rig.in_its_units(xr.Dataset(found, {"mode": np.arange(len(each))}))
+
+
+def _check_work(body: ElasticBody, count: int) -> None:
+    """Raise `InputError` if so many modes would take more than an hour or 4 GB."""
+    found = min(count, body.size)
+    # no closed form where a spring holds one end
+    searched = found * body.size if body.side > 0.0 else 0
+    seconds = _ROOT * found + _SOFTEST * searched
+    excess = max(seconds / LONGEST, _SHAPE * searched / LARGEST)
+    if excess > 1.0:
+        raise InputError(
+            f"modes: count = {count}: of {body.size} blocks would take about "
+            f"{in_time(seconds)} and {_SHAPE * searched / 1e9:.2g} GB; give at most "
+            f"{math.floor(found / excess)}, or fewer blocks",
+            "count",
+        )
 
 
 def sliders_of(

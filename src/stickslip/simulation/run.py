@@ -32,7 +32,14 @@ from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.engines.base import Array
 from stickslip.simulation.follow import Track, follow
 from stickslip.simulation.result import dataset_of
-from stickslip.simulation.work import Work, course_of, sample_interval, sampling
+from stickslip.simulation.work import (
+    LARGEST,
+    Work,
+    course_of,
+    pieces_and_looks,
+    sample_interval,
+    sampling,
+)
 
 
 def simulate(
@@ -177,13 +184,11 @@ def record(
 def estimate(rig: Rig) -> Work:
     """Return what a run of a rig would take; `InputError` if no solver takes it."""
     engine = engine_of(rig.interface, rig.method, rig.slider)
-    return Work(
-        rig=rig,
-        parts=(
-            *engine.cost(rig, rig.method, course_of(rig)),
-            sampling(rig, engine.angle),
-        ),
-    )
+    work = Work(rig=rig, parts=engine.cost(rig, rig.method, course_of(rig)))
+    if work.bytes > LARGEST:  # as arrays of all blocks are, by which samples are chosen
+        return work
+    others = *pieces_and_looks(rig, engine.piece), sampling(rig, engine.angle)
+    return replace(work, parts=work.parts + others)
 
 
 def pull_rigidly(

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.model import ElasticBody, FromSliding, Slider
+from stickslip.model import Contacts, ElasticBody, FromSliding, QuasiStatic, Slider
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.progress import in_time
@@ -27,9 +27,13 @@ ANNOUNCED = 60.0  # seconds above which a run is announced
 LARGEST = 4e9  # bytes that it may take
 
 _RADIAN = 6e-7  # seconds a radian of the slider's oscillation takes
+SAMPLES = "simulation.interval"  # the key of their work
 # seconds and bytes a sample takes
 _SAMPLE = (4e-7, 200.0)
 _SAMPLE_OF_BLOCK = (2e-8, 120.0)
+# bytes of a stretching in a snapshot, with its weight, and of a bin
+_STRETCHING = 16.0
+_BIN = 8.0
 # samples of a run whose output does not say
 _FEWEST = 2e3
 _MOST = 5e4
@@ -71,17 +75,14 @@ class Work:
         """Memory."""
         return float(sum(part.bytes for part in self.parts))
 
+    @property
+    def longest(self) -> Part:
+        """Part that takes most of the time."""
+        return max(self.parts, key=lambda part: part.seconds)
+
     def announce(self) -> None:
-        """Log one line of what a run of more than a minute will take; unless told
-        otherwise, on standard error.
-        """
-        if self.seconds > ANNOUNCED:
-            worst = max(self.parts, key=lambda part: part.seconds)
-            words = (
-                f"{self.rig.name}: about {in_time(self.seconds)} on one core: "
-                f"{worst.what}"
-            )
-            logging.getLogger("stickslip").warning(words)
+        """Log one line of what a run of more than a minute will take."""
+        announce(self.rig.name, self.seconds, self.longest.what)
 
     def check(
         self,
@@ -111,14 +112,24 @@ class Work:
                 else self.rig.in_units(value, worst.quantity)
                 for value in (worst.value, allowed)
             )
+            # contacts take as much memory in a short run
+            lasts = spent is of_time or worst.key == SAMPLES
+            shorter = f", or a drive {excess:.2g} times shorter" * lasts
             raise InputError(
                 f"{worst.key} = {given}: {worst.what} would take about {amount}; "
-                f"{worst.instead}give at "
-                f"{'most' if worst.power > 0 else 'least'} {bound}, or a drive "
-                f"{excess:.2g} times shorter; "
-                f"or {otherwise}",
+                f"{worst.instead}give at {'most' if worst.power > 0 else 'least'} "
+                f"{bound}{shorter}; or {otherwise}",
                 worst.key,
             )
+
+
+def announce(name: str, seconds: float, what: str) -> None:
+    """Log one line of work of more than a minute; unless told otherwise, on standard
+    error.
+    """
+    if seconds > ANNOUNCED:
+        words = f"{name}: about {in_time(seconds)} on one core: {what}"
+        logging.getLogger("stickslip").warning(words)
 
 
 class Course(NamedTuple):
@@ -207,7 +218,7 @@ def sampling(rig: Rig, angle: float) -> Part:
         what = "samples of blocks"
     seconds, size = (one * samples for one in each)
     return Part(
-        "simulation.interval",
+        SAMPLES,
         interval,
         "time",
         -1.0,
@@ -215,6 +226,37 @@ def sampling(rig: Rig, angle: float) -> Part:
         seconds,
         size,
     )
+
+
+def contacts_of(rig: Rig) -> int:
+    """Number of contacts that are followed one by one in a run."""
+    method = rig.method
+    if not isinstance(method, Contacts | QuasiStatic):
+        return 0
+    return method.count * (
+        rig.slider.size if isinstance(rig.slider, ElasticBody) else 1
+    )
+
+
+def pieces_and_looks(rig: Rig, each: float) -> tuple[Part, ...]:
+    """Return the work of the pieces of a drive and of snapshots, each of so many
+    seconds to begin.
+    """
+    pieces = len(rig.drive.pieces)
+    looks = len(rig.output.snapshots)
+    contacts = contacts_of(rig)
+    stretchings = _STRETCHING * contacts + _BIN * rig.output.bins
+    found = []
+    if pieces > 1:
+        what = f"{pieces:.2g} pieces of the drive"
+        found.append(Part("drive.pieces", pieces, None, 1.0, what, each * pieces))
+    if looks:
+        what = f"{looks:.2g} snapshots"
+        seconds = each * looks
+        room = stretchings * looks
+        key = "simulation.snapshots"
+        found.append(Part(key, looks, None, 1.0, what, seconds, room))
+    return tuple(found)
 
 
 def breaking(

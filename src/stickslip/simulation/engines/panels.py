@@ -18,7 +18,6 @@ from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
 from stickslip.kernels.effective_stretching import (
     NEVER,
     Breaking,
-    energy,
     is_fixed,
     sliding_lives,
     survivals,
@@ -34,7 +33,6 @@ from stickslip.kernels.panel_state import (
 )
 from stickslip.kernels.panels import advance_panels
 from stickslip.kernels.quadrature import GAUSS, WEIGHT, P, Q
-from stickslip.kernels.records import Record
 from stickslip.kernels.survival import EMPTY, tabulate, widest
 from stickslip.model import (
     Bell,
@@ -70,6 +68,13 @@ from stickslip.simulation.engines.beginnings import (
     end_and_knots,
     survival_of,
 )
+from stickslip.simulation.engines.panel_trial import (
+    WORTH_A_TRIAL,
+    Spent,
+    seconds_of_path,
+    work_of_run,
+    work_since,
+)
 from stickslip.simulation.work import Course, Part, course_of
 
 _SAFETY = 1e-4, 0.87
@@ -89,20 +94,6 @@ _BROKEN = 0.02
 _GRAIN = 0.15
 """Distance of contacts that may count as if they had attached at one place, in
 standard deviations of thresholds.
-"""
-# seconds over a mean threshold, about, and how many times that where cohorts have
-# clocks
-_PATH = 2.5e-3, 10.0
-_STEP, _DRAW, _NODE, _AT_RISK, _PULLED = 1.7e-5, 1.3e-7, 7.5e-8, (5e-7, 1e-6), 9e-6
-"""Seconds that a step takes, and a node of counted contacts in it; in a sweep of
-Newton's method a node, and so much more where thresholds have knots or grow, or, at a
-temperature, it may break; and where it is pulled too fast for heat to break it.
-"""
-_WORTH = 0.05  # seconds from which a run is tried
-_TRIED = (0.15, 6.0, 0.4), (0.1, 0.03, 1.0)
-"""As far as this part of it, or these mean thresholds once the spring is loaded, but no
-further than that part; and for so many seconds, or this part of what it takes, but no
-longer than that.
 """
 # seconds that an advance lasts, about: only between two is an interrupt answered; and
 # its steps at most
@@ -128,6 +119,7 @@ class Panels(Engine):
     angle = 0.1
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "activation"})
     smooth = True
+    piece = 2.5e-4
     _steps: int = 20
     """Number of steps in the next advance, which is to take the time `_LASTS`."""
 
@@ -202,76 +194,26 @@ class Panels(Engine):
         """Return the work of a run: no theory says how many slips there are, so one
         worth it is tried for a while.
         """
-        interface = rig.interface
-        path = course.distance + course.shaken
-        seconds = (
-            _PATH[0]
-            * path
-            * (_PATH[1] if interface.mechanisms & {"ageing", "activation"} else 1.0)
-        )
-        what = f"a path of {path:.2g} mean thresholds"
-        if seconds > _WORTH:
+        seconds = seconds_of_path(rig.interface, course)
+        what = f"a path of {course.distance + course.shaken:.2g} mean thresholds"
+        if seconds > WORTH_A_TRIAL:
             seconds, steps = _tried(hashable(rig.natural))
+            pieces = len(rig.drive.pieces)  # each takes a step at least
+            seconds *= max(pieces / steps, 1.0)
+            steps = max(steps, pieces)
             what = f"about {steps:.2g} steps of cohorts"
         return (Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds),)
 
-    def tried(self, drive: Quadratic, end: float, part: float, loaded: float) -> Array:
-        """Seconds of a run by count, and steps: of a first part, until its spring is
-        loaded and more, then as there.
+    def go_on(self, drive: Quadratic, end: float, steps: int) -> tuple[Spent, bool]:
+        """Take some steps along a drive, up to a time at most; return their work, and
+        whether there are more to take.
         """
+        before = self.state.used
         case = self._case._replace(drive=drive)
-        passed = [0.0]
-        spent = [np.zeros(2)]
-        why = PAUSED
-        total = np.zeros(2)
-        least, share, most = _TRIED[1]
-        while why == PAUSED and passed[-1] < part and spent[-1][0] < most:
-            if passed[-1] > loaded and spent[-1][0] > max(least, share * total[0]):
-                break
-            before = self.state.used
-            self.state, _, why = advance_panels(
-                self.state, case, end, np.empty(0), Stop(), 20
-            )
-            passed.append(self.here()[0] / end)
-            spent.append(spent[-1] + self._spent(before))
-            # first slips are not as others
-            late = int(np.searchsorted(passed, 0.4 * passed[-1], side="right")) - 1
-            # none where the run will fail
-            rate = (spent[-1] - spent[late]) / (passed[-1] - passed[late] or math.inf)
-            total = spent[-1] + rate * (1.0 - passed[-1])
-        return total
-
-    def _spent(self, before: Record) -> Array:
-        """Seconds and steps since there were these counts, by those there are now."""
-        used = self.state.used
-        breaking = self._case.breaking
-        counted = self._case.finite is not None
-        nodes = Q * used.cohorts
-        cohorts = self.state.cohorts[: used.cohorts]
-        clock = cohorts.clock
-        most = cohorts.reach
-        may_break = (breaking.thresholds.bottom <= most) | (
-            breaking.blurred.bottom <= clock
+        self.state, _, why = advance_panels(
+            self.state, case, end, np.empty(0), Stop(), steps
         )
-        pulled = np.zeros(1)
-        if breaking.width > 0.0:
-            # where `survival` is an integral
-            pulled = (
-                np.abs((clock - energy(breaking, most)) / breaking.width + 16.0) < 20.0
-            )
-            pulled &= breaking.thresholds.bottom < most
-        elif is_fixed(breaking):
-            may_break[:] = breaking.knots.size > 0 and not counted
-        each = (
-            _NODE * nodes
-            + _AT_RISK[breaking.width > 0.0] * may_break.sum()
-            + _PULLED * pulled.sum()
-        )
-        steps = used.steps - before.steps
-        sweeps = used.sweeps - before.sweeps
-        return np.array(
-            [steps * (_STEP + _DRAW * nodes * counted) + sweeps * each, steps]
-        )
+        return work_since(before, self.state, self._case), why == PAUSED
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
@@ -376,29 +318,16 @@ class Panels(Engine):
 
 
 @lru_cache(maxsize=256)
-def _tried(rig: Rig) -> Array:
-    """Seconds of a run by count, and steps, at the mean velocity of its drive."""
+def _tried(rig: Rig) -> Spent:
+    """Work of a run at the mean velocity of its drive, tried for a while."""
     method = rig.method
-    course = course_of(rig)
-    duration = rig.drive.duration
-    least, some, most = _TRIED[0]
     assert isinstance(method, MasterEquation | Population)
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
     engine = Panels(beginning, method)
-    velocity = (
-        course.distance * rig.interface.threshold_distribution.moment(1) / duration
-    )
-    drive = Quadratic(
-        0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0
-    )
-    # contacts hold no more than their thresholds
-    loaded = 1.0 / (rig.slider.stiffness * max(course.distance, 1.0))
-    return engine.tried(
-        drive,
-        duration,
-        min(max(least, some / max(course.distance, 1.0) + loaded), most),
-        loaded,
-    )
+    begin = beginning.drive_position(engine.contact_force())
+    mean = rig.interface.threshold_distribution.moment(1)
+    velocity = course_of(rig).distance * mean / rig.drive.duration
+    return work_of_run(engine, Quadratic(0.0, begin, velocity, 0.0), rig)
 
 
 def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
