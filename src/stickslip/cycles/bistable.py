@@ -129,7 +129,9 @@ def bistable_range(
 def _beside(scan: ParameterScan, edge: Crossing, furthest: float) -> Interval | str:
     """The band from a linear boundary on towards a value, or why there is none."""
     downwards = edge.loses_stability  # smooth sliding is stable below
-    boundary = f"the linear boundary {scan.parameter.name} = {scan.said(edge.value)}"
+    boundary = (
+        f"the linear boundary {scan.parameter.name} = {scan.in_words(edge.value)}"
+    )
     first = scan.settled(
         min(max(edge.value * (1.01 if downwards else 0.99), scan.low), scan.high)
     )
@@ -142,7 +144,7 @@ def _beside(scan: ParameterScan, edge: Crossing, furthest: float) -> Interval | 
         or width <= (4 if end.kind == "undecided" else 1) * scan.tolerance
     ):
         return (
-            f"beyond {boundary} the cycle persists to {scan.said(end.persists_at)} "
+            f"beyond {boundary} the cycle persists to {scan.in_words(end.persists_at)} "
             "at most: no band"
         )
     linear = Edge.of("linear", edge.value)
@@ -187,7 +189,7 @@ def bistable_region(
         Along ``band``: ``band_<first>``, ``band_<second>_low`` and
         ``band_<second>_high``, and ``band_<second>_fold``, whichever of the two is
         where stick-slip decays (NaN if that lies beyond the range). Places at which no
-        band was found, or where a run could not tell, are left out.
+        band was found, or where a run did not decide, are left out.
 
     Examples
     --------

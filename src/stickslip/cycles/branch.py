@@ -161,7 +161,7 @@ def first_point(scan: ParameterScan, begin: float | None = None) -> CyclePoint:
             return point
     raise UndecidedError(
         f"no sustained oscillation found from {scan.start} at {scan.parameter.name} = "
-        f"{scan.said(*values)}; the last: {point.verdict}"
+        f"{scan.in_words(*values)}; the last: {point.verdict}"
     )
 
 

@@ -88,7 +88,7 @@ def work_of_run(rig: Rig, start: Start) -> Work:
 
 
 class Look(NamedTuple):
-    """What a stretch of a few cycles shows; `cycles` are the amplitudes of those
+    """Measurement of a stretch of a few cycles; `cycles` are the amplitudes of those
     that it completes, one by one.
     """
 

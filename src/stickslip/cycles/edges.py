@@ -38,10 +38,10 @@ class Edge(Answer):
     #: branch of the cycle ends there at a finite amplitude (nonlinear). *Linear*:
     #: smooth sliding loses stability there. *Shrinks to nothing*: the cycle does, where
     #: smooth sliding regains stability. *End of range*: the edge lies outside the range
-    #: searched. *Undecided*: runs beyond it cannot tell.
+    #: searched. *Undecided*: runs beyond it do not decide.
     kind: EdgeKind
 
-    #: a run on the far side of the edge; `value` if it is not runs that tell
+    #: a run on the far side of the edge; `value` if runs do not decide
     decays_at: float
     persists_at: float  #: and one on the near side
 
@@ -104,7 +104,7 @@ class Intervals(Along[Interval]):
 
 
 class CyclePoint(NamedTuple):
-    """What a run settles at, at one value of a parameter."""
+    """State in which a run settles, at one value of a parameter."""
 
     value: float
     verdict: Verdict
@@ -112,8 +112,8 @@ class CyclePoint(NamedTuple):
 
 
 class ParameterScan:
-    """Where to look along a parameter, in the rig's own units, how runs begin there,
-    and how closely to look.
+    """Range of a parameter, in the rig's own units, in which runs from one start are
+    searched to a tolerance.
 
     Raises `InputError` if no cycle can be followed on the rig, or the parameter or the
     range is invalid.
@@ -133,10 +133,8 @@ class ParameterScan:
         self.rig = rig
         self.parameter = parameter_named(parameter)
         self.start = start
-        self.size, self.unit = (
-            rig.unit(self.parameter.unit),
-            rig.unit_name(self.parameter.unit),
-        )
+        self.size = rig.unit(self.parameter.unit)
+        self.unit = rig.unit_name(self.parameter.unit)
         self.low, self.high = (
             end * self.size for end in rig.span(self.parameter, between)
         )
@@ -183,12 +181,12 @@ class ParameterScan:
         announce(name, seconds, what)
 
     def grid(self, count: int) -> list[float]:
-        """So many values over the range."""
+        """Values over the range, at equal ratios."""
         values: list[float] = np.geomspace(self.low, self.high, count).tolist()
         return values
 
     def settled(self, value: float, after: CycleRun | None = None) -> CyclePoint:
-        """What a run settles at: from the start, or carried on from another value."""
+        """Run until the amplitude settles: from the start, or on from another value."""
         rig = self.parameter.set(self.rig, value / self.size)
         run = (
             CycleRun.begin(rig, self.start, METHOD)
@@ -197,8 +195,8 @@ class ParameterScan:
         )
         return CyclePoint(value, *settle(run))
 
-    def said(self, *values: float) -> str:
-        """Say values of the parameter in words."""
+    def in_words(self, *values: float) -> str:
+        """Return values of the parameter in words."""
         return ", ".join(
             self.rig.in_units(value / self.size, self.parameter.unit)
             for value in values
@@ -214,7 +212,7 @@ def halved(
     """Halve between a value at which a test fails and one at which it holds, to a width
     of the logarithm.
 
-    It ends where `probe` cannot tell, and returns None.
+    It ends where `probe` does not decide, and returns None.
     """
     while abs(math.log(fails_at / holds_at)) > tolerance:
         middle = math.sqrt(fails_at * holds_at)

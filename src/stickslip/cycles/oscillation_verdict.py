@@ -17,7 +17,8 @@ from stickslip.model.rig import Rig
 from stickslip.sliding import kinetic_friction
 from stickslip.stability import count_unstable
 
-# looks after which what has not settled is undecided, unless its trend tells
+# looks after which an amplitude that has not settled is undecided, unless its trend
+# decides
 PATIENCE = 60
 
 
@@ -51,10 +52,10 @@ class Settles(NamedTuple):
         )
 
 
-CYCLES, LOOKS = Settles(6, 2e-5, 0.9, 1e-3), Settles(4, 1e-3, 0.7, 1e-2)
-"""One by one cycles are known to the error of the run; their median in a look also
-where they differ in turn.
-"""
+# one by one cycles are known to the error of the run
+CYCLES = Settles(6, 2e-5, 0.9, 1e-3)
+# their median in a look settles also where they differ in turn
+LOOKS = Settles(4, 1e-3, 0.7, 1e-2)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -96,8 +97,8 @@ class Verdict(Answer):
 def is_sustained(
     rig: Rig, *, start: Start = FromRest(), method: MasterEquation = METHOD
 ) -> Verdict:
-    """Tell whether an oscillation persists from a start, at a constant velocity of the
-    drive.
+    """Return whether an oscillation persists from a start, at a constant velocity of
+    the drive.
 
     The run is looked at every three cycles, by their expected length: the drive travels
     ``<x_s> (1 + k/K)`` in one, or for one period of the slider on its spring, whichever
@@ -107,7 +108,7 @@ def is_sustained(
     than 1 % left to go), or scatters about a constant without a trend. It *decays* if
     it is below 2 % of the kinetic friction and shrinks while smooth sliding is stable
     by linear theory. Where smooth sliding is unstable some oscillation always persists;
-    the run then tells which.
+    the run then decides.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def is_sustained(
     -------
     Verdict
         Undecided where the amplitude still drifts after 60 looks, three times as many
-        where it drifts one way, and its trend does not tell where to.
+        where it drifts one way, and its trend does not decide where to.
 
     Raises
     ------
@@ -205,7 +206,7 @@ def _friction(rig: Rig) -> float:
 def _fate(
     looks: list[Look], floor: float, growing: bool | None
 ) -> tuple[bool | None, float, str] | None:
-    """Whether it persists, its amplitude, and why, as soon as the looks tell."""
+    """Whether it persists, its amplitude, and why, as soon as the looks decide."""
     size = np.array([look.amplitude for look in looks])
     now = float(size[-1])
     step = np.diff(np.log(np.maximum(size, 1e-300)))
@@ -223,8 +224,8 @@ def _fate(
         return False, now, "decays; it is down to {}"
     if now > floor and len(looks) >= 10 and _has_no_trend(size[-8:]):
         return True, float(np.median(size[-8:])), "scatters about {} without a trend"
-    # What grows slowly from little will arrive; what drifts all one way, through a
-    # narrow place, will leave it.
+    # An amplitude that grows slowly from little will arrive; an amplitude that drifts
+    # all one way, through a narrow place, will leave it.
     drifts = bool(np.all(step[-8:] < 0) or np.all(step[-8:] > 0))
     if len(looks) < max(PATIENCE * (5 if growing else 3 if drifts else 1), 3):
         return None

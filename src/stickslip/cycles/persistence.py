@@ -35,7 +35,7 @@ class Sustained(Intervals):
     #: rising; windows narrower than the grid of the search may be missed
     windows: tuple[Interval, ...]
     grid: tuple[tuple[float, Verdict], ...]  #: the runs of the grid
-    undecided: tuple[float, ...] = ()  #: values at which a run could not tell
+    undecided: tuple[float, ...] = ()  #: values at which no run decided
 
     def __str__(self) -> str:
         doubt = (

@@ -15,7 +15,7 @@ w) dw/w)``, of the kind ``(tau_0 - f_d)/(f_s - f_d)``.
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.optimize import elementwise
@@ -26,8 +26,9 @@ from stickslip.model import ElasticBody
 # Tanh-sinh nodes and weights on (0, 1): they crowd at the ends, where the phase of a
 # chain without damping jumps.
 _T = np.linspace(-4.6, 4.6, 401)
+_STEP = _T[1] - _T[0]
 _NODES = 1.0 / (1.0 + np.exp(-np.pi * np.sinh(_T)))
-_WEIGHTS = (_T[1] - _T[0]) * np.pi * np.cosh(_T) * _NODES * _NODES[::-1]
+_WEIGHTS = _STEP * np.pi * np.cosh(_T) * _NODES * _NODES[::-1]
 
 # frequency beyond which the phase is averaged over the waves of the lattice; its error
 # is 1/SMOOTH^2
@@ -58,20 +59,25 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
     edges, rough = _panels(kappa, leaf, alpha, zeta, period)
 
     def phase(w: Array) -> Array:
-        wave = np.where(w > rough, 2.0, 4.0 * np.sin(0.5 * w * period) ** 2)
+        resolved = 4.0 * np.sin(0.5 * w * period) ** 2
+        wave = np.where(w > rough, 2.0, resolved)
         loss = w * (alpha + zeta * wave)
-        held = wave - w * w + leaf
+        stiffness = wave - w * w + leaf
+        behind = np.arctan2(loss, stiffness)
+        ahead = np.arctan2(loss, stiffness + kappa)
         divided = order * np.arctan2(1.0, w)
-        return np.asarray(
-            np.arctan2(loss, held) - np.arctan2(loss, held + kappa) - divided
-        )
+        return np.asarray(behind - ahead - divided)
 
     low = edges[:-1, None]
     width = np.diff(edges)[:, None]
     w = low + width * _NODES
-    inside = float(np.sum(phase(w) / w * width * _WEIGHTS))
-    beyond = float(np.sum(phase(edges[-1] / _NODES) / _NODES * _WEIGHTS))
-    return math.sqrt(slope / (leaf + kappa)) * math.exp((inside + beyond) / math.pi)
+    inside = np.sum(phase(w) / w * width * _WEIGHTS)
+    # the last panel reaches to infinity: w = edge/x for x from 0 to 1
+    far = edges[-1] / _NODES
+    beyond = np.sum(phase(far) / _NODES * _WEIGHTS)
+    exponent = (float(inside) + float(beyond)) / math.pi
+    at_zero = math.sqrt(slope / (leaf + kappa))
+    return at_zero * math.exp(exponent)
 
 
 def _panels(
@@ -82,17 +88,14 @@ def _panels(
     """
     turns = np.empty(0)
     if period > 1.0:  # where the real part of L0 turns back: w = T sin(wT)
-        grid = np.linspace(0.0, period, int(8 * period * period) + 200)[1:]
+        count = int(8 * period * period) + 200
+        grid = np.linspace(0.0, period, count)[1:]
         turns = _zeros(lambda w: period * np.sin(w * period) - w, grid)
     marks = [turns]
-    for held in (leaf, leaf + kappa):
-        ends = np.concatenate([[1e-12], turns, [1.001 * math.sqrt(held + 4.0)]])
-        marks.append(
-            _zeros(
-                lambda w, held=held: held - w * w + 4.0 * np.sin(0.5 * w * period) ** 2,  # type: ignore[misc]
-                ends,
-            )
-        )
+    for spring in (leaf, leaf + kappa):  # where the real parts of L0 and L1 are zero
+        highest = math.sqrt(spring + 4.0)
+        ends = np.concatenate([[1e-12], turns, [1.001 * highest]])
+        marks.append(_zeros(partial(_real_part, spring, period), ends))
     steps = np.unique(np.concatenate(marks))
     if alpha == zeta == 0:  # the phase is constant between its steps
         return np.concatenate([[0.0], steps]), math.inf
@@ -100,12 +103,22 @@ def _panels(
     start = float(np.max(steps, initial=1.0, where=steps < rough))
     panels = [start]
     while panels[-1] < rough:
-        panels.append(panels[-1] + min(panels[-1], 25.0 / period))
-    return np.unique(np.concatenate([[0.0], steps, panels])), panels[-1]
+        width = min(panels[-1], 25.0 / period)
+        panels.append(panels[-1] + width)
+    edges = np.unique(np.concatenate([[0.0], steps, panels]))
+    return edges, panels[-1]
+
+
+def _real_part(spring: float, period: float, w: Array) -> Array:
+    """Real part of the stiffness that a wave meets on a spring to each block."""
+    wave = 4.0 * np.sin(0.5 * w * period) ** 2
+    return np.asarray(spring - w * w + wave)
 
 
 def _zeros(function: Callable[[Array], Array], grid: Array) -> Array:
     """Zeros of a function between neighbours of a grid where its sign changes."""
     value = function(grid)
-    at = np.flatnonzero(value[:-1] * value[1:] < 0)
-    return np.asarray(elementwise.find_root(function, (grid[at], grid[at + 1])).x)
+    changes = value[:-1] * value[1:] < 0
+    at = np.flatnonzero(changes)
+    found = elementwise.find_root(function, (grid[at], grid[at + 1]))
+    return np.asarray(found.x)

@@ -1,5 +1,5 @@
-"""What is known besides a trace: values of the bench, friction at several speeds and
-after holds; what they tell.
+"""Measurements besides a trace: values of the bench, friction at several speeds and
+after holds; the parameters that follow from them.
 """
 
 import math
@@ -34,7 +34,7 @@ units.
 """
 Pairs = tuple[tuple[object, object], ...]
 _FEWEST = {"speeds": 4, "holds": 3}
-"""One more than the unknowns of the curve: else nothing is left to tell an error by."""
+"""One more than the unknowns of the curve, so that an error can be found."""
 
 
 def read_known(given: Mapping[str, object] | None) -> Known:
@@ -64,7 +64,7 @@ def read_known(given: Mapping[str, object] | None) -> Known:
 
 
 def drawn(known: Known, name: str, count: int) -> Array:
-    """So many values of what is known, scattered by its error: the same each time;
+    """Draws of a known quantity with its error, from a fixed seed;
     not numbers where it is not.
     """
     middle, error = known.get(name, (math.nan, 0.0))
@@ -154,7 +154,7 @@ def in_si(
     values: Array, strength: Array, events: Events, known: Known
 ) -> dict[str, Array]:
     """Draws of all quantities, each with the errors of what it is made of; only
-    those that what is known tells.
+    those that follow from known values.
     """
     count = len(values)
     residual = values[:, 2]
@@ -213,7 +213,7 @@ def refusal(name: str, known: Known) -> InputError:
         )
     missing = [need for need in QUANTITIES[name][2] if need not in known]
     return InputError(
-        f"fit: {name}: a force trace alone does not tell it; give "
+        f"fit: {name}: a force trace alone does not give it; give "
         f"{' and '.join(missing)}, as in "
         f"known={{{', '.join(f'{need!r}: {_UNITS[need][1]!r}' for need in missing)}}}"
     )

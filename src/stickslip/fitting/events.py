@@ -24,18 +24,16 @@ from stickslip.measure.slips import pick, resolution, weighted_median, white_noi
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NOISES, _STEPS = 6.0, 3.0
-"""The smallest drop is so many standard deviations of the noise, and so many steps
-of the recording.
-"""
-FEWEST, LARGEST_DROP = 30, 0.10
-"""Slips that a fit needs, and the largest smallest drop, over the peak, that it
-takes.
-"""
+# the smallest drop, in standard deviations of the noise and in steps of the recording
+_NOISES = 6.0
+_STEPS = 3.0
+FEWEST = 30  # slips that a fit needs
+LARGEST_DROP = 0.10  # largest `minimum_drop`, over the peak, that a fit takes
 # of a stretch: a fifth of those in a series may be too small to be seen
 MOST_SLIPS = int(SLIPS / 1.25)
-PLATEAU, LOST = 2.0, 0.1
-"""The count of slips may change by a tenth while the smallest drop is doubled."""
+# the count of slips may change by a tenth while the smallest drop is doubled
+PLATEAU = 2.0
+LOST = 0.1
 _FINER = 2.0**0.25
 RESOLVED = 5.0  # samples of a slip from which on it is resolved
 _FEWEST_SAMPLES = 20.0
@@ -362,7 +360,7 @@ def _beside(value: float, limit: float, digits: int = 3) -> str:
 
 
 def _faults(events: Events) -> Iterator[str]:
-    """What makes a fit mislead, the plainest first."""
+    """Reasons why a fit would mislead, the plainest first."""
     least = with_unit(events.smallest, events.force_unit)
     count = len(events)
     noise = events.noise / events.mean_peak

@@ -138,7 +138,7 @@ class Fit(Answer):
 
     @property
     def quantities(self) -> tuple[FittedInterval, ...]:
-        """All that what is known allows to tell in SI units."""
+        """All quantities that follow from known values, in SI units."""
         if self.events.force_unit == "1" and "load" not in self.known:
             return ()
         return tuple(
@@ -165,7 +165,7 @@ class Fit(Answer):
         return found[key]
 
     def _in_si(self) -> dict[str, Array]:
-        """Draws of all quantities that can be told."""
+        """Draws of all quantities that are known."""
         found = bench.in_si(self.values, self.strength, self.events, self.known)
         return found | ({"delay": self.delays.draws} if self.delays else {})
 
@@ -380,19 +380,19 @@ def fit(
         SI units, a text such as ``"350 N/m"``, or either with its standard error,
         ``("350 N/m", "10 N/m")``; 2 % where none is given.
     prior : Prior
-        What is held possible.
+        Ranges of the parameters that are possible.
     minimum_drop, after : float, optional
         Smallest drop that counts as a slip, and a time before which slips are left out.
     speeds : sequence of pairs, optional
-        Other speeds with the mean friction there: they tell the delay.
+        Other speeds with the mean friction there: they give the delay.
     holds : sequence of pairs, optional
-        Holds with the static friction after them: they tell ageing.
+        Holds with the static friction after them: they give ageing.
     draws : int
         Size of the table; `stickslip.fitting.table` makes one elsewhere, such as on a
         cluster, for fits to find.
     seed : int
     progress : callable or bool, optional
-        Is told what part of the table is there; a bar for True.
+        Receives the fraction of the table that is there; a bar for True.
 
     Raises
     ------

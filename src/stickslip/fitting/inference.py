@@ -24,10 +24,9 @@ NEAREST = 300
 # draws that agree with what is known, at least: ten for each coefficient of the
 # regression
 _AGREE = 100
-EDGE, BEYOND = 95.0, 99.9
-"""Percentiles of the distance: above the first nothing is moved and a warning given,
-above the second none fitted.
-"""
+# percentile of the distance above which no draw is moved, and a warning given
+EDGE = 95.0
+BEYOND = 99.9  # percentile of the distance above which no fit is made
 _NEIGHBOUR = 10
 _COMPARED = 1000
 _SMALL = 1e-4
@@ -51,7 +50,7 @@ class Sample(NamedTuple):
 
     @property
     def effective(self) -> float:
-        """Number of draws that would tell as much if they were equally likely."""
+        """Number of equally likely draws of the same information."""
         return float(1.0 / (self.weights**2).sum())
 
 

@@ -16,8 +16,8 @@ from stickslip.errors import InputError, number, sequence, whole
 from stickslip.measure.arrays import Array
 from stickslip.model.records import Number, Record
 
-# of what `simulate` makes of parameters and a seed: a table made by another version is
-# not used
+# of the series that `simulate` makes of parameters and a seed: a table of another
+# version is not used
 VERSION = 2
 
 # drops below this part of the peak are no slips of their own, in traces and in
@@ -80,7 +80,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """What is held possible before a trace is seen: each parameter evenly spread over
+    """Parameters that are possible before a trace is seen: each evenly spread over
     its range, two in decades.
 
     They are those of `stickslip.fitting.UNKNOWNS`: effective number of contacts and

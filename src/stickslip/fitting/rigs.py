@@ -71,10 +71,10 @@ DRAWS_KEPT = 100
 # where slips are not resolved, the mass lies anywhere between this part of its bound
 # and the bound
 _LIGHTEST = 0.01
-_TRIED, _SLIPS, _SETTLED, _NINETY = 60, 60, 5, 1.645
-"""Draws run, at most; slips of a run, after those in which it settles; standard
-errors in half a 90 % interval.
-"""
+_TRIED = 60  # draws run, at most
+_SLIPS = 60  # slips of a run
+_SETTLED = 5  # slips before these, in which a run settles
+_NINETY = 1.645  # standard errors in half a 90 % interval
 _NO_DELAY = (
     "stands for any delay longer than a slip and shorter than the time between slips; "
     "friction at several speeds "
@@ -119,7 +119,7 @@ KEYS: Mapping[str, tuple[str, str, str]] = {
     "interface.delay": ("delay", "s", "identified by the force at several speeds"),
 }
 """Keys of a rig file that a fit fills in: what of it, the unit, and how it was found
-or which parameter tells.
+or which parameter gives it.
 """
 
 
@@ -386,7 +386,7 @@ def quick_fit(
     the driving spring is stiff, else give the breaking displacement itself. The speed
     at which kinetic friction has halved gives the delay. Sliding contacts are taken to
     carry no force: where slips are smaller than those of the rig, they do, and it does
-    not fit the bench; `fit` tells that force.
+    not fit the bench; `fit` finds that force.
 
     Parameters
     ----------

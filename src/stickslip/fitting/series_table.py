@@ -32,10 +32,9 @@ from stickslip.kernels.turning_points import Recording, observe, pick
 from stickslip.measure.arrays import Array
 
 DRAWS = 6_000  # from the prior, in a table of usual size
-_BLOCK, _SHARES, _AT_A_TIME = 250, 8, 500
-"""Draws of a block of the table; parts in which others are drawn, each by its own
-numbers; series seen at a time.
-"""
+_BLOCK = 250  # draws of a block of the table
+_SHARES = 8  # parts in which other draws are made, each with random numbers of its own
+_AT_A_TIME = 500  # series observed at a time
 _TIMED = 20  # draws, to measure what one takes
 _LARGEST = 1 << 30
 _FIELDS = ("parts", "count", "peaks", "troughs")
@@ -98,7 +97,7 @@ def table(
     Cut short, it goes on from where it was. The same prior, seed and size give the same
     table, on any number of cores. Blocks are simulated by an `executor`, such as
     ``Client.get_executor()`` of Dask; by default by threads, one per core. `progress`
-    is told what part is there.
+    receives the fraction that is there.
 
     Examples
     --------
@@ -289,6 +288,6 @@ class Observation(NamedTuple):
 
 
 def _on_all_cores(function: Callable[[int], Any], of: Iterable[int]) -> list[Any]:
-    """What a function of numbers returns, by threads: kernels let others run."""
+    """Results of a function of numbers, by threads: kernels release the lock."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(function, of))

@@ -1,5 +1,5 @@
-"""What a series of slips is summarised by: numbers without a unit, of peaks and troughs
-in their order.
+"""Statistics of a series of slips: numbers without a unit, of peaks and troughs in
+their order.
 
 Slow drifts of a bench are taken out first: a cubic in the number of the slip. Raw
 correlations would be those of the drift. Nothing here depends on time, as drives are

@@ -1,5 +1,5 @@
-"""Records: what their numbers may be and are measured in, said once, where the field
-is declared; tables of them.
+"""Records: bounds and units of their numbers, declared once with each field; tables of
+records.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -76,7 +76,7 @@ class Operation(Record):
 
     def range_of(self, parameter: str) -> tuple[float, float] | None:
         """Return the range of a parameter that could be built; None if nothing is
-        said of it.
+        known of it.
         """
         return next(
             ((low, high) for name, low, high in self.feasible if name == parameter),
@@ -98,7 +98,7 @@ class Assumption:
     factors: tuple[float, ...] = ()  # and over the value
 
     @property
-    def said(self) -> str:
+    def value_in_words(self) -> str:
         """The value, whether it is a default, and where it may lie."""
         value = f"{self.value} (default)" if self.default else self.value
         return (
@@ -108,7 +108,7 @@ class Assumption:
         )
 
     def __str__(self) -> str:
-        return "; ".join(part for part in (self.said, self.how) if part)
+        return "; ".join(part for part in (self.value_in_words, self.how) if part)
 
 
 @dataclass(frozen=True)
@@ -141,9 +141,9 @@ class Rig(Answer):
     interface : Interface
         The contacts.
     slider : Slider, Chain, Sheet or impedance
-        What the contacts hold, on its driving spring or springs; a `Chain` or a `Sheet`
-        is elastic. For the linear stability of smooth sliding any mechanical impedance
-        of `stickslip.stability` will do.
+        The body on the contacts, on its driving spring or springs; a `Chain` or a
+        `Sheet` is elastic. For the linear stability of smooth sliding any mechanical
+        impedance of `stickslip.stability` will do.
     drive : Drive
         How the far end of the spring moves.
     method : Contacts, MasterEquation, Population or QuasiStatic
@@ -152,14 +152,14 @@ class Rig(Answer):
     start : FromRest, FromSliding or Prestressed
         The state that a run starts from.
     output : Output
-        What a run records.
+        The samples that a run records.
     scales : Scales, optional
         The rig's force, length and time in SI units; none for a rig in natural units.
     operation : Operation
         The speeds it works at, and what of it could be built otherwise, in natural
         units; for `predict`.
     name : str
-        What to call it.
+        Name of the rig.
     assumed : mapping of str to Assumption
         Keys of the rig's file that were not measured, and the defaults that were taken.
     fitted : mapping of str to Fitted
@@ -347,11 +347,11 @@ class Rig(Answer):
             try:
                 value = read_number(value)  # as a command line gives it
             except InputError:
-                told = (
+                refusal = (
                     f"{place} = {value!r}: must be a plain number, as the rig is in "
                     "natural units"
                 )
-                raise InputError(told) from None
+                raise InputError(refusal) from None
         return read_value(place, value, unit, f"2 {unit}", **bounds) / self.unit(
             natural
         )

@@ -105,7 +105,7 @@ def sweep_picture(data: xr.Dataset) -> Figure:
 
 
 def _kinds(data: xr.Dataset) -> xr.DataArray:
-    """What became of each case, in words."""
+    """Results of the cases, in words."""
     regime = _words(data["regime"])
     status = _words(data["status"])
     return regime.where(~status.isin(["failed", "not run"]), status)

@@ -16,5 +16,5 @@ pale for a line.
 
 DASHED = (0, (4, 2))  # the dashes of a line that is compared with
 
-COLUMN, PAGE = 3.5, 7.0
-"""Widths of a printed column and page, in inches."""
+COLUMN = 3.5  # width of a printed column, in inches
+PAGE = 7.0  # width of a printed page, in inches

@@ -26,10 +26,8 @@ from stickslip.simulation.follow import follow
 
 SHOWN = 40  # contacts in the drawing; the run may have any number of them
 CYCLES = 5.0  # cycles of loading that the frames span
-ATTACHED, RENEWED = 1, 2
-"""Flags of a contact in a frame: it holds now; it broke and attached again since the
-frame before.
-"""
+ATTACHED = 1  # flag of a contact in a frame: it is attached
+RENEWED = 2  # it broke and re-attached since the frame before
 # part of the frames that is spread over the way of the slider, the rest over the time
 _MOVING = 0.7
 _SAMPLES = 20_000
@@ -56,7 +54,7 @@ class Frames(NamedTuple):
 
 
 def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
-    """So many frames from a fraction of the drive on."""
+    """Frames from a fraction of the drive on, as many as given."""
     case = rig.natural
     if any(piece.until is not None for piece in case.drive.pieces):
         raise InputError(
@@ -190,7 +188,7 @@ def _look(
 
     first = sample()
     slider = engine.slider
-    # What `follow` asks of an engine, whose samples tell of contacts one by one,
+    # `follow` asks this of an engine, whose samples hold the contacts one by one,
     # besides where the slider is.
     followed: Any = SimpleNamespace(
         columns=("displacement",), slider=slider, here=engine.here, advance=advance

@@ -1,4 +1,4 @@
-"""What all pictures share: the style of the house, labels with units, legends,
+"""Parts that all pictures share: the style of the house, labels with units, legends,
 files.
 """
 

@@ -23,7 +23,7 @@ from stickslip.simulation.steps_and_holds import slide_hold_slide
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What may be asked of a rig, and what is to be known of a measured step."""
+    """Options for a rig, and values that a measured step needs."""
 
     law: Annotated[
         Literal["best", "ageing", "slip"], Parameter(help="Which law to fit.")
@@ -80,7 +80,7 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
     """Say whether a rig is rate-and-state-like, or fit rate and state to a measured
     velocity step.
 
-    What is not rate-and-state-like ends with exit code 2 and the number that fails.
+    Exit code 2 and the number that fails, if the interface is not rate-and-state-like.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""What contacts do after a step of the velocity: a small one from their linear
-response, a finite one by cohorts.
+"""Response of contacts to a step of the velocity: a small step from their linear
+response, a finite step by cohorts.
 """
 
 import math
@@ -108,7 +108,7 @@ def finite_step(
     """Force over the displacement of the load point after a step of its velocity, from
     steady sliding.
 
-    What `velocity_step` gives, as two arrays: displacement of the load point from the
+    The result of `velocity_step` as two arrays: displacement of the load point from the
     step on, in ``x_s``, and force per contact, in ``f_s``, minus that before the step.
     """
     instance("finite_step: interface", interface, Interface, "an Interface")

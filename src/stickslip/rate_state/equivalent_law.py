@@ -1,5 +1,5 @@
-"""Is it rate and state? What a, b, D an interface has, how well they describe it,
-and what they get wrong.
+"""Rate-and-state law equivalent to an interface: its a, b and D, how well they describe
+the interface, and where they fail.
 """
 
 import math
@@ -27,20 +27,20 @@ from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability.critical import critical_spring
 from stickslip.words import engineering
 
-SLIP, _POINTS = 6.0, 600
-"""Slip over which steps are fitted, in mean thresholds, and at how many places."""
-MISFIT, DRIFTS = 0.05, {"a": 0.10, "b": 0.10, "D": 0.20}
-"""Of rate and state, below: misfit of a small step, and change of each parameter
-over a decade of velocity.
-"""
-_RESOLVED, _FAST = 0.3, 200.0
-"""Least direct effect, in the fitted a, that counts as one, and at which wave
-number, over the mean threshold.
-"""
-_LEAST, _MOST = 1e-7, 1e3
-"""Range of a and b over the largest change of the force; the least is 0, for a
-logarithm.
-"""
+SLIP = 6.0  # slip over which steps are fitted, in mean thresholds
+_POINTS = 600  # places of the slip at which they are compared
+# an interface is rate-and-state-like below this misfit of a small step, and this change
+# of each parameter over a decade of velocity
+MISFIT = 0.05
+DRIFTS = {"a": 0.10, "b": 0.10, "D": 0.20}
+# least direct effect, over the fitted a, and the wave number, times the mean threshold,
+# at which it is measured
+_RESOLVED = 0.3
+_FAST = 200.0
+# range of a and b over the largest change of the force; the least stands for 0 in a
+# logarithm
+_LEAST = 1e-7
+_MOST = 1e3
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -193,7 +193,7 @@ def rate_and_state(
     breaking displacements at this velocity and at both ends of the decade about it.
     Rate-and-state-like is what has a direct effect (``a`` above 0), a misfit below 5 %,
     and ``a`` and ``b`` that change by less than 10 % and ``D`` by less than 20 % over
-    the decade. Then a step by the factor asked for, up and down, tells the law and
+    the decade. Then a step by the factor asked for, up and down, gives the law and
     gives the numbers. The critical stiffness by rate and state stands beside the exact
     one.
 
@@ -232,7 +232,8 @@ def rate_and_state(
             "delay there is nothing to fit; give one of them"
         )
     small = fit = _small(interface, speed)
-    drift, failing = [math.nan] * 3, _failing(interface, speed, small)
+    drift = [math.nan] * 3
+    failing = _failing(interface, speed, small)
     if not failing:
         low, high = (
             _small(interface, v).value

@@ -27,7 +27,7 @@ class Step:
     friction: Array
     before: float  #: velocity of the load point before the step
     after: float  #: and after it
-    at: float = 0.0  #: time at which it was said to come
+    at: float = 0.0  #: time at which it was expected
     #: whether the displacement was measured; else it is the velocities times the time
     measured: bool = True
     length_unit: str = ""  #: of the data; empty where it has none
@@ -41,7 +41,7 @@ class Step:
 
     @property
     def stretch(self) -> float:
-        """What displacement before the given time is worth, if the step came
+        """Displacement before the given time, if the step came
         earlier: it went on at another speed.
         """
         return 1.0 if self.measured else self.ratio

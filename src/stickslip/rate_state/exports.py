@@ -39,7 +39,7 @@ def export_rate_and_state(
         From `rate_and_state`.
     program : {"qdyn", "tandem", "diabayes", "rsfmodel"}
     scales : Scales
-        What ``N f_s``, ``x_s`` and the unit of time are.
+        Values of ``N f_s``, ``x_s`` and the unit of time.
     load : str or float
         Normal load, ``"2 kN"`` or in N.
     area : str or float, optional

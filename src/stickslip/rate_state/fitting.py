@@ -118,12 +118,12 @@ def _exact(other: object) -> bool:
 
 
 def _plain(other: Any) -> Any:
-    """What is no exact number, without an error of its own."""
+    """Number that is not exact, without an error of its own."""
     return float(other) if isinstance(other, Estimate) else other
 
 
 class LeastSquaresFit(NamedTuple):
-    """What least squares found: values with their covariance, and the curve."""
+    """Result of least squares: values with their covariance, and the curve."""
 
     value: Array
     covariance: Array
@@ -202,7 +202,7 @@ def least_squares(
             "no rate-and-state parameters fit: the slider runs away for all that were "
             "tried"
         )
-    # What the curve does not depend on has an error that is large, not one of 0.
+    # A parameter on which the curve does not depend has a large error, not one of 0.
     _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
     turned = (
         turned

@@ -25,7 +25,7 @@ from stickslip.sliding import kinetic_friction
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FittedStep(Answer, ABC):
-    """What fits of a step have in common, in the units of the data."""
+    """Fields that fits of a step share, in the units of the data."""
 
     step: Step  #: what was fitted
     #: of whatever is between load point and sliding surface, friction per displacement
@@ -296,8 +296,8 @@ def fit_rate_and_state(
     InputError
         If the data holds no such step.
     UndecidedError
-        If the data does not tell the parameters: nothing fits, an error exceeds its
-        value, a value ends at a limit of its range, or the fit does not converge.
+        If the data does not determine the parameters: nothing fits, an error exceeds
+        its value, a value ends at a limit of its range, or the fit does not converge.
 
     Examples
     --------
@@ -408,12 +408,12 @@ def fit_contacts(
     The contacts have Bell activation and logarithmic ageing, on a spring of unknown
     stiffness. A first fit by their linear response is the start of one by cohorts,
     exact for a step of any size. Fits for several distributions of thresholds, side by
-    side, tell their scatter: the one with the smallest residuals.
+    side, give their scatter: the fit with the smallest residuals.
 
     Parameters
     ----------
     step : Step
-        What `velocity_step_in` cuts out.
+        The step that `velocity_step_in` cuts out.
     thresholds : Distribution
         Of mean 1.
     trend : bool
@@ -427,7 +427,7 @@ def fit_contacts(
     InputError
         If the mean of the thresholds is not 1.
     UndecidedError
-        If the data does not tell the parameters, as in `fit_rate_and_state`.
+        If the data does not determine the parameters, as in `fit_rate_and_state`.
     """
     instance("fit_contacts: step", step, Step, "what velocity_step_in() cuts out")
     if abs(thresholds.positive().moment(1) - 1.0) > 0.05:

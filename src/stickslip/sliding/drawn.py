@@ -43,7 +43,7 @@ _PHASE = 10.0  # that a wave may turn on a panel of sixteen nodes
 
 
 class Lives(NamedTuple):
-    """What is left of contacts with the distance: of their number, and of their `f`,
+    """Fractions of contacts left after a distance: of their number, and of their `f`,
     `a`, `b`, ``a f`` and ``b f``.
     """
 

@@ -34,8 +34,9 @@ from stickslip.sliding.response import (
     stretched,
 )
 
-_SLOWEST, _FASTEST = 1e-3, 50.0
-"""Reduced speeds for which the response is computed."""
+# reduced speeds between which the response is computed
+_SLOWEST = 1e-3
+_FASTEST = 50.0
 # speeds over ``rate**2`` between which the stationary kinetic equation is resolved
 _RESOLVED = 1e-12, 1e6
 

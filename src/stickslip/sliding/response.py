@@ -52,7 +52,7 @@ class Parts(NamedTuple):
 
 
 class Fluctuations(NamedTuple):
-    """What the contacts of steady sliding answer, and what each of them does by
+    """Response of the contacts in steady sliding, and the motion of each of them by
     itself, at some frequencies.
     """
 
@@ -114,7 +114,7 @@ class Response(ABC):
         return self.fluctuations(velocity, s).kappa
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        """What the contacts answer and what they do by themselves, at `s` on the
+        """Response of the contacts and their motion by themselves, at `s` on the
         imaginary axis that are not 0.
         """
         return Fluctuations(self.kappa(velocity, s), np.full(np.shape(s), np.nan))

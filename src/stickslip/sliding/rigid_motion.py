@@ -1,5 +1,5 @@
 """Rigid motion by the renewal equation: its solution for an interface, static friction,
-and what this tells backwards.
+and the thresholds that give a friction.
 
 A bench measures two friction coefficients; the model asks for the contacts behind them.
 """
@@ -20,10 +20,9 @@ from stickslip.model.distributions import Distribution, excess
 from stickslip.model.newborn import stretching_nodes
 from stickslip.sliding.law import kinetic_friction
 
-NARROWEST, WIDEST = 0.01, 1.0
-"""Standard deviations among which that of the thresholds is looked for, in units of
-their mean.
-"""
+# standard deviations of the thresholds, over their mean, between which a fit looks
+NARROWEST = 0.01
+WIDEST = 1.0
 _MOST_WORK = 2e7  # nodes of the start times positions: some ten seconds
 
 

@@ -34,7 +34,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Along(Answer, Generic[Item]):
-    """What was found along a parameter, rising: it iterates over that.
+    """Results along a parameter, rising: it iterates over them.
 
     Nothing is an answer too.
     """
@@ -47,7 +47,7 @@ class Along(Answer, Generic[Item]):
 
     @property
     def where(self) -> str:
-        """What was searched, in words."""
+        """The range searched, in words."""
         low, high = self.searched
         return (
             f"for {self.parameter} from {low:g} to {high:g} {self.unit}".removesuffix(
@@ -170,7 +170,7 @@ def critical(
     rig : Rig
         The parameter's own value in it matters only where no range is given.
     parameter : Parameter or str
-        What to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``,
+        Parameter to vary: ``"stiffness"``, ``"velocity"``, ``"mass"``, ``"damping"``,
         ``"delay"``, ``"std"``, ``"ageing"``, or a parameter of your own.
     between : (float, float), optional
         Range searched, in the rig's own units, both above 0; or texts with units, as in
@@ -549,7 +549,8 @@ def _matched(one: LinePoint, two: LinePoint) -> list[tuple[float, float, float, 
         np.log(np.minimum(here.omega[:, None], 1e300) / np.minimum(there.omega, 1e300))
     )
     apart[here.modes[:, None] != there.modes] = math.inf
-    k, m = np.arange(here.omega.size), np.argmin(apart, axis=1)
+    k = np.arange(here.omega.size)
+    m = np.argmin(apart, axis=1)
     alike = (np.argmin(apart, axis=0)[m] == k) & (
         apart[k, m] < 0.02 + 2.5 * abs(math.log(two.value / one.value))
     )

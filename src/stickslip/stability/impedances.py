@@ -1,4 +1,4 @@
-"""What holds the slider: mechanical impedances to stand for ``M s^2 + M eta s + K``.
+"""Holders of the slider: mechanical impedances to stand for ``M s^2 + M eta s + K``.
 
 A rig answers one question: which force per contact, applied where the contacts act,
 moves the slider by ``exp(s t)``? That is its impedance ``Z(s)`` (a dynamic stiffness,
@@ -34,7 +34,7 @@ class Impedance(Protocol):
 
 
 Body = Slider | Impedance
-"""What the functions of this package take as a body."""
+"""A body, as the functions of this package take it."""
 
 
 @dataclass(frozen=True, kw_only=True)

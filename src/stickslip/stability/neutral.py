@@ -57,39 +57,58 @@ def neutral_frequencies(
     ]
     # All rigs at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
-    left, right = (np.concatenate([b[k] for b in brackets]) for k in (0, 1))
-    whose, speed = (
-        np.repeat(each, counts)
-        for each in zip(*((id(body), v) for body, v in rigs), strict=True)
-    )
+    left = np.concatenate([each[0] for each in brackets])
+    right = np.concatenate([each[1] for each in brackets])
+    whose = np.repeat([id(body) for body, _ in rigs], counts)
+    speed = np.repeat([velocity for _, velocity in rigs], counts)
+    bodies = {id(body): body for body, _ in rigs}
 
     def impedances(w: Array) -> ComplexArray:
         z = np.empty(w.shape, dtype=complex)
-        for body in {id(body): body for body, _ in rigs}.values():
-            z[whose == id(body)] = body(1j * w[whose == id(body)])
+        for key, body in bodies.items():
+            its = whose == key
+            z[its] = body(1j * w[its])
         return z
 
-    omega = _zeros(
-        lambda w: loss(impedances(w), response.parts(speed, 1j * w)), left, right
-    )
-    extra = -(impedances(omega) + response.stiffness(speed, 1j * omega)).real
+    def total_loss(w: Array) -> Array:
+        return loss(impedances(w), response.parts(speed, 1j * w))
+
+    omega = _zeros(total_loss, left, right)
+    total = impedances(omega) + response.stiffness(speed, 1j * omega)
+    extra = -total.real
     answers = []
-    ends = np.cumsum(counts)[:-1]
-    known = (scans, brackets, np.split(omega, ends), np.split(extra, ends))
-    for rig, seen, (_, _, rising), w, e in zip(rigs, *known, strict=True):
-        modes = np.where(rising, 2, -2)
-        if (
-            seen[1].size
-            and seen[1][-1] < 0
-            and (beyond := _beyond(response, *rig, seen[0][-1], softest))
-        ):
-            w, e, modes = (
-                np.append(found, more)
-                for found, more in zip((w, e, modes), beyond, strict=True)
+    end = 0
+    for rig, seen, (_, _, rising) in zip(rigs, scans, brackets, strict=True):
+        begin = end
+        end += rising.size
+        neutral = Neutral(omega[begin:end], extra[begin:end], np.where(rising, 2, -2))
+        frequency, value = seen
+        if value.size and value[-1] < 0:
+            neutral = _with_mode_beyond(
+                neutral, _beyond(response, *rig, frequency[-1], softest)
             )
-        order = np.argsort(w)
-        answers.append(Neutral(w[order], e[order], modes[order]))
+        answers.append(_by_frequency(neutral))
     return answers
+
+
+def _with_mode_beyond(
+    neutral: Neutral, beyond: tuple[float, float, int] | None
+) -> Neutral:
+    """Neutral frequencies with the one beyond the end of the scan, if there is one."""
+    if beyond is None:
+        return neutral
+    omega, extra, modes = beyond
+    return Neutral(
+        np.append(neutral.omega, omega),
+        np.append(neutral.extra, extra),
+        np.append(neutral.modes, modes),
+    )
+
+
+def _by_frequency(neutral: Neutral) -> Neutral:
+    """Neutral frequencies in rising order."""
+    order = np.argsort(neutral.omega)
+    return Neutral(neutral.omega[order], neutral.extra[order], neutral.modes[order])
 
 
 def _zeros(f: Callable[[Array], Array], left: Array, right: Array) -> Array:
@@ -136,22 +155,24 @@ def _brackets(
         # A pair of zeros may be much closer than two frequencies of the scan: close in
         # on the dip until it is decided.
         fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
-        dip = loss(body(1j * fine), response.parts(velocity, 1j * fine)) * side[:, None]
-        row, column = np.nonzero((dip[:, 1:] < 0) != (dip[:, :-1] < 0))
+        total = loss(body(1j * fine), response.parts(velocity, 1j * fine))
+        dip = total * side[:, None]
+        below = dip < 0
+        row, column = np.nonzero(below[:, 1:] != below[:, :-1])
+        rises = below[row, column] == (side[row] > 0)
         left = np.concatenate([left, fine[row, column]])
         right = np.concatenate([right, fine[row, column + 1]])
-        rising = np.concatenate([rising, (dip[row, column] < 0) == (side[row] > 0)])
+        rising = np.concatenate([rising, rises])
         lowest = np.clip(np.argmin(dip, axis=1), 1, 15)
         each = np.arange(low.size)
         before = dip[each, lowest - 1]
         here = dip[each, lowest]
         after = dip[each, lowest + 1]
-        open_ = (here > 0) & (
-            _vertex(before, here, after) < 0.5 * np.minimum(before, after)
-        )
-        low = fine[each, lowest - 1][open_]
-        high = fine[each, lowest + 1][open_]
-        side = side[open_]
+        lower_side = np.minimum(before, after)
+        undecided = (here > 0) & (_vertex(before, here, after) < 0.5 * lower_side)
+        low = fine[each, lowest - 1][undecided]
+        high = fine[each, lowest + 1][undecided]
+        side = side[undecided]
     return left, right, rising
 
 
@@ -165,13 +186,15 @@ def _beyond(
     """Modes that cross beyond the end of the scan: frequency, extra stiffness, and
     how many grow with less.
     """
-    z, at_rest = (complex(body(np.array([place]))[0]) for place in (1j * end, 0j))
+    z = complex(body(np.array([1j * end]))[0])
+    at_rest = complex(body(np.array([0j]))[0])
     total = z + complex(response.stiffness(velocity, 1j * end))
     # without mass and damping: half a turn, which both then keep, is what one real mode
     # makes
     if z == at_rest:
         return math.inf, -total.real, 1
-    turned = math.atan2(total.imag, total.real) - math.atan2(max(z.imag, 0.0), z.real)
+    angle_of_body = math.atan2(max(z.imag, 0.0), z.real)
+    turned = math.atan2(total.imag, total.real) - angle_of_body
     # Cut off for |kappa| < |Z| just past half a turn, which is never completed.
     return (math.inf, math.inf, 2) if softest is None and turned < -math.pi else None
 
@@ -184,8 +207,10 @@ def _nearly_touching(value: Array) -> NDArray[np.intp]:
     before = value[:-2] * side
     here = np.abs(value[1:-1])
     after = value[2:] * side
-    k = np.flatnonzero((here > 0) & (here <= before) & (here <= after))
-    near = _vertex(before[k], here[k], after[k]) < 0.2 * np.minimum(before[k], after[k])
+    lower_side = np.minimum(before, after)
+    k = np.flatnonzero((here > 0) & (here <= lower_side))
+    lowest = _vertex(before[k], here[k], after[k])
+    near = lowest < 0.2 * lower_side[k]
     return np.asarray(k[near] + 1)
 
 
@@ -193,5 +218,6 @@ def _vertex(before: Array, here: Array, after: Array) -> Array:
     """Lowest value of the parabola through three equally spaced points around a
     minimum.
     """
-    bend = before - 2 * here + after
-    return np.asarray(here - (after - before) ** 2 / (8 * np.maximum(bend, 1e-300)))
+    bend = np.maximum(before - 2 * here + after, 1e-300)
+    depth = (after - before) ** 2 / (8 * bend)
+    return np.asarray(here - depth)

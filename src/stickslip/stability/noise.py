@@ -47,7 +47,7 @@ _ROUGH = np.zeros(16)
 _ROUGH[::2] = np.linalg.solve(
     np.polynomial.legendre.legvander(_NODE[::2], 7).T, 2.0 * np.eye(8)[0]
 )
-# of the size of fluctuations in a run, for which a run is said to be long enough
+# error of the size of fluctuations in a run that is long enough
 _ERROR = 0.05
 # in the same unit, below which the noise is white and kappa goes with the frequency
 _SLOWEST = 1e-4
@@ -55,7 +55,9 @@ _SLOWEST = 1e-4
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContactNoise(Answer):
-    """What the noise of N contacts makes of smooth sliding, in the rig's own units."""
+    """Fluctuations of smooth sliding by the noise of N contacts, in the rig's own
+    units.
+    """
 
     contacts: int  #: their number ``N``
     spring_force: float  #: root mean square of its deviations from the mean
@@ -262,7 +264,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
         )
     if not stiffness > 0:
         raise InputError(
-            f"Rig.slider = {body!r}: no driving spring, whose force could be told; "
+            f"Rig.slider = {body!r}: no driving spring, whose force could be measured; "
             "give it a stiffness"
         )
     if growing := roots.count(response, body, velocity):
@@ -313,7 +315,8 @@ def _fluctuations_of(
             return response.fluctuations(velocity, 1j * omega)
     else:
         known, table = whole_axis(response, velocity)
-        lowest, highest = float(known[0]), float(known[-1])
+        lowest = float(known[0])
+        highest = float(known[-1])
 
         def between(omega: Array) -> Fluctuations:
             kappa, noise = table(np.log(omega))
