@@ -15,7 +15,7 @@ import xarray as xr
 
 from stickslip.errors import InputError
 from stickslip.measure import read_trace
-from stickslip.measure.readings import LARGEST_FILE
+from stickslip.measure.trace_reader import LARGEST_FILE
 
 FORCES = np.round(5.0 + np.abs(np.mod(np.arange(60) * 0.37, 3.0)), 2)
 
@@ -385,7 +385,7 @@ def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
     ):
         with pytest.raises(InputError, match=message):
             read_trace(path, step=1.0)
-    monkeypatch.setattr("stickslip.measure.readings.LARGEST_FILE", 100)
+    monkeypatch.setattr("stickslip.measure.trace_reader.LARGEST_FILE", 100)
     with pytest.raises(InputError, match="MB"):
         read_trace(written(tmp_path, NUMBERS), step=1.0)
 

@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
-from stickslip.measure.arrays import ERRORS
-from stickslip.measure.evidence import CHANGE, NOISE_OF_CONTACTS, REPEATS, STEADY, TINY
+from stickslip.measure.trace import ERRORS
+from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, STEADY, TINY
 from stickslip.model import Contacts
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN

@@ -13,7 +13,7 @@ from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, number
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.measure.periods import rises
-from stickslip.measure.verdict import TINY
+from stickslip.measure.regimes import TINY
 from stickslip.model import (
     FromRest,
     FromSliding,

@@ -10,8 +10,8 @@ from stickslip.answers import Answer
 from stickslip.arrays import Array
 from stickslip.cycles.cycle_run import METHOD, CycleRun, Look, check_rig
 from stickslip.errors import InputError, UndecidedError
+from stickslip.measure.regimes import TINY, Kind
 from stickslip.measure.slips import SLIP_VELOCITY
-from stickslip.measure.verdict import TINY, Kind
 from stickslip.model import Delay, FromRest, MasterEquation, Start
 from stickslip.model.rig import Rig
 from stickslip.sliding import kinetic_friction

@@ -14,9 +14,9 @@ from scipy.special import stdtrit
 from stickslip.errors import InputError, instance, sequence
 from stickslip.fitting.events import Events
 from stickslip.io import files
-from stickslip.measure.arrays import Array
 from stickslip.measure.headings import ratio
 from stickslip.measure.tables import read_table
+from stickslip.measure.trace import Array
 from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value
 from stickslip.rate_state.fitting import Estimate, least_squares

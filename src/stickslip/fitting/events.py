@@ -17,9 +17,9 @@ from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number
 from stickslip.fitting.model import FLOOR, SLIPS
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
-from stickslip.measure.arrays import Array, Trace
-from stickslip.measure.bench import about_the_sensor
+from stickslip.measure.sensor import note_saturation
 from stickslip.measure.slips import pick, resolution, weighted_median, white_noise
+from stickslip.measure.trace import Array, Trace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -367,7 +367,7 @@ def _faults(events: Events) -> Iterator[str]:
     smallest = events.smallest / events.mean_peak
     yield from (
         f"{fault}; reduce its gain, and record again"
-        for fault in about_the_sensor(events.force)
+        for fault in note_saturation(events.force)
     )
     if events.gap > _LONGEST_GAP:
         yield (

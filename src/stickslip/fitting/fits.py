@@ -20,7 +20,7 @@ from stickslip.fitting.model import KEYS, UNKNOWNS, Prior, sampled, simulate
 from stickslip.fitting.rigs import rig_of
 from stickslip.fitting.series_table import DRAWS, Observation, table
 from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 from stickslip.model.rig import Rig
 from stickslip.progress import reporting
 from stickslip.words import engineering

@@ -18,7 +18,7 @@ from scipy.special import expit, logit
 from stickslip.errors import InputError
 from stickslip.fitting.series_table import Observation, SeriesTable
 from stickslip.fitting.summary import comparable
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 
 NEAREST = 300
 # draws that agree with what is known, at least: ten for each coefficient of the

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.errors import InputError, number, sequence, whole
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 from stickslip.model.records import Number, Record
 
 # of the series that `simulate` makes of parameters and a seed: a table of another

@@ -22,7 +22,7 @@ from stickslip.fitting.bench import Constraint, Known, drawn, in_si, newtons, se
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.model import KEYS as PARAMETERS
 from stickslip.io.rig_files import from_document, to_document
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 from stickslip.model import Gaussian, Output, Rig, constant
 from stickslip.model.quantities import read_value
 from stickslip.simulation import simulate

@@ -29,7 +29,7 @@ from stickslip.fitting.model import FLOOR, KEYS, SLIPS, VERSION, Prior, simulate
 from stickslip.fitting.summary import statistics
 from stickslip.io import files
 from stickslip.kernels.turning_points import Recording, observe, pick
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 
 DRAWS = 6_000  # from the prior, in a table of usual size
 _BLOCK = 250  # draws of a block of the table

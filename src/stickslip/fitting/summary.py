@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 
 _DEGREE = 3
 _BLOCK = 10

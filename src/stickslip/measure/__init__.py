@@ -9,14 +9,14 @@ a driven slider creeps at ``v K/(K + k N_c)`` between slips.
 
 from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics
 from stickslip.measure.column_names import Column, columns
-from stickslip.measure.evidence import Criterion
+from stickslip.measure.features import Criterion
 from stickslip.measure.fronts import events, fronts, on_blocks, pixels, rows
 from stickslip.measure.kinematics import Kinematics, kinematics, motion
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import in_words as transitions_in_words
 from stickslip.measure.ramps import transitions
-from stickslip.measure.readings import read_trace
-from stickslip.measure.verdict import Regime, regime
+from stickslip.measure.regimes import Regime, regime
+from stickslip.measure.trace_reader import read_trace
 
 __all__ = [
     "Criterion",

@@ -7,10 +7,10 @@ import xarray as xr
 
 from stickslip import words
 from stickslip.errors import number, printable
-from stickslip.measure.arrays import Array, Trace, dataset_of, mean_and_std
-from stickslip.measure.bench import find_strokes
+from stickslip.measure.regimes import Regime, judged
 from stickslip.measure.slips import Slips, fast_ones, fastest, find_slips
-from stickslip.measure.verdict import Regime, judged
+from stickslip.measure.strokes import find_strokes
+from stickslip.measure.trace import Array, Trace, dataset_of, mean_and_std
 from stickslip.words import prefixed
 
 _DUST = 1e-9  # of a mean: scatter that comes from rounding

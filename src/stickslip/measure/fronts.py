@@ -12,7 +12,7 @@ import xarray as xr
 from scipy import ndimage
 
 from stickslip.errors import InputError, instance
-from stickslip.measure.arrays import Array, check_numbers, slope
+from stickslip.measure.trace import Array, check_numbers, slope
 from stickslip.model import Chain
 from stickslip.simulation import labelled, rig_of
 from stickslip.words import engineering

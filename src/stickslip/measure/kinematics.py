@@ -10,10 +10,10 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, whole
-from stickslip.measure.arrays import RESTS, Array, Trace, mean_and_std
 from stickslip.measure.headings import ratio
 from stickslip.measure.periods import find_cycles, spectral_line
 from stickslip.measure.slips import EDGE, find_slips, weighted_median, white_noise
+from stickslip.measure.trace import RESTS, Array, Trace, mean_and_std
 from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
 from stickslip.words import engineering
@@ -160,7 +160,7 @@ def motion(
     )
 
 
-def strays_by(trace: Trace) -> float:
+def rms_velocity_deviation(trace: Trace) -> float:
     """Velocity of the slider of a bench off the drive's (rms), over that, less the
     error of slopes; NaN if unknown.
     """
@@ -261,7 +261,7 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     trace = Trace.of(data)
     pace = trace.pace
     stuck = trace.stuck
-    swing = strays_by(trace)
+    swing = rms_velocity_deviation(trace)
     if pace is None or stuck is None or trace.drive is None or math.isnan(swing):
         raise InputError(
             "kinematics: needs a trace with the motion of its slider, as motion() "

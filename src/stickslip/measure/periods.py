@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from stickslip.measure.arrays import (
+from stickslip.measure.trace import (
     CHANCE,
     FEWEST_CYCLES,
     Array,

@@ -8,15 +8,15 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
-from stickslip.measure.arrays import (
+from stickslip.measure.features import STEADY
+from stickslip.measure.slips import Slips, weighted_median
+from stickslip.measure.trace import (
     CHANCE,
     FEWEST_CYCLES,
     FEWEST_READINGS,
     Array,
     Trace,
 )
-from stickslip.measure.evidence import STEADY
-from stickslip.measure.slips import Slips, weighted_median
 
 _MOST_BLOCKS = 64
 AT_ONCE = 0.75  # of a change comes from two blocks to the next two: else it is a drift

@@ -10,8 +10,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
 from stickslip.kernels.turning_points import pick as zigzag
-from stickslip.measure.arrays import FEWEST_CYCLES, Array, Trace, slope, without_drift
 from stickslip.measure.periods import Cycles, find_cycles
+from stickslip.measure.trace import FEWEST_CYCLES, Array, Trace, slope, without_drift
 
 Peaks = NDArray[np.intp]
 

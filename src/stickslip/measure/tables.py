@@ -16,7 +16,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, shortened
-from stickslip.measure.arrays import FEWEST_READINGS, Array
 from stickslip.measure.clocks import has_date, seconds_of
 from stickslip.measure.headings import (
     Heading,
@@ -25,6 +24,7 @@ from stickslip.measure.headings import (
     unit_named,
     with_coefficients,
 )
+from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import unit_size
 
 MOST_COLUMNS = 1000

@@ -25,7 +25,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from stickslip.arrays import Array as Array
 from stickslip.errors import InputError, printable
 from stickslip.io import files
-from stickslip.measure.arrays import check_numbers
+from stickslip.measure.trace import check_numbers
 from stickslip.plot.palette import COLUMN, PAGE
 from stickslip.words import prefixed
 

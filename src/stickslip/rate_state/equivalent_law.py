@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, instance, number
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 from stickslip.model import Interface, LogarithmicGrowth, Rig, Scales, Slider, constant
 from stickslip.model.records import Number, converted
 from stickslip.model.units import si_unit

@@ -11,7 +11,7 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number, whole
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 """Variables that may hold the friction, in the order in which they are looked for."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import optimize
 
 from stickslip.errors import UndecidedError
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 from stickslip.words import prefixed
 
 

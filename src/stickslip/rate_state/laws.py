@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError, UndecidedError, number, numbers
-from stickslip.measure.arrays import Array
+from stickslip.measure.trace import Array
 from stickslip.model.records import Number, Record
 
 Law = Literal["ageing", "slip"]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number
-from stickslip.measure.arrays import Array, memory
+from stickslip.measure.trace import Array, memory
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import ROUGH, finite_step, small_step

@@ -12,16 +12,7 @@ from scipy.special import stdtrit
 
 from stickslip import words
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure.arrays import (
-    CHANCE,
-    ERRORS,
-    FEWEST_CYCLES,
-    RESTS,
-    Trace,
-    mean_and_std,
-    without_drift,
-)
-from stickslip.measure.kinematics import HALF, loading, strays_by
+from stickslip.measure.kinematics import HALF, loading, rms_velocity_deviation
 from stickslip.measure.periods import (
     JITTER,
     PERIODIC,
@@ -37,6 +28,15 @@ from stickslip.measure.slips import (
     fast_ones,
     speeds,
     weighted_median,
+)
+from stickslip.measure.trace import (
+    CHANCE,
+    ERRORS,
+    FEWEST_CYCLES,
+    RESTS,
+    Trace,
+    mean_and_std,
+    without_drift,
 )
 from stickslip.model import Interface
 from stickslip.model.drive import constant
@@ -60,7 +60,7 @@ NOISE_OF_CONTACTS = 0.5
 NORMAL = 2.5
 
 REPEATS = "correlation of a cycle with the next"
-SWING = "swing over the largest force"
+SWING = "peak to peak over the largest force"
 NOISE = "scatter over the noise of the contacts"
 CHANGE = "change of the logarithm of the swing"
 Source = Literal["theory", "statistics", "convention"]
@@ -316,7 +316,7 @@ class Window:
             ),
             "rough": (
                 "slider velocity off the drive's (rms), over it",
-                strays_by(trace),
+                rms_velocity_deviation(trace),
                 HALF,
                 "convention",
             ),

@@ -14,7 +14,13 @@ import xarray as xr
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.arrays import (
+from stickslip.measure.features import MOST, NOISE, SWING, TINY, Criterion, Window
+from stickslip.measure.kinematics import rms_velocity_deviation
+from stickslip.measure.segments import segments
+from stickslip.measure.sensor import note_saturation
+from stickslip.measure.slips import Slips, fast_ones, find_slips
+from stickslip.measure.strokes import find_strokes
+from stickslip.measure.trace import (
     CONSTANT_DRIVE,
     FEWEST_CYCLES,
     FEWEST_READINGS,
@@ -25,11 +31,6 @@ from stickslip.measure.arrays import (
     mean_and_std,
     slope,
 )
-from stickslip.measure.bench import about_the_sensor, find_strokes
-from stickslip.measure.evidence import MOST, NOISE, SWING, TINY, Criterion, Window
-from stickslip.measure.kinematics import strays_by
-from stickslip.measure.segments import segments
-from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.words import prefixed
 
 __all__ = ["TINY", "Kind", "Regime", "regime"]
@@ -291,10 +292,12 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
             least = f"fewer than {FEWEST_READINGS} samples lie after it"
             raise InputError(f"after = {given}: {least}; the data end at t = {last}")
     if trace.drive is None or trace.measured:
-        seen = _of_a_bench(trace, whole=after is None)
+        seen = _judge_measured(trace, whole=after is None)
     else:
-        seen = _together(
-            _apart(*_late(trace, trace.drive)) if after is None else _apart(trace)
+        seen = _combine_parts(
+            _judge_parts(*_select_late_window(trace, trace.drive))
+            if after is None
+            else _judge_parts(trace)
         )
     if "mu" in data and data["mu"].dims == ("time",):
         size = abs(data["mu"])  # it changes sign with the direction
@@ -303,7 +306,7 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     return trace, seen
 
 
-def _late(trace: Trace, drive: Array) -> tuple[Trace, Slips | None]:
+def _select_late_window(trace: Trace, drive: Array) -> tuple[Trace, Slips | None]:
     """The last part of the last stretch of constant driving, or twice as much if
     that holds few drops; its drops.
     """
@@ -323,12 +326,12 @@ def _late(trace: Trace, drive: Array) -> tuple[Trace, Slips | None]:
     return late, found
 
 
-def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
+def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     """Judge a measured force, once it is loaded: between gaps and steps, and in
     strokes, each by itself; with notes.
     """
     stretches = trace.stretches
-    notes = [*about_the_sensor(trace.force)]
+    notes = [*note_saturation(trace.force)]
     parts = list[Regime]()
     strokes = 0
     if len(stretches) > 1:
@@ -351,16 +354,18 @@ def _of_a_bench(trace: Trace, *, whole: bool) -> Regime:
         loaded = float(stretch.t[int(np.argmax(stretch.force >= usual))])
         late = (
             stretch.part(loaded)
-            if whole and _drift(stretch.part(-math.inf, loaded)) > 0
+            if whole and _drift_rate(stretch.part(-math.inf, loaded)) > 0
             else stretch
         )
-        parts += ways or _apart(late if late.t.size >= FEWEST_READINGS else stretch)
+        parts += ways or _judge_parts(
+            late if late.t.size >= FEWEST_READINGS else stretch
+        )
         strokes += len(ways)
-    seen = _together(parts, strokes)
+    seen = _combine_parts(parts, strokes)
     return replace(seen, notes=(*seen.notes, *notes))
 
 
-def _drift(trace: Trace) -> float:
+def _drift_rate(trace: Trace) -> float:
     """Slope of the line that makes most of the range of a force; 0 if none does."""
     if trace.t.size < 2:
         return 0.0
@@ -368,13 +373,13 @@ def _drift(trace: Trace) -> float:
     return rate if abs(rate) * np.ptp(trace.t) > MOST * np.ptp(trace.force) else 0.0
 
 
-def _apart(trace: Trace, found: Slips | None = None) -> list[Regime]:
+def _judge_parts(trace: Trace, found: Slips | None = None) -> list[Regime]:
     """Judge what lies between steps of level or amplitude by itself."""
     found = found or find_slips(trace)
     return [_judge(part) for part in segments(trace, found)] or [_judge(trace, found)]
 
 
-def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
+def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     """The longest part of the kind that lasts longest, if the others agree; else
     they are told in turn.
     """
@@ -404,7 +409,7 @@ def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     if len(parts) == 1 or kind == OPEN:
         return seen
     alike = agree and {*lasts} <= {kind, OPEN}
-    turns = _in_turn(parts, alike=alike)
+    turns = _list_in_turn(parts, alike=alike)
     seen = replace(seen, segments=tuple(parts))
     if not alike:
         return replace(
@@ -414,7 +419,7 @@ def _together(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     return replace(seen, notes=(*seen.notes, *changes))
 
 
-def _in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
+def _list_in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
     """Say which kinds of motion follow one another, and until when; of those that
     are alike, drop or mean force.
     """
@@ -445,10 +450,10 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Weigh the evidence in a window, whose drops may have been found before."""
     seen = Window(trace, found or find_slips(trace))
     pace = trace.pace
-    kind, reason = OPEN, _fault(trace, seen)
+    kind, reason = OPEN, _find_fault(trace, seen)
     if not reason:
         kind, reason = next(
-            (kind, reason.format_map(_in_words(seen)))
+            (kind, reason.format_map(_format_facts(seen)))
             for conditions, kind, reason in RULES
             if all(
                 (name.lstrip("-") in seen.facts) == (name[0] != "-")
@@ -456,7 +461,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
             )
         )
     notes = list[str]()
-    if kind != OPEN and trace.measured and (rate := _drift(trace)):
+    if kind != OPEN and trace.measured and (rate := _drift_rate(trace)):
         unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
         notes.append(
             f"the force drifts by {words.engineering(trace.sign * rate, unit, 3)}"
@@ -497,7 +502,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     )
 
 
-def _fault(trace: Trace, seen: Window) -> str:
+def _find_fault(trace: Trace, seen: Window) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not
     constant; empty if it may have one.
     """
@@ -530,7 +535,7 @@ def _fault(trace: Trace, seen: Window) -> str:
     )
 
 
-def _in_words(seen: Window) -> dict[str, object]:
+def _format_facts(seen: Window) -> dict[str, object]:
     """What the reasons of `RULES` are filled with."""
     trace = seen.trace
     span = float(np.ptp(seen.trace.t))
@@ -568,7 +573,10 @@ def _in_words(seen: Window) -> dict[str, object]:
         "contacts": trace.contacts,
         "manner": "periodic" if seen.cycles else "irregular",
         "how": seen.slips[-1],
-        "strays": f"{strays_by(trace):.2g} times the drive's velocity off that (rms)",
+        "strays": (
+            f"{rms_velocity_deviation(trace):.2g} times the drive's velocity off that "
+            "(rms)"
+        ),
         "sticks": sticks,
         "changes": f"the amplitude {'decays' if trend < 1.0 else 'still grows'}, by a "
         f"factor {trend:.2g} from one half "

@@ -13,10 +13,10 @@ import xarray as xr
 
 from stickslip.errors import InputError, shortened, shown
 from stickslip.io import files
-from stickslip.measure.arrays import FEWEST_READINGS, Array
-from stickslip.measure.bench import far_outside, spikes
 from stickslip.measure.headings import Heading, ratio, simple
+from stickslip.measure.sensor import far_outside, spikes
 from stickslip.measure.tables import Table, read_cell, read_table
+from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
 
