@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.measure import Regime, regime
+from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, TINY
 from stickslip.measure.trace import ERRORS
-from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, STEADY, TINY
 from stickslip.model import Contacts
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
@@ -279,7 +279,7 @@ class Budget:
             half = 0.5 * (1.0 - seen.window[0] / seen.window[1])
             # change of the amplitude beyond that of the slowest mode in half a window
             beyond = math.log(seen.trend) + _DECAYS * half * travel / until
-            if beyond <= tests[CHANGE].limit - STEADY:
+            if beyond <= ERRORS * tests[CHANGE].error:
                 return _doubtful(seen), lasts
         return seen, lasts
 

@@ -12,8 +12,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, number
 from stickslip.kernels.drive import Quadratic, Stop
+from stickslip.measure.features import TINY
 from stickslip.measure.periods import rises
-from stickslip.measure.regimes import TINY
 from stickslip.model import (
     FromRest,
     FromSliding,

@@ -10,7 +10,8 @@ from stickslip.answers import Answer
 from stickslip.arrays import Array
 from stickslip.cycles.cycle_run import METHOD, CycleRun, Look, check_rig
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure.regimes import TINY, Kind
+from stickslip.measure.features import TINY
+from stickslip.measure.kinds import Kind
 from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.model import Delay, FromRest, MasterEquation, Start
 from stickslip.model.rig import Rig

@@ -79,7 +79,7 @@ def regime_and_drops(
             "minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force"
         )
     trace, seen = judged(data := dataset_of(data), after)
-    parts = (find_strokes(trace) if trace.measured else []) or [trace]
+    parts = (find_strokes(trace)[0] if trace.measured else []) or [trace]
     tables = [
         _table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts
     ]

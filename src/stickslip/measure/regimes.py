@@ -5,7 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -14,11 +14,33 @@ import xarray as xr
 from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
-from stickslip.measure.features import MOST, NOISE, SWING, TINY, Criterion, Window
-from stickslip.measure.kinematics import rms_velocity_deviation
+from stickslip.measure.features import (
+    MOST,
+    NOISE,
+    SWING,
+    TINY,
+    Criterion,
+    Features,
+    find_features,
+)
+from stickslip.measure.kinds import (
+    LASTS,
+    OPEN,
+    SLIPS,
+    SMOOTH,
+    Kind,
+    decide,
+    is_stick_slip,
+)
 from stickslip.measure.segments import segments
-from stickslip.measure.sensor import note_saturation
-from stickslip.measure.slips import Slips, fast_ones, find_slips
+from stickslip.measure.sensor import note_saturation, spikes
+from stickslip.measure.slips import (
+    SLIP_VELOCITY,
+    Slips,
+    fast_ones,
+    find_slips,
+    without_waves,
+)
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import (
     CONSTANT_DRIVE,
@@ -35,72 +57,12 @@ from stickslip.words import prefixed
 
 __all__ = ["TINY", "Kind", "Regime", "regime"]
 
-Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
-
 LATE_PART = 0.4  # the last part of a run, in which its regime is judged
 MOST_PARTS = 0.75  # part of the time for which the parts of a record must agree
-
-SMOOTH, SLIPS, LASTS, OPEN = get_args(Kind)
-
-RULES: tuple[tuple[str, Kind, str], ...] = (
-    ("cycles shrinks small -slips", SMOOTH, "{changes}, and is down to {small}"),
-    ("-slips -swing -grows", SMOOTH, "the force {moves} by {size}, peak to peak"),
-    ("-drops white small", SMOOTH, "the force shows noise only, {part}"),
-    (
-        "-cycles -even drops",
-        OPEN,
-        "too short: {count} complete cycles that a verdict needs; {more}",
-    ),
-    (
-        "-cycles -even white",
-        OPEN,
-        "noise of {part} masks any oscillation, and slips: record more often",
-    ),
-    (
-        "-cycles -even",
-        OPEN,
-        "the force still {drift} in the window, and shows no complete slip; {more}",
-    ),
-    (
-        "noise slips -small",
-        SLIPS,
-        "irregular and persistent slips of few contacts ({contacts}): {part}",
-    ),
-    ("noise slight", SMOOTH, "{ample}: no more than the noise of {contacts} contacts"),
-    ("shrinks", OPEN, "{changes}; {more} whether it persists"),
-    ("grows -slips", OPEN, "{changes}; {more}"),
-    ("slips", SLIPS, "{manner} and persistent; {how}"),
-    ("lasts", LASTS, "{manner}, {part}, peak to peak; {sticks}; {how}"),
-    ("even", SMOOTH, "the slider moves evenly, {strays}"),
-    ("moves -contacts", SMOOTH, "the slider moves unevenly, {strays}"),
-    (
-        "moves",
-        OPEN,
-        (
-            "the slider moves unevenly, {strays}: by itself, or shaken by its "
-            "{contacts} "
-            "contacts"
-        ),
-    ),
-    (
-        "line white",
-        OPEN,
-        (
-            "a period of {line} stands out of noise of {part}, which hides slips: "
-            "record "
-            "more often"
-        ),
-    ),
-    ("normal slight", SMOOTH, "{ample}, as slow noise does"),
-    (
-        "",
-        OPEN,
-        "irregular oscillation of {part}, neither slips nor noise; {how}; {more}",
-    ),
-)
-"""What a window shows: facts that hold, or, with a minus, do not; then kind and
-reason. The first that fits decides.
-"""
+# a breakaway: at most this part of its drop is what the force climbs by after it
+CLIMBS_AGAIN = 0.25
+# parts of a record: waves slower than these are looked past for slips on them
+WAVES = (4, 8, 16)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -139,6 +101,11 @@ class Regime(Answer):
     #: sawtooth
     slip_phase: float
     noise: float  #: standard deviation from sample to sample, in the unit of the force
+    #: Of the force alone: rate at which it rises between drops, which is stiffness
+    #: times velocity where the slider sticks ...
+    loading_rate: float | None = None
+    #: ... and rate at which it falls in a typical drop
+    falling_rate: float | None = None
     drive_velocity: float | None = None  #: mean in the window, where it is known
     #: of the slider, over that of the drive, where they are known
     largest_velocity: float | None = None
@@ -231,11 +198,27 @@ class Regime(Answer):
             )
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
+        if self.loading_rate is not None and self.falling_rate is not None:
+            lines.append(_loading_line(self, self.loading_rate, self.falling_rate))
         if self.largest_velocity is not None:
             lines.append(
                 f"largest velocity {self.largest_velocity:.3g} times the drive's"
             )
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+
+def _loading_line(seen: Regime, rises: float, falls: float) -> str:
+    """At which stiffness times velocity a force alone is one of slips, and at which
+    one of an oscillation without sticking.
+    """
+    unit = f"{seen.force_unit.removesuffix('1')}/{seen.time_unit}".rstrip("/")
+    # a slip is 3.5 times as fast as the drive: 1 + falls/(stiffness x velocity)
+    most = falls / (SLIP_VELOCITY - 1.0)
+    rate, limit = (words.engineering(value, unit, 3) for value in (rises, most))
+    return (
+        f"between drops the force rises at {rate}: slips, if stiffness x velocity is "
+        f"about that; an oscillation without sticking, if above {limit}"
+    )
 
 
 def _variation(value: float) -> str:
@@ -249,7 +232,8 @@ def regime(
     "undecided" where that does not suffice.
 
     The verdict is about the window judged: an oscillation that still grows or shrinks
-    there by more than 5 to 10 % from one half to the other is undecided. What lies
+    there is undecided, and so is one of which a change by a factor 2 from one half to
+    the other (its root in a run without slips) is not excluded. What lies
     between gaps, between steps of the level or of the amplitude, and the strokes of a
     reciprocating test, is judged apart, and told in turn where it differs. Raises
     `InputError` if the data hold no force, or values that are not finite, or nothing
@@ -280,6 +264,8 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     coefficient of friction by its size.
     """
     trace = Trace.of(data)
+    if trace.measured and "spikes" not in data.attrs:
+        trace = _replace_spikes(trace)
     if after is not None:
         end = trace.t[-1]
         trace = trace.part(
@@ -304,6 +290,15 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
         mean = float(size.sel(time=slice(*seen.window)).mean())
         seen = replace(seen, mean_mu=mean, static_mu=float(size.max()))
     return trace, seen
+
+
+def _replace_spikes(trace: Trace) -> Trace:
+    """A trace without spikes of single samples, as `read_trace` returns it."""
+    spiky = spikes(trace.force)
+    if not spiky.any():
+        return trace
+    known = np.interp(trace.t, trace.t[~spiky], trace.force[~spiky])
+    return replace(trace, force=np.where(spiky, known, trace.force))
 
 
 def _select_late_window(trace: Trace, drive: Array) -> tuple[Trace, Slips | None]:
@@ -349,20 +344,57 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     for stretch in [each for each in stretches if each.t.size >= FEWEST_READINGS] or [
         trace
     ]:
-        ways = [_judge(stroke) for stroke in find_strokes(stretch)]
-        usual = float(np.median(stretch.force[stretch.force.size // 2 :]))
-        loaded = float(stretch.t[int(np.argmax(stretch.force >= usual))])
-        late = (
-            stretch.part(loaded)
-            if whole and _drift_rate(stretch.part(-math.inf, loaded)) > 0
-            else stretch
-        )
-        parts += ways or _judge_parts(
-            late if late.t.size >= FEWEST_READINGS else stretch
-        )
+        found, friction, offset = find_strokes(stretch)
+        ways = [_doubt_oscillation(_judge(stroke)) for stroke in found]
+        if ways:
+            half, middle = (
+                words.engineering(trace.sign * force, trace.force_unit, 3)
+                for force in (trace.sign * friction, offset)
+            )
+            notes.append(
+                f"friction of the strokes {half}, half the difference of their two "
+                f"plateaus, about an offset of {middle}"
+            )
+        late = _skip_loading(stretch) if whole else stretch
+        parts += ways or _judge_parts(late)
         strokes += len(ways)
     seen = _combine_parts(parts, strokes)
     return replace(seen, notes=(*seen.notes, *notes))
+
+
+def _doubt_oscillation(stroke: Regime) -> Regime:
+    """The regime of a stroke: an oscillation without slips may be one of the path."""
+    if stroke.kind != LASTS:
+        return stroke
+    doubt = "by itself, or along a path that is wavy: other speeds tell"
+    return replace(stroke, kind=OPEN, reason=f"{stroke.reason}; {doubt}")
+
+
+def _skip_loading(trace: Trace) -> Trace:
+    """What comes behind the first loading of a force, and behind its breakaway: a few
+    drops after which it does not climb again.
+    """
+    usual = float(np.median(trace.force[trace.force.size // 2 :]))
+    first = int(np.argmax(trace.force >= usual))
+    loaded = float(trace.t[first])
+    rises = _drift_rate(trace.part(-math.inf, loaded)) > 0
+    if not rises or 2 * first > trace.t.size:
+        return trace
+    late = trace.part(loaded)
+    if late.t.size < FEWEST_READINGS:
+        return trace
+    found = find_slips(late)
+    if not 0 < found.size < FEWEST_CYCLES:
+        return late
+    ends = late.t[found.end[-1]]
+    rest = late.part(ends)
+    # longer than the breakaway took
+    if np.ptp(rest.t) < ends - trace.t[0]:
+        return late
+    if rest.t.size < FEWEST_READINGS:
+        return late
+    climb = slope(rest.force, rest.t) * float(np.ptp(rest.t))
+    return rest if climb < CLIMBS_AGAIN * float(found.drops.max()) else late
 
 
 def _drift_rate(trace: Trace) -> float:
@@ -447,26 +479,23 @@ def _list_in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
 
 
 def _judge(trace: Trace, found: Slips | None = None) -> Regime:
-    """Weigh the evidence in a window, whose drops may have been found before."""
-    seen = Window(trace, found or find_slips(trace))
-    pace = trace.pace
+    """Judge a window, whose drops may have been found before."""
+    found = found or find_slips(trace)
+    seen = find_features(trace, found)
+    alone = trace.measured and trace.pace is None
+    if alone and seen.swing.value >= TINY and not is_stick_slip(seen):
+        trace_, found, seen = _look_past_waves(trace, found, seen)
+    else:
+        trace_ = trace
     kind, reason = OPEN, _find_fault(trace, seen)
     if not reason:
-        kind, reason = next(
-            (kind, reason.format_map(_format_facts(seen)))
-            for conditions, kind, reason in RULES
-            if all(
-                (name.lstrip("-") in seen.facts) == (name[0] != "-")
-                for name in conditions.split()
-            )
-        )
+        kind, reason = decide(seen, trace.force_unit, trace.time_unit)
     notes = list[str]()
     if kind != OPEN and trace.measured and (rate := _drift_rate(trace)):
         unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
-        notes.append(
-            f"the force drifts by {words.engineering(trace.sign * rate, unit, 3)}"
-        )
-    slips = fast_ones(trace, seen.found) if kind == SLIPS else seen.found
+        drifts = words.engineering(trace.sign * rate, unit, 3)
+        notes.append(f"the force drifts by {drifts}")
+    slips = fast_ones(trace_, found) if kind == SLIPS else found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count = slips.size
     period, _, variation = mean_and_std(np.diff(slips.times))
@@ -474,6 +503,8 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         count = seen.cycles.count
         period = seen.cycles.period
         variation = seen.cycles.variation
+    pace = trace.pace
+    shows_loading = alone and kind in (SLIPS, LASTS) and seen.loading_rate.value > 0
     return Regime(
         kind=kind,
         reason=reason,
@@ -481,14 +512,16 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         peak_to_peak=float(np.ptp(trace.force)),
         mean_force=trace.sign * float(trace.force.mean()),
         static_friction=abs(trace.largest),
-        trend=seen.trend[0],
+        trend=math.exp(seen.change.value),
         cycles=count,
         period=period,
         period_variation=variation,
         drop=drop,
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
-        noise=seen.found.noise,
+        noise=found.noise,
+        loading_rate=seen.loading_rate.value if shows_loading else None,
+        falling_rate=seen.falling_rate if shows_loading else None,
         drive_velocity=None
         if trace.drive is None
         else trace.sign * float(trace.drive.mean()),
@@ -498,90 +531,60 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
         notes=tuple(notes),
-        table=tuple(seen.tests.values()),
+        table=seen.tests,
     )
 
 
-def _find_fault(trace: Trace, seen: Window) -> str:
+def _look_past_waves(
+    trace: Trace, found: Slips, seen: Features
+) -> tuple[Trace, Slips, Features]:
+    """The trace without a slow wave, its drops and features, where these are slips,
+    and would not be of the negated force; else as it is.
+    """
+    size = trace.t.size
+    step = float(np.ptp(trace.t)) / (size - 1)
+    for part in WAVES:
+        width = size // part
+        if width < 2 * FEWEST_READINGS:
+            break
+        level = float(np.median(trace.force))
+        flat = replace(trace, force=level + without_waves(trace.force, width))
+        drops = find_slips(flat)
+        if drops.size < FEWEST_CYCLES or np.diff(drops.times).mean() > width * step / 2:
+            continue
+        # the wave hides slips, or that the force climbs to them; it makes none
+        if not seen.are_slips and drops.size < 2 * found.size:
+            continue
+        shown = find_features(flat, drops)
+        if is_stick_slip(shown) and not _is_reversed(flat):
+            return flat, drops, shown
+    return trace, found, seen
+
+
+def _is_reversed(trace: Trace) -> bool:
+    """Whether the negated force slips."""
+    other = replace(trace, force=-trace.force, velocity=None)
+    return is_stick_slip(find_features(other, find_slips(other)))
+
+
+def _find_fault(trace: Trace, seen: Features) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not
     constant; empty if it may have one.
     """
     if trace.drive is None or trace.measured:
-        # which was read off the force as it is
-        other = replace(trace, force=-trace.force, velocity=None)
-        if (
-            "slips" not in seen.facts
-            and {"slips", "cycles"} <= Window(other, find_slips(other)).facts
-        ):
+        if not np.any(trace.force != trace.largest):
+            return "the force never changes: is the sensor connected?"
+        if not seen.are_slips and _is_reversed(trace):
             return (
                 "the force jumps up and falls slowly: its sign seems reversed "
                 "(--flip on a command line, flip=True)"
             )
-        return (
-            ""
-            if np.any(trace.force != trace.largest)
-            else "the force never changes: is the sensor connected?"
-        )
+        return ""
     if not trace.drive.any():
         return "the drive stands still"
-    changes = np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive))
-    return (
-        (
+    if np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
+        return (
             "the velocity of the drive changes: use transitions(), or "
             "data.sel(time=slice(from, to))"
         )
-        if changes
-        else ""
-    )
-
-
-def _format_facts(seen: Window) -> dict[str, object]:
-    """What the reasons of `RULES` are filled with."""
-    trace = seen.trace
-    span = float(np.ptp(seen.trace.t))
-    trend, _ = seen.trend
-    sizes = {
-        "part": float(np.ptp(trace.force)) / (abs(trace.largest) or 1.0),
-        "size": seen.tests["swing"].statistic,
-        "small": float(np.ptp(trace.force[trace.force.size // 2 :]))
-        / (abs(trace.largest) or 1.0),
-    }
-    said = {
-        name: f"{100 * size:.3g} % of the largest force" for name, size in sizes.items()
-    }
-    sticks = "whether the slider sticks, the force alone does not tell"
-    if (stuck := trace.stuck) is not None:
-        sticks = (
-            "the slider "
-            f"{f'sticks for {100 * stuck:.0f} % of the time' if stuck >= RESTS else 'never sticks'}"  # noqa: E501
-        )
-    # So long that there are enough cycles, and a trend shows.
-    needed = span * max((FEWEST_CYCLES + 1) / max(seen.count, 1), 2.0)
-    drift = slope(trace.force, trace.t) * span
-    return said | {
-        "ample": (
-            f"the force fluctuates by {said['part']}, "
-            f"with{'out' * (not seen.cycles)} a period"
-        ),
-        "moves": "oscillates" if seen.cycles else "fluctuates",
-        "line": words.engineering(seen.line[0], trace.time_unit, 2),
-        "count": f"{seen.count} of the {FEWEST_CYCLES}",
-        "drift": (
-            f"{'rises' if drift > 0 else 'falls'}, by "
-            f"{words.engineering(abs(drift), trace.force_unit, 3)}"
-        ),
-        "contacts": trace.contacts,
-        "manner": "periodic" if seen.cycles else "irregular",
-        "how": seen.slips[-1],
-        "strays": (
-            f"{rms_velocity_deviation(trace):.2g} times the drive's velocity off that "
-            "(rms)"
-        ),
-        "sticks": sticks,
-        "changes": f"the amplitude {'decays' if trend < 1.0 else 'still grows'}, by a "
-        f"factor {trend:.2g} from one half "
-        "of the window to the other",
-        "more": (
-            f"about {words.engineering(needed, trace.time_unit, 2)} more would decide"
-        ),
-    }
+    return ""

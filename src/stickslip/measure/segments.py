@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
-from stickslip.measure.features import STEADY
+from stickslip.measure.features import STEADY, longest_wait
 from stickslip.measure.slips import Slips, weighted_median
 from stickslip.measure.trace import (
     CHANCE,
@@ -30,7 +30,7 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     """
     usual = (
         weighted_median(np.diff(found.times), found.drops[1:] ** 2)
-        if found.size > 1
+        if found.size >= FEWEST_CYCLES
         else 0.0
     )
     count = min(
@@ -38,8 +38,10 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
         trace.t.size // FEWEST_READINGS,
         int(np.ptp(trace.t) / (usual or 1e-300)),
     )
-    if count < 2 * FEWEST_CYCLES or not np.ptp(trace.force):
+    if not np.ptp(trace.force):
         return []
+    if count < 2 * FEWEST_CYCLES:
+        return _between(trace, _pauses(trace, found))
     blocks = trace.force[trace.t.size % count :].reshape(count, -1)
     firsts = trace.t.size % count + blocks.shape[1] * np.arange(count + 1)
     scatter = blocks.std(axis=1)
@@ -57,7 +59,7 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     r = np.clip((two / np.maximum(one, STEADY)) ** 2 - 1.0, 0.0, 0.99)
     noise = np.maximum(one, STEADY) * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r)
     edges = _edges(series / noise[:, None])
-    times = [-math.inf]
+    times = _pauses(trace, found)
     for begin, edge, end in zip(edges, edges[1:], edges[2:], strict=False):
         # By the scatter of either segment, and Student's t: a peak that comes and goes
         # has no level of its own.
@@ -82,11 +84,38 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
         if np.any((np.abs(change) >= least) & (near * change >= AT_ONCE * change**2)):
             about = slice(firsts[edge - 2], firsts[edge + 2])
             times.append(float(trace.t[about][_step(trace.force[about])]))
-    return (
-        [trace.part(*pair) for pair in pairwise([*times, math.inf])]
-        if times[1:]
-        else []
-    )
+    return _between(trace, times)
+
+
+def _between(trace: Trace, times: list[float]) -> list[Trace]:
+    """What lies between times, in turn, as far as it can be judged; none without a
+    time.
+    """
+    if not times:
+        return []
+    parts = [
+        trace.part(*pair) for pair in pairwise([-math.inf, *sorted(times), math.inf])
+    ]
+    return [part for part in parts if part.t.size >= FEWEST_READINGS]
+
+
+def _pauses(trace: Trace, found: Slips) -> list[float]:
+    """When the drops of a bench end and begin again: where a wait is longer than
+    chance makes it.
+    """
+    waits = np.diff(found.times)
+    if not trace.measured or waits.size < FEWEST_CYCLES:
+        return []
+    longest = longest_wait(waits)
+    usual = weighted_median(waits, waits)
+    times = list[float]()
+    if found.times[0] - trace.t[0] > longest:
+        times.append(float(found.times[0]) - usual)
+    for i in np.flatnonzero(np.append(waits, trace.t[-1] - found.times[-1]) > longest):
+        times.append(float(trace.t[found.end[i]]))
+        if i + 1 < found.size:
+            times.append(float(found.times[i + 1]) - usual)
+    return times
 
 
 def _edges(series: Array) -> list[int]:

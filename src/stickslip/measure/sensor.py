@@ -32,7 +32,7 @@ def far_outside(force: Array) -> NDArray[np.bool_]:
     """Samples farther from all others than these ever are from one another: -9999,
     or a spark.
     """
-    found = ~np.isfinite(force)
+    found = ~np.isfinite(force) | _stands_for_none(force)
     for side in (1.0, -1.0, 1.0):
         values = side * force[~found]
         if values.size < FEWEST_READINGS:
@@ -48,6 +48,19 @@ def far_outside(force: Array) -> NDArray[np.bool_]:
         # as a bench is before and after the test
         found[end] &= ~_unloaded(force[end], force[inner])
     return found & known
+
+
+def _stands_for_none(force: Array) -> NDArray[np.bool_]:
+    """Samples of one value that recurs farther from the others than these from one
+    another: however many, they are no reading.
+    """
+    known = force[np.isfinite(force)]
+    for value in (known.min(), known.max()) if known.size else ():
+        others = known[known != value]
+        often = FEWEST_FLAT <= known.size - others.size <= others.size
+        if often and np.abs(others - value).min() > np.ptp(others) > 0.0:
+            return np.asarray(force == value)
+    return np.zeros(force.size, dtype=bool)
 
 
 def _unloaded(force: Array, others: Array) -> NDArray[np.bool_]:

@@ -144,6 +144,18 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
     return force, _chance_drop(force.size / width, cycle / width, noise)
 
 
+def without_waves(force: Array, width: int) -> Array:
+    """A force less its local quadratics over so many samples."""
+    # slow to load, and seldom needed
+    from scipy.signal import oaconvolve, savgol_coeffs
+
+    width |= 1
+    rest = force - force.mean()
+    # a line goes on as a line
+    padded = np.pad(rest, width // 2, "reflect", reflect_type="odd")
+    return np.asarray(rest - oaconvolve(padded, savgol_coeffs(width, 2), "valid"))
+
+
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     """Drops above the noise and not small beside the typical one, cut off neither by
     an end nor by a gap.

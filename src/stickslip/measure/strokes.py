@@ -1,65 +1,87 @@
 """The strokes of a reciprocating test."""
 
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from stickslip.measure.periods import rises
 from stickslip.measure.slips import turning_points
-from stickslip.measure.trace import FEWEST_READINGS, Trace
+from stickslip.measure.trace import FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
 
-# of the range of the displacement, or of the force: a stroke goes at least so far
+# of the range of the displacement, or of half the difference of two plateaus: a stroke
+# goes at least so far
 LEAST_WAY = 0.5
-# largest part of the time that a force between its two plateaus may take
-IN_BETWEEN = 0.08
+# part of a variance that two levels explain: 8/pi^2 of a sine, 1 of steps; midway
+PLATEAUS = 1.0 - 0.5 * (1.0 - 8.0 / math.pi**2)
+# of the longest stroke: the shortest of those that are whole
+ALIKE = 0.25
 
 
-def find_strokes(trace: Trace) -> list[Trace]:
-    """The strokes of a reciprocating test, each along its own direction and without
-    the reversals; none of another.
+def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
+    """The strokes of a reciprocating test, each along its own direction, less the
+    offset of all and without the reversals; friction, which is half the difference of
+    the two plateaus, and that offset. None of another test.
     """
     edges = _reversals(trace)
     if len(edges) < 3:
-        return []
+        return [], math.nan, math.nan
+    last = trace.t.size
+    parts = [
+        trace.part(trace.t[begin], trace.t[end] if end < last else np.inf)
+        for begin, end in itertools.pairwise(edges)
+    ]
+    levels = np.array([float(np.median(part.force)) for part in parts])
+    even, odd = float(np.median(levels[::2])), float(np.median(levels[1::2]))
+    offset = 0.5 * (even + odd)
     strokes = []
-    for begin, end in itertools.pairwise(edges):
-        part = trace.part(
-            trace.t[begin], trace.t[end] if end < trace.t.size else np.inf
-        )
-        way = 1.0 if float(np.median(part.force)) >= 0 else -1.0
-        there = part.t[way * part.force >= way * np.median(part.force)]
+    for part, level in zip(parts, levels, strict=True):
+        way = 1.0 if level >= offset else -1.0
+        there = part.t[way * part.force >= way * level]
         loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
         if loaded.t.size >= FEWEST_READINGS:
-            force = way * loaded.force
-            strokes.append(
-                replace(
-                    loaded,
-                    force=force,
-                    sign=way * trace.sign,
-                    largest=float(force.max()),
-                )
-            )
-    return strokes if len(strokes) > 1 else []
+            force = way * (loaded.force - offset)
+            largest = float(force.max())
+            sign = way * trace.sign
+            strokes.append(replace(loaded, force=force, sign=sign, largest=largest))
+    if len(strokes) < 2:
+        return [], math.nan, math.nan
+    return strokes, 0.5 * abs(even - odd), offset
 
 
 def _reversals(trace: Trace) -> list[int]:
     """First samples of strokes, and the end of the last: by displacement, or a force
-    with plateaus of either sign.
+    with two plateaus in turn.
     """
     size = trace.t.size
     if (way := trace.displacement) is not None:
         least = LEAST_WAY * float(np.ptp(way))
         peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
         return [0, *sorted({*peaks, *troughs} - {0, size - 1}), size]
-    low, high = (float(edge) for edge in np.quantile(trace.force, (0.05, 0.95)))
-    middle = 0.5 * (high + low)
-    level = LEAST_WAY * 0.5 * (high - low)
-    between = float(np.mean(np.abs(trace.force - middle) < level))
-    if not low < 0 < high or abs(middle) > level or between > IN_BETWEEN:
+    plateaus = _plateaus(trace.force)
+    if plateaus is None:
         return []
+    low, high = plateaus
+    level = LEAST_WAY * 0.5 * (high - low)
+    about = trace.force - 0.5 * (high + low)
     crossed = (
-        rises(trace.t, force, -level, level)[0].tolist()
-        for force in (trace.force, -trace.force)
+        rises(trace.t, force, -level, level)[0].tolist() for force in (about, -about)
     )
-    return [0, *sorted(itertools.chain(*crossed)), size]
+    edges = [0, *sorted(itertools.chain(*crossed)), size]
+    whole = np.diff(edges)[1:-1]
+    enough = whole.size >= FEWEST_CYCLES - 2 and whole.min() >= FEWEST_READINGS
+    return edges if enough and whole.min() > ALIKE * np.diff(edges).max() else []
+
+
+def _plateaus(force: Array) -> tuple[float, float] | None:
+    """Two levels that a force takes in turn; None if they do not explain it."""
+    low, high = (float(edge) for edge in np.quantile(force, (0.05, 0.95)))
+    for _ in range(20):
+        above = force > 0.5 * (low + high)
+        if above.all() or not above.any():
+            return None
+        low, high = float(force[~above].mean()), float(force[above].mean())
+    rest = force - np.where(above, high, low)
+    explained = float((rest**2).mean()) <= (1.0 - PLATEAUS) * float(force.var())
+    return (low, high) if explained else None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 from stickslip.measure import regime
-from stickslip.measure.regimes import Kind
+from stickslip.measure.kinds import Kind
 from stickslip.model import FromRest, FromSliding, Rig, Slider, constant
 from stickslip.model.methods import DRAWN
 from stickslip.simulation import simulate
