@@ -48,23 +48,23 @@ class Front(Answer):
         return self.speed
 
     def __str__(self) -> str:
-        said = f"no front at a prestress of {self.prestress:.4g}: "
+        sentence = f"no front at a prestress of {self.prestress:.4g}: "
         if self.exists:
             kind = "faster than" if self.speed > self.sound_speed else "slower than"
-            said = (
+            sentence = (
                 f"front at {self.speed:.6g} blocks per time, "
                 f"{self.speed / self.sound_speed:.4g} times the speed of "
                 f"sound ({kind} sound), at a prestress of {self.prestress:.4g} "
                 f"({self.blocks})"
             )
         elif self.prestress <= self.threshold:
-            said += f"fronts need more than {self.threshold:.4g}"
+            sentence += f"fronts need more than {self.threshold:.4g}"
         else:
-            said += (
+            sentence += (
                 f"above the threshold of fine blocks, {self.threshold:.4g}, but "
                 "these blocks pin it"
             )
-        return "; ".join([said, *self.caveats])
+        return "; ".join([sentence, *self.caveats])
 
 
 def front_speed(rig: Rig, *, prestress: float) -> Front:

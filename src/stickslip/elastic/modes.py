@@ -55,10 +55,11 @@ class CriticalLength(Answer):
     #: that is unstable, viscosity of the bulk to first order; 0 if there is none, or
     #: the chain is not pulled at one end only.
     blocks: int
-    said: str  #: these in a sentence, in the rig's units where its blocks have a length
+    #: these in words, in the rig's units where its blocks have a length
+    sentence: str
 
     def __str__(self) -> str:
-        return self.said
+        return self.sentence
 
 
 def length_in_words(rig: Rig, blocks: float, digits: int = 4) -> str:
@@ -258,17 +259,17 @@ def critical_length(rig: Rig) -> CriticalLength:
         reach = rising(lambda coupling: -spare(coupling), reach, reach, 2.0)
     stiffness = (body.leaf + reach) * rig.unit("k")
     if reach <= 0:
-        said = "smooth sliding is stable at every wavelength"
+        sentence = "smooth sliding is stable at every wavelength"
         return CriticalLength(
             stiffness=stiffness,
             wavelength=math.inf,
             length=math.inf,
             blocks=0,
-            said=said,
+            sentence=sentence,
         )
     sine = math.sqrt(reach / (4.0 * body.coupling))
     wavelength = math.pi / math.asin(sine) if sine < 1 else 2.0
-    said = f"waves longer than {length_in_words(rig, wavelength)} grow"
+    sentence = f"waves longer than {length_in_words(rig, wavelength)} grow"
     blocks = 0
     if body.side > 0 and body.leaf == 0 and body.ends == "free":
         # Blocks beyond cot(q n) = (2 k_b/k_side - 1) tan(q/2), at the critical
@@ -278,14 +279,15 @@ def critical_length(rig: Rig) -> CriticalLength:
             1.0, (2.0 * body.coupling / body.side - 1.0) * math.tan(half)
         )
         blocks = 1 + math.floor(beyond / (2.0 * half))
-        said += f"; pulled at one end, unstable from {length_in_words(rig, blocks)} on"
+        shortest = length_in_words(rig, blocks)
+        sentence += f"; pulled at one end, unstable from {shortest} on"
     length = 0.5 * math.pi * math.sqrt(body.coupling / reach)
     return CriticalLength(
         stiffness=stiffness,
         wavelength=wavelength,
         length=length,
         blocks=blocks,
-        said=said,
+        sentence=sentence,
     )
 
 

@@ -240,11 +240,13 @@ def rate_and_state(
             for v in (speed / math.sqrt(10.0), speed * math.sqrt(10.0))
         )
         drift = ((high - low) / small.value).tolist()
-        said = "{} changes by {:.3g} % over a decade of velocity; must be below {:g} %"
+        sentence = (
+            "{} changes by {:.3g} % over a decade of velocity; must be below {:g} %"
+        )
         changed = zip(DRIFTS, drift, DRIFTS.values(), strict=True)
         failing = next(
             (
-                said.format(one, 100 * now, 100 * most)
+                sentence.format(one, 100 * now, 100 * most)
                 for one, now, most in changed
                 if abs(now) >= most
             ),
