@@ -544,3 +544,20 @@ def test_blocks_that_move_alike_are_a_rigid_slider(thresholds, delay, sliding_fo
     error = 4.0 * 0.65 / math.sqrt(2 * count)
     for name in ("displacement", "friction_force", "attached"):
         assert np.abs(two[name].mean("block") - one[name]).max() < error
+
+
+@pytest.mark.parametrize("verb", [ss.simulate, ss.predict])
+@pytest.mark.parametrize("stretching", [1e6, (0.5, 0.5, 0.5, -1e6)])
+def test_a_prestress_beyond_the_thresholds_is_refused(
+    verb: Any, stretching: float | tuple[float, ...]
+) -> None:
+    body = ss.Chain(blocks=4, coupling=5.0, mass=1e-2, damping=15.0, leaf=8.0)
+    rig = ss.Rig(
+        ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2)),
+        body,
+        ss.constant(1.0, 1.0),
+        method=ss.Contacts(10),
+        start=ss.Prestressed(stretching=stretching),
+    )
+    with pytest.raises(ss.InputError, match=r"^Prestressed.stretching: .*; give less"):
+        verb(rig)

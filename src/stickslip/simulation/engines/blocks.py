@@ -109,6 +109,13 @@ def balanced(
     )
 
 
+def check_prestress(rig: Rig) -> None:
+    """Raise `InputError` for a prestress that the contacts of a rig cannot hold."""
+    case = rig.natural
+    if isinstance(case.start, Prestressed) and isinstance(case.slider, ElasticBody):
+        balanced(Beginning(case.interface, case.slider, case.velocity, case.start))
+
+
 def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -> Array:
     """One number for all blocks, or one for each, as one for each."""
     if isinstance(value, tuple) and len(value) != body.size:
