@@ -86,6 +86,7 @@ class Measured(NamedTuple):
 
 
 UNKNOWN = Measured(math.nan)
+Row = tuple[str, Measured, float, Source, bool]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,12 +190,26 @@ class Features:
     @property
     def tests(self) -> tuple[Criterion, ...]:
         """The tests of a regime, but for those of what is not known."""
-        climb = self.climb
+        rows = (*self._tests_of_cycles(), *self._tests_of_slips())
+        return tuple(
+            Criterion(
+                name=name,
+                statistic=found.value,
+                error=found.error,
+                limit=limit,
+                source=source,
+                passed=bool(passed),
+            )
+            for name, found, limit, source, passed in rows
+            if not math.isnan(found.value)
+        )
+
+    def _tests_of_cycles(self) -> tuple[Row, ...]:
+        """What is asked of drops and cycles, found, its limit, source and answer."""
         # by Student: few parts show their scatter badly
         wider = _errors_by_chance(self.freedom) / ERRORS
         change = Measured(abs(self.change.value), wider * self.change.error)
-        half_most = MOST * self.mean
-        rows: tuple[tuple[str, Measured, float, Source, bool], ...] = (
+        return (
             (
                 "drops that stand out of the noise",
                 Measured(self.drops),
@@ -245,6 +260,13 @@ class Features:
                 "convention",
                 self.ripple <= SMALL,
             ),
+        )
+
+    def _tests_of_slips(self) -> tuple[Row, ...]:
+        """The same of slips and of noise."""
+        climb = self.climb
+        half_most = MOST * self.mean
+        return (
             (
                 self.slip_test,
                 self.slips,
@@ -301,18 +323,6 @@ class Features:
                 "statistics",
                 self.line >= TINY,
             ),
-        )
-        return tuple(
-            Criterion(
-                name=name,
-                statistic=found.value,
-                error=found.error,
-                limit=limit,
-                source=source,
-                passed=bool(passed),
-            )
-            for name, found, limit, source, passed in rows
-            if not math.isnan(found.value)
         )
 
 
