@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from statistics import mode
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -173,29 +173,107 @@ def _as_utf8(raw: bytes) -> bytes:
     return raw
 
 
+class _Lines(NamedTuple):
+    """The lines of a text, found by their number from zero."""
+
+    raw: bytes
+    begins: NDArray[np.int64]  # where each line begins, and where the text ends
+
+    @property
+    def total(self) -> int:
+        return self.begins.size - 1
+
+    def line(self, i: int) -> str:
+        begin = self.begins[i]
+        end = min(self.begins[i + 1] - 1, begin + _LONGEST_LINE)
+        return self.raw[begin:end].decode(errors="replace")
+
+    def head(self) -> list[tuple[int, str]]:
+        """The first lines that are not blank, with their numbers."""
+        first = ((i, self.line(i)) for i in range(min(self.total, _HEAD)))
+        return [(i, line) for i, line in first if line.strip()]
+
+    def rows(self, begin: int) -> list[str]:
+        """A sample of rows from the line `begin` on, evenly over the text."""
+        places = np.linspace(begin, self.total, _SAMPLE, endpoint=False)
+        lines = (self.line(i) for i in np.unique(places.astype(int)).tolist())
+        return [line for line in lines if _ROW.match(line)]
+
+
+class _Rows(NamedTuple):
+    """How the rows of a text are read."""
+
+    lines: _Lines
+    start: int  # the line of the first row
+    mark: str
+    comma: bool
+    width: int
+    quoted: bool
+    units: dict[int, str]  # of each column of numbers, as its cells state them
+    clocks: frozenset[int]  # columns that hold times of day
+    dated: frozenset[int]  # those of them whose times have a date
+
+    def read(self, asked: Iterable[int]) -> Columns:
+        """Return columns of numbers, and the line (from one) of each row kept."""
+        columns = [*dict.fromkeys(asked)]
+        lines = self.lines
+        cells = _cells(
+            memoryview(lines.raw)[lines.begins[self.start] :],
+            lines.total - self.start,
+            [*columns, self.width],
+            self.mark,
+            self.comma,
+            quoted=self.quoted,
+        )
+        surplus = self._is_surplus(cells[self.width])
+        values = {}
+        for i in columns:
+            numbers = _as_numbers(cells.pop(i), self.units[i], self.comma)
+            values[i] = np.where(surplus, math.nan, numbers)
+        keep = self._is_kept(values)
+        kept = {i: numbers[keep] for i, numbers in values.items()}
+        for i in self.clocks & kept.keys():
+            kept[i] = self._since_first(i, kept[i])
+        return kept, np.flatnonzero(keep) + self.start + 1
+
+    def _is_surplus(self, beyond: pd.Series) -> pd.Series:
+        """Whether a row holds a number or a unit beyond the last column."""
+        texts = beyond.cat.categories
+        surplus = [
+            text
+            for text in texts
+            if read_cell(str(text), self.comma)[0] is not None or unit_named(str(text))
+        ]
+        return beyond.isin(surplus)
+
+    def _is_kept(self, values: dict[int, Array]) -> NDArray[np.bool_]:
+        """Whether a row is one of numbers, or at least looks like one."""
+        finite = [np.isfinite(numbers) for numbers in values.values()]
+        keep: NDArray[np.bool_] = np.any(finite, axis=0)
+        octets = np.frombuffer(self.lines.raw, dtype=np.uint8)
+        first = octets[self.lines.begins[self.start : -1]]
+        keep &= ~np.isin(first, list(b"#%/!"))
+        for row in np.flatnonzero(~keep).tolist():
+            keep[row] = bool(_ROW.match(self.lines.line(self.start + row)))
+        return keep
+
+    def _since_first(self, column: int, times: Array) -> Array:
+        """Times of day since the first; each leap backwards is a midnight."""
+        if column not in self.dated:
+            half_a_day = 43200.0
+            days = np.cumsum(np.append(False, np.diff(times) < -half_a_day))
+            times = times + 86400.0 * days
+        first = times[np.isfinite(times)][:1]
+        return times - first
+
+
 def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     """Find the rows of numbers in a text, and their headings."""
     octets = np.frombuffer(raw, dtype=np.uint8)
-    begins = np.append(0, np.flatnonzero(octets == ord("\n")) + 1)
-    count = begins.size - 1
-
-    def line_of(i: int) -> str:
-        return raw[
-            begins[i] : min(begins[i + 1] - 1, begins[i] + _LONGEST_LINE)
-        ].decode(errors="replace")
-
-    head = [(i, line) for i in range(min(count, _HEAD)) if (line := line_of(i)).strip()]
-    ends = [
-        k for k, (_, line) in enumerate(head) if line.startswith("***End_of_Header***")
-    ]
-    labview, head = (head[: ends[-1]], head[ends[-1] + 1 :]) if ends else ([], head)
-    begin = (2 * head[0][0] + count) // 3 if head else 0  # text may stand above
-    places = np.linspace(begin, count, _SAMPLE if head else 0, endpoint=False)
-    sample = [
-        line
-        for i in np.unique(places.astype(int)).tolist()
-        if _ROW.match(line := line_of(i))
-    ]
+    lines = _Lines(raw, np.append(0, np.flatnonzero(octets == ord("\n")) + 1))
+    labview, head = _without_header_of_labview(lines.head())
+    # text may stand above, so that rows are looked for in the last third of a head
+    sample = lines.rows((2 * head[0][0] + lines.total) // 3) if head else []
     if not sample:
         raise InputError(
             "is empty, or holds blanks and comments only; it should hold a column of "
@@ -211,17 +289,7 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         )
     columns = [[row[i] for row in cells if len(row) == width] for i in range(width)]
     numeric = [i for i, column in enumerate(columns) if _numbers(column, comma) >= 0.5]
-    rows = ((i, _split(line, mark)) for i, line in head if numeric and _ROW.match(line))
-    full = ((i, [row[k] for k in numeric]) for i, row in rows if len(row) > numeric[-1])
-    start = next((i for i, row in full if _numbers(row, comma) == 1.0), None)
-    if start is None:
-        wanted = (
-            f"no column of numbers that begins by line {head[-1][0] + 1}; it "
-            "should hold a column of forces"
-        )
-        raise InputError(
-            f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found {wanted}"
-        )
+    start = _first_row(head, numeric, mark, comma)
     above = (
         _as_wide(line.lstrip().lstrip("#%/! "), mark, width)
         for i, line in head
@@ -230,80 +298,91 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
     named = [row for row in above if _numbers(row, none=1.0) < 1.0]
     points = any("." in cell for i in numeric for cell in columns[i] if ":" not in cell)
     if mark == "," and not (comma or named or delimiter or decimal or points):
-        ways = (
-            f"{width} columns, or fewer with decimal commas; write decimal points, or "
-            "a line of names above, one to a column, as 'time (s),force (N)' (in "
-            "Python say decimal=',' or delimiter=',', too)"
-        )
-        raise InputError(
-            f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {ways}"
-        )
+        _refuse_two_readings(sample, width)
     headings = headings_of(named, width)
     step = _labview([line for _, line in labview], headings, numeric, mark, comma)
     units = {i: mode(read_cell(cell, comma)[1] for cell in columns[i]) for i in numeric}
     clocks = [i for i in numeric if ":" in columns[i][0]]
-    dated = {i for i in clocks if has_date(columns[i][0].strip(' "'))}
     for i in clocks:  # whose heading may hold their form, hh:mm:ss
         headings[i] = Heading(headings[i].name or "time", "s")
     for i, unit in units.items():
-        if unit and not (
-            ratio(unit, headings[i].unit) if headings[i].unit else unit_named(unit)
-        ):
-            below = (
-                f" below the heading {headings[i].unit!r}" if headings[i].unit else ""
-            )
-            raise InputError(
-                f"column {i + 1} holds numbers in {unit!r}{below}; write one known "
-                "unit, without blanks"
-            )
-        headings[i] = headings[i]._replace(unit=unit or headings[i].unit)
-
-    def read(asked: Iterable[int]) -> Columns:
-        columns = [*dict.fromkeys(asked)]
-        rows = memoryview(raw)[begins[start] :]
-        cells = _cells(
-            rows,
-            count - start,
-            [*columns, width],
-            mark,
-            comma,
-            quoted='"' in "".join(sample),
-        )
-        told = {
-            text: read_cell(str(text), comma)[0] is not None
-            for text in cells[width].cat.categories
-        }
-        surplus = cells[width].isin(
-            [text for text in told if told[text] or unit_named(str(text))]
-        )
-        values = {
-            i: np.where(surplus, math.nan, _as_numbers(cells.pop(i), units[i], comma))
-            for i in columns
-        }
-        keep = np.any([np.isfinite(numbers) for numbers in values.values()], axis=0)
-        keep &= ~np.isin(octets[begins[start:-1]], list(b"#%/!"))
-        keep[
-            [
-                row
-                for row in np.flatnonzero(~keep).tolist()
-                if _ROW.match(line_of(start + row))
-            ]
-        ] = True
-        kept = {i: numbers[keep] for i, numbers in values.items()}
-        for i in {*clocks} & {*kept}:  # since the first, over midnight, too
-            if i not in dated:
-                days = np.cumsum(np.append(False, np.diff(kept[i]) < -43200.0))
-                kept[i] += 86400.0 * days
-            kept[i] -= kept[i][np.isfinite(kept[i])][:1]
-        return kept, np.flatnonzero(keep) + start + 1
-
+        headings[i] = _with_unit_of_cells(headings[i], unit, i)
+    rows = _Rows(
+        lines=lines,
+        start=start,
+        mark=mark,
+        comma=comma,
+        width=width,
+        quoted='"' in "".join(sample),
+        units=units,
+        clocks=frozenset(clocks),
+        dated=frozenset(i for i in clocks if has_date(columns[i][0].strip(' "'))),
+    )
     return Table(
         with_coefficients(headings),
         numeric,
-        read,
-        lambda number: line_of(number - 1).strip(),
+        rows.read,
+        lambda number: lines.line(number - 1).strip(),
         step,
     )
+
+
+_Numbered = list[tuple[int, str]]
+
+
+def _without_header_of_labview(head: _Numbered) -> tuple[_Numbered, _Numbered]:
+    """Part the header of a LabVIEW file, empty where there is none, from the rest."""
+    ends = [
+        k for k, (_, line) in enumerate(head) if line.startswith("***End_of_Header***")
+    ]
+    if not ends:
+        return [], head
+    return head[: ends[-1]], head[ends[-1] + 1 :]
+
+
+def _first_row(head: _Numbered, numeric: list[int], mark: str, comma: bool) -> int:
+    """Return the number of the first line that has a number in each column of them."""
+    for i, line in head:
+        if not numeric or not _ROW.match(line):
+            continue
+        row = _split(line, mark)
+        if len(row) <= numeric[-1]:
+            continue
+        if _numbers([row[k] for k in numeric], comma) == 1.0:
+            return i
+    wanted = (
+        f"no column of numbers that begins by line {head[-1][0] + 1}; it "
+        "should hold a column of forces"
+    )
+    raise InputError(
+        f"line {head[0][0] + 1}, {shortened(head[0][1])!r}: found {wanted}"
+    )
+
+
+def _refuse_two_readings(sample: list[str], width: int) -> NoReturn:
+    """Refuse rows whose commas may part columns or be decimal signs."""
+    ways = (
+        f"{width} columns, or fewer with decimal commas; write decimal points, or "
+        "a line of names above, one to a column, as 'time (s),force (N)' (in "
+        "Python say decimal=',' or delimiter=',', too)"
+    )
+    raise InputError(
+        f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {ways}"
+    )
+
+
+def _with_unit_of_cells(heading: Heading, unit: str, column: int) -> Heading:
+    """Return the heading with the unit that stands in the cells of its column."""
+    if not unit:
+        return heading
+    known = ratio(unit, heading.unit) if heading.unit else unit_named(unit)
+    if not known:
+        below = f" below the heading {heading.unit!r}" if heading.unit else ""
+        raise InputError(
+            f"column {column + 1} holds numbers in {unit!r}{below}; write one known "
+            "unit, without blanks"
+        )
+    return heading._replace(unit=unit)
 
 
 def _layout(
