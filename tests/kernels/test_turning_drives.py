@@ -364,6 +364,9 @@ OF_ALL = {
         ss.MasterEquation(rtol=1e-2),
     ),
     "blocks": ({}, BAR, ss.Contacts(10)),
+    "counted contacts": ({}, FREE, ss.Population(20, rtol=1e-2)),
+    "blocks in balance": ({}, BAR, ss.QuasiStatic(10)),
+    "blocks in balance that slide": ({"sliding_force": 0.2}, BAR, ss.QuasiStatic(10)),
 }
 
 

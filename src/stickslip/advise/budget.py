@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
+from stickslip.loops import HALVINGS, bounded
 from stickslip.measure import Regime, regime
 from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, TINY
 from stickslip.measure.trace import ERRORS
@@ -237,7 +238,9 @@ class Budget:
         Returns the run, its regime, and whether that is final: not if the budget ended
         before. No run is longer than `longest` times `length_of`.
         """
+        turns = bounded("run_until_decided", HALVINGS)
         while True:
+            next(turns)
             seen = regime(run.dataset())
             travel = run.rig.drive.duration * run.rig.natural.velocity
             try:

@@ -23,6 +23,7 @@ from stickslip.advise.budget import (
 )
 from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
+from stickslip.loops import HALVINGS, bounded
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.stability import growth_rate
@@ -226,7 +227,10 @@ class Survey:
         """
         looked = set[float]()
         case = cache(self._case)
+        # speeds looked at are PRECISION apart, and there are no decades enough for more
+        turns = bounded("Survey.look", HALVINGS)
         while doubt := self._doubts(looked):
+            next(turns)
             speed = max(doubt, key=lambda v: doubt[v] / runs_of(case(v)))
             looked.add(speed)
             # at other speeds runs may be shorter than what is left

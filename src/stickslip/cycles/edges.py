@@ -11,6 +11,7 @@ from stickslip.answers import Answer
 from stickslip.cycles.cycle_run import METHOD, CycleRun, check_rig, work_of_run
 from stickslip.cycles.oscillation_verdict import Verdict, settle
 from stickslip.errors import InputError, number
+from stickslip.loops import bounded
 from stickslip.model import Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
@@ -203,6 +204,9 @@ class ParameterScan:
         )
 
 
+_HALVINGS = 64  # the 53 bits of a number, and 10 for the range of its logarithm
+
+
 def halved(
     probe: Callable[[float], bool | None],
     fails_at: float,
@@ -214,7 +218,9 @@ def halved(
 
     It ends where `probe` does not decide, and returns None.
     """
+    turns = bounded("halved", _HALVINGS)
     while abs(math.log(fails_at / holds_at)) > tolerance:
+        next(turns)
         middle = math.sqrt(fails_at * holds_at)
         answer = probe(middle)
         if answer is None:

@@ -10,6 +10,7 @@ from stickslip.answers import Answer
 from stickslip.arrays import Array
 from stickslip.cycles.cycle_run import METHOD, CycleRun, Look, check_rig
 from stickslip.errors import InputError, UndecidedError
+from stickslip.loops import bounded
 from stickslip.measure.features import TINY
 from stickslip.measure.kinds import Kind
 from stickslip.measure.slips import SLIP_VELOCITY
@@ -160,7 +161,9 @@ def settle(run: CycleRun) -> tuple[Verdict, CycleRun]:
     growing = linearly_unstable(run.rig)
     floor = TINY * _friction(rig)
     fate: tuple[bool | None, float, str] | None = None
+    turns = bounded("settle", 5 * PATIENCE + 3)
     while fate is None:
+        next(turns)
         run, look = run.look()
         looks.append(look)
         fate = _fate(looks, floor, growing)

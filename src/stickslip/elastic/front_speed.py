@@ -13,6 +13,7 @@ from stickslip.elastic.lattice import lattice_prestress
 from stickslip.elastic.precursors import elastic_parts, screening_length
 from stickslip.elastic.threshold_front import Medium, rising, shoot, threshold
 from stickslip.errors import InputError, number
+from stickslip.loops import HALVINGS, bounded
 from stickslip.model import ElasticBody, Interface, Rig
 from stickslip.model.records import Number, converted
 
@@ -195,7 +196,9 @@ def _on_lattice(tau: float, body: ElasticBody) -> float:
         return rising(lack, 1.0, 1.0, 1.25)
     low = 1.0
     before = math.inf
+    turns = bounded("front_speed", HALVINGS)
     while (here := lack(low)) > 0:
+        next(turns)
         if here > before:  # slower fronts need more: the lattice holds them
             lowest = minimize_scalar(
                 lack,

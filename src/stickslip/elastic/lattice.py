@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import elementwise
 
 from stickslip.arrays import Array
+from stickslip.loops import HALVINGS, bounded
 from stickslip.model import ElasticBody
 
 # Tanh-sinh nodes and weights on (0, 1): they crowd at the ends, where the phase of a
@@ -102,7 +103,9 @@ def _panels(
     rough = max(20.0, SMOOTH * min(1.0, math.sqrt(zeta)))
     start = float(np.max(steps, initial=1.0, where=steps < rough))
     panels = [start]
+    added = bounded("lattice: panels", HALVINGS + math.ceil(rough * period))
     while panels[-1] < rough:
+        next(added)
         width = min(panels[-1], 25.0 / period)
         panels.append(panels[-1] + width)
     edges = np.unique(np.concatenate([[0.0], steps, panels]))

@@ -19,6 +19,7 @@ from scipy.integrate import odeint
 from scipy.optimize import brentq
 
 from stickslip.arrays import Array
+from stickslip.loops import HALVINGS, bounded
 from stickslip.model.distributions import Distribution
 
 
@@ -101,11 +102,15 @@ def rising(
     """Where a function rises through 0, or 0 if it does not; the bracket is widened
     by a factor until it holds that.
     """
+    turns = bounded("rising", HALVINGS)
     while lack(low) > 0:
+        next(turns)
         low, high = low / step, low
         if low < 1e-9:
             return 0.0
+    turns = bounded("rising", HALVINGS)
     while lack(high) < 0:
+        next(turns)
         low = high
         high = high * step
     return float(brentq(lack, low, high, xtol=1e-14, rtol=1e-12))

@@ -304,7 +304,7 @@ async def _serve(shared: _Shared, websocket: WebSocket) -> None:
 
     async def deliver() -> None:
         with suppress(WebSocketDisconnect, RuntimeError):
-            while True:
+            while True:  # endless: until the window closes
                 await websocket.send_text(await outgoing.get())
 
     turns = {
@@ -315,6 +315,7 @@ async def _serve(shared: _Shared, websocket: WebSocket) -> None:
     tasks: set[asyncio.Task[None]] = {asyncio.create_task(deliver())}
     send(shared.hello)
     try:
+        # endless: until the window closes
         while (message := await websocket.receive())["type"] == "websocket.receive":
             try:
                 request = _question(message, lanes, shared.limits.trace)

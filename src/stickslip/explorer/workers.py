@@ -107,7 +107,7 @@ class Crew:
         self._closed = True
         self._threads.shutdown(wait=False, cancel_futures=True)
         with suppress(queue.Empty):
-            while True:
+            while True:  # endless: until none idles
                 self._idle.get_nowait().kill()
 
 
@@ -129,7 +129,7 @@ class _Worker:
         late = False
         try:
             self._line.send(job)
-            while True:
+            while True:  # endless: until the deadline of the job, and a grace
                 if self._line.poll(0.05):
                     if (content := self._line.recv()) is None:
                         return True
@@ -178,7 +178,7 @@ def _serve(line: Connection, niceness: int) -> None:
     with suppress(ValueError, OSError):  # less is allowed already
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     with suppress(EOFError, OSError):
-        while True:
+        while True:  # endless: until the server hangs up
             job = line.recv()
             if job != _STOP:  # else it came after the answer
                 _answer(line, job)

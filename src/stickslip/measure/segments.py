@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
+from stickslip.loops import bounded
 from stickslip.measure.features import STEADY, longest_wait
 from stickslip.measure.slips import Slips, weighted_median
 from stickslip.measure.trace import (
@@ -147,7 +148,9 @@ def _edges(series: Array) -> list[int]:
         came[end] = int(np.argmin(total))
         least[end] = float(total.min())
     edges = [count]
+    turns = bounded("segments", count)
     while edges[0]:
+        next(turns)
         edges.insert(0, int(came[edges[0]]))
     return edges
 

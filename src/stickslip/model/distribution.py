@@ -16,6 +16,7 @@ from scipy.optimize import elementwise
 
 from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError
+from stickslip.loops import HALVINGS, bounded
 from stickslip.model.records import Record, hashable, registry
 
 NEGLIGIBLE = 1e-16
@@ -346,7 +347,9 @@ def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:
     stalled = np.zeros(whole.shape, dtype=int)
     kept: list[Array] = []
     panels = 0
+    turns = bounded("QuadratureTable: panels", HALVINGS)
     while left.size:
+        next(turns)
         middle = 0.5 * (left + right)
         first = integral(left, middle)
         second = integral(middle, right)

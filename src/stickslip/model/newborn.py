@@ -129,11 +129,24 @@ def thresholds_beyond(
     return np.asarray(np.maximum(drawn, reach))
 
 
+# times: if one in a thousand is within the thresholds, all are but for exp(-100)
+_REDRAWN = 100_000
+
+
 def stretchings_within(
     distribution: Distribution, rng: np.random.Generator, size: int, largest: float
 ) -> Array:
-    """Draw stretchings; those beyond the largest threshold are drawn again."""
+    """Draw stretchings; those beyond the largest threshold are drawn again.
+
+    Raises `InputError` if next to none lies within it.
+    """
     x = distribution.sample(rng, size)
-    while (again := np.flatnonzero(np.abs(x) >= largest)).size:
+    for _ in range(_REDRAWN):
+        again = np.flatnonzero(np.abs(x) >= largest)
+        if not again.size:
+            return x
         x[again] = distribution.sample(rng, again.size)
-    return x
+    raise InputError(
+        f"{distribution}: next to no stretching is below {largest:g}, the largest "
+        "threshold; give a distribution within that"
+    )

@@ -11,7 +11,7 @@ from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Quadratic,
 from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
 from stickslip.progress import Progress
 from stickslip.simulation.engines import Engine, Leg, Stretchings
-from stickslip.simulation.engines.base import MOTION, Array
+from stickslip.simulation.engines.base import MOTION, Array, advances
 
 
 @dataclass(frozen=True)
@@ -91,12 +91,6 @@ def follow(
     )
 
 
-_IDLE = 1000
-"""Advances in which an engine may stand where it was: one may end before a look, at a
-sample, or where its draws are used up, but not without end.
-"""
-
-
 def follow_leg(
     engine: Engine, leg: Leg, report: Progress = lambda _: None
 ) -> tuple[Array, list[Stretchings]]:
@@ -108,27 +102,12 @@ def follow_leg(
     parts = list[Array]()
     seen = list[Stretchings]()
     filled = 0
-    idle = 0
-    over = False
-    while not over:
-        before = engine.here()
-        passed = engine.advance(
-            leg._replace(times=leg.times[filled:], looks=leg.looks[len(seen) :])
-        )
+    for passed in advances(engine, leg):
         _check_finite(engine, leg, leg.times[filled:], passed.rows)
         parts.append(passed.rows)
         filled = filled + len(passed.rows)
-        over = passed.over
         seen += passed.looks
-        here = engine.here()
-        stood = here == before and not len(passed.rows) and not passed.looks
-        idle = idle + 1 if stood else 0
-        if idle > _IDLE and not over:
-            raise RuntimeError(
-                f"{type(engine).__name__}: stands still at t = {here[0]!r} on the way "
-                f"to {leg.end!r}: a fault of this package, please report it"
-            )
-        report(here[0])
+        report(engine.here()[0])
     return np.concatenate(parts), seen
 
 

@@ -28,6 +28,7 @@ from stickslip.kernels.hazard import (
     Hazard,
 )
 from stickslip.kernels.lifetimes import INTEGRAL, NODE, NODES, Lifetimes, relax, rule
+from stickslip.loops import bounded
 from stickslip.model import (
     AgeingModel,
     Barrier,
@@ -178,6 +179,9 @@ def growth_of(ageing: AgeingModel | None) -> Growth:
     return FIXED
 
 
+_PANELS = 100_000  # hundreds are usual; where each has its nodes, these take 100 MB
+
+
 def panel_edges(
     distribution: Distribution,
     start: float,
@@ -196,7 +200,9 @@ def panel_edges(
     core = 0.25 * (outer - inner)
     fine = sorted((place, scale) for place, scale in places if start <= place <= end)
     edges = [start]
+    turns = bounded("panel_edges", _PANELS)
     while edges[-1] < end:
+        next(turns)
         x = edges[-1]
         step = min(max(core, 0.12 * abs(x - middle)), steepest(x), end - x)
         for place, scale in fine:

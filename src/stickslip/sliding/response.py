@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from stickslip.arrays import Array as Array
 from stickslip.arrays import ComplexArray as ComplexArray
 from stickslip.errors import InputError
+from stickslip.loops import bounded
 
 SCAN_LIMIT = 1 << 21  # largest number of frequencies in a scan
 # frequencies of a scan, first known, a fourth of a turn; of values, that none asks for
@@ -213,7 +214,9 @@ def splined(
     known = np.append(np.arange(0, u.size - 1, apart), u.size - 1)
     found = at(u[known])
     new = np.setdiff1d((known[1:] + known[:-1]) // 2, known)
+    turns = bounded("splined", u.size.bit_length() + 1)  # places between are halved
     while new.size:
+        next(turns)
         more = at(u[new])
         missed = np.any(
             np.abs(CubicSpline(u[known], found, axis=-1)(u[new]) - more)

@@ -17,6 +17,7 @@ import numpy as np
 from stickslip.answers import Answer
 from stickslip.arrays import Array
 from stickslip.errors import UndecidedError, instance
+from stickslip.loops import bounded
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.sliding import respond
@@ -318,7 +319,9 @@ def search(
     line = Line(parameter, rig)
     points = line.look(values[:1])
     found = list[Crossing]()
+    turns = bounded("critical.search", count)
     while len(points) < count:
+        next(turns)
         ahead = values[len(points) : len(points) + (6 if first else count)]
         points += line.look(ahead)
         found += line.crossings(

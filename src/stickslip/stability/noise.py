@@ -23,6 +23,7 @@ import numpy as np
 from stickslip.answers import Answer, plain
 from stickslip.arrays import Array
 from stickslip.errors import InputError, UndecidedError, number
+from stickslip.loops import HALVINGS, bounded
 from stickslip.model.distribution import nodes_between
 from stickslip.model.methods import DRAWN, Contacts
 from stickslip.model.rig import Rig
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 _LOST = 1e-5
 # of the frequency, in units of one over the mean cycle of a contact
 _OCTAVES = np.arange(-44.0, 45.0)
+_PANELS = 1 << 15  # of them at once: where they are more, halving finds rounding
 _NODE = np.polynomial.legendre.leggauss(16)[0]
 # a rule on every other node of `nodes_between`: where it will do, that on all of them
 # does well
@@ -372,7 +374,9 @@ def _spectrum(
     right = edges[1:]
     kept = []
     total = np.zeros((2, 1))
+    turns = bounded("contact_noise: panels", HALVINGS)
     while left.size:
+        next(turns)
         omega, weight = nodes_between(left, right)
         value = displaced(omega)
         both = np.stack([value, omega**2 * value])
@@ -386,6 +390,11 @@ def _spectrum(
         total = total + fine[:, sure].sum(axis=1, keepdims=True)
         kept.append(np.stack([omega[sure], weight[sure], value[sure]]).reshape(3, -1))
         middle = 0.5 * (left + right)[~sure]
+        if middle.size > _PANELS:
+            raise InputError(
+                f"Rig.slider = {body!r}: {_PANELS} panels do not resolve the spectrum "
+                f"of its motion near w = {middle[0]:.4g}; give it more damping"
+            )
         left = np.append(left[~sure], middle)
         right = np.append(middle, right[~sure])
     found = np.concatenate(kept, axis=1)

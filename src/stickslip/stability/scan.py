@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
+from stickslip.loops import HALVINGS, bounded
 from stickslip.sliding.response import SCAN_LIMIT, Array, ComplexArray, Parts, Response
 from stickslip.stability.impedances import (
     Impedance,
@@ -94,7 +95,9 @@ def doubtful_below(
     )
     special = np.concatenate([resonances(body), np.abs(natural_frequencies(body))])
     top = response.scales(velocity).fastest
+    turns = bounded("doubtful_below", HALVINGS)
     while (discs := response.discs(velocity, top)) is not None:
+        next(turns)
         omega, centre = merged(discs[0], special, discs[1], np.interp(special, *discs))
         z = body(1j * omega)
         if np.any(z.imag < -1e-9 * np.abs(z)):

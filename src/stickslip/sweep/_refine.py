@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from stickslip.errors import InputError, number, whole
+from stickslip.loops import HALVINGS, bounded
 from stickslip.sweep._cases import AxisValue, case_key
 from stickslip.sweep._run import Runner
 
@@ -157,7 +158,9 @@ class _Search:
         how = self.how
         find = math.ceil(FIND * self.how.runs)
         self._run_at([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
+        turns = bounded("Refined.boundary: spreading", find)
         while len(seen) < find:
+            next(turns)
             middles = [
                 *dict.fromkeys(
                     map(_middle, self._sides(exploring=len(seen) < EXPLORE * how.runs))
@@ -167,12 +170,14 @@ class _Search:
                 middles[: min(math.ceil(TOGETHER * how.runs), find - len(seen))]
             )
         lines = self._crossings(how.runs - len(seen))
+        turns = bounded("Refined.boundary: bisection", HALVINGS)
         while long := [
             i
             for i, line in enumerate(lines)
             if math.dist(*line) > how.resolution
             and seen.get(_middle(line), 0) is not None
         ]:
+            next(turns)
             self._run_at([_middle(lines[i]) for i in long])
             for i in long:
                 low, high = lines[i]

@@ -28,6 +28,7 @@ from itertools import islice, takewhile
 from multiprocessing.process import BaseProcess
 
 from stickslip.errors import InputError, instance, whole
+from stickslip.loops import bounded
 from stickslip.sweep._cases import DIED, NamedStudy, run_batch
 from stickslip.sweep._table import EVERY, Table
 
@@ -195,6 +196,7 @@ class Runner:
         if not self._todo:
             return
         try:
+            # endless: a case may take as long as it likes
             while self._todo or self._running:
                 try:
                     self._fill()
@@ -243,7 +245,9 @@ class Runner:
         find the culprit.
         """
         most = 2 * getattr(self._executor, "_max_workers", _MANY)
+        turns = bounded("Runner: handing out", len(self._todo))
         while self._todo and len(self._running) < most:
+            next(turns)
             size = min(self._size, math.ceil(len(self._todo) / most))
             batch = [
                 *takewhile(lambda key: self._losses[key] < 2, islice(self._todo, size))

@@ -7,7 +7,7 @@ To add a solver, write a class that has what `Engine` asks for and register it, 
 
 import copy
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from itertools import chain, combinations
 from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar, get_args
@@ -437,6 +437,41 @@ def check_newborns(interface: Interface) -> None:
         )
 
 
+REFILLS = 1000  # of draws in an advance, which then ends
+_IDLE = 1000
+"""Advances in which an engine may stand where it was: one may end before a look, at a
+sample, or where its draws are used up, but not without end.
+"""
+
+
+def advances(engine: Engine, leg: Leg) -> Iterator[Advance]:
+    """Advance an engine to the end of a leg; yield what it passes, part by part.
+
+    Raises `RuntimeError` if the engine no longer gets on.
+    """
+    filled = 0
+    seen = 0
+    idle = 0
+    over = False
+    while not over:
+        before = engine.here()
+        passed = engine.advance(
+            leg._replace(times=leg.times[filled:], looks=leg.looks[seen:])
+        )
+        yield passed
+        filled += len(passed.rows)
+        seen += len(passed.looks)
+        over = passed.over
+        here = engine.here()
+        stood = here == before and not len(passed.rows) and not passed.looks
+        idle = idle + 1 if stood else 0
+        if idle > _IDLE and not over:
+            raise RuntimeError(
+                f"{type(engine).__name__}: stands still at t = {here[0]!r} on the way "
+                f"to {leg.end!r}: a fault of this package, please report it"
+            )
+
+
 def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ...]:
     """Return the looks that fall before a time: a copy goes there, so that the run
     itself need not stop.
@@ -447,7 +482,7 @@ def looks_aside(before: Engine, leg: Leg, until: float) -> tuple[Stretchings, ..
             break
         aside = before.copy()
         part = leg._replace(end=look, times=np.empty(0), stop=Stop(), looks=())
-        while not aside.advance(part).over:
+        for _ in advances(aside, part):
             pass
         seen.append(aside.stretchings())
     return tuple(seen)

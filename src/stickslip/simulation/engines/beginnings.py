@@ -10,6 +10,7 @@ import numpy as np
 from stickslip.kernels.effective_stretching import Breaking
 from stickslip.kernels.survival import SurvivalTable, tabulate, values_at
 from stickslip.kernels.thinning import Rule, lifetimes
+from stickslip.loops import HALVINGS, bounded
 from stickslip.model import (
     Bell,
     Delay,
@@ -338,7 +339,10 @@ def lifetimes_of(
     done = 0
     boxes = 0
     drawn = max(16 * strength.size, 2**14)
+    # each turn has draws for 16 boxes of each
+    turns = bounded("lifetimes_of", strength.size + HALVINGS)
     while done < strength.size:
+        next(turns)
         more = lifetimes(
             rule,
             start[done:],

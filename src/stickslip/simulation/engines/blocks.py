@@ -36,6 +36,7 @@ from stickslip.model.body import coupling_matrix
 from stickslip.model.newborn import thresholds_beyond
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import (
+    REFILLS,
     Advance,
     Array,
     Beginning,
@@ -405,8 +406,12 @@ class BlocksOfContacts(Engine):
         self._motion.now.sampled = 0
         look = leg.looks[0] if leg.looks else math.inf
         piece = Piece(leg.drive, leg.end, leg.stop, look, self._longest)
-        while self._provide(why := self._move(piece, sampling)):
-            pass
+        for _ in range(REFILLS):
+            why = self._move(piece, sampling)
+            if not self._provide(why):
+                break
+        else:
+            why = drive.PAUSED
         rows = sampling.samples[: self._motion.now.sampled]
         # The next step passes the look; or it is where all ends.
         seen = looks_aside(self, leg, look if why == drive.LOOK else self.here()[0])

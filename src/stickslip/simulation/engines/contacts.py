@@ -317,7 +317,7 @@ class EventByEvent(base.Engine):
         m.sample = 0
         last = m.events + _EVENTS
         looks = (*leg.looks, math.inf)
-        while True:
+        for _ in range(base.REFILLS):
             piece = Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
             left = last - m.events
             why = kernel.advance_events(
@@ -338,8 +338,11 @@ class EventByEvent(base.Engine):
                 seen.append(self.stretchings(m.looked))
             else:
                 break
-        while looks[len(seen)] <= m.time:  # at the very end
-            seen.append(self.stretchings())
+        else:
+            why = PAUSED
+        # at the very end
+        reached = np.searchsorted(leg.looks, m.time, side="right")
+        seen += [self.stretchings() for _ in range(len(seen), int(reached))]
         return base.Advance(
             sampling.samples[: m.sample], tuple(seen), over=why != PAUSED
         )

@@ -152,7 +152,7 @@ class Steps(base.Engine, Protocol):
                 np.empty(0),
                 Stop(),
             )
-            while not self.advance(leg).over:
+            for _ in base.advances(self, leg):
                 pass
             self.state[:2] = 0.0
         self.state[2] = beginning.slider_velocity

@@ -1,0 +1,138 @@
+"""Each loop ends: a `while` of the package counts its turns, or says why not."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip import cycles
+from stickslip.cycles import edges
+from stickslip.loops import HALVINGS, bounded
+from stickslip.model.newborn import stretchings_within
+from stickslip.sliding.lifetimes import panel_edges
+
+PACKAGE = Path(ss.__file__).parent
+COMPILED = PACKAGE / "kernels"
+REASON = "# endless: "
+"""What stands on the line of a loop that waits for something outside, or above it."""
+
+
+def is_bounded(loop, counters):
+    """Whether a loop asks a counter in each turn, or raises if it stands still."""
+    asked = {
+        call.args[0].id
+        for each in (loop.test, *loop.body)
+        for call in ast.walk(each)
+        if isinstance(call, ast.Call)
+        and isinstance(call.func, ast.Name)
+        and call.func.id == "next"
+        and isinstance(call.args[0], ast.Name)
+    }
+    fails = any(
+        isinstance(each, ast.Raise)
+        and isinstance(each.exc, ast.Call)
+        and isinstance(each.exc.func, ast.Name)
+        and each.exc.func.id == "RuntimeError"
+        for each in ast.walk(loop)
+    )
+    return fails or bool(asked & counters)
+
+
+def unbounded_in(text):
+    """Numbers of the lines on which loops without a bound or a reason begin."""
+    tree = ast.parse(text)
+    lines = text.splitlines()
+    counters = {
+        target.id
+        for each in ast.walk(tree)
+        if isinstance(each, ast.Assign)
+        and isinstance(each.value, ast.Call)
+        and isinstance(each.value.func, ast.Name)
+        and each.value.func.id == "bounded"
+        for target in each.targets
+        if isinstance(target, ast.Name)
+    }
+    return [
+        loop.lineno
+        for loop in ast.walk(tree)
+        if isinstance(loop, ast.While)
+        and not is_bounded(loop, counters)
+        and not any(
+            len(line.partition(REASON)[2].split()) > 2
+            for line in lines[loop.lineno - 2 : loop.lineno]
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    "file",
+    [file for file in sorted(PACKAGE.rglob("*.py")) if COMPILED not in file.parents],
+    ids=lambda file: str(file.relative_to(PACKAGE)),
+)
+def test_each_loop_has_a_bound_or_a_reason(file):
+    assert unbounded_in(file.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("loop", "found"),
+    [
+        ("while x > 0:\n    x = f(x)\n", [1]),
+        ("while x > 0:  # endless: \n    x = f(x)\n", [1]),
+        ("while x > 0:\n    next(turns)\n", [1]),
+        ("turns = bounded('x', 9)\nwhile x > 0:\n    next(turns)\n", []),
+        ("# endless: until the server hangs up\nwhile True:\n    f()\n", []),
+        ("while x > 0:\n    if still:\n        raise RuntimeError('x')\n", []),
+    ],
+)
+def test_a_loop_without_a_bound_is_found(loop, found):
+    assert unbounded_in(loop) == found
+
+
+def test_a_loop_that_does_not_get_on_is_a_fault_that_names_its_place():
+    turns = bounded("halving", 3)
+    assert [next(turns) for _ in range(3)] == [1, 2, 3]
+    with pytest.raises(RuntimeError, match=r"^halving: no end after 3 turns: a fault"):
+        next(turns)
+
+
+def test_halving_spans_every_double():
+    smallest = math.ulp(0.0)
+    largest = math.ldexp(1.0, 1023)
+    assert math.log2(largest) - math.log2(smallest) < HALVINGS
+
+
+def test_an_edge_cannot_be_halved_below_rounding():
+    with pytest.raises(RuntimeError, match=r"^halved: no end"):
+        edges.halved(lambda value: value > 1.5, 1.0, 2.0, 0.0)
+    found = edges.halved(lambda value: value > 1.5, 1.0, 2.0, 1e-15)
+    assert found == pytest.approx((1.5, 1.5), rel=1e-14)
+
+
+def test_a_cycle_whose_fate_is_never_told_is_a_fault(monkeypatch):
+    verdicts = cycles.oscillation_verdict
+    monkeypatch.setattr(verdicts, "PATIENCE", 0)
+    monkeypatch.setattr(verdicts, "_fate", lambda *_: None)
+    rig = ss.Rig(
+        ss.Interface(thresholds=ss.Gaussian(1.0, 0.1)),
+        ss.Slider(stiffness=2.0, mass=0.01, damping=10.0),
+        ss.constant(1.0),
+    )
+    with pytest.raises(RuntimeError, match=r"^settle: no end after 3 turns"):
+        cycles.is_sustained(rig)
+
+
+def test_panels_that_cannot_advance_are_a_fault():
+    with pytest.raises(RuntimeError, match=r"^panel_edges: no end"):
+        panel_edges(ss.Gaussian(1.0, 0.1), 0.0, 2.0, [], lambda _: 0.0)
+
+
+def test_stretchings_beyond_all_thresholds_are_refused(monkeypatch):
+    rng = np.random.default_rng(1)
+    monkeypatch.setattr("stickslip.model.newborn._REDRAWN", 20)
+    with pytest.raises(ss.InputError, match="next to no stretching is below 1,"):
+        stretchings_within(ss.Gaussian(mean=5.0, std=0.1), rng, 3, 1.0)
+    drawn = stretchings_within(ss.Gaussian(mean=0.0, std=0.5), rng, 100, 1.0)
+    assert np.abs(drawn).max() < 1.0
