@@ -172,7 +172,7 @@ class ParameterScan:
         seconds = runs * each
         longest = max(low, high, key=lambda work: work.seconds).longest
         what = f"{runs} runs, the longest of {longest.what}"
-        ends = f"from {self.said(self.low)} to {self.said(self.high)}"
+        ends = f"from {self.in_words(self.low)} to {self.in_words(self.high)}"
         name = f"{self.parameter.name} {ends}"
         if seconds > LONGEST:
             raise InputError(
