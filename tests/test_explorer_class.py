@@ -51,7 +51,7 @@ def test_a_shared_app_is_behind_a_token(lesson):
         assert get(wrong) in (403, 404), wrong
     assert get(path, Host="evil.example") == 403
     assert get(path, Origin="http://evil.example") == 403
-    assert any("whoever has this link" in line for line in lesson.said)
+    assert any("whoever has this link" in line for line in lesson.lines)
 
 
 def test_a_long_computation_holds_up_nobody(lesson):

@@ -1015,7 +1015,7 @@ def labelled_paper(name):
         ),
         (
             "k2254_v42",
-            "smooth sliding",
+            "undecided",  # by itself, or shaken by its contacts
             "moves unevenly, without stops",
             0.016,
             0.47,

@@ -27,6 +27,7 @@ CASES = [
     ss.LogNormal(mean=1.0, std=0.5),
     ss.Weibull(scale=1.1, shape=2.5),
     ss.Empirical(edges=(0.1, 0.3, 0.7, 2.0), weights=(1, 1, 5)),
+    KINDS["Assumption"](value="3 kg", how="weigh it", factors=(0.5, 2.0)),
     KINDS["Positive"](whole=ss.Gaussian(mean=1.0, std=1.0)),
     ss.Delay(math.inf),
     ss.RandomDelay(mean=0.2, std=0.12, negative="redraw"),

@@ -156,6 +156,13 @@ class Features:
         return self.slips.value >= self.slip_limit
 
     @property
+    def is_level(self) -> bool:
+        """Whether the force drifts by little: one that climbs or falls by more may be
+        that of a slider that is held.
+        """
+        return abs(self.drift) <= SMALL * self.largest
+
+    @property
     def climbs(self) -> bool:
         """Whether the force climbs to its drops, at one rate where that is all that
         is known.
@@ -419,7 +426,7 @@ def _swing(trace: Trace, found: Slips, cycles: Cycles | None, drift: float) -> f
     without the noise of the sensor.
     """
     force = trace.force
-    if trace.measured and abs(drift) <= MOST * abs(trace.largest):
+    if trace.measured and abs(drift) <= SMALL * abs(trace.largest):
         along = (trace.t - trace.t[0]) / float(np.ptp(trace.t)) - 0.5
         force = force - drift * along
     swing = float(np.ptp(force))

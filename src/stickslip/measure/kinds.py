@@ -69,14 +69,12 @@ def _still(seen: Features) -> str:
         moves = "oscillates" if seen.cycles else "fluctuates"
         return f"the force {moves} by {_percent(seen.swing.value)}, peak to peak"
     narrow = ERRORS * seen.scatter < MOST * seen.mean
-    level = abs(seen.drift) <= MOST * seen.largest
     # a sawtooth of two or three samples a cycle has the spectrum of noise, too
     least = NORMAL + ONE_SIDED * seen.kurtosis.error
     normal = seen.kurtosis.value >= least
-    noise_only = seen.drops == 0 and (
-        (small and seen.noise > MOST * seen.scatter)
-        or (seen.is_white_noise and normal and narrow and level)
-    )
+    masked = small and seen.noise > MOST * seen.scatter
+    white = seen.is_white_noise and normal and narrow
+    noise_only = seen.drops == 0 and seen.is_level and (masked or white)
     return (
         f"the force shows noise only, {_percent(seen.swing.value)}"
         if noise_only
@@ -96,7 +94,7 @@ def _missing(seen: Features, force_unit: str, time_unit: str) -> str:
             f"too short: {seen.count} of the {FEWEST_CYCLES} complete cycles that a "
             f"verdict needs; {lacking} more, about {more}, would tell"
         )
-    if seen.noise > MOST * seen.scatter:
+    if seen.is_level and seen.noise > MOST * seen.scatter:
         noise = _percent(seen.part)
         return f"noise of {noise} masks any oscillation, and slips: record more often"
     way = "rises" if seen.drift > 0 else "falls"
