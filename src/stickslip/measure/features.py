@@ -157,10 +157,8 @@ class Features:
 
     @property
     def is_level(self) -> bool:
-        """Whether the force drifts by little: one that climbs or falls by more may be
-        that of a slider that is held.
-        """
-        return abs(self.drift) <= SMALL * self.largest
+        """Whether the force drifts by no more than that of a slider that slides."""
+        return _is_level(self.drift, self.largest)
 
     @property
     def climbs(self) -> bool:
@@ -421,12 +419,20 @@ def _white_noise(scatter: float, noise: float, largest: float, size: int) -> Mea
     return Measured(scatter / noise, WHITE / ERRORS / math.sqrt(size))
 
 
+def _is_level(drift: float, largest: float) -> bool:
+    """Whether a force drifts by no more than that of a slider that slides: one that
+    climbs by more may be that of a slider that is held. Under a constant drive a held
+    slider makes no force fall.
+    """
+    return -MOST * largest <= drift <= SMALL * largest
+
+
 def _swing(trace: Trace, found: Slips, cycles: Cycles | None, drift: float) -> float:
     """Peak to peak of a force, without its drift on a bench, and of a periodic one
     without the noise of the sensor.
     """
     force = trace.force
-    if trace.measured and abs(drift) <= SMALL * abs(trace.largest):
+    if trace.measured and _is_level(drift, abs(trace.largest)):
         along = (trace.t - trace.t[0]) / float(np.ptp(trace.t)) - 0.5
         force = force - drift * along
     swing = float(np.ptp(force))
