@@ -162,14 +162,13 @@ def test_a_prediction_is_in_the_units_of_its_rig_and_prints_as_its_answer():
     rig = ss.example("brake_pad")
     found = ss.predict(rig, fast=True)
     assert str(found) == repr(found)
-    assert re.search(
-        r"at 20 mm/s: stick-slip, 170 Hz, force ±1\.(19|2)\d* kN", str(found)
-    )
+    in_full = found.text(details=True)
+    assert re.search(r"at 20 mm/s: stick-slip, 170 Hz, force ±1\.(19|2)\d* kN", in_full)
     assert found.verdict.endswith("; linearly unstable from 1.1 to 154 mm/s")
     assert len(found.headline) <= 100
-    bold = found.text(40, bold=True)  # a terminal shows no signs for bold
+    bold = found.text(40, details=True, bold=True)  # a terminal shows no signs for bold
     assert bold.startswith("\033[1mBrake pad, creep groan\033[0m: at 20 mm/s:\n")
-    assert re.sub("\033\\[[01]m", "", bold) == found.text(40)
+    assert re.sub("\033\\[[01]m", "", bold) == found.text(40, details=True)
     # as a command line gives numbers
     natural = ss.predict(rig.natural, fast=True, smooth=("0.5", "3"))
     assert natural.between == (0.5, 3.0)

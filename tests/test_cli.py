@@ -98,7 +98,8 @@ def test_a_rig_without_a_mechanism_is_not_judged(rig, capsys):
     assert run("predict", rig) == 0
     words = " ".join(capsys.readouterr().out.split())
     assert words.startswith(
-        "small: cannot be judged: nothing says how contacts strengthen with rest"
+        "small, at 1 x_s/time CANNOT BE JUDGED nothing says how contacts strengthen "
+        "with rest"
     )
     assert (
         "with a delay of re-attachment it would be, at this speed, linearly stable"

@@ -543,7 +543,7 @@ def test_predict_tells_which_wave_grows_and_at_which_speeds():
     assert all(longest.speeds[0][0] < wave.speeds[0][0] for wave in others)
     assert found.speeds == longest.speeds
     assert_drawn(found.plot(), "waves")
-    assert_kept(str(found), "waves_told")
+    assert_kept(found.text(details=True), "waves_told")
 
 
 def test_a_bar_of_which_no_wave_grows_says_so():

@@ -73,8 +73,12 @@ otherwise on other processors.
 STEP = ("--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s")
 EXPORT = ("--load", "2 kN", "--area", "1 cm^2")
 CASES = {
-    **{f"predict {name}": ("predict", name, "--fast") for name in EXAMPLES},
-    "predict small": ("predict", "small.toml"),
+    **{
+        f"predict {name}": ("predict", name, "--fast", "--details") for name in EXAMPLES
+    },
+    **{f"predict {name}, short": ("predict", name, "--fast") for name in EXAMPLES},
+    "predict small": ("predict", "small.toml", "--details"),
+    "predict small, short": ("predict", "small.toml"),
     "predict small as JSON": ("predict", "small.toml", "--fast", "--json"),
     "simulate small": ("simulate", "small.toml", "-o", "run.nc"),
     "simulate bar": ("simulate", "bar.toml", "-o", "run.nc"),
@@ -134,7 +138,7 @@ def bench(tmp_path_factory, request):
 
 
 # a search for mitigations, cycles at many points
-DEAR = ("predict small", "map small, bistable")
+DEAR = ("predict small", "predict small, short", "map small, bistable")
 
 
 @pytest.mark.parametrize(

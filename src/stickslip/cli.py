@@ -353,6 +353,9 @@ def predict(
     ] = False,
     thorough: Thorough = False,
     smooth: Smooth = None,
+    details: Annotated[
+        Switch, Parameter(help="Print all: evidence, margins, what was tried.")
+    ] = False,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -363,6 +366,7 @@ def predict(
     10 s.
     """
     from stickslip.advise import Prediction, complete, predict
+    from stickslip.advise.screen import ARROWS
 
     _check_outputs(picture=plot, read=rig)
     described = ss.read_rig(rig)
@@ -377,10 +381,11 @@ def predict(
             )
     _draw(plot, found.plot)
     on_page = sys.stdout.isatty()  # in a pipe nobody knows its width
-    text = (
-        found.text(get_terminal_size().columns, bold=True)
-        if on_page
-        else found.text(80)
+    text = found.text(
+        get_terminal_size().columns if on_page else 80,
+        details=details,
+        bold=on_page,
+        signs=on_page and console.can_write("".join(ARROWS)),
     )
     _answer(text, found.to_dict(), json, picture=plot)
 

@@ -136,6 +136,15 @@ def replace_missing_letters() -> None:
         out.reconfigure(errors="replace")
 
 
+def can_write(letters: str) -> bool:
+    """Whether the terminal has these letters."""
+    try:
+        letters.encode(sys.stdout.encoding or "ascii")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def discard_output() -> None:
     """Discard the rest of the output: its reader has closed the pipe."""
     nowhere = os.open(os.devnull, os.O_WRONLY)

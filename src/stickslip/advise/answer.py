@@ -5,7 +5,6 @@ to plain numbers.
 from __future__ import annotations
 
 import io
-import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -15,6 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from stickslip.advise.findings import Findings, WaveFindings
+from stickslip.advise.screen import (
+    ARROWS,
+    ASCII,
+    MARKS,
+    legend,
+    paragraphs,
+    place,
+    strip,
+    verdict,
+)
 from stickslip.advise.sections import (
     Section,
     changes_in_words,
@@ -30,9 +39,14 @@ from stickslip.model.rig import Rig
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import Console
 
 _UNWRAPPED = 10_000  # columns: no sentence is as wide
-_STRIP = 600.0  # width of the strip of speeds, in its own units
+_STRIP = 600.0  # width of the strip of speeds of a card, in its own units
+# of the strip of speeds in characters: its cells, and the columns of a page where
+# nobody knows them
+_CELLS = 60
+_COLUMNS = 80
 
 
 class RigAnswer(Answer):
@@ -72,29 +86,87 @@ class RigAnswer(Answer):
     def __str__(self) -> str:
         return self.text()
 
-    def text(self, width: int | None = None, *, bold: bool = False) -> str:
-        """Return the headline and the sections, tables kept whole.
+    def text(
+        self,
+        width: int | None = None,
+        *,
+        details: bool = False,
+        bold: bool = False,
+        signs: bool = False,
+    ) -> str:
+        """Return the answer in some twenty lines, or in full.
 
         Parameters
         ----------
         width : int, optional
-            Columns to which sentences are wrapped.
+            Columns to which sentences are wrapped; tables are kept whole.
+        details : bool
+            Whether all sections stand there, evidence and margins among them.
         bold : bool
-            Whether titles are bold, by the codes of a terminal.
+            Whether titles are bold, and the strip of speeds is coloured, by the codes
+            of a terminal.
+        signs : bool
+            Whether changes are written with arrows, and the signs of multiplication
+            and division, which not every terminal has.
         """
         # slow to load
         from rich.console import Console
-        from rich.table import Table
-        from rich.text import Text
 
         page = io.StringIO()
         console = Console(
             file=page,
             width=_UNWRAPPED,  # no table is wrapped
             force_terminal=bold,
-            color_system="standard" if bold else None,
+            color_system="auto" if bold else None,
             legacy_windows=False,
         )
+        if details:
+            self._print_details(console, width)
+        else:
+            self._print_screen(console, width, signs)
+        return "\n".join(line.rstrip() for line in page.getvalue().splitlines())
+
+    def _print_screen(self, console: Console, width: int | None, signs: bool) -> None:
+        """Print verdict, strip of speeds, changes, and how sure it is."""
+        # slow to load
+        from rich.padding import Padding
+        from rich.text import Text
+
+        def print_line(line: str, style: str = "") -> None:
+            words = Text(printable(line).strip(), style)
+            indent = len(line) - len(line.lstrip())
+            console.print(Padding(words, (0, 0, 0, indent)), width=width)
+
+        found: Any = self
+        speed = quantity(self.rig, self.rig.velocity, "velocity")
+        print_line(f"{self.rig.name}, at {speed}", "bold")
+        print_line(f"  {verdict(found)}")
+        low, high = (
+            quantity(self.rig, end, "velocity", 3) for end in self.speeds_searched
+        )
+        # beside them its ends, blanks, and two marks of now at most
+        cells = (width or _COLUMNS) - len(f"  {low}  {high}||")
+        if kinds := strip(found, min(max(cells, 1), _CELLS)):
+            drawn = Text(f"  {low} ")
+            for kind in kinds:
+                colour = COLOURS.get(kind)
+                drawn.append(MARKS[kind][0], f"black on {colour}" if colour else "bold")
+            console.print(drawn.append(f" {high}"))
+            print_line(f"  {legend(kinds)}")
+        first, *rest = paragraphs(found, ARROWS if signs else ASCII)
+        for paragraph in [first, *(each for each in rest if each.lines)]:
+            if paragraph is not first:
+                console.print()
+            if paragraph.title:
+                print_line(paragraph.title, "bold")
+            for line in paragraph.lines:
+                print_line(line)
+
+    def _print_details(self, console: Console, width: int | None) -> None:
+        """Print the headline and the sections, tables kept whole."""
+        # slow to load
+        from rich.table import Table
+        from rich.text import Text
 
         def print_heading(title: str, rest: str) -> None:
             heading = Text.assemble((printable(title), "bold"), printable(rest))
@@ -114,7 +186,6 @@ class RigAnswer(Answer):
                 cells = [*mark, row] if isinstance(row, str) else row
                 grid.add_row(*(Text(printable(cell)) for cell in cells))
             console.print(grid, width=width if sentences else None)
-        return "\n".join(line.rstrip() for line in page.getvalue().splitlines())
 
     def html(self, **page: Any) -> str:
         """Return the headline, the strip of speeds and the sections as a card, or as a
@@ -134,9 +205,8 @@ class RigAnswer(Answer):
 
     def _place(self, speed: float) -> float:
         """Place of a speed on the strip, whose axis is logarithmic."""
-        low, high = self.speeds_searched
-        inside = min(max(speed, low), high)
-        return _STRIP * math.log(inside / low) / math.log(high / low)
+        found: Any = self
+        return _STRIP * place(found, speed)
 
     def _repr_html_(self) -> str:
         return self.html()

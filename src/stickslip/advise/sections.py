@@ -39,14 +39,14 @@ def quantity(rig: Rig, value: float, unit: str, digits: int = 4) -> str:
     return rig.in_units(value / rig.unit(unit), unit, digits)
 
 
-def amount(rig: Rig, parameter: str, value: float) -> str:
+def amount(rig: Rig, parameter: str, value: float, digits: int = 4) -> str:
     """Say a parameter's value, in the rig's own units, in words; a standard
     deviation as a fraction of the mean.
     """
     return (
         number(value, 3)
         if parameter == "std"
-        else quantity(rig, value, parameter_named(parameter).unit)
+        else quantity(rig, value, parameter_named(parameter).unit, digits)
     )
 
 
@@ -139,6 +139,13 @@ def _motion(found: Findings) -> tuple[str, str]:
     return words, left if modes == 0 else ""
 
 
+def more_of_motion(found: Findings) -> Iterator[str]:
+    """What else there is to say of the motion at the rig's own speed."""
+    _, more = _motion(found)
+    if more:
+        yield more
+
+
 def _over_delays(found: Findings) -> str:
     """What a rig without a mechanism would do with a delay."""
     spans = []
@@ -154,12 +161,9 @@ def _contacts(found: Findings) -> str:
 
 
 def speeds(found: Findings) -> Iterator[str]:
-    """The motion at each speed: its ranges, other speeds at which the rig works, and
-    its range of speeds.
-    """
+    """The motion at each speed: its ranges, and at those at which the rig works."""
     if not found.has_verdict:
         return
-    rig = found.rig
     where: dict[str, list[str]] = {}
     for band in found.bands:
         span = _span(found, *band.ends, band.low_found, band.high_found)
@@ -184,6 +188,16 @@ def speeds(found: Findings) -> Iterator[str]:
             f"{spans['unknown']} linear theory cannot tell, or not with the looks that "
             "are allowed"
         )
+    yield from at_work(found)
+
+
+def at_work(found: Findings) -> Iterator[str]:
+    """The motion at other speeds at which the rig works, along its drive, or over its
+    range of speeds.
+    """
+    if not found.has_verdict:
+        return
+    rig = found.rig
     for speed, motion in found.at_speeds:
         if speed != rig.velocity:
             yield f"at {_speed(rig, speed)}: {motion}"
@@ -207,7 +221,6 @@ def speeds(found: Findings) -> Iterator[str]:
 
 def sections(found: Findings) -> list[Section]:
     """All sections beneath the headline of a rig with a rigid slider."""
-    _, more = _motion(found)
     if found.between is None:
         at = [speed for speed, _ in found.at_speeds] or [found.rig.velocity]
         words = (quantity(found.rig, speed, "velocity") for speed in at)
@@ -227,7 +240,7 @@ def sections(found: Findings) -> list[Section]:
     evidence = str(found.regime).splitlines() if found.has_verdict else []
     doubt = list(found.doubt.sentences()) if found.doubt else []
     return [
-        Section("here", "At this speed", "", [more] if more else []),
+        Section("here", "At this speed", "", [*more_of_motion(found)]),
         Section("speeds", "Speeds", "", list(speeds(found))),
         Section("regime", "", "", evidence),
         Section("numbers", "", "", list(numbers(found))),
@@ -316,9 +329,9 @@ def margins(found: Findings) -> Iterator[tuple[str, str, str, str]]:
             "" if end is None else amount(found.rig, each.parameter, end)
             for end in ends
         )
-        held = _held(found.rig, each.parameter)
+        kept = held(found.rig, each.parameter)
         title = parameter_named(each.parameter).title + (
-            f", {held.title} held" if held else ""
+            f", {kept.title} held" if kept else ""
         )
         yield (
             title,
@@ -375,17 +388,15 @@ def changes_in_words(found: Findings, *changes: Mitigation) -> str:
         )
         for name in names
     ]
-    held = {
-        kept
-        for name in names
-        if (kept := _held(there, name)) and kept.name not in names
+    all_held = {
+        kept for name in names if (kept := held(there, name)) and kept.name not in names
     }
     return " and ".join(words) + "".join(
-        f", with {kept.title} held at {_value(there, kept.name)}" for kept in held
+        f", with {kept.title} held at {_value(there, kept.name)}" for kept in all_held
     )
 
 
-def _held(rig: Rig, name: str) -> Parameter | None:
+def held(rig: Rig, name: str) -> Parameter | None:
     """The parameter that another holds, if a rig has it."""
     holds = parameter_named(name).holds
     return (
@@ -397,26 +408,28 @@ def _value(rig: Rig, name: str) -> str:
     """The value of a parameter, with what a rig file may give in its place, or has
     to give anew with it.
     """
-    also = (
-        [f"damping ratio {number(rig.slider.damping_ratio, 3)}"]
-        if name == "damping"
-        else []
-    )
+    also = ", ".join(f"{key} {value}" for key, value in beside(rig, name).items())
+    return amount(rig, name, rig.value(name)) + (f" ({also})" if also else "")
+
+
+def beside(rig: Rig, name: str) -> dict[str, str]:
+    """What a rig file may give in place of a parameter, or has to give anew with it,
+    and its value.
+    """
+    also = {}
+    if name == "damping":
+        also["damping ratio"] = number(rig.slider.damping_ratio, 3)
     if name == "delay":
         with suppress(InputError):  # the friction never halves
-            also.append(
-                "v_half "
-                f"{rig.in_units(half_distance(rig.interface) / DELAY.get(rig), 'velocity')}"  # noqa: E501
-            )
+            speed = half_distance(rig.interface) / DELAY.get(rig)
+            also["v_half"] = rig.in_units(speed, "velocity")
     if name == "load" and rig.operation.normal_load:
-        also.append(f"contact strength {rig.in_units(1.0, 'force')}")
+        also["contact strength"] = rig.in_units(1.0, "force")
     if name in ("friction", "contact_stiffness"):
-        also.append(f"breaking displacement {rig.in_units(1.0, 'length')}")
+        also["breaking displacement"] = rig.in_units(1.0, "length")
     if name in ("friction", "load") and (force := rig.interface.sliding_force):
-        also.append(f"sliding force {rig.in_units(force, 'force')}")
-    return amount(rig, name, rig.value(name)) + (
-        f" ({', '.join(also)})" if also else ""
-    )
+        also["sliding force"] = rig.in_units(force, "force")
+    return also
 
 
 def attempts(found: Findings) -> Iterator[str]:
@@ -475,18 +488,24 @@ def sections_of_waves(found: WaveFindings) -> list[Section]:
             f"{wave.name} (stiffness {stiffness}): {decay}; "
             f"{_grows(found, wave.speeds)}"
         )
-    if found.critical is not None:
-        stiffness = quantity(rig, found.critical.stiffness, "stiffness")
-        told.append(f"critical stiffness {stiffness} at this speed: {found.critical}")
-    if (distance := distance_to_the_first_break(rig)) is not None:
-        what = "slip precursors start" if rig.slider.side > 0 else "blocks break loose"
-        told.append(
-            f"from rest, {what} when the drive has gone about "
-            f"{rig.in_units(distance, 'length', 3)}"
-        )
+    told += lengths(found)
     about = ", the softest first (linear stability)"
     return [
         Section("speeds", "Speeds", "", [] if found.theory_note else known),
         Section("waves", "By wavelength", about, told),
         *_origins(rig),
     ]
+
+
+def lengths(found: WaveFindings) -> Iterator[str]:
+    """The critical length of a chain, and where the first contacts break."""
+    rig = found.rig
+    if found.critical is not None:
+        stiffness = quantity(rig, found.critical.stiffness, "stiffness")
+        yield f"critical stiffness {stiffness} at this speed: {found.critical}"
+    if (distance := distance_to_the_first_break(rig)) is not None:
+        what = "slip precursors start" if rig.slider.side > 0 else "blocks break loose"
+        yield (
+            f"from rest, {what} when the drive has gone about "
+            f"{rig.in_units(distance, 'length', 3)}"
+        )
