@@ -94,7 +94,10 @@ def _missing(seen: Features, force_unit: str, time_unit: str) -> str:
             f"too short: {seen.count} of the {FEWEST_CYCLES} complete cycles that a "
             f"verdict needs; {lacking} more, about {more}, would tell"
         )
-    if seen.is_level and seen.noise > MOST * seen.scatter:
+    # as a sawtooth that scatters so, peak to peak
+    stands_out = abs(seen.drift) > math.sqrt(12.0) * seen.scatter
+    drifts = stands_out and not seen.is_level
+    if seen.noise > MOST * seen.scatter and not drifts:
         noise = _percent(seen.part)
         return f"noise of {noise} masks any oscillation, and slips: record more often"
     way = "rises" if seen.drift > 0 else "falls"
