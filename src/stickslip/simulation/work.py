@@ -45,7 +45,7 @@ class Part(NamedTuple):
     grows with, to a `power`.
 
     `key` is that of a rig file, `value` in natural units, of a `quantity` or a pure
-    number; `instead` says what else to do.
+    number.
     """
 
     key: str
@@ -55,7 +55,6 @@ class Part(NamedTuple):
     what: str
     seconds: float
     bytes: float = 0.0
-    instead: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +116,7 @@ class Work:
             shorter = f", or a drive {excess:.2g} times shorter" * lasts
             raise InputError(
                 f"{worst.key} = {given}: {worst.what} would take about {amount}; "
-                f"{worst.instead}give at {'most' if worst.power > 0 else 'least'} "
+                f"give at {'most' if worst.power > 0 else 'least'} "
                 f"{bound}{shorter}; or {otherwise}",
                 worst.key,
             )
