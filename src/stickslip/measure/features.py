@@ -71,6 +71,8 @@ NOISE_OF_CONTACTS = 0.5
 # kurtosis of three waves of a size, 3 - 3/(2 n): noise has at least as many
 NORMAL = 2.5
 
+SLIDER_VELOCITY = "largest slider velocity over the drive's"
+HELD_TIME = "part of the time at the full loading rate"
 REPEATS = "correlation of a cycle with the next"
 SWING = "peak to peak over the largest force"
 NOISE = "scatter over the noise of the contacts"
@@ -154,6 +156,16 @@ class Features:
     def are_slips(self) -> bool:
         """Whether the drops are as fast as slips."""
         return self.slips.value >= self.slip_limit
+
+    @property
+    def is_mostly_noise(self) -> bool:
+        """Whether most of the scatter is noise of the sensor."""
+        return self.noise > MOST * self.scatter
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether chance takes the force no farther than halfway to zero."""
+        return ERRORS * self.scatter <= MOST * self.mean
 
     @property
     def is_level(self) -> bool:
@@ -537,16 +549,14 @@ def find_slip_test(
     if fast >= SLIP_VELOCITY or resolved:
         off = weighted_median(np.abs(each - fast), np.ones(each.size))
         error = 1.4826 * off / math.sqrt(max(found.size, 1))
-        name = "largest slider velocity over the drive's"
-        return Measured(fast, error), name, SLIP_VELOCITY, "theory"
+        return Measured(fast, error), SLIDER_VELOCITY, SLIP_VELOCITY, "theory"
     phase = found.slip_phase(trace)
     if not phase > SLIP_PHASE or trace.contacts:
         name = "part of the time not in drops"
         return Measured(1.0 - phase), name, 1.0 - SLIP_PHASE, "theory"
     step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
     held = loading(trace.force, step, found.noise)[1]
-    name = "part of the time at the full loading rate"
-    return Measured(held), name, HALF if cycles else HELD, "convention"
+    return Measured(held), HELD_TIME, HALF if cycles else HELD, "convention"
 
 
 def _climb(trace: Trace, found: Slips) -> tuple[Measured, float, Measured]:

@@ -7,15 +7,14 @@ from typing import Literal
 
 from stickslip import words
 from stickslip.measure.features import (
-    HELD,
-    MOST,
+    HELD_TIME,
     NORMAL,
     ONE_SIDED,
+    SLIDER_VELOCITY,
     SMALL,
     TINY,
     Features,
 )
-from stickslip.measure.slips import SLIP_VELOCITY
 from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, RESTS
 
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
@@ -68,12 +67,11 @@ def _still(seen: Features) -> str:
     if seen.swing.value < TINY and not seen.are_slips and not grows:
         moves = "oscillates" if seen.cycles else "fluctuates"
         return f"the force {moves} by {_percent(seen.swing.value)}, peak to peak"
-    narrow = ERRORS * seen.scatter < MOST * seen.mean
     # a sawtooth of two or three samples a cycle has the spectrum of noise, too
     least = NORMAL + ONE_SIDED * seen.kurtosis.error
     normal = seen.kurtosis.value >= least
-    masked = small and seen.noise > MOST * seen.scatter
-    white = seen.is_white_noise and normal and narrow
+    masked = small and seen.is_mostly_noise
+    white = seen.is_white_noise and normal and seen.is_narrow
     noise_only = seen.drops == 0 and seen.is_level and (masked or white)
     return (
         f"the force shows noise only, {_percent(seen.swing.value)}"
@@ -97,7 +95,7 @@ def _missing(seen: Features, force_unit: str, time_unit: str) -> str:
     # as a sawtooth that scatters so, peak to peak
     stands_out = abs(seen.drift) > math.sqrt(12.0) * seen.scatter
     drifts = stands_out and not seen.is_level
-    if seen.noise > MOST * seen.scatter and not drifts:
+    if seen.is_mostly_noise and not drifts:
         noise = _percent(seen.part)
         return f"noise of {noise} masks any oscillation, and slips: record more often"
     way = "rises" if seen.drift > 0 else "falls"
@@ -111,8 +109,7 @@ def _missing(seen: Features, force_unit: str, time_unit: str) -> str:
 def _noise_of_contacts(seen: Features) -> str:
     """Why a fluctuation is noise of the contacts; empty if it is not known to be."""
     slips = seen.are_slips and seen.ripple > SMALL
-    narrow = ERRORS * seen.scatter <= MOST * seen.mean
-    if not seen.contact_noise < seen.noise_limit or slips or not narrow:
+    if not seen.contact_noise < seen.noise_limit or slips or not seen.is_narrow:
         return ""
     return f"{_fluctuation(seen)}: no more than the noise of {seen.contacts} contacts"
 
@@ -167,15 +164,14 @@ def _uneven(seen: Features, time_unit: str) -> tuple[Kind, str]:
             OPEN,
             f"the slider moves unevenly, {strays}: by itself, or shaken by {by}",
         )
-    if seen.line >= TINY and seen.noise > MOST * seen.scatter:
+    if seen.line >= TINY and seen.is_mostly_noise:
         period = words.engineering(seen.line_period, time_unit, 2)
         noise = _percent(seen.part)
         return OPEN, (
             f"a period of {period} stands out of noise of {noise}, which hides slips: "
             "record more often"
         )
-    narrow = ERRORS * seen.scatter <= MOST * seen.mean
-    if seen.kurtosis.value >= NORMAL and narrow:
+    if seen.kurtosis.value >= NORMAL and seen.is_narrow:
         return SMOOTH, f"{_fluctuation(seen)}, as slow noise does"
     return OPEN, (
         f"irregular oscillation of {_percent(seen.part)}, neither slips nor "
@@ -212,11 +208,10 @@ def _sticking(seen: Features) -> str:
 
 def _how_slips_show(seen: Features) -> str:
     """The number that slips are recognised by, in words."""
-    if seen.slip_limit == SLIP_VELOCITY:
+    if seen.slip_test == SLIDER_VELOCITY:
         peak = words.number(seen.slips.value, 3)
         return f"peak slider velocity {peak} times that of the drive"
-    held = seen.slip_limit <= HELD or seen.slip_limit == MOST
-    if held and seen.are_slips:
+    if seen.slip_test == HELD_TIME and seen.are_slips:
         part = 100 * seen.slips.value
         return f"the force rises at its full rate for {part:.0f} % of the time"
     return f"slipping takes {100 * seen.slip_phase:.0f} % of each cycle"
