@@ -5,7 +5,6 @@ sure it is.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -13,12 +12,13 @@ from stickslip.advise.doubt import WIDEST, Doubt
 from stickslip.advise.findings import Findings, WaveFindings
 from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.sections import (
+    Motion,
     amount,
     at_work,
     beside,
     changes_in_words,
-    headline,
-    headline_of_waves,
+    fastest_wave,
+    first_motion,
     held,
     lengths,
     more_of_motion,
@@ -124,22 +124,27 @@ def legend(kinds: Sequence[str]) -> str:
 def verdict(found: Findings | WaveFindings) -> str:
     """The motion in capitals, then its numbers."""
     if isinstance(found, WaveFindings):
-        words, digits = headline_of_waves(found), 3
-        if found.growing:
-            fastest = words.partition("fastest: ")[2]
-            words = (
-                f"smooth sliding is unstable: {found.growing} growing modes, fastest: "
-                f"{fastest}"
-            )
+        motion = _motion_of_waves(found)
+        words = motion.rest
     else:
-        words, digits = headline(found), 4
+        motion = first_motion(found)
+        words = motion.rest.lstrip(",;: ")
         if found.regime.kind == "sustained oscillation":
             part = percent(found.amplitude / found.static_friction)
             words += f" ({part} of static friction)"
-    speed = quantity(found.rig, found.rig.velocity, "velocity", digits)
-    words = words.removeprefix(f"at {speed}: ")
-    kind, *rest = re.split("[,;:] | (?=from )", words, maxsplit=1)
-    return "   ".join([kind.upper(), *rest])
+    return "   ".join([motion.kind.upper(), *([words] if words else [])])
+
+
+def _motion_of_waves(found: WaveFindings) -> Motion:
+    """What linear theory says at the rig's own speed."""
+    if found.theory_note:
+        return Motion("undecided", found.theory_note)
+    if not found.growing:
+        return Motion("smooth sliding is linearly stable at every wavelength")
+    return Motion(
+        "smooth sliding is unstable",
+        f"{found.growing} growing modes, fastest: {fastest_wave(found)}",
+    )
 
 
 def paragraphs(found: Findings | WaveFindings, signs: Signs = ASCII) -> list[Paragraph]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from stickslip.advise.budget import OSCILLATES
 from stickslip.advise.findings import SEEN, Findings, WaveFindings, frequency_unit
 from stickslip.advise.mitigations import Mitigation, has
-from stickslip.advise.survey import MOTIONS
+from stickslip.advise.survey import MOTIONS, Band
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.errors import InputError
 from stickslip.model.newborn import half_distance
@@ -40,7 +40,7 @@ def quantity(rig: Rig, value: float, unit: str, digits: int = 4) -> str:
 
 
 def amount(rig: Rig, parameter: str, value: float, digits: int = 4) -> str:
-    """Say a parameter's value, in the rig's own units, in words; a standard
+    """Return a parameter's value in words, in the rig's own units; a standard
     deviation as a fraction of the mean.
     """
     return (
@@ -86,32 +86,66 @@ def _mode(rig: Rig, growth: float, frequency: float | None, digits: int) -> str:
     )
 
 
+class Motion(NamedTuple):
+    """A motion: its kind, what follows that in its line, and what else there is to
+    say of it.
+    """
+
+    kind: str
+    rest: str = ""
+    more: str = ""
+
+    @property
+    def line(self) -> str:
+        """The kind and what follows it."""
+        return self.kind + self.rest
+
+
 def headline(found: Findings) -> str:
     """What the rig does at its own speed, in a line, and when it oscillates along a
     drive that starts smoothly.
     """
-    rig = found.rig
-    words, _ = _motion(found)
-    if not found.has_verdict:
-        return words
-    here = f"at {quantity(rig, rig.velocity, 'velocity')}: {words}"
-    if found.regime.kind in OSCILLATES:
-        return here
-    for kind in OSCILLATES:
-        for band in found.along_drive:
-            if band.kind == kind:
-                return f"{kind} from {quantity(rig, band.low, 'time', 3)} on; {here}"
-    return here
+    line = first_motion(found).line
+    if not found.has_verdict or _later_oscillation(found):
+        return line
+    return _at_own_speed(found, line)
 
 
-def _motion(found: Findings) -> tuple[str, str]:
-    """The motion at the rig's own speed, and what else there is to say of it."""
+def first_motion(found: Findings) -> Motion:
+    """The motion that an answer begins with: at the rig's own speed, or that of a drive
+    that starts smoothly.
+    """
+    motion = _motion(found)
+    later = _later_oscillation(found)
+    if later is None:
+        return motion
+    begin = quantity(found.rig, later.low, "time", 3)
+    rest = f" from {begin} on; {_at_own_speed(found, motion.line)}"
+    return Motion(later.kind, rest, motion.more)
+
+
+def _at_own_speed(found: Findings, line: str) -> str:
+    return f"at {quantity(found.rig, found.rig.velocity, 'velocity')}: {line}"
+
+
+def _later_oscillation(found: Findings) -> Band | None:
+    """The oscillation that begins along a drive, where the rig starts without one."""
+    if not found.has_verdict or found.regime.kind in OSCILLATES:
+        return None
+    bands = (
+        band for kind in OSCILLATES for band in found.along_drive if band.kind == kind
+    )
+    return next(bands, None)
+
+
+def _motion(found: Findings) -> Motion:
+    """The motion at the rig's own speed."""
     kind = str(found.regime.kind)
     modes = found.unstable_modes
     contacts = _contacts(found)
     if not found.has_verdict:
-        words = "cannot be judged: nothing says how contacts strengthen with rest"
-        return words, _over_delays(found)
+        reason = ": nothing says how contacts strengthen with rest"
+        return Motion("cannot be judged", reason, _over_delays(found))
     hidden = f"the oscillation may not yet exceed the noise of {contacts}"
     more = hidden if modes else ""
     if found.noise is not None:
@@ -120,29 +154,30 @@ def _motion(found: Findings) -> tuple[str, str]:
             count = getattr(found.recording.rig.method, "count", math.nan)
             enough = number(count * (found.noise / SEEN) ** 2, 2)  # its variance: 1/N
             more = f"below {percent(SEEN)} from {enough} contacts on"
-        return f"{kind}; the force fluctuates by {noise}", more
+        return Motion(kind, f"; the force fluctuates by {noise}", more)
     if kind == "undecided":
+        rest = ""
         if modes is not None:
             stability = "unstable" if modes else "stable"
-            kind = f"{kind}; smooth sliding is linearly {stability}"
-        return kind, found.regime.reason
+            rest = f"; smooth sliding is linearly {stability}"
+        return Motion(kind, rest, found.regime.reason)
     if kind == "smooth sliding":
-        return "linearly unstable, but smooth in this run" if modes else kind, more
-    words = kind
+        if modes:
+            return Motion("linearly unstable", ", but smooth in this run", more)
+        return Motion(kind, "", more)
+    rest = f", force ±{quantity(found.rig, found.amplitude, 'force', 3)}"
     if found.frequency is not None:
         unit = frequency_unit(found.rig)
-        words += f", {engineering(found.frequency, unit, 3)}"
-    words += f", force ±{quantity(found.rig, found.amplitude, 'force', 3)}"
+        rest = f", {engineering(found.frequency, unit, 3)}{rest}"
     if found.bistable:
-        return f"{words}; bistable", _BISTABLE
+        return Motion(kind, f"{rest}; bistable", _BISTABLE)
     left = f"no mode grows, but {contacts} leave smooth sliding by their noise"
-    return words, left if modes == 0 else ""
+    return Motion(kind, rest, left if modes == 0 else "")
 
 
 def more_of_motion(found: Findings) -> Iterator[str]:
     """What else there is to say of the motion at the rig's own speed."""
-    _, more = _motion(found)
-    if more:
+    if more := _motion(found).more:
         yield more
 
 
@@ -462,14 +497,20 @@ def headline_of_waves(found: WaveFindings) -> str:
         return f"undecided: {found.theory_note}"
     words = "smooth sliding is linearly stable at every wavelength"
     if found.growing:
-        first = max(
-            found.waves,
-            key=lambda wave: -math.inf if wave.growth is None else wave.growth,
-        )
         words = (
-            f"growing modes of smooth sliding: {found.growing}, fastest: {first.name}"
+            f"growing modes of smooth sliding: {found.growing}, fastest: "
+            f"{fastest_wave(found)}"
         )
     return f"at {_speed(found.rig, found.rig.velocity)}: {words}"
+
+
+def fastest_wave(found: WaveFindings) -> str:
+    """Name of the wave that grows fastest."""
+    fastest = max(
+        found.waves,
+        key=lambda wave: -math.inf if wave.growth is None else wave.growth,
+    )
+    return fastest.name
 
 
 def sections_of_waves(found: WaveFindings) -> list[Section]:
