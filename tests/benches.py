@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 import stickslip as ss
+from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, engine_of
-from stickslip.simulation.follow import follow
 
 WARM = """
 name = "Warm bench"

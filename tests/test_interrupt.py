@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, engine_of, panels
-from stickslip.simulation.follow import follow
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)

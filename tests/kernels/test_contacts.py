@@ -26,8 +26,8 @@ from stickslip.kernels.event_queue import (
     used,
 )
 from stickslip.kernels.thinning import Rule, box_of, threshold_now
+from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, Leg, contacts
-from stickslip.simulation.follow import follow
 
 keys = st.one_of(
     st.floats(-5, 5),

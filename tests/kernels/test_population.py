@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 import stickslip as ss
 from stickslip.kernels import panel_state as kernel
+from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, engine_of
-from stickslip.simulation.follow import follow
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
 RELAXED = ss.Gaussian(mean=0.0, std=0.01)

@@ -27,9 +27,9 @@ from stickslip.kernels.drive import (
 )
 from stickslip.kernels.event_motion import make_motion
 from stickslip.kernels.oscillator import Slider
+from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.engines.base import Advance
-from stickslip.simulation.follow import follow
 
 BROAD = ss.Uniform(low=0.3, high=1.7)
 COARSE = ss.MasterEquation(rtol=2e-4)

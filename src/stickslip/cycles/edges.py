@@ -16,7 +16,7 @@ from stickslip.model import Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.progress import in_time
-from stickslip.simulation.work import LONGEST, announce
+from stickslip.simulation.estimate import LONGEST, announce
 from stickslip.stability.critical import Along
 
 EdgeKind = Literal[
@@ -165,11 +165,8 @@ class ParameterScan:
             for end in (self.low, self.high)
         )
         # the mean over values in equal ratios of what goes as a power of them
-        ratio = high.seconds / low.seconds
-        each = low.seconds
-        if not math.isclose(ratio, 1.0, rel_tol=1e-6):
-            each *= (ratio - 1.0) / math.log(ratio)
-        seconds = runs * each
+        each = np.geomspace(low.seconds, high.seconds, 100).mean()
+        seconds = runs * float(each)
         longest = max(low, high, key=lambda work: work.seconds).longest
         what = f"{runs} runs, the longest of {longest.what}"
         ends = f"from {self.in_words(self.low)} to {self.in_words(self.high)}"

@@ -21,8 +21,8 @@ from stickslip.model import Contacts, Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.simulation import simulate
+from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Advance, Beginning, Leg, engine_of
-from stickslip.simulation.follow import follow
 
 SHOWN = 40  # contacts in the drawing; the run may have any number of them
 CYCLES = 5.0  # cycles of loading that the frames span

@@ -5,10 +5,10 @@ out.
 them along any drive; `result` makes the Dataset.
 """
 
+from stickslip.simulation.driver import follow_leg
 from stickslip.simulation.engines import Beginning, Leg
 from stickslip.simulation.engines.base import engine_of as check_method
 from stickslip.simulation.engines.panels import Panels
-from stickslip.simulation.follow import follow_leg
 from stickslip.simulation.result import LABELS, labelled
 from stickslip.simulation.run import (
     Recording,

@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 
 from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS
 from stickslip.model import ElasticBody, Sheet, Slider
+from stickslip.simulation.driver import Track
 from stickslip.simulation.engines import Stretchings
 from stickslip.simulation.engines.base import Array
-from stickslip.simulation.follow import Track
 
 Labelled = tuple[str | tuple[str, ...], Array, dict[str, str]]
 """A variable as `xarray.Dataset` takes it: dimensions, values, attributes."""

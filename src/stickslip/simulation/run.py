@@ -28,18 +28,19 @@ from stickslip.model import (
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, reporting
+from stickslip.simulation.driver import Track, follow
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.engines.base import Array
-from stickslip.simulation.follow import Track, follow
-from stickslip.simulation.result import dataset_of
-from stickslip.simulation.work import (
+from stickslip.simulation.estimate import (
     LARGEST,
     Work,
+    announce,
     course_of,
     pieces_and_looks,
     sample_interval,
     sampling,
 )
+from stickslip.simulation.result import dataset_of
 
 
 def simulate(
@@ -170,7 +171,7 @@ def record(
     work = estimate(rig)
     if not long:
         work.check()
-    work.announce()
+    announce(rig.name, work.seconds, work.longest.what)
     solver = engine_of(case.interface, case.method, case.slider)
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
     times = _sample_times(case, solver.angle)

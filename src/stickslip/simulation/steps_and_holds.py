@@ -23,8 +23,8 @@ from stickslip.model import (
     Slider,
 )
 from stickslip.model.drive import constant
+from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, Engine, engine_of
-from stickslip.simulation.follow import follow
 from stickslip.simulation.result import labelled
 
 # part of the distance that is slid at the velocity before a step, and recorded

@@ -8,8 +8,8 @@ To add a solver, write a class that has what `Engine` asks for and register it, 
 import copy
 import math
 from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain, combinations
 from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar, get_args
 
 import numpy as np
@@ -37,7 +37,7 @@ from stickslip.model.ageing import FixedGrowth
 from stickslip.model.distribution import check_density
 from stickslip.model.newborn import mean_life
 from stickslip.model.rig import Rig
-from stickslip.simulation.work import Course, Part, oscillation
+from stickslip.simulation.estimate import Course, Part, oscillation
 
 COLUMNS = (
     "displacement",
@@ -207,7 +207,7 @@ class Engine(Protocol):
     """Contacts and a slider on their way: a state, and a kernel that advances it leg by
     leg.
 
-    `stickslip.simulation.follow` joins legs to drives. What has a body here will do for
+    `stickslip.simulation.driver` joins legs to drives. What has a body here will do for
     most.
     """
 
@@ -342,11 +342,26 @@ def _engine(
         for part in ("ageing", "activation")
     )
     engine = ENGINES.get((method, ageing, breaking, elastic))
-    return (
-        engine
-        if engine is not None and engine.mechanisms.issuperset({*parts} - {"ageing"})
-        else None
-    )
+    if engine is None or {*parts} - {"ageing"} - engine.mechanisms:
+        return None
+    return engine
+
+
+def _takers(interface: Interface, parts: Collection[str], slider: object) -> str:
+    """Return the methods that take these parts of an interface, in words."""
+    elastic = isinstance(slider, ElasticBody)
+    found = set()
+    for method, *_, of_bodies in ENGINES:
+        engine = _engine(method, interface, parts, elastic)
+        if of_bodies is not elastic or engine is None:
+            continue
+        if elastic and method is QuasiStatic and not isinstance(slider, Chain):
+            continue
+        with suppress(InputError):
+            if len(parts) == len(interface.mechanisms):
+                engine.check(interface)
+            found.add(method.__name__)
+    return f"use {' or '.join(sorted(found))}" if found else ""
 
 
 def _refusal(interface: Interface, method: object, slider: object) -> InputError:
@@ -356,56 +371,33 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
     elastic = isinstance(slider, ElasticBody)
     kind = type(method)
     parts = _parts(interface)
-    name = kind.__name__
+    who = kind.__name__
     body = type(slider).__name__ if elastic else "Slider"
-    known = {taken for taken, *_, bound in ENGINES if bound is elastic}
-    if not isinstance(slider, Chain):
-        known.discard(QuasiStatic)
-
-    def takes(other: type, some: Collection[str]) -> bool:
-        engine = _engine(other, interface, some, elastic)
-        try:
-            if engine is not None and len(some) == len(parts):
-                engine.check(interface)
-        except InputError:
-            return False
-        return engine is not None
-
-    def use(some: Collection[str]) -> str:
-        takers = sorted(other.__name__ for other in known if takes(other, some))
-        return f"use {' or '.join(takers)}" if takers else ""
-
-    def said(part: str) -> str:
-        field = "delay" if part == "on_arrest" else part
-        return f"{field} = {getattr(interface, field)!r}"
-
-    if kind not in known:
+    if not _engine(kind, interface, (), elastic):
         return InputError(
             f"method = {shown(method)}: is not for a {body}; "
-            f"{use(()) or 'there is none'}"
+            f"{_takers(interface, (), slider) or 'there is none'}"
         )
-    for first, *others in chain(
-        *(combinations(parts, size) for size in range(1, len(parts) + 1))
-    ):
-        if not _engine(kind, interface, [first, *others], elastic):
-            who = name
-            leave = "leave it out"
-            if others:
-                who = f"{name} together with {' and '.join(map(said, others))}"
-                leave = "leave one out"
-            elif not use([first]):
-                who, leave = (
-                    (f"a {body}", leave)
-                    if elastic
-                    else (name, f"no solver takes it; {leave}")
-                )
-            return InputError(
-                f"Interface.{said(first)}: not available with {who}; "
-                f"{use(parts) or leave}"
-            )
+    refused = parts
+    for part in reversed(parts):
+        fewer = [other for other in refused if other != part]
+        if not _engine(kind, interface, fewer, elastic):
+            refused = fewer
+    first, *others = (
+        f"{'delay' if part == 'on_arrest' else part} = "
+        f"{getattr(interface, 'delay' if part == 'on_arrest' else part)!r}"
+        for part in refused
+    )
+    leave = "leave it out"
+    if others:
+        who = f"{who} together with {' and '.join(others)}"
+        leave = "leave one out"
+    elif not _takers(interface, refused, slider):
+        who = f"a {body}" if elastic else who
+        leave = leave if elastic else f"no solver takes it; {leave}"
     return InputError(
-        f"{name}: is only for contacts that age, or at a temperature; use "
-        "MasterEquation"
+        f"Interface.{first}: not available with {who}; "
+        f"{_takers(interface, parts, slider) or leave}"
     )
 
 

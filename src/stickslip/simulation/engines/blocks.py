@@ -5,6 +5,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ from stickslip.model import (
 )
 from stickslip.model.body import coupling_matrix
 from stickslip.model.newborn import thresholds_beyond
+from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import (
     REFILLS,
@@ -46,13 +48,13 @@ from stickslip.simulation.engines.base import (
     looks_aside,
     solves,
 )
-from stickslip.simulation.engines.beginnings import (
+from stickslip.simulation.engines.start import (
     drawing,
     first_contacts,
     lifetimes_in,
     track_factor,
 )
-from stickslip.simulation.work import LARGEST, Course, Part, breaking, contacts_of
+from stickslip.simulation.estimate import LARGEST, Course, Part, breaking, contacts_of
 
 # longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
 ANGLE = 0.05
@@ -127,46 +129,29 @@ def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -
     return np.array(np.broadcast_to(np.asarray(value, dtype=float), body.size))
 
 
-def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
-    """Return a body as the kernels take it."""
+@lru_cache(maxsize=1)
+def _neighbours(body: ElasticBody) -> tuple[NDArray[np.int32], Array]:
+    """Blocks next to each one, itself where there is none, and the springs to them."""
     pairs, stiffness = body.links
     ends = np.concatenate([pairs, pairs[:, ::-1]])
     order = np.argsort(ends[:, 0], kind="stable")
-    first = ends[order, 0]
-    second = ends[order, 1]
-    stiff = np.tile(stiffness, 2)[order]
+    first, second = ends[order].T
     place = np.arange(first.size) - np.searchsorted(first, first)
     most = int(place.max(initial=0)) + 1
     neighbour = np.repeat(np.arange(body.size, dtype=np.int32)[:, None], most, axis=1)
     spring = np.zeros((body.size, most))
     neighbour[first, place] = second
-    spring[first, place] = stiff
+    spring[first, place] = np.tile(stiffness, 2)[order]
+    return neighbour, spring
+
+
+def network_of(body: ElasticBody, load: Array, push: Array) -> Network:
+    """Return a body as the kernels take it."""
     return Network(
-        neighbour,
-        spring,
+        *_neighbours(hashable(body)),
         body.pulled,
         load,
         push,
-        body.mass,
-        body.damping,
-        body.viscosity / body.coupling,
-    )
-
-
-def _springs_of(body: ElasticBody) -> Network:
-    """Return a body of which only the springs at each block are known, not to which
-    others they go: enough for its `longest_step`, and made in a tenth of the time.
-    """
-    pairs, stiffness = body.links
-    weights = np.repeat(stiffness, 2)
-    spring = np.bincount(pairs.ravel(), weights, body.size).astype(float)
-    none = np.empty(0)
-    return Network(
-        np.empty((body.size, 0), dtype=np.int32),
-        spring[:, None],
-        body.pulled,
-        none,
-        none,
         body.mass,
         body.damping,
         body.viscosity / body.coupling,
@@ -345,7 +330,7 @@ class BlocksOfContacts(Engine):
         steps = 0.0
         stiff = False
         if not balanced:
-            network = _springs_of(body)
+            network = network_of(body, np.empty(0), np.empty(0))
             step = longest_step(network)
             # dashpots ask for shorter steps than springs
             stiff = step < longest_step(network._replace(lag=0.0))
@@ -415,7 +400,8 @@ class BlocksOfContacts(Engine):
         rows = sampling.samples[: self._motion.now.sampled]
         # The next step passes the look; or it is where all ends.
         seen = looks_aside(self, leg, look if why == drive.LOOK else self.here()[0])
-        return Advance(rows, seen, over=why not in (drive.PAUSED, drive.LOOK))
+        on_the_way = drive.PAUSED, drive.LOOK, drive.STANDS_STILL
+        return Advance(rows, seen, over=why not in on_the_way)
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts of all blocks now."""
@@ -447,11 +433,6 @@ class BlocksOfContacts(Engine):
                 "QuasiStatic: which of the detached contacts slide is not found at t "
                 f"= {self.here()[0]:g}; use "
                 "Contacts, or Interface.sliding_force = 0"
-            )
-        if why == drive.STANDS_STILL:
-            raise InputError(
-                f"QuasiStatic: time stands still at t = {self.here()[0]:g}: the events "
-                "are closer than rounding; use Contacts"
             )
         kinds = drive.THRESHOLDS_USED_UP, drive.DELAYS_USED_UP, drive.ARRESTED
         if why in kinds:

@@ -30,8 +30,34 @@ from stickslip.model import (
     OnArrest,
 )
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines import base, beginnings
-from stickslip.simulation.work import Course, Part, breaking, oscillation
+from stickslip.simulation.engines.base import (
+    COLUMNS,
+    GROWTH,
+    HEAT,
+    REFILLS,
+    Advance,
+    Beginning,
+    Engine,
+    Individuals,
+    Leg,
+    Stretchings,
+    check_newborns,
+    slider_constants,
+    solves,
+)
+from stickslip.simulation.engines.start import (
+    drawing,
+    drawn_lives,
+    first_contacts,
+    generators,
+    lifetimes_in,
+    lifetimes_of,
+    lives_met,
+    newborns,
+    rule_of,
+    track_factor,
+)
+from stickslip.simulation.estimate import Course, Part, breaking, oscillation
 
 # random numbers drawn at once; the same seed gives another run with another length
 _BLOCK = 16_384
@@ -49,15 +75,15 @@ _FINEST_TURN = 1e-13
 _LIVES = 16
 
 
-@base.solves(Contacts)
-@base.solves(Contacts, type(None), *base.GROWTH, activation=base.HEAT)
-@base.solves(Contacts, *base.GROWTH)
-class EventByEvent(base.Engine):
+@solves(Contacts)
+@solves(Contacts, type(None), *GROWTH, activation=HEAT)
+@solves(Contacts, *GROWTH)
+class EventByEvent(Engine):
     """Contacts whose next event is always known; fed with random numbers in blocks
     of a fixed length.
     """
 
-    columns = base.COLUMNS
+    columns = COLUMNS
     angle = 0.1
     mechanisms = frozenset(
         {
@@ -70,7 +96,7 @@ class EventByEvent(base.Engine):
         }
     )
 
-    def __init__(self, beginning: base.Beginning, method: Contacts) -> None:
+    def __init__(self, beginning: Beginning, method: Contacts) -> None:
         interface = beginning.interface
         self._delay = beginning.interface.delay
         self._interface = interface
@@ -81,10 +107,10 @@ class EventByEvent(base.Engine):
             self._newborns,
             self._tracks,
             self._chances,
-        ) = beginnings.generators(method.seed, 6)
-        self._factor = beginnings.track_factor(interface, self._tracks)
-        self.slider = base.slider_constants(beginning.slider)
-        self._rule = beginnings.rule_of(interface)
+        ) = generators(method.seed, 6)
+        self._factor = track_factor(interface, self._tracks)
+        self.slider = slider_constants(beginning.slider)
+        self._rule = rule_of(interface)
         x, strength, pending, since = self._first(beginning, method.count)
         slides = int(beginning.sliding and interface.sliding_force > 0)
         motion = make_motion(
@@ -94,7 +120,7 @@ class EventByEvent(base.Engine):
         boxes = 1.0
         # contacts that grow from little do not get as far as their strengths
         if interface.ageing is not None:
-            _, path, lived = beginnings.drawn_lives(interface, beginning.velocity)
+            _, path, lived = drawn_lives(interface, beginning.velocity)
             # by heat most boxes are left before the contact is at their side
             if interface.activation is None:
                 boxes = max(lived / path.size, 1.0)
@@ -122,7 +148,7 @@ class EventByEvent(base.Engine):
         one moment.
         """
         if interface.activation is not None:
-            base.check_newborns(interface)
+            check_newborns(interface)
         if interface.newborn is None:
             return
         if isinstance(interface.ageing, ExponentialGrowth):
@@ -155,7 +181,7 @@ class EventByEvent(base.Engine):
         interface = rig.interface
         count = method.count
         how = " by thermal activation" if interface.activation is not None else ""
-        lives, boxes = beginnings.lifetimes_in(rig, course)
+        lives, boxes = lifetimes_in(rig, course)
         each = _BREAK
         more = _BOX * count * boxes
         if isinstance(interface.activation, Bell) and interface.ageing is None:
@@ -171,13 +197,13 @@ class EventByEvent(base.Engine):
             if interface.sliding_force > 0.0 or course.turns * _FINEST_TURN > 1.0
             else course.rung
         )
-        more += beginnings.drawing(rig, count)
+        more += drawing(rig, count)
         return *oscillation(rig, radians), breaking(
             count, lives, each, _CONTACT, how, more
         )
 
     def _first(
-        self, beginning: base.Beginning, count: int
+        self, beginning: Beginning, count: int
     ) -> tuple[Array, Array, Array, Array]:
         """Draw stretchings and strengths of all contacts (detached last), when these
         re-attach, and when those did.
@@ -194,23 +220,19 @@ class EventByEvent(base.Engine):
                 count,
                 -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0,
             )
-            return *beginnings.first_contacts(
-                beginning, count, rng, self._factor
-            ), since
+            return *first_contacts(beginning, count, rng, self._factor), since
         drawn = count if keeps else 4 * count + 1000
-        start, strength = beginnings.newborns(interface, drawn, self._factor, rng, rng)
+        start, strength = newborns(interface, drawn, self._factor, rng, rng)
         if not keeps:
-            reached, _ = beginnings.lifetimes_of(
-                self._rule, start, strength, velocity, rng
-            )
-            x, strength, pending, gone = beginnings.lives_met(
+            reached, _ = lifetimes_of(self._rule, start, strength, velocity, rng)
+            x, strength, pending, gone = lives_met(
                 beginning, count, rng, start, strength, reached
             )
             return x, strength, pending, -gone / velocity
         # Each is met somewhere in one of its own lifetimes and the time after it, the
         # long ones more often.
         every = np.repeat(start, _LIVES), np.repeat(strength, _LIVES)
-        reached, _ = beginnings.lifetimes_of(self._rule, *every, velocity, rng)
+        reached, _ = lifetimes_of(self._rule, *every, velocity, rng)
         path = reached.reshape(count, _LIVES) - start[:, None]
         length = path + velocity * self._delay.sample(rng, path.size).reshape(
             path.shape
@@ -240,7 +262,7 @@ class EventByEvent(base.Engine):
             if self._interface.slip_to_slip_scatter
             else _BLOCK
         )
-        x, threshold = beginnings.newborns(
+        x, threshold = newborns(
             self._interface, count, self._factor, self._newborns, self._thresholds
         )
         self._state.motion[0].thresholds_used = 0
@@ -278,28 +300,28 @@ class EventByEvent(base.Engine):
         """Force of the contacts now, per contact."""
         return force_of(self._state)
 
-    def stretchings(self, X: float | None = None) -> base.Stretchings:
+    def stretchings(self, X: float | None = None) -> Stretchings:
         """Stretchings of the attached contacts now, with the slider at `X` or where
         it is.
         """
         x = (self.here()[1] if X is None else X) - kernel.attached_contacts(
             self._state
         )["birth"]
-        return base.Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
+        return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
 
-    def individuals(self) -> base.Individuals:
+    def individuals(self) -> Individuals:
         """Every contact by itself, now."""
         stretching = np.zeros(self._state.size)
         attached = np.zeros(self._state.size, dtype=bool)
         contacts = kernel.attached_contacts(self._state)
         stretching[contacts["slot"]] = self.here()[1] - contacts["birth"]
         attached[contacts["slot"]] = True
-        return base.Individuals(stretching, attached)
+        return Individuals(stretching, attached)
 
     def _arrest(self) -> None:
         """The slider has stopped after a break: contacts attach to another track."""
         before = self._factor
-        self._factor = beginnings.track_factor(self._interface, self._tracks)
+        self._factor = track_factor(self._interface, self._tracks)
         self._draws = self._with_thresholds(self._draws)
         # those of a strong track are stiffer, too
         if self._boxes is not None and self._interface.areas:
@@ -309,15 +331,15 @@ class EventByEvent(base.Engine):
             )
             self._boxes = self._boxes._replace(stiffest=stiffest)
 
-    def advance(self, leg: base.Leg) -> base.Advance:
+    def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
         m = self._state.motion[0]
-        sampling = Sampling(leg.times, np.empty((leg.times.size, len(base.COLUMNS))))
-        seen: list[base.Stretchings] = []
+        sampling = Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
+        seen: list[Stretchings] = []
         m.sample = 0
         last = m.events + _EVENTS
         looks = (*leg.looks, math.inf)
-        for _ in range(base.REFILLS):
+        for _ in range(REFILLS):
             piece = Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
             left = last - m.events
             why = kernel.advance_events(
@@ -343,6 +365,4 @@ class EventByEvent(base.Engine):
         # at the very end
         reached = np.searchsorted(leg.looks, m.time, side="right")
         seen += [self.stretchings() for _ in range(len(seen), int(reached))]
-        return base.Advance(
-            sampling.samples[: m.sample], tuple(seen), over=why != PAUSED
-        )
+        return Advance(sampling.samples[: m.sample], tuple(seen), over=why != PAUSED)

@@ -24,13 +24,26 @@ from stickslip.model import Contacts, Delay, Interface, Langevin, MasterEquation
 from stickslip.model.distributions import SteadyState
 from stickslip.model.newborn import stretching_nodes
 from stickslip.model.rig import Rig
-from stickslip.simulation.engines import base
-from stickslip.simulation.engines.beginnings import (
+from stickslip.simulation.engines.base import (
+    HEAT,
+    MOTION,
+    Advance,
+    Beginning,
+    Engine,
+    Individuals,
+    Leg,
+    Stretchings,
+    advances,
+    looks_aside,
+    slider_constants,
+    solves,
+)
+from stickslip.simulation.engines.start import (
     first_contacts,
     generators,
     lifetimes_in,
 )
-from stickslip.simulation.work import Course, Part, breaking, oscillation
+from stickslip.simulation.estimate import Course, Part, breaking, oscillation
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 
@@ -88,10 +101,10 @@ def _remembered(rig: Rig, part: float) -> float:
     )
 
 
-class Steps(base.Engine, Protocol):
+class Steps(Engine, Protocol):
     """An engine that takes steps of time, and samples no energies."""
 
-    columns: ClassVar[tuple[str, ...]] = base.MOTION
+    columns: ClassVar[tuple[str, ...]] = MOTION
     # that of its steps: samples finer than that show no more
     angle: ClassVar[float] = 0.35
 
@@ -110,7 +123,7 @@ class Steps(base.Engine, Protocol):
         """Time, and position of the slider."""
         return float(self.state[0]), float(self.state[1])
 
-    def advance(self, leg: base.Leg) -> base.Advance:
+    def advance(self, leg: Leg) -> Advance:
         """Go on by some steps, at most to the one that would pass a look."""
         times = np.minimum(leg.times, leg.end)
         wanted = times.size
@@ -137,29 +150,29 @@ class Steps(base.Engine, Protocol):
         stopped = len(samples) > 0 and holds(leg.stop, samples[-1, 0], samples[-1, 2])
         over = stopped or now >= leg.end
         # A course that has not gone a step stands before its look.
-        seen = base.looks_aside(self, leg, look if now == before and not over else now)
-        return base.Advance(samples[:, [0, 1, 3, 4]], seen, over)
+        seen = looks_aside(self, leg, look if now == before and not over else now)
+        return Advance(samples[:, [0, 1, 3, 4]], seen, over)
 
-    def settle(self, beginning: base.Beginning) -> None:
+    def settle(self, beginning: Beginning) -> None:
         """Put the slider at its start; where it slides, up to time and position 0
         rigidly at first, and unseen.
         """
         if beginning.sliding:
-            self.slider = base.slider_constants(None)
-            leg = base.Leg(
+            self.slider = slider_constants(None)
+            leg = Leg(
                 Quadratic(*self.here(), beginning.velocity, 0.0),
                 0.0,
                 np.empty(0),
                 Stop(),
             )
-            for _ in base.advances(self, leg):
+            for _ in advances(self, leg):
                 pass
             self.state[:2] = 0.0
         self.state[2] = beginning.slider_velocity
-        self.slider = base.slider_constants(beginning.slider)
+        self.slider = slider_constants(beginning.slider)
 
 
-def _start(beginning: base.Beginning, rate: float) -> float:
+def _start(beginning: Beginning, rate: float) -> float:
     """When to begin to slide rigidly, to be in the steady state at time 0:
     lifetimes, and times of ageing before.
     """
@@ -181,7 +194,7 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
     case = rig.natural
     rate = rig.interface.ageing.rate
     begin = _start(
-        base.Beginning(case.interface, case.slider, case.velocity, case.start), rate
+        Beginning(case.interface, case.slider, case.velocity, case.start), rate
     )
     ages = (rig.drive.duration - begin) * rate**2
     ageing = Part(
@@ -195,8 +208,8 @@ def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]
     return *oscillation(rig, course.rung), part, ageing
 
 
-@base.solves(Contacts, Langevin)
-@base.solves(Contacts, Langevin, activation=base.HEAT)
+@solves(Contacts, Langevin)
+@solves(Contacts, Langevin, activation=HEAT)
 class LangevinContacts(Steps):
     """N contacts in small steps, with exact moments of breaking:
     `stickslip.kernels.langevin_contacts`.
@@ -205,7 +218,7 @@ class LangevinContacts(Steps):
     mechanisms = frozenset({"activation"})
     remembered = _OF_MEMORY
 
-    def __init__(self, beginning: base.Beginning, method: Contacts) -> None:
+    def __init__(self, beginning: Beginning, method: Contacts) -> None:
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
         self._hazard = hazard_of(beginning.interface.activation)
@@ -269,16 +282,16 @@ class LangevinContacts(Steps):
             rig, course, (step + count * _LOOK * min(2.0 * awake, 1.0)) / _STEP, looks
         )
 
-    def stretchings(self) -> base.Stretchings:
+    def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""
         x, held = self.individuals()
-        return base.Stretchings(
+        return Stretchings(
             x[held], np.full(np.count_nonzero(held), 1.0 / x.size), cells=False
         )
 
-    def individuals(self) -> base.Individuals:
+    def individuals(self) -> Individuals:
         """Every contact by itself, now."""
-        return base.Individuals(
+        return Individuals(
             self._contacts.stretching + self.state[1],
             self._contacts.attach <= self.state[0],
         )
@@ -289,13 +302,13 @@ class LangevinContacts(Steps):
         return advance_contacts(self.state, self._contacts, course, *model, self._rng)
 
 
-@base.solves(MasterEquation, Langevin)
+@solves(MasterEquation, Langevin)
 class LangevinDensity(Steps):
     """The kinetic equation on cohorts: `stickslip.kernels.langevin_density`."""
 
     remembered = _OF_MEMORY_DENSITY
 
-    def __init__(self, beginning: base.Beginning, method: MasterEquation) -> None:
+    def __init__(self, beginning: Beginning, method: MasterEquation) -> None:
         self._constants = ageing_constants(beginning.interface)
         cells = _cells_of_density(method.rtol)
         step = 4.0 / cells
@@ -352,7 +365,7 @@ class LangevinDensity(Steps):
         )
         return _cost(rig, course, aged, part)
 
-    def stretchings(self) -> base.Stretchings:
+    def stretchings(self) -> Stretchings:
         """Mean stretchings of the cohorts now."""
         fraction = self._cohorts.mass.sum(axis=1)
         kept = fraction > 0.0
@@ -360,7 +373,7 @@ class LangevinDensity(Steps):
             self._cohorts.place[kept]
             + self._cohorts.moment[kept].sum(axis=1) / fraction[kept]
         )
-        return base.Stretchings(self.state[1] - place, fraction[kept], cells=True)
+        return Stretchings(self.state[1] - place, fraction[kept], cells=True)
 
     def take(self, course: time_steps.Course) -> Array:
         """Follow a course, and return the samples."""
@@ -377,7 +390,7 @@ def _cells_of_density(rtol: float) -> float:
 
 
 def _first_cohorts(
-    beginning: base.Beginning, margins: Array, width: float
+    beginning: Beginning, margins: Array, width: float
 ) -> tuple[Array, Array, Array]:
     """Cohorts of contacts whose stretchings are no farther apart than `width`, the
     slider at 0.

@@ -3,24 +3,28 @@ tried: no theory says how often a rig slips, nor how finely it rings.
 """
 
 import math
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.kernels.drive import Quadratic
+from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.effective_stretching import energy, is_fixed
-from stickslip.kernels.panel_state import Case, PanelsState
 from stickslip.kernels.quadrature import Q
 from stickslip.kernels.records import Record
 from stickslip.model import Interface
 from stickslip.model.rig import Rig
-from stickslip.simulation.work import LONGEST, Course
+from stickslip.simulation.engines.base import Leg, advances
+from stickslip.simulation.estimate import LONGEST, Course
+
+if TYPE_CHECKING:
+    from stickslip.simulation.engines.panels import Panels
 
 # seconds over a mean threshold, about, how many times that where cohorts have clocks,
 # and a radian of the slider's oscillation
 _PATH, _CLOCKED, _RADIAN = 1.2e-3, 10.0, 5e-5
 WORTH_A_TRIAL = 0.02  # seconds from which a run is tried
-_STEP, _DRAW, _NODE, _AT_RISK, _PULLED = 1.7e-5, 1.3e-7, 7.5e-8, (5e-7, 1e-6), 9e-6
+_STEP, _DRAW, _NODE = 1.7e-5, 1.3e-7, 7.5e-8
+_AT_RISK, _HEATED, _PULLED = 5e-7, 1e-6, 9e-6
 """Seconds that a step takes, and a node of counted contacts in it; in a sweep of
 Newton's method a node, and so much more where thresholds have knots or grow, or, at a
 temperature, it may break; and where it is pulled too fast for heat to break it.
@@ -41,23 +45,6 @@ that does not: they grow as the 6th root of what is left of an error of 1e-4.
 _SETTLED = 0.4  # part of a trial in which the first slips are past: others follow
 
 
-class Spent(NamedTuple):
-    """Work by count."""
-
-    seconds: float
-    steps: float
-
-
-class Tried(Protocol):
-    """An engine of cohorts that can be tried."""
-
-    state: PanelsState
-
-    def go_on(self, drive: Quadratic, end: float, steps: int) -> tuple[Spent, bool]:
-        """Take some steps; return their work, and whether there are more to take."""
-        ...
-
-
 def seconds_of_path(interface: Interface, course: Course) -> float:
     """Seconds of a run, about, of which nothing has been tried."""
     clocked = bool(interface.mechanisms & {"ageing", "activation"})
@@ -65,82 +52,73 @@ def seconds_of_path(interface: Interface, course: Course) -> float:
     return path * (_CLOCKED if clocked else 1.0) + _RADIAN * course.rung
 
 
-def work_since(before: Record, state: PanelsState, case: Case) -> Spent:
-    """Work since there were these counts, by the cohorts that there are now."""
-    used = state.used
-    breaking = case.breaking
-    counted = case.finite is not None
+def seconds_since(before: Record, engine: "Panels") -> float:
+    """Seconds of the work since there were these counts, by the cohorts of now."""
+    used = engine.state.used
+    breaking = engine.case.breaking
+    counted = engine.case.finite is not None
     nodes = Q * used.cohorts
-    cohorts = state.cohorts[: used.cohorts]
-    clock = cohorts.clock
-    most = cohorts.reach
-    may_break = (breaking.thresholds.bottom <= most) | (
-        breaking.blurred.bottom <= clock
-    )
-    pulled = np.zeros(1)
+    cohorts = engine.state.cohorts[: used.cohorts]
+    bottom = breaking.thresholds.bottom
+    sweep = _NODE * nodes
     if breaking.width > 0.0:
+        may_break = (bottom <= cohorts.reach) | (
+            breaking.blurred.bottom <= cohorts.clock
+        )
         # where `survival` is an integral
-        pulled = np.abs((clock - energy(breaking, most)) / breaking.width + 16.0) < 20.0
-        pulled &= breaking.thresholds.bottom < most
-    elif is_fixed(breaking):
-        may_break[:] = breaking.knots.size > 0 and not counted
-    sweep = (
-        _NODE * nodes
-        + _AT_RISK[breaking.width > 0.0] * may_break.sum()
-        + _PULLED * pulled.sum()
-    )
-    steps = float(used.steps - before.steps)
-    sweeps = float(used.sweeps - before.sweeps)
+        excess = (cohorts.clock - energy(breaking, cohorts.reach)) / breaking.width
+        pulled = (np.abs(excess + 16.0) < 20.0) & (bottom < cohorts.reach)
+        sweep += _HEATED * may_break.sum() + _PULLED * pulled.sum()
+    elif not is_fixed(breaking) or (breaking.knots.size and not counted):
+        sweep += _AT_RISK * (bottom <= cohorts.reach).sum()
     step = _STEP + _DRAW * nodes * counted
-    return Spent(float(steps * step + sweeps * sweep), steps)
+    steps = used.steps - before.steps
+    sweeps = used.sweeps - before.sweeps
+    return float(steps * step + sweeps * sweep)
 
 
-def work_of_run(engine: Tried, drive: Quadratic, rig: Rig) -> Spent:
-    """Work of a run along a drive, from a first part of it that the engine takes.
+def seconds_of_run(engine: "Panels", drive: Quadratic, rig: Rig) -> float:
+    """Seconds of a run along a drive, from a first part of it that the engine takes.
 
     The part reaches beyond the first slip, and some radians of the oscillation that it
     leaves, unless that takes too long by itself.
     """
     trial = _Trial(rig, drive.velocity)
-    more = True
-    while more and not trial.is_enough():
-        before = trial.times[-1]
-        spent, more = engine.go_on(drive, trial.end, _AT_ONCE)
-        trial.add(float(engine.state.motion.time), spent)
-        if more and trial.times[-1] == before and not spent.steps:
-            raise RuntimeError("a trial of the master equation stands still")
+    before = engine.state.used
+    engine.steps = _AT_ONCE
+    for _ in advances(engine, Leg(drive, trial.end, np.empty(0), Stop())):
+        trial.times.append(engine.here()[0])
+        trial.spent.append(trial.spent[-1] + seconds_since(before, engine))
         if engine.state.motion.broken > _BROKEN:
-            trial.slips()
+            trial.slip = min(trial.slip, trial.times[-1])
+        if trial.is_enough():
+            break
+        before = engine.state.used
+        engine.steps = _AT_ONCE
     return trial.whole()
 
 
 class _Trial:
-    """Times that a trial has come to, the work up to each, and when it slipped."""
+    """Times that a trial has come to, the seconds spent up to each, and when it
+    slipped.
+    """
 
     def __init__(self, rig: Rig, velocity: float) -> None:
         slider = rig.slider
         mean = rig.interface.threshold_distribution.moment(1)
         self.end = rig.drive.duration
         self.times = [0.0]
-        self.spent = [np.zeros(2)]
+        self.spent = [0.0]
         self.slip = math.inf
         life = mean / velocity if velocity else math.inf
         # a contact loaded to its threshold through the spring
         self.cycle: float = life * (1.0 + 1.0 / slider.stiffness)
         self.shown = min(self.cycle + _ROUNDS * life, _SETTLED * self.end)
-        self.radian = math.sqrt(slider.mass / (slider.stiffness + 1.0))
         self.rings: float = _DIES / slider.damping if slider.damping else math.inf
+        # contacts ring with the slider once they are back
+        radian = math.sqrt(slider.mass / (slider.stiffness + 1.0))
         delay = rig.interface.delay.moment(1)
-        self.delay = delay if math.isfinite(delay) else 0.0
-
-    def add(self, time: float, spent: Spent) -> None:
-        """Note the work up to a time."""
-        self.times.append(time)
-        self.spent.append(self.spent[-1] + spent)
-
-    def slips(self) -> None:
-        """Note that half of the contacts have broken."""
-        self.slip = min(self.slip, self.times[-1])
+        self.least = _RINGS * radian + (delay if math.isfinite(delay) else 0.0)
 
     @property
     def ring(self) -> float:
@@ -149,22 +127,21 @@ class _Trial:
 
     def is_enough(self) -> bool:
         """Whether the rest can be told, or has cost too much to go on."""
-        seconds = float(self.spent[-1][0])
+        seconds = self.spent[-1]
         now = self.times[-1]
         rung = now - self.slip
-        whole = self.whole().seconds
+        whole = self.whole()
         hopeless = seconds > _LEAST and whole > _HOPELESS * LONGEST
         if seconds > _MOST or hopeless:
             return True
-        # contacts ring with the slider once they are back
-        if rung < min(self.delay + _RINGS * self.radian, self.ring) and now < self.end:
+        if rung < min(self.least, self.ring) and now < self.end:
             return False
         if now >= self.shown and rung >= self.ring:
             return True
         return seconds > max(_LEAST, _SHARE * whole)
 
-    def whole(self) -> Spent:
-        """Work of the whole run: as in what is known of a cycle, or as of late."""
+    def whole(self) -> float:
+        """Seconds of the whole run: as in what is known of a cycle, or as of late."""
         now = self.times[-1]
         rung = now - self.slip
         if 0.0 < rung < self.ring:
@@ -172,23 +149,20 @@ class _Trial:
         late = int(np.searchsorted(self.times, _SETTLED * now, side="right")) - 1
         past = now - self.times[late]
         rate = (self.spent[-1] - self.spent[late]) / (past or math.inf)
-        return Spent(*(self.spent[-1] + rate * (self.end - now)).tolist())
+        return self.spent[-1] + rate * (self.end - now)
 
-    def _of_cycles(self, ring: float, rung: float) -> Spent:
-        """Work of cycles of which each rings for a time, and this one has for a part of
-        it.
+    def _of_cycles(self, ring: float, rung: float) -> float:
+        """Seconds of cycles of which each rings for a time, and this one has for a part
+        of it.
 
         Each step leaves a cohort, and in the end they are joined: the work of a time
         grows between as the time and not at all, if it does.
         """
-        spent = np.array(self.spent)
-        first, half = (
-            np.array([np.interp(t, self.times, part) for part in spent.T])
-            for t in (self.slip, self.slip + 0.5 * rung)
-        )
+        halfway = self.slip + 0.5 * rung
+        first, half = np.interp([self.slip, halfway], self.times, self.spent)
         known = self.spent[-1] - first
-        grows = math.log2(known[0] / max(half[0] - first[0], 1e-300))
-        power = np.array([min(max(0.5 * (1.0 + grows), 1.0), 1.5), 1.0])
+        grows = math.log2(known / max(half - first, 1e-300))
+        power = min(max(0.5 * (1.0 + grows), 1.0), 1.5)
         each = known * (ring / rung) ** power + first * (1.0 - ring / self.cycle)
         cycles = max((self.end - self.slip) / self.cycle, 1.0)
-        return Spent(*(first + cycles * each).tolist())
+        return float(first + cycles * each)

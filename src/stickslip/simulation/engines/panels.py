@@ -14,7 +14,7 @@ import numpy as np
 from stickslip.errors import InputError, UndecidedError
 from stickslip.kernels import panel_state as kernel
 from stickslip.kernels.cohorts import gauss_rule, spread_out
-from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic, Stop
+from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic
 from stickslip.kernels.effective_stretching import (
     NEVER,
     Breaking,
@@ -63,19 +63,17 @@ from stickslip.simulation.engines.base import (
     slider_constants,
     solves,
 )
-from stickslip.simulation.engines.beginnings import (
+from stickslip.simulation.engines.panel_trial import (
+    WORTH_A_TRIAL,
+    seconds_of_path,
+    seconds_of_run,
+)
+from stickslip.simulation.engines.start import (
     breaking_of,
     end_and_knots,
     survival_of,
 )
-from stickslip.simulation.engines.panel_trial import (
-    WORTH_A_TRIAL,
-    Spent,
-    seconds_of_path,
-    work_of_run,
-    work_since,
-)
-from stickslip.simulation.work import Course, Part, course_of
+from stickslip.simulation.estimate import Course, Part, course_of
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors
@@ -120,7 +118,7 @@ class Panels(Engine):
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "activation"})
     smooth = True
     piece = 2.5e-4
-    _steps: int = 20
+    steps: int = 20
     """Number of steps in the next advance, which is to take the time `_LASTS`."""
 
     check = staticmethod(check_newborns)
@@ -141,7 +139,7 @@ class Panels(Engine):
         # all are as strong at first
         if isinstance(interface.ageing, ExponentialGrowth):
             newborn = newborn._replace(tried=0.0)
-        self._case = kernel.Case(
+        self.case = kernel.Case(
             breaking,
             _delays(hashable(interface.delay), method),
             self.slider,
@@ -154,20 +152,20 @@ class Panels(Engine):
         lives = None
         if beginning.sliding:
             x, fraction, lives, path = _lives_met(
-                distribution, self._case, beginning.velocity
+                distribution, self.case, beginning.velocity
             )
             if is_fixed(breaking):
                 path = mean_life(interface)[0]
             attached = path / (path + beginning.velocity * interface.delay.moment(1))
             rate = attached * beginning.velocity / path
         else:
-            x, fraction = _nodes(interface.initial, distribution, self._case.accuracy)
+            x, fraction = _nodes(interface.initial, distribution, self.case.accuracy)
             # it has come to its end
             if isinstance(interface.ageing, ExponentialGrowth):
                 lives = np.full(x.shape, NEVER), np.abs(x), np.full(x.shape, math.inf)
         self.state = kernel.initial_state(
             breaking,
-            self._case.delays,
+            self.case.delays,
             x,
             attached * fraction,
             lives=lives,
@@ -184,8 +182,8 @@ class Panels(Engine):
             finite = kernel.FiniteNumber(
                 float(count), np.random.default_rng(method.seed), grain
             )
-            self._case = self._case._replace(finite=finite)
-            self.state = counted(self.state, self._case, finite)
+            self.case = self.case._replace(finite=finite)
+            self.state = counted(self.state, self.case, finite)
 
     @staticmethod
     def cost(
@@ -195,25 +193,10 @@ class Panels(Engine):
         worth it is tried for a while.
         """
         seconds = seconds_of_path(rig.interface, course)
-        what = f"a path of {course.distance + course.shaken:.2g} mean thresholds"
         if seconds > WORTH_A_TRIAL:
-            seconds, steps = _tried(hashable(rig.natural))
-            pieces = len(rig.drive.pieces)  # each takes a step at least
-            seconds *= max(pieces / steps, 1.0)
-            steps = max(steps, pieces)
-            what = f"about {steps:.2g} steps of cohorts"
+            seconds = _tried(hashable(rig.natural))
+        what = f"a path of {course.distance + course.shaken:.2g} mean thresholds"
         return (Part("simulation.rtol", method.rtol, None, -1 / 6, what, seconds),)
-
-    def go_on(self, drive: Quadratic, end: float, steps: int) -> tuple[Spent, bool]:
-        """Take some steps along a drive, up to a time at most; return their work, and
-        whether there are more to take.
-        """
-        before = self.state.used
-        case = self._case._replace(drive=drive)
-        self.state, _, why = advance_panels(
-            self.state, case, end, np.empty(0), Stop(), steps
-        )
-        return work_since(before, self.state, self._case), why == PAUSED
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the slider."""
@@ -226,15 +209,15 @@ class Panels(Engine):
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
         before = self.copy()
-        case = self._case._replace(drive=leg.drive)
+        case = self.case._replace(drive=leg.drive)
         begun = time.perf_counter()
         self.state, records, reason = advance_panels(
-            self.state, case, leg.end, leg.times, leg.stop, self._steps
+            self.state, case, leg.end, leg.times, leg.stop, self.steps
         )
         took = max(time.perf_counter() - begun, 1e-9)
         # twice as many at most: later steps may have more cohorts
-        fitting = self._steps * min(_LASTS / took, 2.0)
-        self._steps = int(min(max(fitting, 1.0), _MOST_STEPS))
+        fitting = self.steps * min(_LASTS / took, 2.0)
+        self.steps = int(min(max(fitting, 1.0), _MOST_STEPS))
         if reason == UNSOLVED:
             raise UndecidedError(
                 f"{self._method}: no step, however short, can be solved from here on; "
@@ -258,7 +241,7 @@ class Panels(Engine):
         place, mass, reach, clock = spread_out(
             state.cohorts[: state.used.cohorts], _FINE
         )
-        fraction = mass * survivals(self._case.breaking, clock, reach)
+        fraction = mass * survivals(self.case.breaking, clock, reach)
         kept = fraction > 0.0
         return Stretchings(self.here()[1] - place[kept], fraction[kept], cells=True)
 
@@ -266,8 +249,8 @@ class Panels(Engine):
         """Return an engine in the same state that goes its own way."""
         # what the kernel takes, it leaves as it is, but for random numbers
         other = copy.copy(self)
-        if self._case.finite is not None:
-            other._case = self._case._replace(finite=copy.deepcopy(self._case.finite))
+        if self.case.finite is not None:
+            other.case = self.case._replace(finite=copy.deepcopy(self.case.finite))
         return other
 
     def turned(self, interface: Interface, slider: Slider) -> Self:
@@ -278,10 +261,10 @@ class Panels(Engine):
         what is attached of them.
         """
         turned = self.copy()
-        case = self._case
+        case = self.case
         turned._interface = interface
         turned.slider = slider_constants(slider)
-        turned._case = case._replace(slider=turned.slider)
+        turned.case = case._replace(slider=turned.slider)
         state = turned.state = copy.deepcopy(self.state)
         past = state.panels[: state.used.panels]
         if interface.delay != self._interface.delay:
@@ -291,7 +274,7 @@ class Panels(Engine):
             past[:, 0] = now - ratio * (now - past[:, 0])
             past[:, 1] *= ratio
             state.rough[:] = now - ratio * (now - state.rough)
-            turned._case = turned._case._replace(delays=delays)
+            turned.case = turned.case._replace(delays=delays)
         if any(
             getattr(interface, part) != getattr(self._interface, part)
             for part in ("thresholds", "activation")
@@ -313,13 +296,13 @@ class Panels(Engine):
             state.motion.mass_out += lost
             # it re-attaches with what breaks in the next step
             past[:, 2 : 3 + P] -= lost
-            turned._case = turned._case._replace(breaking=breaking, accuracy=accuracy)
+            turned.case = turned.case._replace(breaking=breaking, accuracy=accuracy)
         return turned
 
 
 @lru_cache(maxsize=256)
-def _tried(rig: Rig) -> Spent:
-    """Work of a run at the mean velocity of its drive, tried for a while."""
+def _tried(rig: Rig) -> float:
+    """Seconds of a run at the mean velocity of its drive, tried for a while."""
     method = rig.method
     assert isinstance(method, MasterEquation | Population)
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
@@ -327,30 +310,28 @@ def _tried(rig: Rig) -> Spent:
     begin = beginning.drive_position(engine.contact_force())
     mean = rig.interface.threshold_distribution.moment(1)
     velocity = course_of(rig).distance * mean / rig.drive.duration
-    return work_of_run(engine, Quadratic(0.0, begin, velocity, 0.0), rig)
+    return seconds_of_run(engine, Quadratic(0.0, begin, velocity, 0.0), rig)
 
 
 def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
     """Ratio of two distributions of delays that differ in scale only."""
-    if (
-        old.time.size == new.time.size
-        and np.allclose(old.weight, new.weight, rtol=1e-6)
-        and old.mean > 0
-    ):
-        ratio = new.mean / old.mean
-        same = np.allclose(new.time, ratio * old.time, rtol=1e-6)
-        same = same and math.isclose(old.fraction, new.fraction, rel_tol=1e-6)
-        if same and (
-            old.fraction == 0.0
-            or math.isclose(
-                new.continuous.top, ratio * old.continuous.top, rel_tol=1e-6
-            )
-        ):
-            return ratio
+    ratio = new.mean / old.mean if old.mean > 0 else math.nan
+    scaled, found = (
+        np.concatenate(
+            [
+                delays.weight,
+                delays.time * by,
+                [delays.fraction, delays.fraction * delays.continuous.top * by],
+            ]
+        )
+        for delays, by in ((old, ratio), (new, 1.0))
+    )
+    if scaled.size == found.size and np.allclose(scaled, found, rtol=1e-6, atol=0.0):
+        return ratio
     raise InputError(
         "Interface.delay: a cycle can be carried over only to a delay that is the old "
-        "one scaled (the parameter DELAY "
-        "does that); use is_sustained() afresh at each value"
+        "one scaled (the parameter DELAY does that); use is_sustained() afresh at each "
+        "value"
     )
 
 

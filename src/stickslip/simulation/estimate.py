@@ -12,6 +12,7 @@ True
 import logging
 import math
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -77,11 +78,7 @@ class Work:
     @property
     def longest(self) -> Part:
         """Part that takes most of the time."""
-        return max(self.parts, key=lambda part: part.seconds)
-
-    def announce(self) -> None:
-        """Log one line of what a run of more than a minute will take."""
-        announce(self.rig.name, self.seconds, self.longest.what)
+        return max(self.parts, key=attrgetter("seconds"))
 
     def check(
         self,
@@ -92,19 +89,16 @@ class Work:
         """Raise `InputError` if the work is more than this; the message names what
         to change, and `otherwise`.
         """
-        of_time = [part.seconds for part in self.parts]
-        of_memory = [part.bytes for part in self.parts]
-        said = in_time(self.seconds), f"{self.bytes / 1e9:.2g} GB"
-        for spent, most, amount in (
-            (of_time, seconds, said[0]),
-            (of_memory, bytes, said[1]),
+        for of, most, amount in (
+            ("seconds", seconds, in_time(self.seconds)),
+            ("bytes", bytes, f"{self.bytes / 1e9:.2g} GB"),
         ):
-            if (excess := sum(spent) / most) <= 1:
+            excess = getattr(self, of) / most
+            if excess <= 1:
                 continue
-            cost, worst = max(
-                zip(spent, self.parts, strict=True), key=lambda part: part[0]
-            )
-            allowed = worst.value * max(cost / most, 1.0) ** (-1.0 / worst.power)
+            worst = max(self.parts, key=attrgetter(of))
+            over = max(getattr(worst, of) / most, 1.0)
+            allowed = worst.value * over ** (-1.0 / worst.power)
             given, bound = (
                 f"{value:.4g}"
                 if worst.quantity is None
@@ -112,7 +106,7 @@ class Work:
                 for value in (worst.value, allowed)
             )
             # contacts take as much memory in a short run
-            lasts = spent is of_time or worst.key == SAMPLES
+            lasts = of == "seconds" or worst.key == SAMPLES
             shorter = f", or a drive {excess:.2g} times shorter" * lasts
             raise InputError(
                 f"{worst.key} = {given}: {worst.what} would take about {amount}; "
