@@ -2,7 +2,6 @@
 unless it is asked for.
 """
 
-import importlib
 import math
 import re
 import time
@@ -18,15 +17,13 @@ from stickslip.errors import LONGEST_MESSAGE
 from stickslip.io import rig_files
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.progress import bar
-from stickslip.simulation import estimate
+from stickslip.simulation import estimate, estimates
 from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.engines.base import Leg
 from stickslip.simulation.engines.panel_trial import seconds_since
-from stickslip.simulation.estimate import Work
+from stickslip.simulation.estimates import Work
 
-# the module: the name in the package is the function's
-ESTIMATE = importlib.import_module("stickslip.simulation.estimate")
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
 AGEING = ss.Interface(
     thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=ss.Langevin(rate=1e5)
@@ -260,7 +257,7 @@ def test_a_run_of_more_than_a_minute_is_announced_in_one_line(
     place.write_text(
         rig_files.to_toml(RIG.replace(drive=ss.constant(1.0, duration=0.1)))
     )
-    monkeypatch.setattr(ESTIMATE, "ANNOUNCED", least)
+    monkeypatch.setattr(estimates, "ANNOUNCED", least)
     assert cli.main(["simulate", str(place)]) == 0
     worst = max(
         estimate(rig_files.read_rig(place)).parts, key=lambda part: part.seconds
@@ -463,7 +460,7 @@ def test_a_search_is_estimated_by_the_number_of_its_runs():
 
 
 def test_a_search_of_more_than_a_minute_is_announced(monkeypatch, caplog):
-    monkeypatch.setattr(ESTIMATE, "ANNOUNCED", 1e-9)
+    monkeypatch.setattr(estimates, "ANNOUNCED", 1e-9)
     ss.sustained(RIG, "delay", between=(0.19, 0.2), points=1, tolerance=0.5)
     (said,) = caplog.messages
     assert re.match(r"delay from .* to .*: about .* on one core: 2 runs, ", said)

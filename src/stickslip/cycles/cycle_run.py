@@ -32,7 +32,7 @@ from stickslip.simulation import (
     estimate,
     follow_leg,
 )
-from stickslip.simulation.estimate import Work
+from stickslip.simulation.estimates import Work
 
 # the largest error that keeps the settled numbers; see `stickslip.cycles`
 METHOD = MasterEquation(rtol=1e-4)

@@ -16,7 +16,7 @@ from stickslip.model import Start
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.progress import in_time
-from stickslip.simulation.estimate import LONGEST, announce
+from stickslip.simulation.estimates import LONGEST, announce
 from stickslip.stability.critical import Along
 
 EdgeKind = Literal[

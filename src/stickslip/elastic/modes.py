@@ -27,7 +27,7 @@ from stickslip.errors import InputError, whole
 from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.model.body import coupling_matrix
 from stickslip.progress import in_time
-from stickslip.simulation.estimate import LARGEST, LONGEST
+from stickslip.simulation.estimates import LARGEST, LONGEST
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import growth_rate
 

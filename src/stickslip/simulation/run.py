@@ -31,7 +31,7 @@ from stickslip.progress import Progress, reporting
 from stickslip.simulation.driver import Track, follow
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.engines.base import Array
-from stickslip.simulation.estimate import (
+from stickslip.simulation.estimates import (
     LARGEST,
     Work,
     announce,

@@ -37,7 +37,7 @@ from stickslip.model.ageing import FixedGrowth
 from stickslip.model.distribution import check_density
 from stickslip.model.newborn import mean_life
 from stickslip.model.rig import Rig
-from stickslip.simulation.estimate import Course, Part, oscillation
+from stickslip.simulation.estimates import Course, Part, oscillation
 
 COLUMNS = (
     "displacement",

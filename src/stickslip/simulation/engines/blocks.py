@@ -54,7 +54,7 @@ from stickslip.simulation.engines.start import (
     lifetimes_in,
     track_factor,
 )
-from stickslip.simulation.estimate import LARGEST, Course, Part, breaking, contacts_of
+from stickslip.simulation.estimates import LARGEST, Course, Part, breaking, contacts_of
 
 # longest step, in radians of the body's fastest oscillation: speeds of fronts to 1e-4
 ANGLE = 0.05

@@ -57,7 +57,7 @@ from stickslip.simulation.engines.start import (
     rule_of,
     track_factor,
 )
-from stickslip.simulation.estimate import Course, Part, breaking, oscillation
+from stickslip.simulation.estimates import Course, Part, breaking, oscillation
 
 # random numbers drawn at once; the same seed gives another run with another length
 _BLOCK = 16_384

@@ -43,7 +43,7 @@ from stickslip.simulation.engines.start import (
     generators,
     lifetimes_in,
 )
-from stickslip.simulation.estimate import Course, Part, breaking, oscillation
+from stickslip.simulation.estimates import Course, Part, breaking, oscillation
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 

@@ -14,7 +14,7 @@ from stickslip.kernels.records import Record
 from stickslip.model import Interface
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Leg, advances
-from stickslip.simulation.estimate import LONGEST, Course
+from stickslip.simulation.estimates import LONGEST, Course
 
 if TYPE_CHECKING:
     from stickslip.simulation.engines.panels import Panels

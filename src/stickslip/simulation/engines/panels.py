@@ -73,7 +73,7 @@ from stickslip.simulation.engines.start import (
     end_and_knots,
     survival_of,
 )
-from stickslip.simulation.estimate import Course, Part, course_of
+from stickslip.simulation.estimates import Course, Part, course_of
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors

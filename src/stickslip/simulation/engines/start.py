@@ -27,7 +27,7 @@ from stickslip.model.newborn import stretchings_within, thresholds_beyond
 from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Array, Beginning
-from stickslip.simulation.estimate import Course, way_of
+from stickslip.simulation.estimates import Course, way_of
 from stickslip.sliding.lifetimes import blurred_survival, growth_of, hazard_of
 
 _BLURRED = 1e-10  # error of the survival at a temperature
