@@ -5,15 +5,11 @@ Of a rig: `stickslip.sweep` called as a function, and files, which
 `stickslip.sweep.plan` reads. Of a study with a name and a version: `run_study`.
 """
 
-from __future__ import annotations
-
-import os
+import inspect
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from types import ModuleType
-from typing import TYPE_CHECKING
 
+from stickslip.sweep import plan
 from stickslip.sweep._cases import NamedStudy
 from stickslip.sweep._dataset import (
     Failure,
@@ -29,11 +25,6 @@ from stickslip.sweep._refine import Refinement, Span
 from stickslip.sweep._run import MAX_CASES, Processes, Progress, Runs, Threads
 from stickslip.sweep._table import is_store
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from stickslip.model import Rig
-
 __all__ = [
     "MAX_CASES",
     "Failure",
@@ -44,8 +35,6 @@ __all__ = [
     "Runs",
     "Span",
     "Status",
-]
-__all__ += [
     "Summary",
     "Threads",
     "failures",
@@ -55,6 +44,7 @@ __all__ += [
     "status_of",
     "summary",
 ]
+__signature__ = inspect.signature(plan.sweep)
 
 
 class _Callable(ModuleType):
@@ -62,31 +52,7 @@ class _Callable(ModuleType):
     ``stickslip.sweep(rig, axes)``.
     """
 
-    def __call__(
-        self,
-        rig: Rig,
-        axes: Mapping[str, Sequence[float | str] | Span],
-        *,
-        store: str | os.PathLike[str] | None = None,
-        executor: Executor | None = None,
-        refinement: Refinement | None = None,
-        runs: Runs = Runs(),
-        progress: Callable[[Progress], object] | None = None,
-        retry_failed: bool = False,
-    ) -> xr.Dataset:
-        """Run a rig over some of its parameters; see `stickslip.sweep.plan.sweep`."""
-        from stickslip.sweep.plan import sweep
-
-        return sweep(
-            rig,
-            axes,
-            store=store,
-            executor=executor,
-            refinement=refinement,
-            runs=runs,
-            progress=progress,
-            retry_failed=retry_failed,
-        )
+    __call__ = staticmethod(plan.sweep)
 
 
 sys.modules[__name__].__class__ = _Callable

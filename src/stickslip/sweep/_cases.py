@@ -1,13 +1,8 @@
-"""Studies and their cases: the key and the seed of a case, and how a worker runs it.
+"""Studies and their cases: the key and the seed of a case, and how a worker runs it."""
 
-Every worker process imports this at its start, so nothing slow is loaded here.
-"""
-
-import functools
 import hashlib
 import json
 import os
-import pickle
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -111,15 +106,17 @@ class NamedStudy:
         }
 
 
-def run_batch(
-    study: NamedStudy | bytes, keys: Sequence[str], seconds: float
-) -> list[str]:
+def run_batch(study: NamedStudy, keys: Sequence[str], seconds: float) -> list[str]:
     """Run cases until all are done or the time is up; at least one."""
+    if study.package != __version__:
+        raise InputError(
+            f"a worker has stickslip {__version__}, but the sweep {study.package}; "
+            "install the same"
+        )
     end = time.perf_counter() + seconds
-    loaded = _load(study) if isinstance(study, bytes) else study
     rows: list[str] = []
     for key in keys:
-        rows.append(_run(loaded, key))
+        rows.append(_run(study, key))
         if time.perf_counter() > end:
             break
     return rows
@@ -137,10 +134,14 @@ def _run(study: NamedStudy, key: str) -> str:
                 f"{study.name} returned {result!r}: must be a mapping of names to "
                 "numbers"
             )
+        if taken := [
+            name for name in axes if result.get(name, axes[name]) != axes[name]
+        ]:
+            raise InputError(f"result: the name {taken[0]!r} is taken by an axis")
         row = {
             name: _plain(name, value, study.categories.get(name))
             for name, value in result.items()
-            if not _is_axis(name, value, axes)
+            if name not in axes
         }
         return json.dumps({"result": row})
     except (Exception, SystemExit) as error:
@@ -149,34 +150,16 @@ def _run(study: NamedStudy, key: str) -> str:
         return json.dumps({"error": f"{type(error).__name__}: {error} ({place})"})
 
 
-def _is_axis(name: str, value: Any, axes: Mapping[str, AxisValue]) -> bool:
-    """Whether a result is the value of an axis again; `InputError` if it is another
-    value.
-    """
-    if name in axes and value != axes[name]:
-        raise InputError(f"result: the name {name!r} is taken by an axis")
-    return name in axes
-
-
 def _plain(name: str, value: Any, words: Sequence[str] | None) -> float | str | None:
     """Return a value as JSON can hold it, exactly."""
     check_name("result", name)
     plain = value.item() if isinstance(value, np.generic) else value
-    if words is not None and plain is not None and plain not in words:
+    if words is not None and plain not in (None, *words):
         raise ValueError(f"{name} = {plain!r}: must be one of {', '.join(words)}")
-    if not isinstance(plain, float | int | str | None):
+    if isinstance(plain, int):
+        return float(plain)
+    if not isinstance(plain, float | str | None):
         raise TypeError(
             f"returned {plain!r} for {name!r}: must be a number, a text or None"
         )
-    return float(plain) if isinstance(plain, int) else plain
-
-
-@functools.lru_cache(maxsize=4)
-def _load(study: bytes) -> NamedStudy:
-    loaded: NamedStudy = pickle.loads(study)
-    if loaded.package != __version__:
-        raise InputError(
-            f"a worker has stickslip {__version__}, but the sweep {loaded.package}; "
-            "install the same"
-        )
-    return loaded
+    return plain

@@ -221,20 +221,14 @@ def summary(dataset: xr.Dataset) -> Summary:
 def failures(dataset: xr.Dataset) -> list[Failure]:
     """List the cases that raised, with their parameters and errors."""
     status = _status(dataset)
-    cases = (
-        dataset[[STATUS, ERROR]]
-        .expand_dims("case")
-        .to_dataframe()
-        .reset_index()
-        .to_dict("records")
-    )
+    cases = dataset[[STATUS, ERROR]].expand_dims("case").to_dataframe().reset_index()
+    failed = cases[cases[STATUS] == STATES.index("failed")]
     return [
         Failure(
             parameters={str(name): case[name] for name in status.coords},
             error=case[ERROR],
         )
-        for case in cases
-        if STATES[case[STATUS]] == "failed"
+        for case in failed.to_dict("records")
     ]
 
 
@@ -293,71 +287,52 @@ def dataset_of(table: Table) -> xr.Dataset:
     of a search, with its crossings.
     """
     head = table.head
-    keys = _keys_of(table)
-    sizes = {name: len(values) for name, values in head["axes"].items()}
     axes = head["axes"]
-    if "search" in head:
-        keys = [key for key in keys if key in table.rows]
+    is_search = "search" in head
+    keys = [key for key in _keys_of(table) if key in table.rows or not is_search]
+    if is_search:
         cases = [json.loads(key) for key in keys]
-        sizes = {"run": len(keys)}
-        axes = {
-            name: [c[name] for c in cases] for name in (*head["search"]["box"], *axes)
-        }
-    rows = [json.loads(table.rows.get(key, "{}")) for key in keys]
+        names = (*head["search"]["box"], *axes)
+        axes = {name: [case[name] for case in cases] for name in names}
+    dims = {name: "run" if is_search else name for name in axes}
+    sizes = {dims[name]: len(values) for name, values in axes.items()}
+    rows = [table.row(key) for key in keys]
     results = [row.get("result", {}) for row in rows]
-    names = dict.fromkeys(name for result in results for name in result)
-    columns = {name: [result.get(name) for result in results] for name in names}
+    measured = dict.fromkeys(name for result in results for name in result)
+    columns = {name: [result.get(name) for result in results] for name in measured}
     columns[STATUS] = [
         "failed" if "error" in row else "done" if row else "not run" for row in rows
     ]
     columns[ERROR] = [row.get("error", "") for row in rows]
-    variables = {}
+    provenance = json.dumps(head["about"] | head.get("search", {}) | {"axes": sizes})
+    found = xr.Dataset(attrs={**head["notes"], "provenance": provenance})
+    for name, values in axes.items():
+        found.coords[name] = (dims[name], *_column(head, name, values))
     for name, values in columns.items():
         column, about = _column(head, name, values)
-        variables[name] = (*sizes,), column.reshape(*sizes.values()), about
-    dims = {name: "run" if "search" in head else name for name in axes}
-    coordinates = {
-        name: (dims[name], *_column(head, name, values))
-        for name, values in axes.items()
-    }
-    provenance = json.dumps(head["about"] | head.get("search", {}) | {"axes": sizes})
-    found = xr.Dataset(
-        variables, coordinates, {**head["notes"], "provenance": provenance}
-    )
-    return _with_crossings(found, head) if "search" in head else found
+        found[name] = (*sizes,), column.reshape(*sizes.values()), about
+    return _with_crossings(found, head) if is_search else found
 
 
 def _with_crossings(found: xr.Dataset, head: Mapping[str, Any]) -> xr.Dataset:
     """Add the points of the boundary, half way between two runs, with the results of
     these, once all runs are there.
     """
-    sought = head["search"]
-    pairs = (
-        head["crossings"] if found.sizes["run"] == len(head.get("cases", ())) else []
-    )
-    sides = np.array(pairs, dtype=int).reshape(-1, 2).T
+    search = head["search"]
+    is_whole = found.sizes["run"] == len(head.get("cases", ()))
+    pairs = np.array(head["crossings"] if is_whole else [], dtype=int).reshape(-1, 2)
     low, high = (
         found.reset_coords().isel(run=xr.DataArray(side, dims="crossing"))
-        for side in sides
+        for side in pairs.T
     )
-
-    def titled(values: xr.DataArray, name: str, words: str) -> xr.DataArray:
-        about = found[name].attrs
-        return values.assign_attrs(
-            {**about, "long_name": f"{about['long_name']}, {words}"}
-        )
-
     more = {f"{name}_at": low[name] for name in head["axes"]}
-    for name in sought["box"]:
-        more[f"{name}_at"] = titled(
-            (low[name] + high[name]) / 2, name, "on the boundary"
-        )
-        more[f"{name}_error"] = titled(
-            abs(high[name] - low[name]) / 2, name, "uncertainty"
-        )
-    if (label := sought["label"]) in found:
-        more[f"from_{label}"] = titled(low[label], label, "on one side")
-        more[f"to_{label}"] = titled(high[label], label, "on the other")
+    if (label := search["label"]) in found:
+        more |= {f"from_{label}": low[label], f"to_{label}": high[label]}
+    with xr.set_options(keep_attrs=True):  # type: ignore[no-untyped-call]
+        for name in search["box"]:
+            more[f"{name}_at"] = (low[name] + high[name]) / 2
+            more[f"{name}_error"] = error = abs(high[name] - low[name]) / 2
+            error.attrs["long_name"] += ", uncertainty"
     return found.assign(more)
 
 
@@ -367,9 +342,8 @@ def _column(
     """Return the results under a name as an array with its attributes: codes of
     words, texts, or numbers.
     """
-    about = {"long_name": name.replace("_", " "), "units": "1"} | head[
-        "attributes"
-    ].get(name, {})
+    about = {"long_name": name.replace("_", " "), "units": "1"}
+    about |= head["attributes"].get(name, {})
     words = (
         STATES if name == STATUS else ("no result", *head["categories"].get(name, ()))
     )
@@ -378,8 +352,9 @@ def _column(
         codes = flags[[words.index(value) if value in words else 0 for value in values]]
         meanings = " ".join(word.replace(" ", "_") for word in words)
         return codes, {"flag_values": flags, "flag_meanings": meanings} | about
-    if any(isinstance(value, str) for value in values):
-        return np.array(
-            ["" if value is None else str(value) for value in values], dtype=object
-        ), about
-    return np.array([math.nan if value is None else value for value in values]), about
+    is_text = any(isinstance(value, str) for value in values)
+    none = "" if is_text else math.nan
+    plain = [none if value is None else value for value in values]
+    return np.array([*map(str, plain)], dtype=object) if is_text else np.array(
+        plain
+    ), about

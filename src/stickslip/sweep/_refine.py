@@ -3,9 +3,8 @@ explore, find, polish.
 """
 
 import itertools
-import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -116,18 +115,15 @@ def search(
     """Search in a plane, for each set of values of the other axes; return all cases,
     and which pairs are crossings.
     """
-    searches = [_Search(runner, spans, fixed, how) for fixed in each]
-    lines = [
-        [search.key(end) for end in line]
-        for search in searches
-        for line in search.boundary()
-    ]
-    cases = [search.key(point) for search in searches for point in search.seen]
-    place = {key: i for i, key in enumerate(cases)}
-    return {
-        "cases": cases,
-        "crossings": [[place[end] for end in line] for line in lines],
-    }
+    cases: list[str] = []
+    crossings: list[list[int]] = []
+    for fixed in each:
+        one = _Search(runner, spans, fixed, how)
+        lines = one.boundary()
+        place = {point: i for i, point in enumerate(one.seen, start=len(cases))}
+        cases += map(one.key, one.seen)
+        crossings += [[place[end] for end in line] for line in lines]
+    return {"cases": cases, "crossings": crossings}
 
 
 @dataclass
@@ -144,76 +140,48 @@ class _Search:
 
     def key(self, point: Point) -> str:
         """Return the key of the case at a point."""
-        here = {
-            name: span.value(part)
-            for (name, span), part in zip(self.spans.items(), point, strict=True)
-        }
-        return case_key({**here, **self.fixed})
+        values = map(Span.value, self.spans.values(), point)
+        return case_key({**dict(zip(self.spans, values, strict=True)), **self.fixed})
 
     def boundary(self) -> list[Line]:
         """Spread runs over the box, send some where categories differ, then bisect
         lines across the boundary.
         """
-        seen = self.seen
-        how = self.how
-        find = math.ceil(FIND * self.how.runs)
+        runs = self.how.runs
+        find = math.ceil(FIND * runs)
         self._run_at([(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)])
         turns = bounded("Refined.boundary: spreading", find)
-        while len(seen) < find:
+        while (left := find - len(self.seen)) > 0:
             next(turns)
-            middles = [
-                *dict.fromkeys(
-                    map(_middle, self._sides(exploring=len(seen) < EXPLORE * how.runs))
-                )
-            ]
-            self._run_at(
-                middles[: min(math.ceil(TOGETHER * how.runs), find - len(seen))]
-            )
-        lines = self._crossings(how.runs - len(seen))
-        turns = bounded("Refined.boundary: bisection", HALVINGS)
-        while long := [
-            i
-            for i, line in enumerate(lines)
-            if math.dist(*line) > how.resolution
-            and seen.get(_middle(line), 0) is not None
-        ]:
-            next(turns)
-            self._run_at([_middle(lines[i]) for i in long])
-            for i in long:
-                low, high = lines[i]
-                middle = _middle(lines[i])
-                if seen[middle] is not None:  # else no further here
-                    lines[i] = (
-                        (middle, high) if seen[middle] == seen[low] else (low, middle)
-                    )
-        return lines
+            middles = dict.fromkeys(map(_middle, self._sides()))
+            together = min(math.ceil(TOGETHER * runs), left)
+            self._run_at(itertools.islice(middles, together))
+        return self._bisected(self._crossings(runs - len(self.seen)))
 
-    def _run_at(self, points: Sequence[Point]) -> None:
+    def _run_at(self, points: Iterable[Point]) -> None:
         """Run the cases at these points, and keep the category of each."""
+        label = self.how.label
         cases = {point: self.key(point) for point in points if point not in self.seen}
-        self.runner.run(list(dict.fromkeys(cases.values())))
+        self.runner.run([*dict.fromkeys(cases.values())])
         for point, key in cases.items():
-            row = json.loads(self.runner.table.rows[key])
-            if self.how.label not in row.get("result", self.how.label):
+            result = self.runner.table.row(key).get("result")
+            if result is not None and label not in result:
                 raise InputError(
-                    f"label = {self.how.label!r}: is none of the names under which the "
+                    f"label = {label!r}: is none of the names under which the "
                     "function returns"
                 )
-            self.seen[point] = (
-                row["result"][self.how.label] if "result" in row else None
-            )
+            self.seen[point] = result and result[label]
 
-    def _sides(self, *, exploring: bool) -> list[Line]:
+    def _sides(self) -> list[Line]:
         """Return the longest side of each triangle between the runs, longest first;
-        later, between categories first.
+        once the box is explored, between categories first.
         """
+        exploring = len(self.seen) < EXPLORE * self.how.runs
         sizes = []
         for corners in _triangles(self.seen):
-            longest = max(
-                itertools.combinations(corners, 2), key=lambda side: math.dist(*side)
-            )
+            longest = max(itertools.combinations(corners, 2), key=_length)
             found = {self.seen[corner] for corner in corners}
-            size = math.dist(*longest)
+            size = _length(longest)
             # A case that failed says nothing about categories: its triangles are not
             # looked into.
             mixed = len(found) > 1 and None not in found
@@ -224,29 +192,46 @@ class _Search:
         """Return sides of triangles whose ends are in different categories, as many
         as the budget of runs can bisect.
         """
-        triangles = _triangles(
-            point for point, found in self.seen.items() if found is not None
-        )
-        sides = sorted(
-            {
-                side
-                for corners in triangles
-                for side in itertools.combinations(corners, 2)
-            }
-        )
-        lines = [
-            (low, high) for low, high in sides if self.seen[low] != self.seen[high]
-        ]
-        lines = [lines[i] for i in np.argsort(np.arange(len(lines)) * GOLDEN % 1.0)]
-        runs = [
-            max(0, math.ceil(math.log2(math.dist(*line) / self.how.resolution)))
-            for line in lines
-        ]
-        return [
-            line
-            for line, spent in zip(lines, itertools.accumulate(runs), strict=True)
-            if spent <= budget
-        ]
+        known = [point for point, found in self.seen.items() if found is not None]
+        sides = {
+            side
+            for corners in _triangles(known)
+            for side in itertools.combinations(corners, 2)
+        }
+        lines = sorted(side for side in sides if len({*map(self.seen.get, side)}) > 1)
+        kept = []
+        for i in np.argsort(np.arange(len(lines)) * GOLDEN % 1.0):
+            halvings = math.ceil(math.log2(_length(lines[i]) / self.how.resolution))
+            budget -= max(0, halvings)
+            if budget >= 0:
+                kept.append(lines[i])
+        return kept
+
+    def _bisected(self, lines: list[Line]) -> list[Line]:
+        """Halve lines across the boundary until they are short, or their middle
+        fails.
+        """
+        turns = bounded("Refined.boundary: bisection", HALVINGS)
+        while long := [
+            i
+            for i, line in enumerate(lines)
+            if _length(line) > self.how.resolution
+            and self.seen.get(_middle(line), 0) is not None
+        ]:
+            next(turns)
+            self._run_at(_middle(lines[i]) for i in long)
+            for i in long:
+                low, high = lines[i]
+                middle = _middle(lines[i])
+                found = self.seen[middle]
+                if found is not None:  # else no further here
+                    same = found == self.seen[low]
+                    lines[i] = (middle, high) if same else (low, middle)
+        return lines
+
+
+def _length(line: Line) -> float:
+    return math.dist(*line)
 
 
 def _middle(line: Line) -> Point:

@@ -4,7 +4,6 @@ down.
 A Dask client is one more executor: ``client.get_executor()``.
 """
 
-import importlib
 import json
 import math
 import multiprocessing
@@ -22,7 +21,6 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice, takewhile
 from multiprocessing.process import BaseProcess
@@ -136,23 +134,17 @@ def _end_with(parent: BaseProcess) -> None:
     os._exit(1)  # else it would wait for work for ever
 
 
-def _packed(study: NamedStudy, executor: Executor) -> NamedStudy | bytes:
-    """Return the study as workers get it: pickled by reference for processes of this
-    machine, else by cloudpickle if there.
-    """
+def _check_executor(executor: Executor, study: NamedStudy) -> None:
+    """Refuse what runs no cases, and a study that its processes cannot load."""
     hint = (
         "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask "
         "client: client.get_executor())"
     )
     instance("executor", executor, Executor, hint)
-    if isinstance(executor, ThreadPoolExecutor):
-        return study
-    by = pickle
     if not isinstance(executor, ProcessPoolExecutor):
-        with suppress(ImportError):
-            by = importlib.import_module("cloudpickle")
+        return
     try:
-        return bytes(by.dumps(study))
+        pickle.dumps(study)
     except Exception as error:
         raise InputError(
             f"NamedStudy.run, {study.name}: cannot be sent to another process "
@@ -172,16 +164,16 @@ class Runner:
         total: int,
         progress: Callable[[Progress], object] | None,
     ) -> None:
+        _check_executor(executor, study)
         self.table = table
-        self._study = _packed(study, executor)
+        self._study = study
         self._executor = executor
         self._total = total
         self._progress = progress
         self._count = Counter(finished=0, failed=0, found=0)
         self._todo: deque[str] = deque()
         self._running: dict[Batch, list[str]] = {}
-        # how often the worker of a case has died
-        self._losses: Counter[str] = Counter()
+        self._lost: set[str] = set()  # cases whose worker has died
         # cases in the next batch: twice as many as the last one finished in its time
         self._size = 1
 
@@ -200,11 +192,9 @@ class Runner:
             while self._todo or self._running:
                 try:
                     self._fill()
-                    self._gather(
-                        futures.wait(self._running, EVERY, futures.FIRST_COMPLETED).done
-                    )
                 except RuntimeError as error:
                     self._renew(error)
+                self._gather(EVERY)
                 if self.table.commit(if_due=True):
                     self._report()
         finally:
@@ -212,23 +202,20 @@ class Runner:
                 future.cancel()
             self.table.commit()
             if self._running and isinstance(self._executor, OURS):
-                for process in list(
-                    (getattr(self._executor, "_processes", None) or {}).values()
-                ):
+                processes = getattr(self._executor, "_processes", None) or {}
+                for process in [*processes.values()]:
                     process.terminate()
                 futures.wait(self._running)
         self._report()
 
     def _renew(self, error: RuntimeError) -> None:
-        """Go on after a worker was lost, with a new executor if it is ours; nothing
-        goes on after a shutdown.
+        """Go on with a new executor of ours after a worker was lost; nothing goes on
+        after a shutdown.
         """
         executor = self._executor
         if not (isinstance(executor, OURS) and isinstance(error, BrokenExecutor)):
             raise self._refusal(f"takes no more cases ({error})") from error
-        with suppress(BrokenExecutor):
-            # a broken pool ends all its futures, some of them well
-            self._gather(futures.wait(self._running).done)
+        futures.wait(self._running)  # a broken pool ends all, some of them well
         executor.shutdown(wait=False, cancel_futures=True)
         self._executor = type(executor)(getattr(executor, "_max_workers", None))
         try:
@@ -241,69 +228,58 @@ class Runner:
             ) from None
 
     def _fill(self) -> None:
-        """Hand out batches, two per worker; cases that were lost twice run alone, to
-        find the culprit.
+        """Hand out batches, two per worker; a case that was lost runs with no other
+        beside it, to find the culprit.
         """
         most = 2 * getattr(self._executor, "_max_workers", _MANY)
         turns = bounded("Runner: handing out", len(self._todo))
         while self._todo and len(self._running) < most:
             next(turns)
             size = min(self._size, math.ceil(len(self._todo) / most))
-            batch = [
-                *takewhile(lambda key: self._losses[key] < 2, islice(self._todo, size))
-            ]
+            first = islice(self._todo, size)
+            batch = [*takewhile(lambda key: key not in self._lost, first)]
             if not batch and self._running:
                 break
             batch = batch or [self._todo[0]]
-            self._running[
-                self._executor.submit(run_batch, self._study, batch, SECONDS)
-            ] = batch
+            future = self._executor.submit(run_batch, self._study, batch, SECONDS)
+            self._running[future] = batch
             for _ in batch:
                 self._todo.popleft()
 
-    def _gather(self, done: set[Batch]) -> None:
-        """Take the results of finished batches; raise `BrokenExecutor` if the pool
-        has lost a worker.
-        """
-        broken: BrokenExecutor | None = None
-        for future in done:
+    def _gather(self, seconds: float) -> None:
+        """Take the results of batches that finish within a time."""
+        ended = futures.wait(self._running, seconds, futures.FIRST_COMPLETED).done
+        for future in ended:
             keys = self._running.pop(future)
             try:
                 rows = future.result()
-            except BrokenExecutor as error:
-                broken = error
-                self._put_back(keys, 1)
             except Exception as error:
-                # of Dask, after several workers died of this batch
-                if type(error).__name__ != "KilledWorker":
+                # the latter is Dask's, after several workers died of this batch
+                died = isinstance(error, BrokenExecutor)
+                if not (died or type(error).__name__ == "KilledWorker"):
                     raise self._refusal(
                         f"dropped a batch of cases ({error})"
                     ) from error
-                self._put_back(keys, 2)
-            else:
-                for key, row in zip(keys, rows, strict=False):
-                    self._enter(key, row)
-                self._todo.extendleft(reversed(keys[len(rows) :]))
-                self._size = 2 * len(rows)
-        if broken is not None:
-            raise broken
+                self._put_back(keys)
+                continue
+            for key, row in zip(keys, rows, strict=False):
+                self._enter(key, row)
+            self._todo.extendleft(reversed(keys[len(rows) :]))
+            self._size = 2 * len(rows)
 
     def _enter(self, key: str, row: str) -> None:
         self.table.add(key, row)
         self._count.update(finished=1, failed=self.table.has_failed(key))
 
-    def _put_back(self, keys: list[str], times: int) -> None:
-        """Put back the cases of a batch whose worker died, last those that are to
-        run alone; one lost then is named.
+    def _put_back(self, keys: list[str]) -> None:
+        """Put the cases of a batch whose worker died last; one that was lost before
+        ran alone, and is the culprit.
         """
-        if len(keys) == 1 and self._losses[keys[0]] >= 2:
+        if keys[0] in self._lost:
             self._enter(keys[0], json.dumps(DIED))
             return
-        for key in reversed(keys):
-            self._losses[key] += times
-            (self._todo.append if self._losses[key] >= 2 else self._todo.appendleft)(
-                key
-            )
+        self._lost.update(keys)
+        self._todo.extend(keys)
 
     def _report(self) -> None:
         if self._progress is not None:

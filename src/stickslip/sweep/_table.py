@@ -30,6 +30,10 @@ EVERY = 1.0
 PATIENCE = 60.0  # seconds that a commit waits for those who read
 
 _HEAD = ""
+_CASES = (
+    "CREATE TABLE cases (key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT "
+    "NULL) WITHOUT ROWID"
+)
 
 
 class Table:
@@ -49,34 +53,20 @@ class Table:
         with _in_one_line(path), ExitStack() as held:
             if path is not None and head is not None:
                 held.enter_context(_locked(path))
-            if path is not None and path.exists() and not path.is_file():
-                raise InputError(
-                    f"store = {str(path)!r}: is no regular file; choose another store"
-                )
-            # A file without a page is one whose making was cut short.
-            there = path is not None and path.exists() and path.stat().st_size > 0
-            if not there and head is None:
-                raise InputError(f"store = {str(path)!r}: there is no such file")
-            place = path.absolute() if path else ":memory:"
-            self._connection = sqlite3.connect(
-                place, isolation_level="IMMEDIATE", timeout=PATIENCE
+            self._connection = held.enter_context(
+                closing(_opened(path, new=head is not None))
             )
-            held.enter_context(closing(self._connection))
-            there = there and not self._is_empty()
-            if not there and head is None:
-                raise InputError(f"store = {str(path)!r}: holds no case yet")
-            if there:
+            tables = "SELECT count(*) FROM sqlite_master"
+            # none where its making was cut short, and rolled back
+            if self._value_of(tables):
                 self._read()
+            elif head is None:
+                raise InputError("holds no case yet")
             else:
                 # made whole, with its head, or not at all
                 self._connection.execute("BEGIN IMMEDIATE")
                 self._connection.execute(f"PRAGMA application_id = {FORMAT}")
-                columns = (
-                    "key TEXT PRIMARY KEY, row TEXT NOT NULL, checksum TEXT NOT NULL"
-                )
-                self._connection.execute(
-                    f"CREATE TABLE cases ({columns}) WITHOUT ROWID"
-                )
+                self._connection.execute(_CASES)
             if head is not None:
                 self.write_head()
             self._held = held.pop_all()
@@ -86,6 +76,11 @@ class Table:
         with _in_one_line(self.path):
             self._held.close()
 
+    def row(self, key: str) -> dict[str, Any]:
+        """Return the ``result`` or the ``error`` of a case; neither if it never ran."""
+        found: dict[str, Any] = json.loads(self.rows.get(key, "{}"))
+        return found
+
     def has_failed(self, key: str) -> bool:
         """Whether a finished case has ended with an error."""
         return self.rows[key].startswith('{"error"')
@@ -94,8 +89,7 @@ class Table:
         """Have failed cases run again; on the disk their rows stay until others replace
         them.
         """
-        failed = [key for key in self.rows if self.has_failed(key)]
-        for key in failed:
+        for key in [key for key in self.rows if self.has_failed(key)]:
             del self.rows[key]
 
     def add(self, key: str, row: str) -> None:
@@ -128,26 +122,15 @@ class Table:
                 (key, row, _checksum(key, row)),
             )
 
-    def _is_empty(self) -> bool:
-        """Return whether the file holds nothing: its making was cut short, and rolled
-        back.
-        """
-        (form,) = self._connection.execute("PRAGMA application_id").fetchone()
-        (tables,) = self._connection.execute(
-            "SELECT count(*) FROM sqlite_master"
-        ).fetchone()
-        return bool(form == tables == 0)
+    def _value_of(self, question: str) -> Any:
+        return self._connection.execute(question).fetchone()[0]
 
     def _read(self) -> None:
         """Read all rows; a table that lost or changed anything, or is of another
         sweep, is refused.
         """
-        (form,) = self._connection.execute("PRAGMA application_id").fetchone()
-        if form != FORMAT:
-            raise InputError(
-                f"store = {str(self.path)!r}: is not the store of a sweep; choose "
-                "another"
-            )
+        if self._value_of("PRAGMA application_id") != FORMAT:
+            raise InputError("is not the store of a sweep; choose another")
         for key, row, checksum in self._connection.execute(
             "SELECT key, row, checksum FROM cases"
         ):
@@ -155,17 +138,27 @@ class Table:
                 raise ValueError("a row is not what was written")
             self.rows[key] = row
         stored = json.loads(self.rows.pop(_HEAD))
-        here = self.head.get("identity", stored["identity"])
         there = stored["identity"]
+        here = self.head.get("identity", there)
         if differs := [
             part for part in {**here, **there} if there.get(part) != here.get(part)
         ]:
             raise InputError(
-                f"store = {str(self.path)!r}: holds another sweep; what differs: "
-                f"{', '.join(differs)}. Choose another "
-                "store, or delete this one to start afresh"
+                f"holds another sweep; what differs: {', '.join(differs)}. Choose "
+                "another store, or delete this one to start afresh"
             )
         self.head = self.head or stored
+
+
+def _opened(path: Path | None, *, new: bool) -> sqlite3.Connection:
+    """Open a store, that in memory if it has no path; made only if it may be `new`."""
+    place = ":memory:" if path is None else path.absolute()
+    if isinstance(place, Path):
+        if not (new or place.exists()):
+            raise InputError("there is no such file")
+        if place.exists() and not place.is_file():
+            raise InputError("is no regular file; choose another store")
+    return sqlite3.connect(place, isolation_level="IMMEDIATE", timeout=PATIENCE)
 
 
 def is_store(path: str | os.PathLike[str]) -> bool:
@@ -194,30 +187,22 @@ def _checksum(key: str, row: str) -> str:
 
 @contextmanager
 def _in_one_line(path: Path | None) -> Iterator[None]:
-    """Turn the errors of a file into one line each."""
+    """Turn the errors of a file into one line each, which names the file."""
+    place = f"store = {str(path)!r}"
     try:
         yield
-    except InputError:
-        raise
-    except (
-        sqlite3.Error,
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        RecursionError,
-    ) as error:
+    except InputError as error:
+        raise error.at(place) from None
+    except Exception as error:  # a damaged file fails in many ways
         code = getattr(error, "sqlite_errorname", "")
+        # the code of an operation is SQLITE_ERROR where there is no such table
+        unwritten = (OSError, sqlite3.OperationalError)
         if code == "SQLITE_NOTADB":
             what = (
                 "is not the store of a sweep, or its beginning is damaged; choose "
                 "another"
             )
-        # no such table
-        elif (
-            isinstance(error, OSError | sqlite3.OperationalError)
-            and code != "SQLITE_ERROR"
-        ):
+        elif isinstance(error, unwritten) and code != "SQLITE_ERROR":
             what = (
                 f"cannot be written ({getattr(error, 'strerror', None) or error}); "
                 "what was written is kept: free some "
@@ -231,7 +216,7 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
                 "copy of it, or delete it to start "
                 "afresh"
             )
-        raise InputError(f"store = {str(path)!r}: {what}") from error
+        raise InputError(f"{place}: {what}", place) from error
 
 
 def _lock_of(path: Path) -> Path:
@@ -249,8 +234,7 @@ def _locked(path: Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
-                f"store = {str(path)!r}: another sweep ({writer_of(path)}) is writing "
-                "it; choose another store"
+                f"another sweep ({writer_of(path)}) is writing it; choose another store"
             ) from None
         try:
             file.truncate(0)

@@ -95,17 +95,15 @@ class Plan:
         """Units and names of axes and results."""
         rig = self.study.rig
         named = MEASURES | {name: ("1", title) for name, title in OTHERS.items()}
-        named |= {
-            name: (BY_NAME[name].unit, BY_NAME[name].title) for name in self.parameters
-        }
+        for name in self.parameters:
+            named[name] = (BY_NAME[name].unit, BY_NAME[name].title)
         found: dict[str, dict[str, Any]] = {}
         for name, (unit, title) in named.items():
-            title += (
-                ", per contact" if rig.scales is None and name in PER_CONTACT else ""
-            )
+            if rig.scales is None and name in PER_CONTACT:
+                title += ", per contact"
             found[name] = {"units": rig.unit_name(unit), "long_name": title}
-            if name in self.axes:
-                found[name]["spacing"] = "log" if name in self.logarithmic else "linear"
+        for name in self.axes:
+            found[name]["spacing"] = "log" if name in self.logarithmic else "linear"
         return found
 
     def run(
@@ -148,10 +146,8 @@ class Plan:
 
     def select(self, found: xr.Dataset) -> xr.Dataset:
         """Return the results that are asked for, of all that are stored."""
-        return found.drop_vars(
-            [name for name in MEASURES if name not in (*self.measures, *self.axes)],
-            errors="ignore",
-        )
+        left = MEASURES.keys() - {*self.measures, *self.axes}
+        return found.drop_vars(left, errors="ignore")
 
 
 def sweep(
@@ -388,8 +384,10 @@ def _is_logarithmic(given: Any, values: Any) -> bool:
     """Whether an axis is one of equal ratios: as it was given, or, of a list, by its
     values.
     """
-    if isinstance(given, Span | Mapping):
-        return given.log if isinstance(given, Span) else given.get("spacing") == "log"
+    if isinstance(given, Span):
+        return given.log
+    if isinstance(given, Mapping):
+        return given.get("spacing") == "log"
     if len(values) < 3 or isinstance(values[0], str) or min(values) <= 0:
         return False
     steps = np.diff(np.sort(values))
@@ -444,11 +442,12 @@ def _plan(
         **lasting,
     )
     measure = sequence("measure", runs.measure or USUAL, "a list of names")
-    if strange := [str(one) for one in measure if one not in MEASURES]:
-        raise InputError(
-            f"measure: {strange[0]!r} is not measured in a sweep; "
-            f"{unknown(strange[0], MEASURES)}"
-        )
+    for one in measure:
+        if one not in MEASURES:
+            near = unknown(str(one), MEASURES)
+            raise InputError(
+                f"measure: {str(one)!r} is not measured in a sweep; {near}"
+            )
     return Plan(
         name=name,
         study=study,
@@ -468,22 +467,12 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
     """Refuse a rig that cannot be run along these axes, and axes that are none of a
     search.
     """
-    instance(
-        "rig.slider",
-        rig.slider,
-        Slider | ElasticBody,
-        "a Slider, Chain or Sheet: an impedance has no motion",
-    )
-    instance(
-        "rig.simulation.start",
-        rig.start,
-        FromRest | FromSliding,
-        "'from rest' or 'sliding' in a sweep",
-    )
-    if (
-        len(rig.drive.pieces) > 1
-        or rig.drive.pieces[0].start != rig.drive.pieces[0].end
-    ):
+    moves = "a Slider, Chain or Sheet: an impedance has no motion"
+    instance("rig.slider", rig.slider, Slider | ElasticBody, moves)
+    starts = "'from rest' or 'sliding' in a sweep"
+    instance("rig.simulation.start", rig.start, FromRest | FromSliding, starts)
+    first, *others = rig.drive.pieces
+    if others or first.start != first.end:
         raise InputError(
             "rig.drive.pieces: each run of a sweep holds one velocity; give "
             "drive.velocity"
