@@ -3,7 +3,9 @@ that makes them.
 """
 
 import re
+import tomllib
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Literal, NamedTuple, Self
 
 from stickslip.model.quantities import unit_size
@@ -11,66 +13,16 @@ from stickslip.words import PREFIXES
 
 Quantity = Literal["force", "load", "coefficient", "time", "displacement", "other", ""]
 
-_KINDS = {
-    "force": "N",
-    "time": "s",
-    "length": "m",
-    "stress": "Pa",
-    "velocity": "m/s",
-    "temperature": "K",
-}
-"""The SI unit of each kind of quantity."""
-_WORDS: dict[str, tuple[str, float]] = {
-    "sek": ("time", 1.0),
-    "sekunden": ("time", 1.0),
-    "minuten": ("time", 60.0),
-    "stunden": ("time", 3600.0),
-    **dict.fromkeys(("volt", "volts"), ("signal", 1.0)),
-    **dict.fromkeys(("1", "-", "\N{EN DASH}", "\N{EM DASH}", "none"), ("number", 1.0)),
-    **dict.fromkeys(("°c", "degc", "°f"), ("temperature", 1.0)),
-    **dict.fromkeys(("hz", "1/s"), ("frequency", 1.0)),
-    "%": ("percentage", 0.01),
-    **dict.fromkeys(("deg", "°", "rad", "rpm"), ("angle", 1.0)),
-}
-"""What instruments write besides the units that `stickslip.model.quantities` reads."""
-_NAMES: dict[Quantity, str] = {
-    "time": (
-        "t, time, times, elapsed, elapsed time, seconds, sec, zeit, x value, timestamp"
-    ),
-    "coefficient": "cof, mu, coefficient of friction, friction coefficient, friction "
-    "coeff, coeff of friction, "
-    "reibwert, reibungszahl, reibungskoeffizient, reibkoeffizient, coefficient de "
-    "frottement",
-    "load": "load, normal load, normal force, fn, f n, fz, f z, normalkraft, last, "
-    "normal stress, force normale, "
-    "sigma n, axial load",
-    "force": "f, f d, fd, force, pull, friction, friction force, frictional force, "
-    "driving force, spring force, "
-    "tangential force, shear force, lateral force, shear stress, fx, f x, ft, f t, ff, "
-    "f f, "
-    "kraft, reibkraft, reibungskraft, tangentialkraft, zugkraft, force de frottement",
-    "displacement": "x, s, displacement, displ, disp, position, pos, distance, travel, "
-    "stroke, slip, extension, weg, "
-    "load point displacement, slider displacement, traverse, traversenweg",
+_TABLES = tomllib.loads(Path(__file__).with_name("headings.toml").read_text("utf-8"))
+_UNITS = {
+    word: (kind, size)
+    for kind, words in _TABLES["units"].items()
+    for word, size in words.items()
 }
 _NAMED: dict[str, Quantity] = {
-    name: quantity for quantity, names in _NAMES.items() for name in names.split(", ")
-}
-_TOLD_BY_UNIT: dict[str, Quantity] = {
-    "force": "force",
-    "time": "time",
-    "length": "displacement",
-}
-_FRICTION_IN: dict[str, Quantity] = {
-    "number": "coefficient",
-    "length": "other",
-    "time": "other",
-}
-_UNITS_OF = {
-    "time": ("time",),
-    "force": ("force", "stress"),
-    "load": ("force", "stress"),
-    "displacement": ("length",),
+    name: quantity
+    for quantity, names in _TABLES["names"].items()
+    for name in names.split(", ")
 }
 
 _BRACKET = re.compile(r"(?P<name>.+?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]")
@@ -82,23 +34,19 @@ def unit_named(text: str) -> tuple[str, float] | None:
     if it is not one of these.
     """
     plain = text.strip()
-    if plain.lower() in _WORDS:
-        return _WORDS[plain.lower()]
+    if plain.lower() in _UNITS:
+        return _UNITS[plain.lower()]
     prefix = plain[:-1]
-    if plain[-1:] in ("V", "A") and (prefix in PREFIXES or not prefix):
+    if plain[-1:] in ("V", "A") and prefix in ("", *PREFIXES):
         return "signal", float(f"1e{PREFIXES[prefix][1]}") if prefix else 1.0
     # Newton, MIN, but no "S"
     found = unit_size(plain) or (unit_size(plain.lower()) if len(plain) > 1 else None)
     if found is None or plain == "d":  # which names a displacement rather than days
         return None
-    return next(
-        (
-            (kind, found[0])
-            for kind, si in _KINDS.items()
-            if unit_size(si) == (1.0, found[1])
-        ),
-        None,
-    )
+    for kind, si in _TABLES["si"].items():
+        if unit_size(si) == (1.0, found[1]):
+            return kind, found[0]
+    return None
 
 
 def ratio(unit: str, of: str) -> float | None:
@@ -138,9 +86,8 @@ class Heading(NamedTuple):
         # F_N is the normal force, and no force in N
         if tail and _NAMED.get(simple(cell)) != "load":
             unit = unit_named(tail["unit"])
-            if unit and unit[0] in _UNITS_OF.get(
-                _NAMED.get(simple(tail["name"]), ""), ()
-            ):
+            named = _NAMED.get(simple(tail["name"]), "")
+            if unit and unit[0] in _TABLES["kinds"].get(named, ()):
                 return cls(**tail.groupdict())
         return cls(cell)
 
@@ -151,13 +98,14 @@ class Heading(NamedTuple):
         """
         kind = (unit_named(self.unit) or ("",))[0]
         named = _NAMED.get(simple(self.name), "")
+        told: Quantity
         if kind in ("temperature", "frequency", "angle", "velocity"):
-            return "other"
-        if named in ("force", "coefficient"):
-            return _FRICTION_IN.get(
-                kind, "force" if kind in _UNITS_OF["force"] else named
-            )
-        return named or _TOLD_BY_UNIT.get(kind, "")
+            told = "other"
+        elif named in ("force", "coefficient"):
+            told = _TABLES["of_friction"].get(kind, named)
+        else:
+            told = named or _TABLES["without_a_name"].get(kind, "")
+        return told
 
     def __str__(self) -> str:
         return self.name + (f" ({self.unit})" if self.unit else "")

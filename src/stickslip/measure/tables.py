@@ -36,6 +36,7 @@ _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _CONTROLS = bytes([*range(9), *range(13, 32), 127])
 _ROW = re.compile(r"\s*(?![#%!]|//)\S")  # neither blank nor a comment
+_NO_ROW = re.compile(rb"\n[^\S\n]*(?=\n|[#%!]|//)")  # the end of the line before one
 _NUMBER = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
 )
@@ -80,14 +81,11 @@ class Table(NamedTuple):
 
     def listed(self) -> str:
         """The columns, for a message."""
-        named = [
-            f"{i} '{heading}'" if heading.name else str(i)
-            for i, heading in enumerate(self.headings, start=1)
-        ]
-        shown = [
-            each if i in self.numeric else f"{each} (no numbers such as 1234.5)"
-            for i, each in enumerate(named)
-        ]
+        shown = []
+        for i, heading in enumerate(self.headings):
+            named = f"{i + 1} '{heading}'" if heading.name else f"{i + 1}"
+            none = "" if i in self.numeric else " (no numbers such as 1234.5)"
+            shown.append(named + none)
         return ", ".join(shown[:12] or ["none"]) + (" ..." if len(shown) > 12 else "")
 
 
@@ -95,17 +93,18 @@ def read_table(
     raw: bytes, delimiter: str | None = None, decimal: str | None = None
 ) -> Table:
     """Find out how a file is laid out; `InputError` if it is no table."""
-    for start, reader in _NO_TEXT.items():
-        if raw.startswith(start):
-            try:
-                return reader(raw)
-            # they let errors of zip, XML, struct and their own through
-            except Exception as error:
-                remedy = (
-                    "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, "
-                    "or export it as text"
-                )
-                raise InputError(f"cannot be read ({error}); {remedy}") from None
+    try:
+        if raw.startswith(b"TDSm"):
+            return _of_tdms(raw)
+        if raw.startswith(b"PK\x03\x04"):
+            return _of_spreadsheet(raw)
+    # they let errors of zip, XML, struct and their own through
+    except Exception as error:
+        remedy = (
+            "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, "
+            "or export it as text"
+        )
+        raise InputError(f"cannot be read ({error}); {remedy}") from None
     return _of_text(_as_utf8(raw), delimiter, decimal)
 
 
@@ -119,16 +118,13 @@ def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
     # as it stands: 25.04.2026 has points where decimals have commas, too
     if (seconds := seconds_of(cell)) is not None:
         return seconds, "s"
-    plain = cell.translate(_COMMAS) if comma else cell
-    match = _NUMBER.fullmatch(plain)
-    value, unit = (
-        (float(match[1].translate(_FORTRAN)), (match[2] or "").strip())
-        if match
-        else (math.inf, "")
-    )
-    known = not unit or any(
-        unit_named(word) or unit_size(word) for word in unit.split()
-    )
+    match = _NUMBER.fullmatch(cell.translate(_COMMAS) if comma else cell)
+    if match is None:
+        return None, ""
+    value = float(match[1].translate(_FORTRAN))
+    unit = (match[2] or "").strip()
+    words = unit.split()
+    known = not words or any(unit_named(word) or unit_size(word) for word in words)
     return (value, unit) if known and math.isfinite(value) else (None, "")
 
 
@@ -211,7 +207,11 @@ class _Rows(NamedTuple):
     quoted: bool
     units: dict[int, str]  # of each column of numbers, as its cells state them
     clocks: frozenset[int]  # columns that hold times of day
-    dated: frozenset[int]  # those of them whose times have a date
+    undated: frozenset[int]  # those of them whose times have no date
+
+    def text(self, row: int) -> str:
+        """The text of a line, counted from one."""
+        return self.lines.line(row - 1).strip()
 
     def read(self, asked: Iterable[int]) -> Columns:
         """Return columns of numbers, and the line (from one) of each row kept."""
@@ -225,46 +225,30 @@ class _Rows(NamedTuple):
             self.comma,
             quoted=self.quoted,
         )
-        surplus = self._is_surplus(cells[self.width])
+        begins = lines.begins[self.start : -1]
+        ends = _NO_ROW.finditer(lines.raw, begins[0])
+        keep = ~np.isin(begins, [end.start() + 1 for end in ends])
+        surplus = cells.pop(self.width).map(self._is_surplus) == True  # noqa: E712
         values = {}
         for i in columns:
             numbers = _as_numbers(cells.pop(i), self.units[i], self.comma)
-            values[i] = np.where(surplus, math.nan, numbers)
-        keep = self._is_kept(values)
-        kept = {i: numbers[keep] for i, numbers in values.items()}
-        for i in self.clocks & kept.keys():
-            kept[i] = self._since_first(i, kept[i])
-        return kept, np.flatnonzero(keep) + self.start + 1
+            values[i] = np.where(surplus, math.nan, numbers)[keep]
+        for i in self.clocks & values.keys():
+            values[i] = self._since_first(i, values[i])
+        return values, np.flatnonzero(keep) + self.start + 1
 
-    def _is_surplus(self, beyond: pd.Series) -> pd.Series:
-        """Whether a row holds a number or a unit beyond the last column."""
-        texts = beyond.cat.categories
-        surplus = [
-            text
-            for text in texts
-            if read_cell(str(text), self.comma)[0] is not None or unit_named(str(text))
-        ]
-        return beyond.isin(surplus)
-
-    def _is_kept(self, values: dict[int, Array]) -> NDArray[np.bool_]:
-        """Whether a row is one of numbers, or at least looks like one."""
-        finite = [np.isfinite(numbers) for numbers in values.values()]
-        keep: NDArray[np.bool_] = np.any(finite, axis=0)
-        octets = np.frombuffer(self.lines.raw, dtype=np.uint8)
-        first = octets[self.lines.begins[self.start : -1]]
-        keep &= ~np.isin(first, list(b"#%/!"))
-        for row in np.flatnonzero(~keep).tolist():
-            keep[row] = bool(_ROW.match(self.lines.line(self.start + row)))
-        return keep
+    def _is_surplus(self, beyond: str) -> bool:
+        """Whether a number or a unit stands in a cell beyond the last column."""
+        number, _ = read_cell(str(beyond), self.comma)
+        return number is not None or unit_named(str(beyond)) is not None
 
     def _since_first(self, column: int, times: Array) -> Array:
         """Times of day since the first; each leap backwards is a midnight."""
-        if column not in self.dated:
+        if column in self.undated:
             half_a_day = 43200.0
             days = np.cumsum(np.append(False, np.diff(times) < -half_a_day))
             times = times + 86400.0 * days
-        first = times[np.isfinite(times)][:1]
-        return times - first
+        return times - times[np.isfinite(times)][:1]
 
 
 def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
@@ -281,13 +265,13 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         )
     mark, comma = _layout(sample, delimiter, decimal)
     cells = [_split(line, mark) for line in sample]
-    width = mode(len(row) for row in cells)
+    width = mode(map(len, cells))
     if width > MOST_COLUMNS:
         raise InputError(
             f"has {width} columns, more than {MOST_COLUMNS}; keep those of time and "
             "force"
         )
-    columns = [[row[i] for row in cells if len(row) == width] for i in range(width)]
+    columns = [*zip(*(row for row in cells if len(row) == width), strict=True)]
     numeric = [i for i, column in enumerate(columns) if _numbers(column, comma) >= 0.5]
     start = _first_row(head, numeric, mark, comma)
     above = (
@@ -316,15 +300,9 @@ def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
         quoted='"' in "".join(sample),
         units=units,
         clocks=frozenset(clocks),
-        dated=frozenset(i for i in clocks if has_date(columns[i][0].strip(' "'))),
+        undated=frozenset(i for i in clocks if not has_date(columns[i][0].strip(' "'))),
     )
-    return Table(
-        with_coefficients(headings),
-        numeric,
-        rows.read,
-        lambda number: lines.line(number - 1).strip(),
-        step,
-    )
+    return Table(with_coefficients(headings), numeric, rows.read, rows.text, step)
 
 
 _Numbered = list[tuple[int, str]]
@@ -512,18 +490,18 @@ def _as_numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
     """The numbers of a column, NaN where a cell holds none, or one in another unit
     than usual.
     """
-    if cells.dtype.kind not in "fiu":  # of some parts pandas makes numbers
-        known = {
-            cell: read_cell(cell, comma)
-            for cell in cells.unique()
-            if isinstance(cell, str)
-        }
-        of_texts = {
-            cell: value if unit in ("", usual) else math.nan
-            for cell, (value, unit) in known.items()
-        }
-        cells = cells.map(lambda cell: of_texts.get(cell, cell))
-    return np.asarray(cells.astype(float).replace([np.inf, -np.inf], np.nan))
+
+    def number(cell: Any) -> Any:
+        if not isinstance(cell, str):  # of some parts pandas makes numbers
+            return cell
+        value, unit = read_cell(cell, comma)
+        return value if unit in ("", usual) else None
+
+    if cells.dtype.kind not in "fiu":
+        cells = cells.map({cell: number(cell) for cell in cells.unique()})
+    numbers = np.array(cells, dtype=float)
+    numbers[np.isinf(numbers)] = np.nan
+    return numbers
 
 
 def _of_spreadsheet(raw: bytes) -> Table:
@@ -567,40 +545,31 @@ def _of_tdms(raw: bytes) -> Table:
         one
         for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups()
         for one in group.channels()
+        if len(one) and np.issubdtype(one[:].dtype, np.number)
     ]
-    channels = [
-        one for one in channels if len(one) and np.issubdtype(one[:].dtype, np.number)
-    ]
-    length = mode(len(one) for one in channels)
-    left = [
-        f"{one.group_name}/{one.name}"
-        for one in channels
-        if len(one) != length and len(one) >= FEWEST_READINGS
-    ]
-    channels = [one for one in channels if len(one) == length]
-    named = [Heading.read(one.name) for one in channels]
-    units = [
-        one.properties.get("unit_string") or one.properties.get("NI_UnitDescription")
-        for one in channels
-    ]
-    headings = [
-        Heading(each.name, str(unit or each.unit))
-        for each, unit in zip(named, units, strict=True)
-    ]
-    columns = [np.array(one[:], dtype=float) for one in channels]
-    steps = {_step_of(one.properties) for one in channels} - {0.0}
+    length = mode(map(len, channels))
+    left = []
+    headings = []
+    columns = []
+    steps = set()
+    for one in channels:
+        if len(one) == length:
+            told = one.properties
+            name, unit = Heading.read(one.name)
+            unit = told.get("unit_string") or told.get("NI_UnitDescription") or unit
+            headings.append(Heading(name, str(unit)))
+            columns.append(np.array(one[:], dtype=float))
+            steps.add(_step_of(told))
+        elif len(one) >= FEWEST_READINGS:
+            left.append(f"{one.group_name}/{one.name}")
     rows = np.arange(1, length + 1)
-    step = steps.pop() if len(steps) == 1 else None
-
-    def read(asked: Iterable[int]) -> Columns:
-        return {i: columns[i] for i in asked}, rows
-
+    steps.discard(0.0)
     return Table(
         with_coefficients(headings),
         [*range(len(columns))],
-        read,
+        lambda asked: ({i: columns[i] for i in asked}, rows),
         "sample {}".format,
-        step,
+        steps.pop() if len(steps) == 1 else None,
         _left_out(f"the channels of {length} readings", "channel", left),
     )
 
@@ -612,10 +581,3 @@ def _step_of(properties: Mapping[str, Any]) -> float:
     step = float(properties.get("wf_increment") or 0.0)
     size = unit_size(str(properties.get("wf_xunit_string") or "s").strip())
     return step * size[0] if size and size[1] == {"s": 1} else 0.0
-
-
-_NO_TEXT: dict[bytes, Callable[[bytes], Table]] = {
-    b"TDSm": _of_tdms,
-    b"PK\x03\x04": _of_spreadsheet,
-}
-"""Files that are no text, by how they begin, and how they are read."""

@@ -120,23 +120,19 @@ def read_trace(
             "load": None if constant else load,
         }
         chosen = _choose(table, asked, seconds or table.step)
-        chosen = {
-            name: i for name, i in chosen.items() if not (seconds and name == "time")
-        }
-        units = {"time": "s", "load": "N"} | {
-            name: table.headings[i].unit for name, i in chosen.items()
-        }
-        units |= (
-            {"force": "1"}
-            if table.headings[chosen["force"]].quantity == "coefficient"
-            else {}
-        )
+        if seconds:
+            chosen.pop("time", None)
+        units = {"time": "s", "load": "N"}
+        units |= {name: table.headings[i].unit for name, i in chosen.items()}
+        if table.headings[chosen["force"]].quantity == "coefficient":
+            units["force"] = "1"
         values, notes = _rows(table, chosen, seconds or table.step or 0.0)
         notes = [*table.notes, *notes]
         del table
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    values |= {"load": np.full_like(values["force"], constant)} if constant else {}
+    if constant:
+        values["load"] = np.full_like(values["force"], constant)
     return _dataset(units, values, notes, flip).assign_attrs(source=Path(path).name)
 
 
@@ -157,7 +153,7 @@ def _rows(
     none = np.count_nonzero(outside) - (np.unique(within).size > 1) * within.size
     force[outside] = np.nan
     times = values.setdefault("time", step * np.arange(force.size, dtype=float))
-    bad = lines[~(np.isfinite(times) & np.isfinite(force))].tolist()
+    bad = lines[~np.isfinite(times + force)].tolist()
     told = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
     if len(bad) - none > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
         needed = (
@@ -175,26 +171,37 @@ def _rows(
     known = np.flatnonzero(np.isfinite(times))
     back = known[1:][np.diff(times[known]) <= 0]
     if back.size:
-        late = (
-            f"line {lines[back[0]]}: time {times[back[0]]:g} does not come after "
-            "that of the row before"
-        )
-        clock = ":" in table.line(lines[back[0]])
+        line = lines[back[0]]
+        is_clock = ":" in table.line(line)
         remedy = (
             "where a clock was set back, write times with their offset from UTC"
-            if clock
+            if is_clock
             else "sort the rows"
         )
         raise InputError(
-            f"{late}; times must rise: {remedy}, or give the step instead "
-            "(--step, or step=)"
+            f"line {line}: time {times[back[0]]:g} does not come after that of the row "
+            f"before; times must rise: {remedy}, or give the step instead (--step, or "
+            "step=)"
         )
-    told += [f"and {len(bad) - 5} more"] if len(bad) > 5 else []
+    if not bad:
+        return values, []
+    if len(bad) > 5:
+        told.append(f"and {len(bad) - 5} more")
     text = (
         "rows could not be read; the force there is interpolated in time "
         f"({'; '.join(told)})"
     )
-    return values, [f"{len(bad)} of {lines.size} {text}"] if bad else []
+    return values, [f"{len(bad)} of {lines.size} {text}"]
+
+
+_TEXTS = {
+    "force": ("spring_force", "force"),
+    "displacement": ("measured_displacement", "displacement, as measured"),
+    "load": ("load", "normal load"),
+    "mu": ("mu", "coefficient of friction"),
+    "filled": ("filled", "row was unreadable, or a spike; force interpolated"),
+}
+"""What is kept of a trace: the name of each variable, and its title."""
 
 
 def _dataset(
@@ -204,17 +211,9 @@ def _dataset(
     rows = pd.DataFrame(values)
     spiky = spikes(values["force"])
     count = int(np.count_nonzero(spiky))
-    notes += (
-        [
-            (
-                f"{count} spike{'s' * (count > 1)} of a single sample; the force there "
-                "is "
-                "interpolated"
-            )
-        ]
-        if count
-        else []
-    )
+    if count:
+        many = f"{count} spike{'s' * (count > 1)} of a single sample"
+        notes.append(f"{many}; the force there is interpolated")
     rows.loc[spiky, "force"] = np.nan
     known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
@@ -225,25 +224,13 @@ def _dataset(
         if not units[name]:
             units[name] = usual
             notes.append(f"the file names no unit of the {name}: {usual} assumed")
-    coefficient = units["force"] == "1"
-    texts = {
-        "force": (
-            "spring_force",
-            "coefficient of friction" if coefficient else "force",
-        ),
-        "displacement": ("measured_displacement", "displacement, as measured"),
-        "load": ("load", "normal load"),
-        "mu": ("mu", "coefficient of friction"),
-        "filled": ("filled", "row was unreadable, or a spike; force interpolated"),
-    }
+    texts = dict(_TEXTS)
     units["load"] = units["load"] or units["force"]
-    if "load" in rows and not coefficient:
-        size = (
-            1.0
-            if units["force"] == units["load"]
-            else ratio(units["force"], units["load"])
-        )
-        if size:
+    if units["force"] == "1":
+        texts["force"] = ("spring_force", "coefficient of friction")
+    elif "load" in rows:
+        alike = units["force"] == units["load"]
+        if size := 1.0 if alike else ratio(units["force"], units["load"]):
             rows["mu"] = size * rows["force"] / rows["load"].replace(0.0, np.nan)
         else:
             notes.append(
@@ -251,10 +238,10 @@ def _dataset(
                 f"load in {units['load']}"
             )
     rows["filled"] = missing
-    found = {
-        texts[key][0]: labelled(texts[key][1], "time", rows[key], units.get(key, "1"))
-        for key in rows
-    }
+    found = {}
+    for key in rows:
+        name, title = texts[key]
+        found[name] = labelled(title, "time", rows[key], units.get(key, "1"))
     time = labelled("time", "time", rows.index, units["time"])
     attrs = {
         "rows": values["force"].size,
@@ -282,19 +269,17 @@ def _choose(
                 f"column {chosen[one] + 1} cannot be both {one} and {other}; there are "
                 f"{table.listed()}"
             )
-    for name in [
-        each for each in ("time", "force", "displacement", "load") if each not in chosen
-    ]:
-        free = {
-            i: table.headings[i].quantity
-            for i in table.numeric
-            if i not in chosen.values()
-        }
-        found = [i for i, quantity in free.items() if quantity == name]
-        if name == "force" and not found:
-            found = [i for i, quantity in free.items() if quantity == "coefficient"]
-            if not found and len(free) == 1:
-                found = [i for i, quantity in free.items() if quantity in ("load", "")]
+    for name in ("time", "force", "displacement", "load"):
+        if name in chosen:
+            continue
+        free = [i for i in table.numeric if i not in chosen.values()]
+        kinds: list[tuple[str, ...]] = [(name,)]
+        if name == "force":
+            # the only column of numbers is the force, whatever it is called
+            kinds += [("coefficient",), ("load", "") if len(free) == 1 else ()]
+        found: list[int] = []
+        for kind in kinds:
+            found = found or [i for i in free if table.headings[i].quantity in kind]
         if len(found) == 1:
             chosen[name] = found[0]
         elif name == "force" or (name == "time" and not step):
@@ -316,9 +301,8 @@ def _column(table: Table, name: str, wanted: str | int) -> int:
     if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
         found = [int(text) - 1]
     if len(found) != 1 or found[0] not in table.numeric:
-        there = (
-            "no such column of numbers, or several of this name; counted from 1, "
-            f"there are {table.listed()}"
+        raise InputError(
+            f"{name} = {shown(wanted)}: no such column of numbers, or several of this "
+            f"name; counted from 1, there are {table.listed()}"
         )
-        raise InputError(f"{name} = {shown(wanted)}: {there}")
     return found[0]
