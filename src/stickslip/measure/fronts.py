@@ -130,16 +130,8 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
             # the first fifth is still getting under way
             under_way = line[start + (count - 1) // 5 : beyond]
             speed = _speed(under_way) if count >= _FEWEST else np.nan
-            rows.append(
-                (
-                    origin + way * start,
-                    origin + way * end,
-                    count,
-                    line[start],
-                    line[end],
-                    speed,
-                )
-            )
+            ends = (origin + way * start, origin + way * end)
+            rows.append((*ends, count, line[start], line[end], speed))
     return rows
 
 
@@ -214,41 +206,32 @@ def events(run: xr.Dataset) -> xr.Dataset:
     for label, where in enumerate(ndimage.find_objects(labels, count), start=1):
         first = where[0].start
         last = where[0].stop
-        mine = labels[first:last] == label
-        gone = (np.diff(broken[first : last + 1], axis=0) * mine).sum(axis=0)
-        if not (gone >= 0.5).any():
-            continue
-        part = np.flatnonzero(
-            mine.any(axis=0) & ((gone >= 0.5) | (attached[first] < 0.5))
-        )
         during = slice(first, last + 1)
-        arrival = _half_times(time[during], X[during, part])
+        mine = labels[first:last] == label
+        gone = (np.diff(broken[during], axis=0) * mine).sum(axis=0) >= 0.5
+        if not gone.any():
+            continue
+        part = np.flatnonzero(mine.any(axis=0) & (gone | (attached[first] < 0.5)))
+        x = X[during, part]
+        arrival = np.array([_half_time(time[during], each) for each in x.T])
         origin = int(np.argmin(arrival))
         # on which more blocks follow
         side = max((arrival[origin:], arrival[origin::-1]), key=len)
         runs = grid.shape[1] == 1 and side.size >= _FEWEST and side[-1] > side[0]
-        moment = (X[last] - X[first])[part].sum()
-        drop = force[first] - force[last]
-        fastest = np.abs(V[during, part]).max()
-        front = _speed(side) if runs else np.nan
         rows.append(
             (
                 time[first],
                 time[last],
                 part[origin],
                 part.size,
-                moment,
-                drop,
-                fastest,
-                front,
+                (x[-1] - x[0]).sum(),
+                force[first] - force[last],
+                np.abs(V[during, part]).max(),
+                _speed(side) if runs else np.nan,
             )
         )
-    found = _table(
-        "event",
-        "start end first_block blocks moment drop peak_velocity front_speed",
-        rows,
-        units,
-    )
+    names = "start end first_block blocks moment drop peak_velocity front_speed"
+    found = _table("event", names, rows, units)
     return xr.Dataset(
         found,
         {"event": np.arange(len(rows))},
@@ -284,15 +267,14 @@ def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
     }
 
 
-def _half_times(time: Array, X: Array) -> Array:
-    """When each block has gone half of its way."""
-    level = 0.5 * (X[0] + X[-1])
-    block = np.arange(X.shape[1])
-    after = np.maximum(np.argmax((X - level) * (X[-1] - X[0]) >= 0, axis=0), 1)
-    low = X[after - 1, block]
-    rise = X[after, block] - X[after - 1, block]
-    part = np.divide(level - low, rise, out=np.ones_like(rise), where=rise != 0.0)
-    return np.asarray(time[after - 1] + part * (time[after] - time[after - 1]))
+def _half_time(time: Array, X: Array) -> float:
+    """When a block has gone half of its way."""
+    way = X - 0.5 * (X[0] + X[-1])
+    way *= np.sign(X[-1] - X[0])
+    after = max(int(np.argmax(way >= 0)), 1)
+    last = slice(after - 1, after + 1)
+    # one that did not move has gone at the later of the two
+    return float(np.interp(0.0, way[last], time[last]))
 
 
 def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Array]:
@@ -300,16 +282,17 @@ def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Ar
     blocks; and the edges of these.
     """
     values = np.asarray(field.values, dtype=float)
-    fast = field.name == "velocity"
     edges = [
-        np.unique(np.linspace(0, *each).astype(int))
-        for each in zip(values.shape, np.add(most, 1), strict=True)
+        np.unique(np.linspace(0, size, count + 1).astype(int))
+        for size, count in zip(values.shape, most, strict=True)
     ]
+    is_velocity = field.name == "velocity"
+    values = np.abs(values) if is_velocity else values
     for axis, edge in enumerate(edges):
-        parts = (np.maximum if fast else np.add).reduceat(
-            np.abs(values) if fast else values, edge[:-1], axis=axis
-        )
-        values = parts if fast else parts / np.expand_dims(np.diff(edge), 1 - axis)
+        gather = np.maximum if is_velocity else np.add
+        values = gather.reduceat(values, edge[:-1], axis=axis)
+    if not is_velocity:
+        values = values / np.outer(*map(np.diff, edges))
     time, block = (
         np.asarray(field[name].values, dtype=float) for name in ("time", "block")
     )
