@@ -25,7 +25,7 @@ from stickslip.advise.budget import (
     trial,
 )
 from stickslip.advise.findings import SEEN
-from stickslip.advise.mitigations import smallest_changes
+from stickslip.advise.mitigations import Search
 from stickslip.advise.report import report
 from stickslip.advise.survey import PRECISION, Band, Survey, stability_along
 from stickslip.io import rig_files as rigs
@@ -229,8 +229,8 @@ def test_what_one_run_of_eight_denies_is_told_as_that():
 
     found = ss.predict(ss.example("brake_pad"), fast=True)
     fated = Fated(math.inf)
-    changes = smallest_changes(found.rig, None, fated, lambda _done: None)
-    found = replace(found, **changes._asdict())
+    changes = Search(found.rig, None, fated).changes(lambda _done: None)
+    found = replace(found, **changes)
     assert found.unreliable["damping"] == (
         pytest.approx(30 * found.rig.value("damping")),
         7 / 8,

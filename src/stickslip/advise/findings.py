@@ -97,11 +97,18 @@ class Findings:
     #: so now, that is the value that it has.
     noise_limit: tuple[str, float] | None = None
 
-    #: The fields of `Changes`.
+    #: Those that can be made on the machine first, in each group the smallest first.
+    #: Where the rig works over a range of speeds, or at several, each is one for all of
+    #: them.
     mitigations: tuple[Mitigation, ...] = ()
+    #: Two changes that give smooth sliding together, each smaller than any one alone.
     combined: tuple[Mitigation, ...] = ()
+    #: Parameters that give no smooth sliding, with the range searched.
     attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    #: Parameters with the furthest value, and the fraction of runs there that slide
+    #: smoothly: some, not all.
     unreliable: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    #: Titles of parameters whose search ended with the budget.
     not_searched: tuple[str, ...] = ()
     #: whether mitigations, and the speeds from rest, have been looked for
     complete: bool = False
@@ -143,50 +150,46 @@ class Findings:
         )
 
     @property
+    def oscillates(self) -> bool:
+        """Whether the run oscillates on."""
+        return self.regime.kind in OSCILLATES
+
+    @property
     def smooth(self) -> bool | None:
         """Whether the rig slides smoothly: stable, and seen to in the run; None if
         that is undecided.
         """
         if self.regime.kind == "undecided" or not self.has_verdict:
             return None
-        return self.regime.kind == "smooth sliding" and not self.unstable_modes
+        return not (self.oscillates or self.unstable_modes)
 
     @property
     def bistable(self) -> bool:
         """Whether smooth sliding is stable, and stays, although the run from rest
         shows sustained stick-slip.
         """
-        return (
-            self.regime.kind in OSCILLATES
-            and self.has_verdict
-            and self.unstable_modes == 0
-            and self.survives_noise
-        )
+        stays = self.unstable_modes == 0 and self.survives_noise
+        return self.oscillates and self.has_verdict and stays
 
     @property
     def needs_mitigation(self) -> bool:
         """Whether there is something to mitigate, at any of the speeds at which the
         rig works.
         """
-        return self.has_verdict and (
-            bool(self.unstable_modes)
-            or self.regime.kind in OSCILLATES
-            or bool(self.trouble)
+        return self.has_verdict and bool(
+            self.unstable_modes or self.oscillates or self.trouble
         )
 
     @property
     def trouble(self) -> tuple[Band, ...]:
         """Ranges of speed with an oscillation among those at which the rig works."""
-        ends = (
-            [(speed, speed) for speed, _ in self.at_speeds]
-            if self.between is None
-            else [self.between]
-        )
-        bad = [band for band in self.bands if band.kind in (*OSCILLATES, "unstable")]
+        single = [(speed, speed) for speed, _ in self.at_speeds]
+        ends = [self.between] if self.between else single
         return tuple(
             band
-            for band in bad
-            if any(band.low <= high and low <= band.high for low, high in ends)
+            for band in self.bands
+            if band.kind in (*OSCILLATES, "unstable")
+            and any(band.low <= high and low <= band.high for low, high in ends)
         )
 
     @property
@@ -195,11 +198,8 @@ class Findings:
         the run; None if it has none.
         """
         period = self.regime.period
-        return (
-            1.0 / period
-            if self.regime.kind in OSCILLATES and math.isfinite(period) and period > 0
-            else None
-        )
+        repeats = self.oscillates and 0 < period < math.inf
+        return 1.0 / period if repeats else None
 
     @property
     def amplitude(self) -> float:
@@ -216,27 +216,23 @@ class Findings:
         """Each speed at which the rig works, in its own units, and the motion there
         from a start at rest.
         """
-        speeds = [
-            speed * self.rig.unit("velocity") for speed in self.rig.operation.speeds
-        ]
-        motions = [
-            next((band.motion for band in self.bands if speed in band), "undecided")
-            for speed in speeds
-        ]
-        # the first is that of the drive
-        motions[:1] = [self.regime.kind][: len(speeds)]
-        return tuple(zip(speeds, motions, strict=True))
+        found = list[tuple[float, str]]()
+        for natural in self.rig.operation.speeds:
+            speed = natural * self.rig.unit("velocity")
+            told = [band.motion for band in self.bands if speed in band]
+            # the first is that of the drive
+            kind = [*told, "undecided"][0] if found else str(self.regime.kind)
+            found.append((speed, kind))
+        return tuple(found)
 
     @property
     def between(self) -> tuple[float, float] | None:
         """The range of speeds at which the rig works, in its own units: as given, or
         those its drive goes through.
         """
-        given = self.rig.operation.between
         pieces = self.rig.drive.pieces
-        ends = given or [
-            abs(speed) for piece in pieces for speed in (piece.start, piece.end)
-        ]
+        through = [abs(end) for piece in pieces for end in (piece.start, piece.end)]
+        ends = self.rig.operation.between or through
         low, high = (end(ends) * self.rig.unit("velocity") for end in (min, max))
         return None if low == high else (max(low, self.speeds_searched[0]), high)
 
@@ -256,21 +252,17 @@ class Findings:
         unit = self.rig.unit("velocity")
         edges = {end / unit for band in self.bands for end in band.ends}
         for piece in self.rig.drive.pieces:
-            rate = piece.acceleration
-            times = [
-                (sign * edge - piece.start) / rate
-                for edge in edges
-                for sign in (1.0, -1.0)
-                if rate
-            ]
+            start, rate = piece.start, piece.acceleration
+            reached = [*edges, *(-edge for edge in edges)] if rate else []
+            times = [(edge - start) / rate for edge in reached]
             cuts = sorted(time for time in times if 0.0 < time < piece.duration)
             for first, last in pairwise([0.0, *cuts, piece.duration]):
-                speed = abs(piece.start + 0.5 * rate * (first + last)) * unit
-                here = [band for band in self.bands if speed in band]
-                kind = here[0].kind if here else "unknown"
-                smooth = found and found[-1].kind in ("smooth sliding", "stable")
-                if smooth and here and here[0].bistable:
-                    kind = found[-1].kind
+                speed = abs(start + 0.5 * rate * (first + last)) * unit
+                here = next((band for band in self.bands if speed in band), None)
+                kind = here.kind if here else "unknown"
+                before = found[-1].kind if found else ""
+                if here and here.bistable and before in ("smooth sliding", "stable"):
+                    kind = before
                 found.append(Band(kind=kind, low=begin + first, high=begin + last))
             begin += piece.duration
         return scaled(joined(found), self.rig.unit("time"))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from itertools import groupby
 from typing import Any
 
@@ -27,9 +28,9 @@ from stickslip.advise.doubt import Doubt
 from stickslip.advise.findings import SEEN, Margin, WaveAnswer
 from stickslip.advise.mitigations import (
     TURNABLE,
+    Search,
     has,
     reach,
-    smallest_changes,
 )
 from stickslip.advise.survey import Band, Survey, scaled, stability_along, theory_along
 from stickslip.cycles.edges import halved
@@ -41,7 +42,6 @@ from stickslip.model.parameters import (
     DELAY,
     PARAMETERS,
     VELOCITY,
-    Parameter,
     parameter_named,
 )
 from stickslip.model.rig import Ends, Rig
@@ -249,10 +249,9 @@ def complete(
     found = replace(found, margins=tuple(margins), noise_limit=noise_limit, doubt=doubt)
     report(0.4)
     if found.needs_mitigation:
-        changes = smallest_changes(
-            rig, found.between, budget, part(report, 0.4, 0.9), pairs=pairs
-        )
-        found = replace(found, **changes._asdict())
+        search = Search(rig, found.between, budget)
+        changes = search.changes(part(report, 0.4, 0.9), pairs=pairs)
+        found = replace(found, **changes)
     report(1.0)
     survey.look(budget)  # with what is left
     return replace(
@@ -266,19 +265,11 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
     """The speeds that an answer is about, as factors: far on either side of those
     that the drive goes through.
     """
-    number(
-        "drive: the speed of a prediction",
-        rig.velocity,
-        above=0,
-        hint=rig.unit_name("velocity"),
-    )
-    ends = [
-        abs(v) / rig.natural.velocity
-        for piece in rig.drive.pieces
-        for v in (piece.start, piece.end)
-        if v != 0
-    ]
-    through = [*ends, *by_theory.works_at(rig)]
+    unit = rig.unit_name("velocity")
+    number("drive: the speed of a prediction", rig.velocity, above=0, hint=unit)
+    ends = [end for piece in rig.drive.pieces for end in (piece.start, piece.end)]
+    through = [abs(end) / rig.natural.velocity for end in ends if end != 0]
+    through += by_theory.works_at(rig)
     widest = 10.0 if is_expensive(rig) else 100.0
     return min(through) / widest, max(through) * widest
 
@@ -327,30 +318,28 @@ def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
     margins: list[Margin] = []
     missed: list[str] = []
     for parameter in (each for each in PARAMETERS if has(rig, each)):
+        value = rig.value(parameter)
         try:
             bands = theory_along(budget, rig, parameter, *reach(rig, parameter))
         except BudgetExhausted:
             missed.append(f"stability limits of the {parameter.title}")
             continue
         for known, group in groupby(bands, key=lambda band: band.kind != "unknown"):
-            around = list(group)
-            if known and around[0].low <= 1.0 < around[-1].high:
-                value = rig.value(parameter)
-                margins.append(_margin(parameter, value, scaled(around, value)))
+            around = scaled(group, value)
+            searched = around[0].low, around[-1].high
+            if not known or not searched[0] <= value < searched[1]:
+                continue
+            edges = [band.high for band in around[:-1]]
+            margin = Margin(
+                parameter=parameter.name,
+                value=value,
+                lower=max((edge for edge in edges if edge < value), default=None),
+                upper=min((edge for edge in edges if edge > value), default=None),
+                searched=searched,
+                stable=tuple(band.ends for band in around if band.kind == "stable"),
+            )
+            margins.append(margin)
     return margins, missed
-
-
-def _margin(parameter: Parameter, value: float, bands: Sequence[Band]) -> Margin:
-    """Limits next to a value among those of adjoining bands."""
-    edges = [band.high for band in bands[:-1]]
-    return Margin(
-        parameter=parameter.name,
-        value=value,
-        lower=max((edge for edge in edges if edge < value), default=None),
-        upper=min((edge for edge in edges if edge > value), default=None),
-        searched=(bands[0].low, bands[-1].high),
-        stable=tuple(band.ends for band in bands if band.kind == "stable"),
-    )
 
 
 def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | None:
@@ -391,58 +380,52 @@ def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
     found = ElasticPrediction(
         rig=rig, speeds_searched=(low * rig.velocity, high * rig.velocity)
     )
-    stiffness, coupling, wavelength, sliders = sliders_of(rig.slider, _MODES)
     if respond(rig.interface).inert:
         return replace(found, theory_note=by_theory.CANNOT_GROW)
-    sliding = {
-        slider: replace(rig, slider=slider, drive=constant(rig.natural.velocity))
-        for slider in sliders
-    }
-
-    def wave(slider: Slider) -> WaveAnswer:  # modes come in pairs of one stiffness
-        i = sliders.index(slider)
-        growth, frequency = by_theory.fastest_mode(sliding[slider])
-        report((i + 1) / (i + 2))
-        bands = stability_along(sliding[slider], VELOCITY, low, high)
-        length = length_in_words(rig, float(wavelength[i]), 3)
-        return WaveAnswer(
-            name=_name(float(wavelength[i]), float(coupling[i]), rig.slider, length),
-            wavelength=float(wavelength[i]),
-            stiffness=float(stiffness[i]) * rig.unit("k"),
-            growth=growth,
-            frequency=frequency,
-            speeds=tuple(
-                band.ends
-                for band in scaled(bands, rig.velocity)
-                if band.kind == "unstable"
-            ),
-        )
-
+    drive = constant(rig.natural.velocity)
+    grows = cache(lambda there: count_unstable(there) > 0)
+    waves: dict[Slider, WaveAnswer] = {}
+    growing = 0
+    critical = None
     try:
-        grows = {slider: count_unstable(there) > 0 for slider, there in sliding.items()}
-        waves = tuple(wave(slider) for slider in [*sliding][:_WAVES])
-        critical = critical_length(rig) if isinstance(rig.slider, Chain) else None
+        for *numbers, slider in zip(*sliders_of(rig.slider, _MODES), strict=True):
+            stiffness, coupling, wavelength = map(float, numbers)
+            there = replace(rig, slider=slider, drive=drive)
+            growing += grows(there)
+            if slider in waves or len(waves) == _WAVES:
+                continue  # modes come in pairs of one stiffness
+            growth, frequency = by_theory.fastest_mode(there)
+            bands = stability_along(there, VELOCITY, low, high)
+            length = length_in_words(rig, wavelength, 3)
+            waves[slider] = WaveAnswer(
+                name=_name(wavelength, coupling, rig.slider, length),
+                wavelength=wavelength,
+                stiffness=stiffness * rig.unit("k"),
+                growth=growth,
+                frequency=frequency,
+                speeds=tuple(
+                    band.ends
+                    for band in scaled(bands, rig.velocity)
+                    if band.kind == "unstable"
+                ),
+            )
+            report(len(waves) / (_WAVES + 1))
+        if isinstance(rig.slider, Chain):
+            critical = critical_length(rig)
     except UndecidedError as reason:
         return replace(found, theory_note=str(reason))
     report(1.0)
-    return replace(
-        found,
-        growing=sum(grows[slider] for slider in sliders),
-        waves=waves,
-        critical=critical,
-    )
+    found_waves = tuple(waves.values())
+    return replace(found, growing=growing, waves=found_waves, critical=critical)
 
 
 def _name(wavelength: float, coupling: float, body: ElasticBody, length: str) -> str:
     if math.isnan(wavelength):
         return "a mode localised at the driven end"
-    if isinstance(body, Chain) and body.size < wavelength < math.inf:
-        # No wave is longer than what carries it.
-        return (
-            "the bar nearly as a whole"
-            if wavelength > 3.0 * body.size
-            else "half a wave along the bar"
-        )
-    if math.isfinite(wavelength):
+    if math.isinf(wavelength):
+        return "the uniform mode" if coupling == 0.0 else "waves across the drive"
+    # No wave is longer than what carries it.
+    if not isinstance(body, Chain) or wavelength <= body.size:
         return f"waves of {length}"
-    return "the uniform mode" if coupling == 0.0 else "waves across the drive"
+    whole = wavelength > 3.0 * body.size
+    return "the bar nearly as a whole" if whole else "half a wave along the bar"

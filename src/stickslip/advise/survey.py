@@ -5,11 +5,11 @@ All along here are factors on what the rig has, so that no unit matters.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -47,6 +47,7 @@ _PER_DECADE = {False: 16, True: 6}
 _NARROW = 1e-3
 # a parameter that a factor makes larger, or on side -1 smaller
 Turn = tuple[Parameter, int]
+_Seen = tuple[float, str]  # a speed, and the motion there
 _APART = 3.0  # speeds at which runs are made first lie within this factor of each other
 
 
@@ -84,11 +85,6 @@ class Band:
         return MOTIONS.get(self.kind, self.kind) + (
             " from rest only" if self.bistable else ""
         )
-
-
-def halvings(furthest: float) -> int:
-    """How often a range of factors is halved until a change is known to `PRECISION`."""
-    return math.ceil(math.log2(math.log(furthest) / math.log1p(PRECISION)))
 
 
 def scaled(bands: Iterable[Band], size: float) -> tuple[Band, ...]:
@@ -148,35 +144,26 @@ def stability_along(
     Stable ranges narrower than a sixteenth of a decade may be missed.
     """
     factor = factor_on((parameter, 1))
+    density = _PER_DECADE[is_expensive(rig)]
     try:
-        found = search(
-            factor,
-            rig.natural,
-            low,
-            high,
-            density=_PER_DECADE[is_expensive(rig)],
-            edges_only=True,
-        )
+        found = search(factor, rig.natural, low, high, density=density, edges_only=True)
     except (InputError, UndecidedError):  # at some value the theory cannot tell
         if high < (1.0 + _NARROW) * low or all(
             linearly_unstable(factor.set(rig, end)) is None for end in (low, high)
         ):
             return (Band(kind="unknown", low=low, high=high),)
         middle = math.sqrt(low * high)
-        parts = [
+        lower, upper = (
             stability_along(rig, parameter, *ends)
             for ends in ((low, middle), (middle, high))
-        ]
-        return joined(chain.from_iterable(parts))
-    ends = [low, *(edge.value for edge in found.edges), high]
-    growing = [
-        found.unstable_at_ends[0],
-        *(edge.unstable_above for edge in found.edges),
-    ]
-    kinds = ["unstable" if modes else "stable" for modes in growing]
+        )
+        return joined(lower + upper)
+    begins = [(low, found.unstable_at_ends[0] > 0)]
+    begins += [(edge.value, edge.unstable_above > 0) for edge in found.edges]
+    ends = [*(edge.value for edge in found.edges), high]
     return tuple(
-        Band(kind=kind, low=a, high=b)
-        for kind, (a, b) in zip(kinds, pairwise(ends), strict=True)
+        Band(kind="unstable" if grows else "stable", low=begin, high=end)
+        for (begin, grows), end in zip(begins, ends, strict=True)
     )
 
 
@@ -249,60 +236,41 @@ class Survey:
         """How much is in doubt at speeds: those not tried yet, or the middles
         between two with different motion.
         """
-        untried = [
-            speed
-            for speed, kind in self.known.items()
-            if not kind and speed not in looked
-        ]
+        untried = [v for v, kind in self.known.items() if not kind and v not in looked]
         if untried:
-            return {
-                speed: math.inf if speed in self._works else 1.0 for speed in untried
-            }
-        changes = [
-            pair
-            for b in self._linear
-            for pair in self._changes(b)
-            if b.kind not in (pair[0][1], pair[1][1])
-        ]
+            return {v: math.inf if v in self._works else 1.0 for v in untried}
         widths = {
             math.sqrt(left * right): math.log(right / left)
-            for (left, _), (right, _) in changes
+            for band in self._linear
+            for (left, one), (right, two) in self._changes(band)
+            if band.kind not in (one, two)
         }
-        return {
-            v: width
-            for v, width in widths.items()
-            if v not in looked and width > 2.0 * math.log1p(PRECISION)
-        }
+        least = 2.0 * math.log1p(PRECISION)
+        return {v: w for v, w in widths.items() if v not in looked and w > least}
 
-    def _changes(self, band: Band) -> list[tuple[tuple[float, str], tuple[float, str]]]:
+    def _changes(self, band: Band) -> list[tuple[_Seen, _Seen]]:
         """Neighbours with different motion."""
-        return [
-            (one, two) for one, two in pairwise(self._seen(band)) if one[1] != two[1]
-        ]
+        return [pair for pair in pairwise(self._seen(band)) if pair[0][1] != pair[1][1]]
 
-    def _seen(self, band: Band) -> list[tuple[float, str]]:
+    def _seen(self, band: Band) -> list[_Seen]:
         """Speeds tried in a range, rising, with the motion there; what theory says
         where that is not known.
 
         A run that seems smooth where smooth sliding is unstable has not grown yet, or
         is hidden by noise.
         """
-        told = (
-            OSCILLATES if band.kind == "unstable" else (*OSCILLATES, "smooth sliding")
-        )
-        inside = sorted(speed for speed in self.known if speed in band)
-        seen = [
-            (v, kind if (kind := self.known[v]) in told else band.kind) for v in inside
-        ]
+        told = (*OSCILLATES, "smooth sliding")[: 2 if band.kind == "unstable" else 3]
+        inside = [v for v in sorted(self.known) if v in band]
+        kinds = [kind if (kind := self.known[v]) in told else band.kind for v in inside]
         if band.kind == "stable":
-            return seen
+            return [*zip(inside, kinds, strict=True)]
         # One speed left out between two with the same oscillation tells nothing against
         # it.
-        sides = zip([(0.0, ""), *seen], seen, [*seen[1:], (0.0, "?")], strict=False)
+        sides = zip(["", *kinds], inside, kinds, [*kinds[1:], "?"], strict=False)
         return [
-            each
-            for one, each, two in sides
-            if not (each[1] == band.kind and one[1] == two[1] != band.kind)
+            (v, kind)
+            for before, v, kind, after in sides
+            if not (kind == band.kind and before == after != band.kind)
         ]
 
     def bands(self) -> tuple[Band, ...]:
@@ -320,33 +288,27 @@ class Survey:
                 last = right / (1.0 + PRECISION)
                 if near := first >= last:
                     first = last = math.sqrt(left * right)
-                parts += [
-                    _part(band, one, begin, first, found, near),
-                    replace(band, low=first, high=last),
-                ]
+                parts.append(_part(band, one, begin, first, found, near))
+                parts.append(replace(band, low=first, high=last))
                 begin = last
                 found = near
-            _, last_kind = [(0.0, band.kind), *self._seen(band)][-1]
-            parts.append(_part(band, last_kind, begin, band.high, found, True))
+            *_, (_, kind) = [(0.0, band.kind), *self._seen(band)]
+            parts.append(_part(band, kind, begin, band.high, found, True))
         return joined(parts)
 
 
-def _grid(linear: Sequence[Band]) -> list[float]:
+def _grid(linear: Sequence[Band]) -> Iterator[float]:
     """Speeds in each range, evenly by their logarithm, and next to limits of
     stability, just on the stable side.
     """
-    inside = list[float]()
     near = 1.0 + 2.0 * PRECISION
     for band in linear:
         count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
-        inside += np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
-    stable = [
-        band for band in linear if band.kind == "stable" and band.high > near * band.low
-    ]
-    return [
-        *inside,
-        *(v for band in stable for v in (band.low * near, band.high / near)),
-    ]
+        yield from np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
+    for band in linear:
+        if band.kind == "stable" and band.high > near * band.low:
+            yield band.low * near
+            yield band.high / near
 
 
 def _part(
