@@ -8,7 +8,7 @@ import pytest
 
 import stickslip as ss
 from stickslip import advise
-from stickslip.advise import Band, Mitigation, screen
+from stickslip.advise import Band, Mitigation, screen, sections
 from stickslip.io import rig_files as rigs
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
 
@@ -101,7 +101,7 @@ def test_the_verdict_comes_first_in_capitals_with_frequency_and_force(found):
 )
 def test_any_verdict_is_in_capitals(kind, said, found):
     here = replace(found, regime=replace(found.regime, kind=kind))
-    assert screen.verdict(here) == said
+    assert screen.verdict(here.told) == said
 
 
 @pytest.mark.parametrize("count", [7, 40, 60])
@@ -197,13 +197,13 @@ def test_changes_are_sorted_and_say_their_factors(found):
     ],
 )
 def test_what_a_file_has_to_give_anew_stands_beneath_a_change(name, said, found):
-    _, *more = screen.rows(found.rig, changed(found.rig, **{name: 2.0}))
+    _, *more = screen.table(found.rig, changed(found.rig, **{name: 2.0}))
     assert [line.strip() for line in more] == [said] * bool(said)
 
 
 def test_a_file_with_v_half_has_to_give_it_anew(found):
     rig = replace(found.rig, given=("interface.v_half",))
-    _, more = screen.rows(rig, changed(rig, contact_stiffness=2.0))
+    _, more = screen.table(rig, changed(rig, contact_stiffness=2.0))
     assert "v_half 10 mm/s" in more
 
 
@@ -298,7 +298,7 @@ def test_a_terminal_gets_colours_and_signs(found, monkeypatch):
     shown = here.text(80, bold=True, signs=True)
     assert re.search("\033\\[30;48;[0-9;]*m\\*", shown)  # on a ground
     bare = re.sub("\033\\[[0-9;]*m", "", shown)
-    for sign, plain in zip(screen.ARROWS, screen.ASCII, strict=True):
+    for sign, plain in zip(sections.ARROWS, sections.ASCII, strict=True):
         assert f" {sign} " in bare
         bare = bare.replace(f" {sign} ", f" {plain} ")
     assert bare == here.text(80)

@@ -366,7 +366,7 @@ def predict(
     10 s.
     """
     from stickslip.advise import Prediction, complete, predict
-    from stickslip.advise.screen import ARROWS
+    from stickslip.advise.sections import ARROWS
 
     _check_outputs(picture=plot, read=rig)
     described = ss.read_rig(rig)

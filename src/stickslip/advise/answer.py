@@ -5,30 +5,25 @@ to plain numbers.
 from __future__ import annotations
 
 import io
+import textwrap
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from stickslip.advise import screen
 from stickslip.advise.findings import Findings, WaveFindings
-from stickslip.advise.screen import (
+from stickslip.advise.screen import MARKS, Line
+from stickslip.advise.sections import (
     ARROWS,
     ASCII,
-    MARKS,
-    legend,
-    paragraphs,
-    place,
-    strip,
-    verdict,
-)
-from stickslip.advise.sections import (
+    Motion,
     Section,
     changes_in_words,
-    headline,
-    headline_of_waves,
+    motion,
+    motion_of_waves,
     quantity,
     sections,
     sections_of_waves,
@@ -39,7 +34,6 @@ from stickslip.model.rig import Rig
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import Console
 
 _UNWRAPPED = 10_000  # columns: no sentence is as wide
 _STRIP = 600.0  # width of the strip of speeds of a card, in its own units
@@ -54,19 +48,25 @@ class RigAnswer(Answer):
 
     _picture: ClassVar[str]  # the function of `stickslip.plot` that draws it
     _derived: ClassVar[tuple[str, ...]]  # what `to_dict` gives beside the fields
+    _lines: ClassVar[Callable[..., Iterator[Line]]]  # beneath the strip of speeds
     rig: Rig
     bands: Any
     speeds_searched: tuple[float, float]
 
     @property
     @abstractmethod
-    def headline(self) -> str:
-        """The motion at the rig's own speed, in a line."""
+    def told(self) -> Motion:
+        """The motion at the rig's own speed."""
 
     @property
     @abstractmethod
     def sections(self) -> Sequence[Section]:
         """All sections, those without a sentence among them."""
+
+    @property
+    def headline(self) -> str:
+        """The motion at the rig's own speed, in a line."""
+        return self.told.line
 
     @property
     def motion(self) -> str:
@@ -76,12 +76,10 @@ class RigAnswer(Answer):
     @property
     def verdict(self) -> str:
         """The whole answer in one sentence."""
-        rows = (
-            section.rows
-            for section in self.sections
-            if section.name in ("here", "speeds")
+        rows = {section.name: section.rows for section in self.sections}
+        return "; ".join(
+            map(str, [self.headline, *rows.get("here", ()), *rows["speeds"]])
         )
-        return "; ".join([self.headline, *map(str, chain.from_iterable(rows))])
 
     def __str__(self) -> str:
         return self.text()
@@ -109,83 +107,47 @@ class RigAnswer(Answer):
             Whether changes are written with arrows, and the signs of multiplication
             and division, which not every terminal has.
         """
-        # slow to load
-        from rich.console import Console
+        lines = self._details() if details else self._screen(width, bold, signs)
+        return "\n".join(_shown(line, width, bold) for line in lines)
 
-        page = io.StringIO()
-        console = Console(
-            file=page,
-            width=_UNWRAPPED,  # no table is wrapped
-            force_terminal=bold,
-            color_system="auto" if bold else None,
-            legacy_windows=False,
-        )
-        if details:
-            self._print_details(console, width)
-        else:
-            self._print_screen(console, width, signs)
-        return "\n".join(line.rstrip() for line in page.getvalue().splitlines())
-
-    def _print_screen(self, console: Console, width: int | None, signs: bool) -> None:
-        """Print verdict, strip of speeds, changes, and how sure it is."""
-        # slow to load
-        from rich.padding import Padding
-        from rich.text import Text
-
-        def print_line(line: str, style: str = "") -> None:
-            words = Text(printable(line).strip(), style)
-            indent = len(line) - len(line.lstrip())
-            console.print(Padding(words, (0, 0, 0, indent)), width=width)
-
-        found: Any = self
+    def _screen(self, width: int | None, bold: bool, signs: bool) -> Iterator[Line]:
+        """Verdict, strip of speeds, changes, and how sure it is."""
         speed = quantity(self.rig, self.rig.velocity, "velocity")
-        print_line(f"{self.rig.name}, at {speed}", "bold")
-        print_line(f"  {verdict(found)}")
-        low, high = (
-            quantity(self.rig, end, "velocity", 3) for end in self.speeds_searched
-        )
-        # beside them its ends, blanks, and two marks of now at most
+        yield Line("", f"{self.rig.name}, at {speed}")
+        yield Line(f"  {screen.verdict(self.told)}")
+        low, high = self.ends
+        # beside them blanks, and two marks of now at most
         cells = (width or _COLUMNS) - len(f"  {low}  {high}||")
-        if kinds := strip(found, min(max(cells, 1), _CELLS)):
-            drawn = Text(f"  {low} ")
-            for kind in kinds:
-                colour = COLOURS.get(kind)
-                drawn.append(MARKS[kind][0], f"black on {colour}" if colour else "bold")
-            console.print(drawn.append(f" {high}"))
-            print_line(f"  {legend(kinds)}")
-        first, *rest = paragraphs(found, ARROWS if signs else ASCII)
-        for paragraph in [first, *(each for each in rest if each.lines)]:
-            if paragraph is not first:
-                console.print()
-            if paragraph.title:
-                print_line(paragraph.title, "bold")
-            for line in paragraph.lines:
-                print_line(line)
+        found: Any = self
+        if kinds := screen.strip(found, min(max(cells, 1), _CELLS)):
+            drawn = _coloured(kinds) if bold else "".join(MARKS[k][0] for k in kinds)
+            yield Line(f"  {low} {drawn} {high}", whole=True)
+            yield Line(f"  {screen.legend(kinds)}")
+        yield from self._lines(ARROWS if signs else ASCII)
 
-    def _print_details(self, console: Console, width: int | None) -> None:
-        """Print the headline and the sections, tables kept whole."""
-        # slow to load
-        from rich.table import Table
-        from rich.text import Text
-
-        def print_heading(title: str, rest: str) -> None:
-            heading = Text.assemble((printable(title), "bold"), printable(rest))
-            console.print(heading, width=width)
-
-        print_heading(self.rig.name, f": {self.headline}")
+    def _details(self) -> Iterator[Line]:
+        """The headline and the sections, tables kept whole."""
+        yield Line(f": {self.headline}", self.rig.name)
         for section in self.sections:
             if not section.rows:
                 continue
-            console.print()
+            yield Line("")
             if section.title:
-                print_heading(section.title, section.note)
-            sentences = isinstance(section.rows[0], str)
-            grid = Table.grid(padding=(0, 1 if sentences else 2, 0, 0))
-            for row in section.rows:
-                mark = ["-"] if section.title else []
-                cells = [*mark, row] if isinstance(row, str) else row
-                grid.add_row(*(Text(printable(cell)) for cell in cells))
-            console.print(grid, width=width if sentences else None)
+                yield Line(section.note, section.title)
+            rows = [(row,) if isinstance(row, str) else row for row in section.rows]
+            if len(rows[0]) == 1:
+                mark = "- " if section.title else ""
+                yield from (Line(mark + row) for (row,) in rows)
+                continue
+            wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+            for row in rows:
+                cells = map(str.ljust, map(printable, row), wide)
+                yield Line("  ".join(cells), whole=True)
+
+    @property
+    def ends(self) -> list[str]:
+        """The ends of the strip of speeds."""
+        return [quantity(self.rig, v, "velocity", 3) for v in self.speeds_searched]
 
     def html(self, **page: Any) -> str:
         """Return the headline, the strip of speeds and the sections as a card, or as a
@@ -198,15 +160,14 @@ class RigAnswer(Answer):
         environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
         environment.filters["shown"] = lambda text: Markup(escaped(text))
         template = Path(__file__).with_name("answer.html").read_text(encoding="utf-8")
-        ends = [quantity(self.rig, v, "velocity", 3) for v in self.speeds_searched]
         return environment.from_string(template).render(
-            answer=self, colours=COLOURS, place=self._place, ends=ends, page=page
+            answer=self, colours=COLOURS, place=self._place, page=page
         )
 
     def _place(self, speed: float) -> float:
-        """Place of a speed on the strip, whose axis is logarithmic."""
+        """Place of a speed on the strip of a card."""
         found: Any = self
-        return _STRIP * place(found, speed)
+        return _STRIP * screen.place(found, speed)
 
     def _repr_html_(self) -> str:
         return self.html()
@@ -217,16 +178,18 @@ class RigAnswer(Answer):
         """
         # a mixin, whose subclasses are records
         own = [each.name for each in fields(self)]  # type: ignore[arg-type]
-        names = ["headline", "verdict", "units", *self._derived, *own]
-        found: dict[str, Any] = {"rig": self.rig.name, "velocity": self.rig.velocity}
-        for name in names:
-            if name not in ("rig", "recording"):
-                found[name] = getattr(self, name)
-        found["sentences"] = {
-            section.name: section.rows for section in self.sections if section.rows
-        }
-        found["assumed"] = {key: str(item) for key, item in self.rig.assumed.items()}
-        numbers: dict[str, Any] = plain(found)
+        names = {*own, *self._derived, "headline", "verdict", "units"}
+        numbers: dict[str, Any] = plain(
+            {
+                **{name: getattr(self, name) for name in names - {"recording"}},
+                "rig": self.rig.name,
+                "velocity": self.rig.velocity,
+                "sentences": {
+                    each.name: each.rows for each in self.sections if each.rows
+                },
+                "assumed": {key: str(item) for key, item in self.rig.assumed.items()},
+            }
+        )
         return numbers
 
     def plot(self) -> Figure:
@@ -239,6 +202,41 @@ class RigAnswer(Answer):
         return figure
 
 
+def _shown(line: Line, width: int | None, bold: bool) -> str:
+    """A line as printed: wrapped, if that can be, beneath where its words begin."""
+    words = line.title + line.text
+    if not line.whole:
+        hang = len(line.text) - len(line.text.lstrip(" -"))
+        words = textwrap.fill(
+            printable(words),
+            width or _UNWRAPPED,
+            subsequent_indent="" if line.title else " " * hang,
+            break_on_hyphens=False,
+        )
+    if bold and line.title:
+        first, cut, rest = words.partition("\n")
+        title = first[: len(line.title)]
+        words = f"\033[1m{title}\033[0m{first[len(title) :]}{cut}{rest}"
+    return words.rstrip()
+
+
+def _coloured(kinds: Sequence[str]) -> str:
+    """Cells of the strip of speeds in the colours of a terminal, as far as it has
+    any.
+    """
+    # slow to load
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(file=(page := io.StringIO()), force_terminal=True)
+    drawn = Text()
+    for kind in kinds:
+        colour = COLOURS.get(kind)
+        drawn.append(MARKS[kind][0], f"black on {colour}" if colour else "bold")
+    console.print(drawn, end="")
+    return page.getvalue()
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction(Findings, RigAnswer):
     """Answer of `predict`: the `Findings`, every number in the rig's own units.
@@ -247,6 +245,7 @@ class Prediction(Findings, RigAnswer):
     """
 
     _picture = "prediction"
+    _lines = screen.lines
     _derived = (
         "at_speeds",
         "along_drive",
@@ -258,7 +257,7 @@ class Prediction(Findings, RigAnswer):
         "relative_amplitude",
     )
 
-    headline = property(headline)
+    told = property(motion)
     sections = property(sections)
     motion = property(attrgetter("regime.kind"))
     changed = changes_in_words
@@ -269,7 +268,8 @@ class ElasticPrediction(WaveFindings, RigAnswer):
     """Answer of `predict` for an elastic slider: the `WaveFindings`."""
 
     _picture = "waves"
+    _lines = screen.lines_of_waves
     _derived = ("speeds",)
 
-    headline = property(headline_of_waves)
+    told = property(motion_of_waves)
     sections = property(sections_of_waves)

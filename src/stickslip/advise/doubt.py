@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Self
@@ -64,21 +65,18 @@ def _friction(which: int) -> Parameter:
 # What of a rig its file may call assumed, by the key: the parameter that varies it, and
 # whether that rises with it.
 _VARIED = {
-    **{
-        f"slider.{each.name}": (each, 1)
-        for each in (parameters.MASS, parameters.STIFFNESS, parameters.DAMPING)
-    },
+    "slider.mass": (parameters.MASS, 1),
+    "slider.stiffness": (parameters.STIFFNESS, 1),
+    "slider.damping": (parameters.DAMPING, 1),
     "slider.damping_ratio": (parameters.DAMPING, 1),
-    **dict.fromkeys(
-        ("interface.contact_strength", "interface.normal_load"), (parameters.LOAD, 1)
-    ),
+    "interface.contact_strength": (parameters.LOAD, 1),
+    "interface.normal_load": (parameters.LOAD, 1),
     "interface.mu_s": (_friction(0), 1),
     "interface.mu_k": (_friction(1), 1),
     "interface.breaking_displacement": (parameters.CONTACT_STIFFNESS, -1),
     "interface.contact_stiffness": (parameters.CONTACT_STIFFNESS, 1),
-    **dict.fromkeys(
-        ("interface.thresholds", "interface.thresholds.std"), (parameters.STD, 1)
-    ),
+    "interface.thresholds": (parameters.STD, 1),
+    "interface.thresholds.std": (parameters.STD, 1),
     "interface.delay": (parameters.DELAY, 1),
     "interface.v_half": (parameters.DELAY, -1),
     "interface.ageing.time": (parameters.AGEING, 1),
@@ -105,6 +103,7 @@ class Doubt(Answer):
     matters: tuple[tuple[str, float, float], ...]
     decides: bool = False  #: whether the first does: by more than two standard errors
     assumed: tuple[str, ...] = ()  #: those that were assumed
+    ranges: bool = False  #: whether the file gives ranges of some of these
     left: tuple[str, ...] = ()  #: those of the file that cannot be varied by a number
     #: whether the runs that are allowed were spent before all was told
     ended: bool = False
@@ -123,7 +122,8 @@ class Doubt(Answer):
             for key in rig.assumed
             if key in _VARIED and key not in fitted and has(rig, _VARIED[key][0])
         ]
-        if not (fitted or assumed):
+        keys = [*fitted, *assumed]
+        if not keys:
             return None
         count = min([_DRAWS, *map(len, fitted.values())])
         rigs = [rig] * count
@@ -136,17 +136,17 @@ class Doubt(Answer):
         oscillates = np.full(count, np.nan)
         ended = False
         for i, drawn in enumerate(rigs):
-            try:
-                there = _varied(drawn.natural, assumed, factors[:, i])
-                oscillates[i] = _oscillates(there, budget)
-            except InputError:  # there is no such rig
-                continue
-            except BudgetExhausted:
-                ended = True
+            # there may be no such rig
+            with suppress(InputError):
+                try:
+                    there = _varied(drawn.natural, assumed, factors[:, i])
+                    oscillates[i] = _oscillates(there, budget)
+                except BudgetExhausted:
+                    ended = True
         known = np.isfinite(oscillates)
         draws = [values[:count] for values in fitted.values()]
-        keys = [*fitted, *assumed]
         matters, decides = _compared(keys, np.array([*draws, *factors]), oscillates)
+        own = [key for key, item in rig.assumed.items() if not item.default]
         return cls(
             oscillates=float(oscillates[known].mean()) if known.any() else math.nan,
             undecided=float(1.0 - known.mean()),
@@ -154,54 +154,45 @@ class Doubt(Answer):
             matters=matters,
             decides=decides,
             assumed=tuple(assumed),
-            left=tuple(
-                key
-                for key, item in rig.assumed.items()
-                if not item.default and key not in keys
-            ),
+            ranges=any(rig.assumed[key].factors for key in assumed),
+            left=tuple(key for key in own if key not in keys),
             ended=ended,
         )
 
     def __str__(self) -> str:
         return "\n".join(self.sentences())
 
-    def sentences(self) -> Iterator[str]:
-        """The fraction that oscillates, what matters most, and what was varied."""
-        known = 1.0 - self.undecided
-        least = self.oscillates * known if known else 0.0
-        part = percent(least)
-        of = "what was not measured"
-        if len(self.matters) > len(self.assumed):
-            of = f"the {self.draws} draws of the fit"
-        if self.undecided:
-            low = part.removesuffix(" %")
-            part = f"{low} to {percent(least + self.undecided)}"
-            if known:
-                of += f": in {percent(self.oscillates)} of the {percent(known)} that "
-                of += "could be told"
-            else:
-                of += ": none could be told"
-            if self.ended:
-                of += " with the runs that are allowed; see --thorough"
-        yield f"oscillates at this speed in {part} of {of}"
+    def short(self) -> Iterator[str]:
+        """How many of the rigs that were drawn oscillate, and what to measure first."""
+        among = f"{self.draws} draws of the fit"
+        if len(self.matters) == len(self.assumed):
+            ranges = " (or the range of the file)" if self.ranges else ""
+            within = f"a factor {number(WIDEST)}{ranges} of what was assumed"
+            among = f"{self.draws} rigs within {within}"
+        known = round(self.draws * (1.0 - self.undecided))
+        count = round(self.oscillates * known) if known else 0
+        if known == self.draws:
+            yield f"{count} of {among} oscillate."
+        else:
+            told = (
+                f"{known} were decided: {'all' if count == known else count} oscillate"
+            )
+            more = " (--thorough decides more)" if self.ended else ""
+            yield f"Of {among} {told if known else 'none could be decided'}{more}."
         if self.decides:
             key, *parts = self.matters[0]
-            sides = sorted(zip(parts, ("larger", "smaller"), strict=True), reverse=True)
-            where = ", ".join(
-                f"in {percent(part)} where it is {s}" for part, s in sides
-            )
-            yield f"measuring {key} would decide most: oscillates {where}"
+            larger, smaller = map(percent, parts)
+            name = key.rpartition(".")[2]
+            yield f"Measure {name}: smaller, {smaller} oscillate; larger, {larger}."
+
+    def sentences(self) -> Iterator[str]:
+        """The same, and what was varied."""
+        yield from self.short()
         if self.assumed:
             keys = ", ".join(key for key, *_ in self.matters if key in self.assumed)
-            yield (
-                f"{self.draws} rigs, each of {keys} within the range of the file, or "
-                f"a factor {number(WIDEST)} of its value"
-            )
+            yield f"Varied together, what matters most first: {keys}"
         if self.left:
-            yield (
-                "left as the file has it, as no parameter of the rig varies it: "
-                f"{', '.join(self.left)}"
-            )
+            yield f"Not varied, as no number of the rig does: {', '.join(self.left)}"
 
 
 def _factors(rig: Rig, keys: Sequence[str], count: int) -> Array:

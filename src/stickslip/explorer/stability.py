@@ -116,10 +116,8 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
         "numbers": [list(pair) for pair in rows["numbers"]],
         "margins": [list(row) for row in rows["margins"][1:]],
         "mitigations": [
-            {"title": sentence, "values": {each.parameter: each.to}}
-            for each, sentence in zip(
-                found.mitigations, rows["mitigations"], strict=False
-            )
+            {"title": found.changed(each), "values": {each.parameter: each.to}}
+            for each in found.mitigations
         ],
         "attempts": rows["attempts"],
         "not_searched": " ".join(rows["not_searched"]),
