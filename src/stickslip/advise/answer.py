@@ -206,11 +206,11 @@ def _shown(line: Line, width: int | None, bold: bool) -> str:
     """A line as printed: wrapped, if that can be, beneath where its words begin."""
     words = line.title + line.text
     if not line.whole:
-        hang = len(line.text) - len(line.text.lstrip(" -"))
+        hang = len(words) - len(words.lstrip(" -"))
         words = textwrap.fill(
             printable(words),
             width or _UNWRAPPED,
-            subsequent_indent="" if line.title else " " * hang,
+            subsequent_indent=" " * hang,
             break_on_hyphens=False,
         )
     if bold and line.title:
