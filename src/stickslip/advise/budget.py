@@ -153,7 +153,6 @@ class Budget:
     def __init__(self, runs: float) -> None:
         self.allowed = runs
         self.spent = 0.0
-        self._regimes = dict[Rig, Regime]()
         self._known = dict[Any, Any]()
 
     @contextmanager
@@ -203,12 +202,10 @@ class Budget:
 
         Raises `BudgetExhausted` if the budget ends before.
         """
-        if rig not in self._regimes:
-            _, seen, decided = self.run_until_decided(self.record(rig), _LONGEST)
-            if not decided:
-                raise BudgetExhausted
-            self._regimes[rig] = seen
-        return self._regimes[rig]
+        if rig not in self._known:
+            *_, (_, self._known[rig]) = self.looks(self.record(rig), _LONGEST)
+        found: Regime = self._known[rig]
+        return found
 
     def slide_smoothly(self, rigs: Sequence[Rig], others: Iterable[int]) -> bool:
         """Whether the runs of each rig with other contacts, by their number from 1 on,
@@ -230,28 +227,28 @@ class Budget:
             return False
         return True
 
-    def run_until_decided(
+    def looks(
         self, run: Recording, longest: float = math.inf
-    ) -> tuple[Recording, Regime, bool]:
-        """Make a run that ends at a constant speed longer until its regime is decided.
+    ) -> Iterator[tuple[Recording, Regime]]:
+        """Make a run that ends at a constant speed longer until its regime is decided:
+        the run and its regime, each time, of which the last is final.
 
-        Returns the run, its regime, and whether that is final: not if the budget ended
-        before. No run is longer than `longest` times `length_of`.
+        No run is longer than `longest` times `length_of`. Raises `BudgetExhausted` if
+        the budget ends before.
         """
-        turns = bounded("run_until_decided", HALVINGS)
+        turns = bounded("Budget.looks", HALVINGS)
         while True:
             next(turns)
             seen = regime(run.dataset())
+            yield run, _doubtful(seen)
             travel = run.rig.drive.duration * run.rig.natural.velocity
-            try:
-                kept, lasts = self._compared_with_theory(run, seen, travel)
-                if kept.kind != "undecided" and travel >= lasts:
-                    return run, kept, True
-                if travel > 0.9 * longest * length_of(run.rig):
-                    return run, _doubtful(seen), True
-                run = self.longer(run, max(2.0, lasts / travel))
-            except BudgetExhausted:
-                return run, _doubtful(seen), False
+            kept, lasts = self._compared_with_theory(run, seen, travel)
+            if kept.kind != "undecided" and travel >= lasts:
+                yield run, kept
+                return
+            if travel > 0.9 * longest * length_of(run.rig):
+                return
+            run = self.longer(run, max(2.0, lasts / travel))
 
     def _compared_with_theory(
         self, run: Recording, seen: Regime, travel: float

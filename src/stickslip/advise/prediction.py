@@ -202,11 +202,12 @@ def _shown(
     rig: Rig, modes: int | None, budget: Budget, run: Recording
 ) -> dict[str, Any]:
     """What a run shows, made longer until it is decided, as fields of the answer."""
-    run, seen, _ = budget.run_until_decided(run)
+    looks = budget.looks(run)
+    with suppress(BudgetExhausted):
+        for run, seen in looks:
+            shown = {"recording": run, "regime": seen}
     bistable = seen.kind in OSCILLATES and modes == 0
-    return {
-        "recording": run,
-        "regime": seen,
+    return shown | {
         "noise": fluctuation(run, seen) if seen.is_noise else None,
         "survives_noise": not bistable or survives_noise(rig),
     }

@@ -44,16 +44,14 @@ class Motion(NamedTuple):
         return self.at + self.kind + self.rest
 
 
-class Signs(NamedTuple):
-    """How a change is written: an arrow, and the signs of its factor."""
-
-    to: str
-    times: str
-    over: str
-
-
-ASCII = Signs("->", "x", "/")
-ARROWS = Signs("\N{RIGHTWARDS ARROW}", "\N{MULTIPLICATION SIGN}", "\N{DIVISION SIGN}")
+Signs = tuple[str, str, str]
+"""How a change is written: an arrow, and the signs of its factor."""
+ASCII = "->", "x", "/"
+ARROWS = (
+    "\N{RIGHTWARDS ARROW}",
+    "\N{MULTIPLICATION SIGN}",
+    "\N{DIVISION SIGN}",
+)
 _BISTABLE = "from this start, although smooth sliding, once reached, is linearly stable"
 # what is said of a range beside its motion
 _NOTES = {
@@ -388,13 +386,14 @@ def change_rows(
     """Changes, each alone: parameter, from, to, factor, and what else a file has to
     say anew.
     """
+    arrow, times, over = signs
     for change in changes:
         (label, now, then), *others = rewritten(rig, [change])
         factor = change.to / change.now
-        sign = signs.times if factor > 1 else signs.over
+        sign = times if factor > 1 else over
         size = f"{sign} {number(max(factor, 1 / factor), 2)}"
         also = ", ".join(f"{label} {value}" for label, _, value in others)
-        yield label, now, signs.to, then, size, also
+        yield label, now, arrow, then, size, also
 
 
 def attempts(found: Findings) -> Iterator[str]:
