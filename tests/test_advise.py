@@ -396,6 +396,26 @@ def test_what_was_not_simulated_is_not_called_smooth():
     assert known[0] < known[1] < known[2]
 
 
+@pytest.mark.parametrize("again", ["stick-slip", "smooth sliding"])
+def test_a_band_that_its_neighbours_contradict_is_run_again(again):
+    """Of one speed between two with stick-slip: it is told only if other contacts do
+    the same.
+    """
+
+    class Fated(Budget):
+        def regime(self, rig):
+            smooth = 2.0 < rig.natural.velocity < 4.0
+            first = "smooth sliding" if smooth else "stick-slip"
+            return replace(seen, kind=first if rig.method.seed == 1 else again)
+
+    rig = make(stiffness=2.0)
+    seen = ss.regime(ss.simulate(rig))
+    survey = Survey(rig, [Band(kind="stable", low=0.1, high=40.0)], "stick-slip")
+    survey.look(Fated(math.inf))
+    kinds = [band.kind for band in survey.bands() if band.low < 3.0 < band.high]
+    assert kinds == ["stable" if again == "stick-slip" else again]
+
+
 ACTUATOR = """
 slider = { mass = "0.9 kg", stiffness = "120 kN/m", damping_ratio = 0.12 }
 interface = { normal_load = "60 N", mu_s = 0.5, mu_k = 0.34, v_half = "4 mm/s", breaking_displacement = "9 um" }

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -226,11 +226,32 @@ class Survey:
                     self.known[speed] = budget.regime(case(speed)).kind
                 except InputError:
                     self.known[speed] = "undecided"
+        for speeds in self._contradicted():
+            middle = speeds[len(speeds) // 2]
+            with suppress(BudgetExhausted):
+                again = budget.regime(self._case(middle, 1)).kind
+                if again != self.known[middle]:
+                    self.known |= dict.fromkeys(speeds, "undecided")
 
-    def _case(self, speed: float) -> Rig:
-        """The rig at so many times its own speed, for as long as that takes."""
+    def _case(self, speed: float, other: int = 0) -> Rig:
+        """The rig at so many times its own speed, for as long as that takes, or with
+        other contacts.
+        """
         velocity = speed * self._setting.natural.velocity
-        return trial(VELOCITY.set(self._setting, velocity))
+        return trial(VELOCITY.set(self._setting, velocity), other=other)
+
+    def _contradicted(self) -> list[list[float]]:
+        """Speeds in a row with an oscillation between two without, or the other way
+        round: of contacts drawn once that may be chance.
+        """
+        seen = [pair for band in self._linear for pair in self._seen(band)]
+        told = [pair for pair in seen if pair[1] in (*OSCILLATES, "smooth sliding")]
+        rows = [
+            [speed for speed, _ in row]
+            for _, row in groupby(told, key=lambda pair: pair[1] in OSCILLATES)
+        ]
+        # that of the rig itself is another run
+        return [row for row in rows[1:-1] if 1.0 not in row]
 
     def _doubts(self, looked: set[float]) -> dict[float, float]:
         """How much is in doubt at speeds: those not tried yet, or the middles
