@@ -7,7 +7,6 @@ to make it again.
 import io
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -84,7 +83,7 @@ def encode(value: object) -> Plain:
     if isinstance(value, (tuple, list)):
         return [encode(item) for item in value]
     if isinstance(value, float) and math.isinf(value):
-        return "inf" if value > 0 else "-inf"
+        return str(float(value))
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     raise InputError(
@@ -150,7 +149,7 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
     raise InputError("the provenance in this file is damaged; make the run again")
 
 
-def save(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
+def save(data: xr.Dataset, path: files.FileName) -> Path:
     """Write a Dataset as NetCDF, whole or not at all.
 
     Raises
@@ -188,7 +187,7 @@ def as_csv(catalogue: xr.Dataset) -> str:
     return text
 
 
-def load(path: str | os.PathLike[str]) -> xr.Dataset:
+def load(path: files.FileName) -> xr.Dataset:
     """Read a Dataset that `save` wrote, into memory.
 
     Raises
@@ -251,7 +250,7 @@ def _opened(source: Path, kind: str) -> dict[str, Any]:
     }
 
 
-def is_netcdf(path: str | os.PathLike[str]) -> bool:
+def is_netcdf(path: files.FileName) -> bool:
     """Whether a file begins as NetCDF files do, of any version."""
     return _kind_of(Path(path)) is not None
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from stickslip.errors import InputError, instance
 
+FileName = str | os.PathLike[str]
 _KINDS = {
     "d": "a directory",
     "c": "a device",
@@ -25,7 +26,7 @@ _KINDS = {
 _GZIP = b"\x1f\x8b"
 
 
-def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
+def size(path: FileName, kind: str, *, largest: int) -> int:
     """Return how many bytes a regular file has, at most `largest`; `kind` names it
     in errors: ``"rig file"``.
     """
@@ -41,7 +42,7 @@ def size(path: str | os.PathLike[str], kind: str, *, largest: int) -> int:
     return found.st_size
 
 
-def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
+def read(path: FileName, kind: str, *, largest: int) -> bytes:
     """Return the content of a file, unpacked if gzip packed it; arguments and errors
     are those of `size`.
     """
@@ -62,9 +63,7 @@ def read(path: str | os.PathLike[str], kind: str, *, largest: int) -> bytes:
     return content
 
 
-def _regular(
-    path: str | os.PathLike[str], done: str, kind: str
-) -> os.stat_result | None:
+def _regular(path: FileName, done: str, kind: str) -> os.stat_result | None:
     """Status of a regular file, links followed; None if there is no such file."""
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
@@ -80,7 +79,7 @@ def _regular(
     return found
 
 
-def _failed(path: str | os.PathLike[str], done: str, error: Exception) -> InputError:
+def _failed(path: FileName, done: str, error: Exception) -> InputError:
     why = getattr(error, "strerror", None) or error
     return InputError(
         f"{path}: cannot be {done} ({why})"
@@ -88,7 +87,7 @@ def _failed(path: str | os.PathLike[str], done: str, error: Exception) -> InputE
     )
 
 
-def target(path: str | os.PathLike[str]) -> Path:
+def target(path: FileName) -> Path:
     """Return where a file is to be written: a free name, or a regular file that may
     be replaced; links are followed.
     """
@@ -108,7 +107,7 @@ def target(path: str | os.PathLike[str]) -> Path:
     return place
 
 
-def write(path: str | os.PathLike[str], content: bytes | memoryview) -> Path:
+def write(path: FileName, content: bytes | memoryview) -> Path:
     """Write a file whole or not at all: beside its place and moved there, with the
     permissions of the one before.
     """

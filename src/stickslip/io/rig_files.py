@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError, instance, shortened
+from stickslip.io.files import FileName
 from stickslip.io.rig_reader import from_document as from_document
 from stickslip.io.rig_writer import Document
 from stickslip.io.rig_writer import to_document as to_document
 from stickslip.io.tables import read_toml
-from stickslip.model.body import BODIES
 from stickslip.model.rig import Rig
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -28,14 +28,9 @@ def example_names() -> tuple[str, ...]:
     """Return the names of the rigs that come with the package, without sweeps, which
     name one.
     """
-    texts = {
-        file.stem: file.read_text(encoding="utf-8")
-        for file in sorted(EXAMPLES.glob("*.toml"))
-    }
+    files = sorted(EXAMPLES.glob("*.toml"))
     return tuple(
-        name
-        for name, text in texts.items()
-        if any(f"[{body}]" in text for body in ("slider", *BODIES))
+        file.stem for file in files if "[axes]" not in file.read_text(encoding="utf-8")
     )
 
 
@@ -64,7 +59,7 @@ def example(name: str) -> Rig:
     return read_rig(example_file(name))
 
 
-def read_rig(path: str | os.PathLike[str] | Mapping[str, Any]) -> Rig:
+def read_rig(path: FileName | Mapping[str, Any]) -> Rig:
     """Read a rig from a TOML file, or from a mapping of what a file would hold.
 
     The bare name of an example that comes with the package, such as ``"brake_pad"``, is

@@ -243,13 +243,13 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
     table, *names = path.split(".")
     keys: Mapping[str, Key] = tables().get(table, TOP if not names else {})
     if table == "simulation":
-        keys = keys_of_simulation(_within(document, table).get("method"))
-    content = _within(document, table)
+        keys = keys_of_simulation(within(document, table).get("method"))
+    content = within(document, table)
     found = None if names else keys.get(table)
     for i, name in enumerate(names):
         found = keys.get(name)
         word, kinds = KINDS.get(name, ("", {}))
-        content = _within(content, name)
+        content = within(content, name)
         here: Any = kinds.get(content.get(word, ""))
         possible = [keys_of(kind) for kind in ([here] if here else kinds.values())]
         following = names[i + 1 : i + 2]
@@ -257,7 +257,7 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
     return found
 
 
-def _within(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def within(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return a table within a table; an empty one where there is none."""
     found = content.get(name)
     return found if isinstance(found, Mapping) else {}

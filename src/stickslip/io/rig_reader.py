@@ -440,18 +440,14 @@ class _Reader:
             path: self.file.part(partial(self._marked, path, how))
             for path, how in marked.items()
         }
-        given = self.document.get("interface")
+        given = rig_keys.within(self.document, "interface")
         for name, key in TABLES["interface"].items():
-            here = isinstance(given, Mapping) and (
-                name in given or (name == "delay" and "v_half" in given)
-            )
-            if key.measure and not here and f"interface.{name}" not in found:
-                value = (
-                    "0 s" if key.unit and not self.file.natural else toml(key.default)
-                )
-                found[f"interface.{name}"] = Assumption(
-                    value, key.measure, default=True
-                )
+            here = name in given or (name == "delay" and "v_half" in given)
+            path = f"interface.{name}"
+            if key.measure and not here and path not in found:
+                is_quantity = key.unit and not self.file.natural
+                value = "0 s" if is_quantity else toml(key.default)
+                found[path] = Assumption(value, key.measure, default=True)
         return found
 
     def _marked(self, path: str, between: str | list[Any]) -> Assumption:
@@ -524,13 +520,8 @@ class _Reader:
         # 0 is a limit that may be chosen, such as no mass, and is not drawn
         if own != 0 and (sign or whole or path == "drive.velocity"):
             sign = "above 0"
-        plain = replace(key, example=1.0, sign=sign, choices=(), also=())
-        for i, draw in enumerate(draws):
-            try:
-                plain.read(draw, f"{place}[{i}]", natural=True)
-            except InputError as error:
-                self.file.note(error)
-                return
+        plain = replace(key, example=[1.0], sign=sign, choices=(), also=())
+        self.file.part(partial(plain.read, [*draws], place, natural=True))
 
     def _at(self, path: str) -> Any:
         """Return the value at a path of the file; empty if there is none."""

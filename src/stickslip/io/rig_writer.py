@@ -128,9 +128,7 @@ class _Writer:
                 )
                 found[name] = self.quantity(value, "time", read_back)
             else:
-                found[name] = (
-                    self.quantity(value, key.unit) if key.unit else self._number(value)
-                )
+                found[name] = self.quantity(value, key.unit or "1")
         return found
 
     def _named(self, key: str, record: Any) -> Any:
@@ -286,13 +284,10 @@ class _Writer:
             key: written[field]
             for field, key in rig_keys.fields_of_method(kind).items()
         }
-        words = {FromRest: "from rest", FromSliding: "sliding"}
-        is_table = isinstance(start, Prestressed)
-        found["start"] = (
-            self._values(start, rig_keys.START, defaults=False)
-            if is_table
-            else words[type(start)]
-        )
+        if isinstance(start, Prestressed):
+            found["start"] = self._values(start, rig_keys.START, defaults=False)
+        else:
+            found["start"] = "from rest" if isinstance(start, FromRest) else "sliding"
         if output.interval is not None:
             found["interval"] = self.quantity(output.interval, "time")
         return found
@@ -326,18 +321,11 @@ class _Writer:
             *(engineering(exact, name, digits) for digits in range(4, 17)),
             *(f"{si!r} {name}" for si in near),
         ]
-        fits = [same or (lambda si: scales.natural(si, unit) == value)]
-        # the fastest velocity of a drive is also what the unit of time comes from
-        if unit == "x_s/time":
-            fits.insert(
-                0,
-                lambda si: (
-                    fits[-1](si)
-                    and (not si or scales.stretching / abs(si) == scales.time)
-                ),
-            )
+        same = same or (lambda si: scales.natural(si, unit) == value)
         read = {text: read_quantity(text, name, text) for text in texts}
-        return next(
-            (text for fit in fits for text, si in read.items() if fit(si)),
-            f"{exact!r} {name}",
-        )
+        fit = [text for text in texts if same(read[text])]
+        # the fastest velocity of a drive is also what the unit of time comes from
+        if unit == "x_s/time" and exact:
+            x_s = scales.stretching
+            fit.sort(key=lambda text: x_s / abs(read[text]) != scales.time)
+        return fit[0] if fit else f"{exact!r} {name}"

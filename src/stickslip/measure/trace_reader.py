@@ -1,6 +1,5 @@
 """Reading a force trace measured on a bench, as instruments write it."""
 
-import os
 import re
 from collections.abc import Mapping
 from itertools import combinations
@@ -26,7 +25,7 @@ UNREADABLE_FRACTION = 0.01  # ... this fraction of them, may be unreadable
 
 
 def read_trace(
-    path: str | os.PathLike[str],
+    path: files.FileName,
     *,
     force: str | int | None = None,
     time: str | int | None = None,

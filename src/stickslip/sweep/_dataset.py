@@ -5,11 +5,10 @@ labelled Dataset.
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip import __version__
 from stickslip.errors import InputError, instance, shown
+from stickslip.io.files import FileName
 from stickslip.sweep._cases import (
     ERROR,
     STATUS,
@@ -28,7 +28,7 @@ from stickslip.sweep._cases import (
     check_name,
 )
 from stickslip.sweep._refine import Refinement, Span, search, spans_of
-from stickslip.sweep._run import MAX_CASES, Progress, Runner, Threads
+from stickslip.sweep._run import MAX_CASES, Report, Runner, Threads
 from stickslip.sweep._table import Table, writer_of
 
 # states of a case; the index is the code in the results
@@ -39,10 +39,10 @@ def run_study(
     study: NamedStudy,
     axes: Mapping[str, Sequence[AxisValue] | NDArray[Any] | Span],
     *,
-    store: str | PathLike[str] | None = None,
+    store: FileName | None = None,
     executor: Executor | None = None,
     refinement: Refinement | None = None,
-    progress: Callable[[Progress], object] | None = None,
+    progress: Report | None = None,
     retry_failed: bool = False,
     max_cases: int = MAX_CASES,
 ) -> xr.Dataset:
@@ -149,7 +149,7 @@ def run_study(
         return dataset_of(table)
 
 
-def open_sweep(store: str | PathLike[str]) -> xr.Dataset:
+def open_sweep(store: FileName) -> xr.Dataset:
     """Open the results of a sweep, finished or not, as `run_study` returns them."""
     with closing(Table(Path(store))) as table:
         return dataset_of(table)
@@ -201,7 +201,7 @@ class Status:
         return f"{self.summary}; {at_it}" if self.summary.missing else str(self.summary)
 
 
-def status_of(store: str | PathLike[str]) -> Status:
+def status_of(store: FileName) -> Status:
     """Return how many cases of the sweep of a store are done, also while it runs."""
     with closing(Table(Path(store))) as table:
         found = summary(dataset_of(table))
@@ -253,10 +253,10 @@ def combinations(
 
 def axis_values(name: str, given: object) -> list[AxisValue]:
     """Return the values of an axis as Python's own numbers, texts or truth values."""
-    values = np.asarray(given, dtype=object).tolist()
+    values = np.asarray(given, dtype=object)
     found = [
         one.item() if isinstance(one, np.generic) else one
-        for one in (values if isinstance(values, list) else [])
+        for one in (values.tolist() if values.ndim == 1 else [])
     ]
     kinds = {float if type(value) is int else type(value) for value in found}
     if (

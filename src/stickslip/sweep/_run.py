@@ -55,6 +55,9 @@ class Progress:
     found: int
 
 
+Report = Callable[[Progress], object]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Runs:
     """Length and results of each case of a sweep, as the table ``[run]`` of a file
@@ -162,7 +165,7 @@ class Runner:
         study: NamedStudy,
         executor: Executor,
         total: int,
-        progress: Callable[[Progress], object] | None,
+        progress: Report | None,
     ) -> None:
         _check_executor(executor, study)
         self.table = table

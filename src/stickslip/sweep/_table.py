@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError, instance
+from stickslip.io.files import FileName
 
 FORMAT = 0x53545332  # "STS2"
 # seconds between commits: what a kill can cost, together with the batches in flight
@@ -161,7 +162,7 @@ def _opened(path: Path | None, *, new: bool) -> sqlite3.Connection:
     return sqlite3.connect(place, isolation_level="IMMEDIATE", timeout=PATIENCE)
 
 
-def is_store(path: str | os.PathLike[str]) -> bool:
+def is_store(path: FileName) -> bool:
     """Whether a path looks like a store, whole or not: a file of sqlite."""
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:

@@ -12,7 +12,6 @@
 
 import json
 import math
-import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -34,6 +33,7 @@ from stickslip.errors import (
 )
 from stickslip.io import datasets
 from stickslip.io import rig_files as rigs
+from stickslip.io.files import FileName
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import methods_with
 from stickslip.io.tables import Tables, unknown
@@ -44,7 +44,7 @@ from stickslip.simulation import check_method
 from stickslip.sweep._cases import NamedStudy
 from stickslip.sweep._dataset import open_sweep, run_study
 from stickslip.sweep._refine import Refinement, Span, spans_of
-from stickslip.sweep._run import Progress, Runs
+from stickslip.sweep._run import Report, Runs
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
 # x_s that a run lasts at least unless something else is asked for: transients last 40
@@ -109,9 +109,9 @@ class Plan:
     def run(
         self,
         *,
-        store: str | os.PathLike[str] | None = None,
+        store: FileName | None = None,
         executor: Executor | None = None,
-        progress: Callable[[Progress], object] | None = None,
+        progress: Report | None = None,
         retry_failed: bool = False,
     ) -> xr.Dataset:
         """Run what is missing of a sweep; arguments, errors and what is returned are
@@ -154,11 +154,11 @@ def sweep(
     rig: Rig,
     axes: Mapping[str, Sequence[float | str] | Span],
     *,
-    store: str | os.PathLike[str] | None = None,
+    store: FileName | None = None,
     executor: Executor | None = None,
     refinement: Refinement | None = None,
     runs: Runs = Runs(),
-    progress: Callable[[Progress], object] | None = None,
+    progress: Report | None = None,
     retry_failed: bool = False,
 ) -> xr.Dataset:
     """Run a rig at every combination of the values of some of its parameters; public as
@@ -214,7 +214,7 @@ def sweep(
     )
 
 
-def open_plan(store: str | os.PathLike[str]) -> xr.Dataset:
+def open_plan(store: FileName) -> xr.Dataset:
     """Open the results of a sweep of a rig, finished or not, as `Plan.run` returns
     them.
     """
@@ -245,7 +245,7 @@ _SIMULATED = ("method", "contacts", "rtol", "seed", "start")
 _LASTING = tuple(each.name for each in fields(Runs) if each.name != "measure")
 
 
-def read_plan(path: str | os.PathLike[str]) -> Plan:
+def read_plan(path: FileName) -> Plan:
     """Read a sweep file or the example of that name, and the rig file that it may
     name.
     """
@@ -300,17 +300,15 @@ def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path)
         given = {**given, "drive": {"velocity": last}}
     own = given.get("simulation", {})
     if isinstance(own, Mapping):
-        other = run.get("method")
+        asked = {key: run[key] for key in _SIMULATED if key in run}
+        # keys of the rig's own method, which that of the sweep does not have
         left = [
             key
             for key in ("contacts", "seed", "rtol")
-            if other and other not in methods_with(key)
+            if "method" in run and run["method"] not in methods_with(key)
         ]
-        asked = {key: run[key] for key in _SIMULATED if key in run}
-        given = {
-            **given,
-            "simulation": {key: own[key] for key in own if key not in left} | asked,
-        }
+        kept = {key: value for key, value in own.items() if key not in left}
+        given = {**given, "simulation": kept | asked}
     try:
         return rigs.from_document(given, place)
     except InputError as error:

@@ -64,29 +64,25 @@ class Study:
             seen = regime(simulate(replace(rig, drive=drive), long=True))
             if seen.kind != "undecided":
                 break
-        names = (
-            "peak_to_peak",
-            "mean_force",
-            "period",
-            "period_variation",
-            "drop",
-            "drop_variation",
-            "trend",
-        )
-        numbers = {name: float(getattr(seen, name)) for name in names} | {
-            "slips": float(seen.cycles)
+        numbers = {
+            "peak_to_peak": seen.peak_to_peak,
+            "mean_force": seen.mean_force,
+            "period": seen.period,
+            "period_variation": seen.period_variation,
+            "drop": seen.drop,
+            "drop_variation": seen.drop_variation,
+            "trend": seen.trend,
+            "slips": seen.cycles,
+            "travel": drive.duration * rig.velocity,
         }
         fastest = math.nan if seen.largest_velocity is None else seen.largest_velocity
         numbers["largest_velocity"] = (seen.drive_velocity or math.nan) * fastest
-        numbers["travel"] = drive.duration * rig.velocity
-        inside = {
-            name: value * varied.unit(MEASURES[name][0])
-            for name, value in numbers.items()
-        }
-        drawn: dict[str, float | str] = (
-            {"seed": seed} if isinstance(method, DRAWN) else {}
-        )
-        return {"regime": seen.kind, "reason": seen.reason} | inside | drawn
+        found: dict[str, float | str] = {"regime": seen.kind, "reason": seen.reason}
+        for name, value in numbers.items():
+            found[name] = float(value) * varied.unit(MEASURES[name][0])
+        if isinstance(method, DRAWN):
+            found["seed"] = seed
+        return found
 
     @property
     def start(self) -> str:

@@ -107,18 +107,12 @@ def _on_line(
     rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool
 ) -> xr.Dataset:
     ((parameter, between),) = ranges.items()
+    edges = critical(rig, parameter, between=between).edges
     bands = list(bistable_range(rig, parameter, between=between)) if bistable else []
-    columns = {
-        f"edge_{parameter}": (
-            "point",
-            [edge.value for edge in critical(rig, parameter, between=between).edges],
-        ),
-        f"band_{parameter}_low": ("band", [band.low.value for band in bands]),
-        f"band_{parameter}_high": ("band", [band.high.value for band in bands]),
-    }
     return xr.Dataset(
         {
-            name: (dim, np.array(values, dtype=float))
-            for name, (dim, values) in columns.items()
+            f"edge_{parameter}": ("point", [edge.value for edge in edges]),
+            f"band_{parameter}_low": ("band", [band.low.value for band in bands]),
+            f"band_{parameter}_high": ("band", [band.high.value for band in bands]),
         }
     )
