@@ -196,18 +196,11 @@ class Tables:
         """Return one error for all mistakes in a file, as far as a line reaches;
         missing keys come last, together.
         """
-        missing = [
-            mistake for mistake in self.mistakes if isinstance(mistake, MissingError)
-        ]
-        lines = [
-            str(mistake)
-            for mistake in self.mistakes
-            if len(missing) == 1 or mistake not in missing
-        ]
-        if len(missing) > 1:
-            examples = ", ".join(
-                f"{mistake.place} = {mistake.example}" for mistake in missing
-            )
+        missing = [each for each in self.mistakes if isinstance(each, MissingError)]
+        missing = missing if len(missing) > 1 else []
+        lines = [str(each) for each in self.mistakes if each not in missing]
+        if missing:
+            examples = ", ".join(f"{each.place} = {each.example}" for each in missing)
             lines.append(f"missing, here with example values: {examples}")
         key = self.mistakes[0].place if len(self.mistakes) == 1 else ""
         return InputError(f"{place}: {together(lines)}", key, tuple(self.mistakes))

@@ -27,7 +27,7 @@ from stickslip.sweep._cases import (
     case_key,
     check_name,
 )
-from stickslip.sweep._refine import Refinement, Span, search, spans_of
+from stickslip.sweep._refine import Refinement, Span, cases_of, search, spans_of
 from stickslip.sweep._run import MAX_CASES, Report, Runner, Threads
 from stickslip.sweep._table import Table, writer_of
 
@@ -113,9 +113,7 @@ def run_study(
         for name, given in axes.items()
         if name not in spans
     }
-    total = math.prod(map(len, values.values()))
-    if refinement is not None:
-        total *= refinement.runs
+    total = cases_of(axes, refinement)
     if total > max_cases:
         raise InputError(
             f"axes: {total:g} cases are more than max_cases = {max_cases:g}; take "

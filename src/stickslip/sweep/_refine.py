@@ -106,6 +106,12 @@ def spans_of(axes: Mapping[str, Any], refinement: Refinement | None) -> dict[str
     return spans
 
 
+def cases_of(axes: Mapping[str, Any], refinement: Refinement | None) -> int:
+    """Number of the cases of a sweep; at most, with a refinement."""
+    sizes = (len(axis) for axis in axes.values() if not isinstance(axis, Span))
+    return math.prod(sizes) * (refinement.runs if refinement else 1)
+
+
 def search(
     runner: Runner,
     spans: Mapping[str, Span],

@@ -11,7 +11,6 @@
 """
 
 import json
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -43,7 +42,7 @@ from stickslip.model.parameters import BY_NAME
 from stickslip.simulation import check_method
 from stickslip.sweep._cases import NamedStudy
 from stickslip.sweep._dataset import open_sweep, run_study
-from stickslip.sweep._refine import Refinement, Span, spans_of
+from stickslip.sweep._refine import Refinement, Span, cases_of, spans_of
 from stickslip.sweep._run import Report, Runs
 from stickslip.sweep.study import FROM_REST, FROM_SLIDING, KINDS, MEASURES, USUAL, Study
 
@@ -86,10 +85,7 @@ class Plan:
     @property
     def total(self) -> int:
         """Number of cases (at most, with a refinement)."""
-        each = math.prod(
-            len(values) for values in self.axes.values() if not isinstance(values, Span)
-        )
-        return each * (self.refinement.runs if self.refinement else 1)
+        return cases_of(self.axes, self.refinement)
 
     def attributes(self) -> dict[str, dict[str, Any]]:
         """Units and names of axes and results."""
