@@ -48,7 +48,7 @@ class RigAnswer(Answer):
 
     _picture: ClassVar[str]  # the function of `stickslip.plot` that draws it
     _derived: ClassVar[tuple[str, ...]]  # what `to_dict` gives beside the fields
-    _lines: ClassVar[Callable[..., Iterator[Line]]]  # beneath the strip of speeds
+    _lines: ClassVar[Callable[..., Iterator[str | Line]]]  # beneath the strip of speeds
     rig: Rig
     bands: Any
     speeds_searched: tuple[float, float]
@@ -110,11 +110,13 @@ class RigAnswer(Answer):
         lines = self._details() if details else self._screen(width, bold, signs)
         return "\n".join(_shown(line, width, bold) for line in lines)
 
-    def _screen(self, width: int | None, bold: bool, signs: bool) -> Iterator[Line]:
+    def _screen(
+        self, width: int | None, bold: bool, signs: bool
+    ) -> Iterator[str | Line]:
         """Verdict, strip of speeds, changes, and how sure it is."""
         speed = quantity(self.rig, self.rig.velocity, "velocity")
         yield Line("", f"{self.rig.name}, at {speed}")
-        yield Line(f"  {screen.verdict(self.told)}")
+        yield f"  {screen.verdict(self.told)}"
         low, high = self.ends
         # beside them blanks, and two marks of now at most
         cells = (width or _COLUMNS) - len(f"  {low}  {high}||")
@@ -122,22 +124,22 @@ class RigAnswer(Answer):
         if kinds := screen.strip(found, min(max(cells, 1), _CELLS)):
             drawn = _coloured(kinds) if bold else "".join(MARKS[k][0] for k in kinds)
             yield Line(f"  {low} {drawn} {high}", whole=True)
-            yield Line(f"  {screen.legend(kinds)}")
+            yield f"  {screen.legend(kinds)}"
         yield from self._lines(ARROWS if signs else ASCII)
 
-    def _details(self) -> Iterator[Line]:
+    def _details(self) -> Iterator[str | Line]:
         """The headline and the sections, tables kept whole."""
         yield Line(f": {self.headline}", self.rig.name)
         for section in self.sections:
             if not section.rows:
                 continue
-            yield Line("")
+            yield ""
             if section.title:
                 yield Line(section.note, section.title)
             rows = [(row,) if isinstance(row, str) else row for row in section.rows]
             if len(rows[0]) == 1:
                 mark = "- " if section.title else ""
-                yield from (Line(mark + row) for (row,) in rows)
+                yield from (mark + row for (row,) in rows)
                 continue
             wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
             for row in rows:
@@ -202,8 +204,9 @@ class RigAnswer(Answer):
         return figure
 
 
-def _shown(line: Line, width: int | None, bold: bool) -> str:
+def _shown(told: str | Line, width: int | None, bold: bool) -> str:
     """A line as printed: wrapped, if that can be, beneath where its words begin."""
+    line = Line(told) if isinstance(told, str) else told
     words = line.title + line.text
     if not line.whole:
         hang = len(words) - len(words.lstrip(" -"))

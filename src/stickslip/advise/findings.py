@@ -51,9 +51,14 @@ class Margin:
     stable: tuple[tuple[float, float], ...]
 
     @property
-    def limits(self) -> list[float]:
-        """The limits that were found."""
-        return [end for end in (self.lower, self.upper) if end is not None]
+    def nearest(self) -> Mitigation | None:
+        """The smallest change that reaches a limit, if one was found."""
+        changes = [
+            Mitigation(parameter=self.parameter, now=self.value, to=end)
+            for end in (self.lower, self.upper)
+            if end is not None
+        ]
+        return min(changes, key=lambda each: each.size, default=None)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

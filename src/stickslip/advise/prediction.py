@@ -348,15 +348,14 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
     from which on the noise of the contacts is above `SEEN`.
     """
     limits = [
-        (abs(math.log(end / each.value)), each.parameter, each.value, end)
+        each.nearest
         for each in margins
-        for end in each.limits
-        if parameter_named(each.parameter) in TURNABLE
+        if each.nearest and parameter_named(each.parameter) in TURNABLE
     ]
     if not limits or not isinstance(rig.method, DRAWN):
         return None
-    _, name, value, end = min(limits)
-    change = by_theory.factor_on((parameter_named(name), 1))
+    limit = min(limits, key=lambda each: each.size)
+    change = by_theory.factor_on((parameter_named(limit.parameter), 1))
 
     def is_seen(factor: float) -> bool:
         there = change.set(rig.natural, factor)
@@ -365,8 +364,9 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
         return True  # at a limit of stability
 
     with suppress(InputError):  # no theory of their noise
-        quiet, _ = halved(is_seen, 1.0, end / value, by_theory.PRECISION / 10.0)
-        return name, quiet * value
+        width = by_theory.PRECISION / 10.0
+        quiet, _ = halved(is_seen, 1.0, limit.to / limit.now, width)
+        return limit.parameter, quiet * limit.now
     return None
 
 

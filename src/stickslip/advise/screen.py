@@ -88,33 +88,31 @@ def verdict(told: Motion) -> str:
     return f"{told.kind.upper()}   {told.rest.lstrip(',;: ')}".rstrip()
 
 
-def lines_of_waves(found: WaveFindings, _signs: Signs = ASCII) -> Iterator[Line]:
+def lines_of_waves(found: WaveFindings, _signs: Signs = ASCII) -> Iterator[str]:
     """What stands beneath verdict and strip of an elastic slider."""
-    yield from (Line(f"  {line}") for line in lengths(found))
-    yield Line("")
-    yield Line(MORE)
+    yield from map("  {}".format, lengths(found))
+    yield from ("", MORE)
 
 
-def lines(found: Findings, signs: Signs = ASCII) -> Iterator[Line]:
+def lines(found: Findings, signs: Signs = ASCII) -> Iterator[str | Line]:
     """What stands beneath verdict and strip: what else there is to say of the motion,
     the changes, and how sure it is.
     """
     told = [motion(found).more, *at_work(found)]
     if found.has_verdict and not strip(found, 1):
         told.append(found.theory_note)
-    yield from (Line(f"  {line}") for line in told if line)
+    yield from map("  {}".format, filter(None, told))
     if changes := [*_changes(found, signs)]:
-        yield Line("")
-        yield from changes
-    yield Line("")
+        yield from ("", *changes)
+    yield ""
     if found.doubt:
         first, *rest = found.doubt.short()
-        yield Line(f"How sure?  {first}")
-        yield from (Line(f"  {line}") for line in rest)
-    yield Line(MORE)
+        yield f"How sure?  {first}"
+        yield from map("  {}".format, rest)
+    yield MORE
 
 
-def _changes(found: Findings, signs: Signs) -> Iterator[Line]:
+def _changes(found: Findings, signs: Signs) -> Iterator[str | Line]:
     """What stops it, the smallest change first; where it is smooth, what ends that."""
     changes: Sequence[Mitigation] = ()
     title = "What would end it, each alone (linear stability)"
@@ -122,33 +120,18 @@ def _changes(found: Findings, signs: Signs) -> Iterator[Line]:
         title = "What stops it, each alone (8 of 8 runs slide smoothly)"
         changes = found.mitigations
     elif found.smooth:
-        changes = nearest_limits(found)
+        limits = [each.nearest for each in found.margins if each.nearest]
+        changes = sorted(limits, key=lambda each: each.size)
     # those that can be made on the machine are told first
     shown = sorted(changes[:_ROWS], key=lambda each: each.size)
     if shown:
         yield Line("", title)
-        yield from (Line(row) for row in table(found.rig, shown, signs))
+        yield from table(found.rig, shown, signs)
     after = [*_next(found)] if found.needs_mitigation and found.complete else []
     if more := len(changes) - len(shown):
         after.insert(0, f"and {more} more: --details.")
     if after:
-        yield Line("  " * bool(shown) + " ".join(after))
-
-
-def nearest_limits(found: Findings) -> list[Mitigation]:
-    """Of each margin the nearest limit, the nearest of all first."""
-    nearest = [
-        min(
-            (
-                Mitigation(parameter=margin.parameter, now=margin.value, to=limit)
-                for limit in margin.limits
-            ),
-            key=lambda each: each.size,
-        )
-        for margin in found.margins
-        if margin.limits
-    ]
-    return sorted(nearest, key=lambda each: each.size)
+        yield "  " * bool(shown) + " ".join(after)
 
 
 def table(
