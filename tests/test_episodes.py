@@ -1,0 +1,70 @@
+"""Episodes in which a run oscillates whose drive goes through speeds."""
+
+import itertools
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from stickslip.measure.episodes import episodes
+
+
+def _run(*saws: tuple[float, float, float, float], peak: float = 10.0) -> xr.Dataset:
+    """A drive that speeds up from 1 to 2 while saws of a period, between two times,
+    have a drop of this size; the slider is `peak` times as fast as the drive in a drop.
+    """
+    time = np.arange(0.0, 12.0, 1e-3)
+    drive = 1.0 + time / 12.0
+    force = np.full(time.size, 5.0)
+    velocity = drive.copy()
+    for begin, end, period, drop in saws:
+        phase = (time - begin) / period % 1.0
+        inside = (time >= begin) & (time < end)
+        climbing = np.where(phase < 0.9, phase / 0.9, (1.0 - phase) / 0.1)
+        force[inside] += drop * climbing[inside]
+        velocity[inside & (phase >= 0.9)] *= peak
+    return xr.Dataset(
+        {
+            "spring_force": ("time", force),
+            "velocity": ("time", velocity),
+            "drive_velocity": ("time", drive),
+        },
+        {"time": time},
+    )
+
+
+def test_episodes_are_those_that_were_put_in():
+    first, second = episodes(_run((1.0, 4.0, 0.2, 2.0), (7.0, 11.0, 0.25, 3.0)))
+
+    assert first.begin == pytest.approx(1.18, abs=0.01)
+    assert first.end == pytest.approx(4.0, abs=0.01)
+    assert first.frequency == pytest.approx(5.0, rel=0.01)
+    assert first.worst == pytest.approx(1.0, rel=0.01)
+    assert second.begin == pytest.approx(7.225, abs=0.01)
+    assert second.frequency == pytest.approx(4.0, rel=0.01)
+    assert second.worst == pytest.approx(1.5, rel=0.01)
+    assert second.worst_velocity == pytest.approx(1 + second.worst_time / 12, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("peak", "kind"), [(3.0, "sustained oscillation"), (4.0, "stick-slip")]
+)
+def test_stick_slip_is_faster_than_three_and_a_half_times_the_drive(peak, kind):
+    (episode,) = episodes(_run((1.0, 11.0, 0.2, 2.0), peak=peak))
+    assert episode.kind == kind
+
+
+def test_small_drops_make_no_episode_and_slow_changes_of_the_period_none_of_their_own():
+    run = _run((1.0, 4.0, 0.2, 2.0), (4.0, 8.0, 0.25, 2.0), (8.0, 11.0, 0.3, 2.0))
+    (episode,) = episodes(run)
+    assert episode.drops == 15 + 16 + 10
+    assert episodes(run, minimum_drop=2.5) == []
+
+
+def test_irregular_slips_have_no_frequency():
+    rng = np.random.default_rng(2)
+    bounds = np.cumsum(rng.uniform(0.05, 0.6, 30))
+    saws = [
+        (float(a), float(b), float(b - a), 2.0) for a, b in itertools.pairwise(bounds)
+    ]
+    assert all(np.isnan(one.frequency) for one in episodes(_run(*saws)))
