@@ -1,4 +1,4 @@
-"""A reading does not depend on where the times are counted from."""
+"""A reading does not depend on where times, forces and places are counted from."""
 
 import numpy as np
 import pytest
@@ -28,3 +28,34 @@ def test_origin_of_time_changes_no_reading(kind, origin):
         return ss.regime(data)
 
     assert str(seen(origin)) == str(seen(0.0))
+
+
+@pytest.mark.parametrize("offset", [1.0, 10.0, 50.0])
+@pytest.mark.parametrize("kind", ["sawtooth", "sine", "noise"])
+def test_origin_of_force_changes_no_kind_and_no_drop(kind, offset):
+    t = np.arange(0.0, 30.0, 1 / 128)
+    shifted, plain = (
+        xr.DataArray(_trace(kind, t) + more, {"time": t}, "time")
+        for more in (offset, 0.0)
+    )
+
+    assert ss.regime(shifted).kind == ss.regime(plain).kind
+    xr.testing.assert_allclose(
+        ss.drops(shifted)["drop"], ss.drops(plain)["drop"], rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize("place", [-3.0, 1e3, 1e6])
+def test_origin_of_place_changes_no_reading(place, tmp_path):
+    t = np.arange(0.0, 30.0, 1 / 16)
+    to_and_fro = np.abs(t % 6.0 - 3.0)
+    force = 5.0 * np.sign(t % 6.0 - 3.0) + 0.1 * np.sin(40.0 * t)
+
+    def seen(origin):
+        table = np.column_stack([t, force, origin + to_and_fro])
+        file = tmp_path / "strokes.csv"
+        names = "time [s],force [N],displacement [mm]"
+        np.savetxt(file, table, "%.6f", ",", header=names, comments="")
+        return str(ss.regime(ss.read_trace(file)))
+
+    assert seen(place) == seen(0.0)
