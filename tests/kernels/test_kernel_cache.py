@@ -15,17 +15,39 @@ import pytest
 import stickslip.kernels
 
 HERE = Path(stickslip.kernels.__file__).parent
-CALLEE = "from ._jit import {how}\n\n@{how}\ndef factor(x):\n    return {factor} * x\n"
-CALLER = (
-    "from ._jit import jit\nfrom .callee import factor\n\n@jit\ndef product(x):\n "
-    "   return factor(x)\n"
+HOW = ("jit", "bare", "inlined")
+CALLEE = """
+from ._jit import bare, inlined, jit
+
+@jit
+def by_jit(x):
+    return {factor} * x
+
+@bare
+def by_bare(x):
+    return {factor} * x
+
+@inlined
+def by_inlined(x):
+    return {factor} * x
+"""
+CALLER = "from ._jit import jit\nfrom . import callee\n" + "".join(
+    f"\nby_{how} = callee.by_{how}\n\n@jit\ndef product_{how}(x):\n"
+    f"    return by_{how}(x)\n"
+    for how in HOW
 )
 RUN = """
 import json
 from kernels import _jit, caller
 before = _jit.compiled_before()
-print(json.dumps([caller.product(2.0), sum(caller.product.stats.cache_hits.values()), str(_jit._PLACE), before]))
-"""  # noqa: E501
+products = [caller.product_jit, caller.product_bare, caller.product_inlined]
+print(json.dumps([
+    [product(2.0) for product in products],
+    [sum(product.stats.cache_hits.values()) for product in products],
+    str(_jit._PLACE),
+    before,
+]))
+"""
 
 
 @pytest.fixture
@@ -38,13 +60,13 @@ def house(tmp_path):
     return tmp_path
 
 
-def write(house, factor=2.0, how="jit"):
-    (house / "kernels" / "callee.py").write_text(CALLEE.format(how=how, factor=factor))
+def write(house, factor=2.0):
+    (house / "kernels" / "callee.py").write_text(CALLEE.format(factor=factor))
     (house / "kernels" / "caller.py").write_text(CALLER)
 
 
 def run(house, **environment):
-    """What the caller gives for 2, how often it came from the cache, and where that
+    """What the callers give for 2, how often each came from the cache, and where that
     is.
     """
     kept = {
@@ -62,17 +84,15 @@ def run(house, **environment):
 
 
 @pytest.mark.takes(5)  # four interpreters start, as below
-@pytest.mark.parametrize("how", ["jit", "bare", "inlined"])
 def test_a_change_in_another_file_is_seen_and_what_did_not_change_is_not_compiled_again(
-    house, how
+    house,
 ):
-    write(house, how=how)
-    assert run(house)[:2] == [4.0, 0]
-    assert run(house)[:2] == [4.0, 1]
-    write(house, 6.0, how)
-    assert run(house)[:2] == [12.0, 0]
-    write(house, 2.0, how)
-    assert run(house)[:2] == [4.0, 1]  # back on the other branch
+    assert run(house)[:2] == [[4.0] * 3, [0] * 3]
+    assert run(house)[:2] == [[4.0] * 3, [1] * 3]
+    write(house, 6.0)
+    assert run(house)[:2] == [[12.0] * 3, [0] * 3]
+    write(house, 2.0)
+    assert run(house)[:2] == [[4.0] * 3, [1] * 3]  # back on the other branch
 
 
 def test_the_first_use_is_told_from_later_ones(house):
@@ -106,7 +126,7 @@ def test_kernels_in_a_folder_that_cannot_be_written_are_kept_for_the_user(house)
     (house / "kernels" / "__pycache__").write_text("")
     user = {"XDG_CACHE_HOME": str(house / "user"), "PYTHONDONTWRITEBYTECODE": "1"}
     assert Path(run(house, **user)[2]).parent == house / "user" / "numba"
-    assert run(house, **user)[:2] == [4.0, 1]
+    assert run(house, **user)[:2] == [[4.0] * 3, [1] * 3]
     (house / "user" / "numba").rename(house / "moved")
     (house / "user" / "numba").write_text("")
     temporary = house / "temporary"
@@ -120,17 +140,21 @@ def test_a_cache_of_the_users_choice_is_used(house):
     assert folder.parent == house / "chosen"
 
 
-@pytest.mark.takes(6)  # six interpreters start
-@pytest.mark.parametrize("ending", [".nbi", ".nbc"])
-def test_files_of_machine_code_that_were_cut_are_compiled_anew(house, ending):
+@pytest.mark.takes(6)  # five interpreters start
+def test_files_of_machine_code_that_were_cut_are_compiled_anew(house):
     place = Path(run(house)[2])
+    # an index, of one function, and the code of another, cut to nothing and in between
     for kept in (0, 40):
-        files = list(place.rglob(f"caller.product*{ending}"))
-        assert files
-        for file in files:
+        cut = [
+            file
+            for name in ("jit*.nbi", "bare*.nbc")
+            for file in place.rglob(f"caller.product_{name}")
+        ]
+        assert {file.suffix for file in cut} == {".nbi", ".nbc"}
+        for file in cut:
             file.write_bytes(file.read_bytes()[:kept])
-        assert run(house)[:2] == [4.0, 0]
-        assert run(house)[:2] == [4.0, 1]
+        assert run(house)[:2] == [[4.0] * 3, [0, 0, 1]]
+        assert run(house)[:2] == [[4.0] * 3, [1] * 3]
 
 
 @pytest.mark.takes(6)  # four interpreters start
@@ -164,7 +188,7 @@ def test_without_a_home_machine_code_is_kept_among_temporary_files(house, tmp_pa
     assert place.parent.parent == temporary
     assert place.parent.stat().st_mode & 0o777 == 0o700
     assert "NUMBA_CACHE_DIR" in first.stderr
-    assert json.loads(second.stdout)[:2] == [4.0, 1]
+    assert json.loads(second.stdout)[:2] == [[4.0] * 3, [1] * 3]
     assert second.stderr == ""
     assert not list(here.iterdir())
     place.parent.chmod(0o755)  # anybody may look into it, but not be trusted
