@@ -24,7 +24,6 @@ from stickslip.advise.sections import (
     changes_in_words,
     motion,
     motion_of_waves,
-    quantity,
     sections,
     sections_of_waves,
 )
@@ -114,13 +113,12 @@ class RigAnswer(Answer):
         self, width: int | None, bold: bool, signs: bool
     ) -> Iterator[str | Line]:
         """Verdict, strip of speeds, changes, and how sure it is."""
-        speed = quantity(self.rig, self.rig.velocity, "velocity")
-        yield Line("", f"{self.rig.name}, at {speed}")
+        yield Line("", screen.title(self.rig))
         yield f"  {screen.verdict(self.told)}"
-        low, high = self.ends
+        found: Any = self
+        low, high = screen.ends(found)
         # beside them blanks, and two marks of now at most
         cells = (width or _COLUMNS) - len(f"  {low}  {high}||")
-        found: Any = self
         if kinds := screen.strip(found, min(max(cells, 1), _CELLS)):
             drawn = _coloured(kinds) if bold else "".join(MARKS[k][0] for k in kinds)
             yield Line(f"  {low} {drawn} {high}", whole=True)
@@ -149,7 +147,8 @@ class RigAnswer(Answer):
     @property
     def ends(self) -> list[str]:
         """The ends of the strip of speeds."""
-        return [quantity(self.rig, v, "velocity", 3) for v in self.speeds_searched]
+        found: Any = self
+        return screen.ends_of_speeds(found)
 
     def html(self, **page: Any) -> str:
         """Return the headline, the strip of speeds and the sections as a card, or as a
@@ -256,6 +255,8 @@ class Prediction(Findings, RigAnswer):
         "smooth",
         "bistable",
         "frequency",
+        "frequency_error",
+        "cycles_per_time",
         "amplitude",
         "relative_amplitude",
     )

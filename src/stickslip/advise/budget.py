@@ -133,7 +133,10 @@ def is_expensive(rig: Rig) -> bool:
 def runs_of(rig: Rig) -> float:
     """Number of usual runs as which a run counts, by the lives of its contacts."""
     natural = rig.natural
-    travel = abs(natural.velocity) * natural.drive.duration
+    travel = sum(
+        0.5 * abs(piece.start + piece.end) * piece.duration
+        for piece in natural.drive.pieces
+    )
     lives = travel / rig.interface.threshold_distribution.moment(1)
     contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
     return max(contacts * lives / _LIVES[is_expensive(rig)], _LEAST)

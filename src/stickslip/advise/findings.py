@@ -16,6 +16,7 @@ from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.survey import Band, joined, scaled
 from stickslip.measure import Regime
+from stickslip.measure.episodes import REGULAR, Episode
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
 from stickslip.model.rig import Rig
 from stickslip.simulation import Recording
@@ -124,6 +125,10 @@ class Findings:
     #: with which delay.
     delays: tuple[Band, ...] = ()
 
+    #: Of a drive that goes through speeds: when its own run oscillates. None where
+    #: there is one speed, or where that run counts as too many.
+    driven: tuple[Episode, ...] | None = None
+
     #: Standard deviation of the spring force over its mean, where it is seen and by
     #: theory noise of the contacts.
     noise: float | None = None
@@ -200,11 +205,25 @@ class Findings:
     @property
     def frequency(self) -> float | None:
         """Cycles per unit of time (Hz, for a rig in SI units) of the oscillation in
-        the run; None if it has none.
+        the run; None if it has none, or is irregular.
         """
+        is_regular = self.regime.period_variation < REGULAR
+        return self.cycles_per_time if is_regular else None
+
+    @property
+    def cycles_per_time(self) -> float | None:
+        """Cycles or slips per unit of time, regular or not; None without any."""
         period = self.regime.period
         repeats = self.oscillates and 0 < period < math.inf
         return 1.0 / period if repeats else None
+
+    @property
+    def frequency_error(self) -> float | None:
+        """Standard error of `frequency`, from the scatter of the periods."""
+        if self.frequency is None:
+            return None
+        seen = self.regime
+        return self.frequency * seen.period_variation / math.sqrt(max(seen.cycles, 1))
 
     @property
     def amplitude(self) -> float:
@@ -243,15 +262,31 @@ class Findings:
 
     @property
     def along_drive(self) -> tuple[Band, ...]:
-        """What it does when along a drive that goes through speeds, by `bands`; nothing
-        where there is one speed.
-
-        Where there are two motions at a speed, it goes on with what it did before; it
-        starts from rest. Transients are left out: each speed is taken for one that
-        lasts.
+        """What it does when along a drive that goes through speeds: in its own run,
+        or else as if each speed lasted; nothing where there is one speed.
         """
         if self.between is None:
             return ()
+        if self.driven is None:
+            return self._if_each_speed_lasted()
+        found = list[Band]()
+        now = 0.0
+        for episode in self.driven:
+            begin, end = episode.begin, episode.end
+            # no drop here that would be more than a small oscillation
+            found.append(Band(kind="smooth sliding", low=now, high=begin))
+            found.append(Band(kind=episode.kind, low=begin, high=end))
+            now = end
+        last = self.rig.drive.duration * self.rig.unit("time")
+        found.append(Band(kind="smooth sliding", low=now, high=last))
+        return tuple(band for band in found if band.high > band.low)
+
+    def _if_each_speed_lasted(self) -> tuple[Band, ...]:
+        """What it does when along its drive, by `bands`.
+
+        Where there are two motions at a speed, it goes on with what it did before; it
+        starts from rest. Transients are left out.
+        """
         found: list[Band] = []
         begin = 0.0
         unit = self.rig.unit("velocity")

@@ -35,6 +35,7 @@ from stickslip.advise.mitigations import (
 from stickslip.advise.survey import Band, Survey, scaled, stability_along, theory_along
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.measure.episodes import Episode, episodes
 from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
@@ -58,6 +59,8 @@ _FOR_VERDICT = 30.0
 _FOR_ALL = 340.0
 _FOR_SPEEDS = 0.5
 _FOR_DOUBT = 0.2
+# an oscillation is small below this part of static friction, peak to peak: a convention
+_SMALL = 0.05
 # the first run counts as so many at most, but lasts for so many of its longest cycles;
 # most are shorter
 _FIRST = 15.0
@@ -152,11 +155,17 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     if not note:
         with suppress(BudgetExhausted):
             bands = theory_along(budget, rig, VELOCITY, low, high)
+    forces = _steady_forces(rig)
+    driven = None
+    if _goes_through_speeds(rig):
+        with suppress(BudgetExhausted):
+            driven = _episodes(rig, budget, _SMALL * forces["static_friction"])
     report(1.0)
     return Prediction(
         rig=rig,
         **shown,
-        **_steady_forces(rig),
+        **forces,
+        driven=driven,
         unstable_modes=modes,
         growth_rate=growth,
         mode_frequency=frequency,
@@ -291,6 +300,18 @@ def _first_run(rig: Rig, progress: Progress) -> Recording:
         lasts = min(max(_FIRST / runs_of(rig) * duration, fewest), duration)
         rig = replace(rig, drive=constant(velocity, lasts))
     return record(rig, progress=progress)
+
+
+def _goes_through_speeds(rig: Rig) -> bool:
+    """Whether the drive has more than one speed."""
+    pieces = rig.drive.pieces
+    return len({speed for piece in pieces for speed in (piece.start, piece.end)}) > 1
+
+
+def _episodes(rig: Rig, budget: Budget, smallest: float) -> tuple[Episode, ...]:
+    """When a rig oscillates along its own drive."""
+    run = budget.record(replace(rig, method=method_of(rig)))
+    return tuple(episodes(run.dataset(), smallest))
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from itertools import groupby
+from typing import Any, NamedTuple
 
 from stickslip.advise.doubt import WIDEST
 from stickslip.advise.findings import Findings, WaveFindings
@@ -58,6 +59,8 @@ def strip(found: Findings | WaveFindings, count: int) -> list[str]:
     """Kinds of motion, as in `MARKS`, in so many cells of the strip of speeds, and
     "now" between them; nothing where nothing is known.
     """
+    if getattr(found, "driven", None) is not None:
+        return _in_time(found, count)
     if found.theory_note and {band.kind for band in found.bands} <= {"unknown"}:
         return []
     cells = ["unknown" if isinstance(found, Findings) else "stable"] * count
@@ -74,6 +77,42 @@ def strip(found: Findings | WaveFindings, count: int) -> list[str]:
     for speed in sorted(marked, reverse=True):
         cells.insert(round(count * place(found, speed)), "now")
     return cells
+
+
+def _in_time(found: Any, count: int) -> list[str]:
+    """Kinds of motion in so many cells of the time of its drive."""
+    last = found.along_drive[-1].high
+    cells = ["smooth sliding"] * count
+    for band in found.along_drive:
+        if band.kind != "smooth sliding":
+            begin, end = (round(count * time / last) for time in band.ends)
+            begin = min(begin, count - 1)
+            end = max(end, begin + 1)  # the shortest is seen, too
+            cells[begin:end] = [band.kind] * (end - begin)
+    return cells
+
+
+def ends(found: Findings | WaveFindings) -> list[str]:
+    """The ends of the strip: speeds, or times of a drive that goes through speeds."""
+    if getattr(found, "driven", None) is not None:
+        times: Any = found
+        end = times.along_drive[-1].high
+        return [quantity(found.rig, time, "time", 3) for time in (0.0, end)]
+    return ends_of_speeds(found)
+
+
+def ends_of_speeds(found: Findings | WaveFindings) -> list[str]:
+    """The lowest and the highest speed that was searched."""
+    return [quantity(found.rig, v, "velocity", 3) for v in found.speeds_searched]
+
+
+def title(rig: Rig) -> str:
+    """Its name, and the speeds of its drive, in turn."""
+    pieces = rig.drive.pieces
+    through = [speed for piece in pieces for speed in (piece.start, piece.end)]
+    speeds = [rig.in_units(abs(speed), "velocity") for speed, _ in groupby(through)]
+    moving = f"at {speeds[0]}" if len(speeds) == 1 else " - ".join(speeds)
+    return f"{rig.name}, {moving}"
 
 
 def legend(kinds: Sequence[str]) -> str:

@@ -4,6 +4,7 @@ else, each a list of sentences or a table.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -18,7 +19,7 @@ from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import DELAY, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.stability import contact_noise
-from stickslip.words import engineering, number, percent
+from stickslip.words import engineering, listed, number, percent
 
 
 class Section(NamedTuple):
@@ -52,6 +53,8 @@ ARROWS = (
     "\N{MULTIPLICATION SIGN}",
     "\N{DIVISION SIGN}",
 )
+_ALONG = "along its drive: "
+_SPELLS = 3  # times of oscillation along a drive that are listed
 _BISTABLE = "from this start, although smooth sliding, once reached, is linearly stable"
 # what is said of a range beside its motion
 _NOTES = {
@@ -130,13 +133,41 @@ def motion(found: Findings) -> Motion:
         with_delay = "with a delay of re-attachment it would be, at this speed, "
         return Motion("cannot be judged", reason, with_delay + ", ".join(would))
     kind, rest, more = _own_motion(found)
-    here = Motion(kind, rest, more, f"at {quantity(rig, rig.velocity, 'velocity')}: ")
+    speed = quantity(rig, rig.velocity, "velocity")
+    here = Motion(kind, rest, more, f"at {speed}: ")
+    if found.driven is not None:
+        return _driven(found, f"if {speed} lasted: {kind}{rest}")
     along = {band.kind: band for band in reversed(found.along_drive)}
     later = next((along[kind] for kind in OSCILLATES if kind in along), None)
     if later is None or found.oscillates:
         return here
     begin = quantity(rig, later.low, "time", 3)
     return Motion(later.kind, f" from {begin} on; {here.line}", more)
+
+
+def _driven(found: Findings, more: str) -> Motion:
+    """The motion along a drive that goes through speeds, by its own run."""
+    rig = found.rig
+    episodes = found.driven or ()
+    if not episodes:
+        return Motion("smooth sliding", "", more, _ALONG)
+    kinds = {each.kind for each in episodes}
+    kind = next(each for each in OSCILLATES if each in kinds)
+    spells = list[str]()
+    for each in episodes[:_SPELLS]:
+        begin = quantity(rig, each.begin, "time", 3)
+        spells.append(f"{begin} to {quantity(rig, each.end, 'time', 3)}")
+    if left := len(episodes) - len(spells):
+        spells.append(f"{left} times more")
+    worst = max(episodes, key=lambda each: each.worst)
+    often = "irregular"
+    if math.isfinite(worst.frequency):
+        often = engineering(worst.frequency, frequency_unit(rig), 3)
+    force = quantity(rig, worst.worst, "force", 3)
+    when = quantity(rig, worst.worst_time, "time", 3)
+    speed = _speed(rig, worst.worst_velocity)
+    rest = f" {listed(spells)}, {often}, at worst ±{force} at {when} ({speed})"
+    return Motion(kind, rest, more, _ALONG)
 
 
 def _own_motion(found: Findings) -> tuple[str, str, str]:
@@ -162,8 +193,7 @@ def _own_motion(found: Findings) -> tuple[str, str, str]:
     if kind == "smooth sliding":
         return kind, "", ""
     rest = f", force ±{quantity(found.rig, found.amplitude, 'force', 3)}"
-    if found.frequency is not None:
-        rest = f", {engineering(found.frequency, frequency_unit(found.rig), 3)}{rest}"
+    rest = f", {_how_often(found)}{rest}" if found.cycles_per_time else rest
     if kind == "sustained oscillation":
         part = percent(found.amplitude / found.static_friction)
         rest += f" ({part} of static friction)"
@@ -171,6 +201,18 @@ def _own_motion(found: Findings) -> tuple[str, str, str]:
         return kind, f"{rest}; bistable", _BISTABLE
     left = f"no mode grows, but {contacts} leave smooth sliding by their noise"
     return kind, rest, left if modes == 0 else ""
+
+
+def _how_often(found: Findings) -> str:
+    """The frequency, in the digits that its error leaves, or that it is irregular."""
+    if found.frequency is not None and found.frequency_error is not None:
+        error = max(found.frequency_error / found.frequency, 1e-3)
+        digits = min(max(1 + math.floor(-math.log10(error)), 1), 3)
+        return engineering(found.frequency, frequency_unit(found.rig), digits)
+    assert found.cycles_per_time is not None
+    often = number(found.cycles_per_time, 2)
+    per_time = "a second" if found.rig.scales is not None else "per time unit"
+    return f"irregular, some {often} {per_time}"
 
 
 def speeds(found: Findings) -> Iterator[str]:
@@ -206,6 +248,8 @@ def at_work(found: Findings) -> Iterator[str]:
         if band.low < end and band.high > low
     ]
     where = "over its range"
+    if found.driven is not None:
+        return
     if len(found.along_drive) > 1:
         unit = "time"
         bands = [*found.along_drive]

@@ -1,4 +1,4 @@
-"""Values that the command line sets in a rig file: ``--set drive.velocity="2 mm/s"``."""
+"""Values that the command line sets in a rig: ``--set drive.velocity="2 mm/s"``."""
 
 import copy
 import os
@@ -62,7 +62,7 @@ def _set(document: Document, setting: str) -> None:
 
 def _replaced(tables: Sequence[str], name: str) -> set[str]:
     """Return the keys of the same table in whose place this one stands."""
-    replaced = set()
+    replaced = set[str]()
     for rule in RULES.get(".".join(tables), ()):
         if any(name in keys for keys in rule.alternatives):
             others = [keys for keys in rule.alternatives if name not in keys]

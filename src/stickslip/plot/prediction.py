@@ -56,7 +56,8 @@ def prediction(answer: Prediction) -> Figure:
             xr.DataArray([band.high for band in answer.along_drive], attrs=times),
         )
         axes[1].set_xlim(0.0, answer.along_drive[-1].high)
-        axes[1].set_title("motion along its drive, as if each speed lasted", fontsize=8)
+        by = "" if answer.driven is not None else ", as if each speed lasted"
+        axes[1].set_title(f"motion along its drive{by}", fontsize=8)
     _force_at_its_speed(axes[1 + moves], answer)
     if rows:
         _margins(axes[-1], answer)
