@@ -179,10 +179,10 @@ class RigAnswer(Answer):
         """
         # a mixin, whose subclasses are records
         own = [each.name for each in fields(self)]  # type: ignore[arg-type]
-        names = {*own, *self._derived, "headline", "verdict", "units"}
+        names = [*own, *self._derived, "headline", "verdict", "units"]
         numbers: dict[str, Any] = plain(
             {
-                **{name: getattr(self, name) for name in names - {"recording"}},
+                **{name: getattr(self, name) for name in names if name != "recording"},
                 "rig": self.rig.name,
                 "velocity": self.rig.velocity,
                 "sentences": {
