@@ -57,6 +57,7 @@ Number = Annotated[float, Parameter(converter=_number)]
 Whole = Annotated[int, Parameter(converter=_number)]
 Switch = Annotated[bool, Parameter(negative="")]
 File = Path | None
+Text = str | None
 Output = Annotated[File, Parameter(alias="-o")]
 RigFile = Annotated[
     Path,
@@ -99,46 +100,52 @@ _FAILURES_SHOWN = 5  # of a sweep
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """Where force and time stand in a table."""
+    """Where force and time stand in a table.
 
-    force: Annotated[
-        str | None, Parameter(help="Column of the force, by name or number from 1.")
-    ] = None
-    time: Annotated[
-        str | None, Parameter(help="Column of the time, by name or number from 1.")
-    ] = None
-    step: Annotated[
-        str | None,
-        Parameter(help="Sampling interval, without a time column: 0.5 ms, or in s."),
-    ] = None
+    Parameters
+    ----------
+    force
+        Column of the force, by name or number from 1.
+    time
+        Column of the time, by name or number from 1.
+    step
+        Sampling interval, without a time column: 0.5 ms, or in s.
+    """
+
+    force: Text = None
+    time: Text = None
+    step: Text = None
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Bench:
+class BenchValues:
     """Known values of a bench besides the force; with stiffness and velocity the motion
     of the slider is computed.
+
+    Parameters
+    ----------
+    displacement
+        Column of the displacement, by name or number.
+    load
+        Column of the normal load, or the load itself: '20 N'.
+    stiffness
+        Of the driving spring: '350 N/m'.
+    velocity
+        Of the drive: '0.1 mm/s'.
+    mass
+        Of the slider, to compare with that of its slips: '75.6 g'.
+    contacts
+        Their number: their noise is no oscillation.
     """
 
-    displacement: Annotated[
-        str | None, Parameter(help="Column of the displacement, by name or number.")
-    ] = None
-    load: Annotated[
-        str | None,
-        Parameter(help="Column of the normal load, or the load itself: '20 N'."),
-    ] = None
+    displacement: Text = None
+    load: Text = None
     flip: Flip = False
-    stiffness: Annotated[
-        str | None, Parameter(help="Of the driving spring: '350 N/m'.")
-    ] = None
-    velocity: Annotated[str | None, Parameter(help="Of the drive: '0.1 mm/s'.")] = None
-    mass: Annotated[
-        str | None,
-        Parameter(help="Of the slider, to compare with that of its slips: '75.6 g'."),
-    ] = None
-    contacts: Annotated[
-        int | None, Parameter(help="Their number: their noise is no oscillation.")
-    ] = None
+    stiffness: Text = None
+    velocity: Text = None
+    mass: Text = None
+    contacts: int | None = None
 
     def read(self, data: Path, columns: Columns) -> xr.Dataset:
         """Read a run, or a measured trace with the known values of its bench."""
@@ -348,14 +355,10 @@ app.command(
 def predict(
     rig: RigFile,
     *,
-    fast: Annotated[
-        Switch, Parameter(help="Stop at the verdict: linear theory and one run.")
-    ] = False,
+    fast: Switch = False,
     thorough: Thorough = False,
     smooth: Smooth = None,
-    details: Annotated[
-        Switch, Parameter(help="Print all: evidence, margins, what was tried.")
-    ] = False,
+    details: Switch = False,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
@@ -364,6 +367,13 @@ def predict(
 
     The verdict comes first, on standard error, while the rest is still sought, for some
     10 s.
+
+    Parameters
+    ----------
+    fast
+        Stop at the verdict: linear theory and one run.
+    details
+        Print all: evidence, margins, what was tried.
     """
     from stickslip.advise import Prediction, complete, predict
     from stickslip.advise.sections import ARROWS
@@ -394,14 +404,17 @@ def predict(
 def report(
     rig: RigFile,
     *,
-    output: Annotated[Path, Parameter(alias="-o", help="The page.")] = Path(
-        "report.html"
-    ),
+    output: Annotated[Path, Parameter(alias="-o")] = Path("report.html"),
     thorough: Thorough = False,
     smooth: Smooth = None,
 ) -> None:
     """Write what `predict` says as one page to forward, with its pictures: HTML that
     can be printed.
+
+    Parameters
+    ----------
+    output
+        The page.
     """
     from stickslip.advise.report import report
 
@@ -420,12 +433,15 @@ def report(
 
 @app.command
 def new(
-    example: Annotated[
-        str | None,
-        Parameter(help="Name of a rig; without one, all that ship are listed."),
-    ] = None,
+    example: Text = None,
 ) -> None:
-    """Print a rig file to start from: `stickslip new brake_pad > my.toml`."""
+    """Print a rig file to start from: `stickslip new brake_pad > my.toml`.
+
+    Parameters
+    ----------
+    example
+        Name of a rig; without one, all that ship are listed.
+    """
     from stickslip.io import rig_files as rigs
 
     if example is None:
@@ -439,16 +455,20 @@ def new(
 def simulate(
     rig: RigFile,
     *,
-    output: Annotated[
-        Output, Parameter(help="Write the run as NetCDF; it can be made again from it.")
-    ] = None,
-    long: Annotated[
-        Switch, Parameter(help="Even if it takes more than an hour, or 4 GB of memory.")
-    ] = False,
+    output: Output = None,
+    long: Switch = False,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Simulate a rig and report its regime and slips."""
+    """Simulate a rig and report its regime and slips.
+
+    Parameters
+    ----------
+    output
+        Write the run as NetCDF; it can be made again from it.
+    long
+        Even if it takes more than an hour, or 4 GB of memory.
+    """
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=rig)
@@ -461,16 +481,21 @@ def simulate(
 
 @app.command
 def rerun(
-    run: Annotated[
-        Path, Parameter(help="A run (NetCDF) that `stickslip simulate` wrote.")
-    ],
+    run: Path,
     *,
-    output: Annotated[Output, Parameter(help="Write the new run as NetCDF.")] = None,
+    output: Output = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
     """Make a run again from its provenance, bit for bit, and report its regime and
     slips.
+
+    Parameters
+    ----------
+    run
+        A run (NetCDF) that `stickslip simulate` wrote.
+    output
+        Write the new run as NetCDF.
     """
     _check_outputs(output, picture=plot, read=run)
     before = ss.load(run)
@@ -503,29 +528,29 @@ def _motion(run: xr.Dataset, seen: object) -> str:
 
 @app.command
 def measure(
-    data: Annotated[
-        Path,
-        Parameter(
-            help="A run (NetCDF), or a table in plain text with a column of force."
-        ),
-    ],
+    data: Path,
     *,
     columns: Columns = Columns(),
-    bench: Bench = Bench(),
-    minimum_drop: Annotated[
-        str | None,
-        Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N."),
-    ] = None,
-    after: Annotated[
-        str | None, Parameter(help="Ignore data before this time: '10 ms', or in s.")
-    ] = None,
-    events: Annotated[
-        File, Parameter(help="Write the catalogue of slips as CSV.")
-    ] = None,
+    bench: BenchValues = BenchValues(),
+    minimum_drop: Text = None,
+    after: Text = None,
+    events: File = None,
     json: Json = False,
     plot: Annotated[Plot, Parameter(alias="-o")] = None,
 ) -> None:
-    """Classify the motion and list the slips of a run or of a measured force trace."""
+    """Classify the motion and list the slips of a run or of a measured force trace.
+
+    Parameters
+    ----------
+    data
+        A run (NetCDF), or a table in plain text with a column of force.
+    minimum_drop
+        Smallest drop that counts as a slip: '5 mN', or in N.
+    after
+        Ignore data before this time: '10 ms', or in s.
+    events
+        Write the catalogue of slips as CSV.
+    """
     from stickslip.io.datasets import as_csv
     from stickslip.words import engineering
 
@@ -583,31 +608,30 @@ def measure(
 
 @app.command
 def plot(
-    data: Annotated[
-        Path,
-        Parameter(
-            help="A run (NetCDF), a table in plain text, or the store of a sweep."
-        ),
-    ],
-    output: Annotated[
-        Path,
-        Parameter(help="The picture: .png, .svg or .pdf; a film: .gif; a sound: .wav."),
-    ],
+    data: Path,
+    output: Path,
     *,
     kind: Annotated[Kind | None, Parameter(help=KINDS)] = None,
-    beside: Annotated[
-        File, Parameter(help="Another run: draw both forces on one scale.")
-    ] = None,
+    beside: File = None,
     columns: Columns = Columns(),
-    at: Annotated[
-        str | None,
-        Parameter(help="Of a sweep, the cut to draw: delay=0.1,start=sliding."),
-    ] = None,
-    bistable: Annotated[
-        Switch, Parameter(help="Of a sweep: also show where stick-slip ends.")
-    ] = False,
+    at: Text = None,
+    bistable: Switch = False,
 ) -> None:
-    """Draw a run, a measured trace or a sweep."""
+    """Draw a run, a measured trace or a sweep.
+
+    Parameters
+    ----------
+    data
+        A run (NetCDF), a table in plain text, or the store of a sweep.
+    output
+        The picture: .png, .svg or .pdf; a film: .gif; a sound: .wav.
+    beside
+        Another run: draw both forces on one scale.
+    at
+        Of a sweep, the cut to draw: delay=0.1,start=sliding.
+    bistable
+        Of a sweep: also show where stick-slip ends.
+    """
     from stickslip.sweep import is_store
 
     swept = is_store(data)
@@ -640,44 +664,47 @@ def plot(
 
 @app.command
 def fit(
-    trace: Annotated[
-        Path,
-        Parameter(
-            help="A table in plain text with a column of force, or a run (NetCDF)."
-        ),
-    ],
+    trace: Path,
     *,
-    stiffness: Annotated[
-        str | None, Parameter(help="Stiffness of the driving spring: '350 N/m'.")
-    ] = None,
-    velocity: Annotated[
-        str | None, Parameter(help="Velocity of the drive: '0.1 mm/s'.")
-    ] = None,
-    mass: Annotated[str | None, Parameter(help="Mass of the slider: '0.4 kg'.")] = None,
-    load: Annotated[str | None, Parameter(help="Normal load: '20 N'.")] = None,
-    speeds: Annotated[
-        File, Parameter(help="Table of speeds (m/s) and mean forces (N): the delay.")
-    ] = None,
-    holds: Annotated[
-        File, Parameter(help="Table of holds (s) and static friction (N): ageing.")
-    ] = None,
+    stiffness: Text = None,
+    velocity: Text = None,
+    mass: Text = None,
+    load: Text = None,
+    speeds: File = None,
+    holds: File = None,
     columns: Columns = Columns(),
     flip: Flip = False,
-    minimum_drop: Annotated[
-        str | None,
-        Parameter(help="Smallest drop that counts as a slip: '5 mN', or in N."),
-    ] = None,
-    after: Annotated[
-        str | None, Parameter(help="Ignore data before this time: '10 ms', or in s.")
-    ] = None,
-    output: Annotated[
-        Output, Parameter(help="Write the rig; needs --stiffness.")
-    ] = None,
+    minimum_drop: Text = None,
+    after: Text = None,
+    output: Output = None,
     json: Json = False,
     plot: Plot = None,
 ) -> None:
     """Fit the rig behind a measured stick-slip trace, with intervals; the first
     time, simulations take minutes.
+
+    Parameters
+    ----------
+    trace
+        A table in plain text with a column of force, or a run (NetCDF).
+    stiffness
+        Stiffness of the driving spring: '350 N/m'.
+    velocity
+        Velocity of the drive: '0.1 mm/s'.
+    mass
+        Mass of the slider: '0.4 kg'.
+    load
+        Normal load: '20 N'.
+    speeds
+        Table of speeds (m/s) and mean forces (N): the delay.
+    holds
+        Table of holds (s) and static friction (N): ageing.
+    minimum_drop
+        Smallest drop that counts as a slip: '5 mN', or in N.
+    after
+        Ignore data before this time: '10 ms', or in s.
+    output
+        Write the rig; needs --stiffness.
     """
     from stickslip.fitting.bench import read_pairs
     from stickslip.io.rig_files import to_toml
@@ -722,25 +749,28 @@ def fit(
 def map(
     rig: RigFile,
     *,
-    over: Annotated[
-        str, Parameter(help="Two parameters, such as stiffness,velocity.")
-    ] = "stiffness,velocity",
-    around: Annotated[
-        Number, Parameter(help="Factor on either side of the rig's own point.")
-    ] = 30.0,
-    points: Annotated[
-        Whole, Parameter(help="Points of the map along each parameter.")
-    ] = 80,
-    bistable: Annotated[
-        Switch, Parameter(help="Show where stick-slip persists beside it, too.")
-    ] = False,
-    output: Annotated[Path, Parameter(alias="-o", help="The picture.")] = Path(
-        "map.png"
-    ),
+    over: str = "stiffness,velocity",
+    around: Number = 30.0,
+    points: Whole = 80,
+    bistable: Switch = False,
+    output: Annotated[Path, Parameter(alias="-o")] = Path("map.png"),
     json: Json = False,
 ) -> None:
     """Draw where smooth sliding is stable, over two parameters of a rig; computed,
     not swept.
+
+    Parameters
+    ----------
+    over
+        Two parameters, such as stiffness,velocity.
+    around
+        Factor on either side of the rig's own point.
+    points
+        Points of the map along each parameter.
+    bistable
+        Show where stick-slip persists beside it, too.
+    output
+        The picture.
     """
     from stickslip.advise import chart
 
@@ -770,32 +800,14 @@ def map(
 
 @app.command
 def sweep(
-    file: Annotated[
-        File,
-        Parameter(
-            help="A sweep file in TOML; `stickslip new phase_diagram` prints one."
-        ),
-    ] = None,
+    file: File = None,
     *,
-    store: Annotated[
-        Path, Parameter(help="File of the results; if it is there, the sweep goes on.")
-    ],
-    status: Annotated[
-        Switch, Parameter(help="Run nothing: report how far the sweep is.")
-    ] = False,
-    workers: Annotated[
-        Whole | None,
-        Parameter(help="Cases that run at a time; by default one per core."),
-    ] = None,
-    processes: Annotated[
-        Switch, Parameter(help="Run them in processes, not in threads.")
-    ] = False,
-    scheduler: Annotated[
-        str | None, Parameter(help="Run them on a Dask cluster: tcp://HOST:PORT.")
-    ] = None,
-    retry_failed: Annotated[
-        Switch, Parameter(help="Run cases again that failed before.")
-    ] = False,
+    store: Path,
+    status: Switch = False,
+    workers: Whole | None = None,
+    processes: Switch = False,
+    scheduler: Text = None,
+    retry_failed: Switch = False,
     json: Json = False,
     plot: Plot = None,
 ) -> int:
@@ -803,6 +815,23 @@ def sweep(
     runs what is missing.
 
     The exit code is 1 if cases failed: they are recorded, and the others are done.
+
+    Parameters
+    ----------
+    file
+        A sweep file in TOML; `stickslip new phase_diagram` prints one.
+    store
+        File of the results; if it is there, the sweep goes on.
+    status
+        Run nothing: report how far the sweep is.
+    workers
+        Cases that run at a time; by default one per core.
+    processes
+        Run them in processes, not in threads.
+    scheduler
+        Run them on a Dask cluster: tcp://HOST:PORT.
+    retry_failed
+        Run cases again that failed before.
     """
     from stickslip.sweep import status_of
     from stickslip.sweep.plan import read_plan
@@ -926,28 +955,32 @@ def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
 
 @app.command
 def paper(
-    figure: Annotated[str, Parameter(help="fig1, fig2 ... or all")],
+    figure: str,
     *,
-    check: Annotated[
-        Switch, Parameter(help="Check the paper's claims; exit code 1 if one fails.")
-    ] = False,
-    quick: Annotated[Switch, Parameter(help="Fewer points and contacts.")] = False,
-    output: Annotated[
-        Path,
-        Parameter(alias="-o", help="Directory for pictures and data; made if missing."),
-    ] = Path(),
+    check: Switch = False,
+    quick: Switch = False,
+    output: Annotated[Path, Parameter(alias="-o")] = Path(),
     formats: Annotated[
         list[Literal["png", "pdf", "svg"]] | None,
-        Parameter(
-            name="--format",
-            help="Of the picture; may be given more than once.",
-            negative="",
-        ),
+        Parameter(name="--format", negative=""),
     ] = None,
     json: Json = False,
 ) -> int:
     """Make a figure of the paper, or all: picture, data, caption and, with --check,
     its claims with verdicts.
+
+    Parameters
+    ----------
+    figure
+        fig1, fig2 ... or all
+    check
+        Check the paper's claims; exit code 1 if one fails.
+    quick
+        Fewer points and contacts.
+    output
+        Directory for pictures and data; made if missing.
+    formats
+        Of the picture; may be given more than once.
     """
     from stickslip.paper import figures_named, places, reproduce
 
@@ -982,18 +1015,25 @@ def paper(
 
 @app.command
 def explore(
-    rig: Annotated[File, Parameter(help="A rig file in TOML to begin with.")] = None,
+    rig: File = None,
     *,
-    port: Annotated[
-        Whole | None, Parameter(help="Port on this machine; 0 for any free one.")
-    ] = None,
-    browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
-    share: Annotated[
-        bool,
-        Parameter(help="Serve it to the local network, too, behind a secret link."),
-    ] = False,
+    port: Whole | None = None,
+    browser: bool = True,
+    share: bool = False,
 ) -> None:
-    """Open the browser app: move a slider and see sliding turn into stick-slip."""
+    """Open the browser app: move a slider and see sliding turn into stick-slip.
+
+    Parameters
+    ----------
+    rig
+        A rig file in TOML to begin with.
+    port
+        Port on this machine; 0 for any free one.
+    browser
+        Open the page in the browser.
+    share
+        Serve it to the local network, too, behind a secret link.
+    """
     from stickslip import explorer
 
     def ready(address: str) -> None:

@@ -19,61 +19,66 @@ from stickslip.rate_state.exports import Program, export_rate_and_state
 from stickslip.rate_state.measured import StepFit, fit_rate_and_state
 from stickslip.simulation.steps_and_holds import slide_hold_slide
 
+Text = str | None
+
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Options for a rig, and values that a measured step needs."""
+    """Options for a rig, and values that a measured step needs.
 
-    law: Annotated[
-        Literal["best", "ageing", "slip"], Parameter(help="Which law to fit.")
-    ] = "best"
-    velocity: Annotated[
-        str | None, Parameter(help="Before the step of a rig; by default its own.")
-    ] = None
-    step: Annotated[str, Parameter(help="Ratio of the velocities.")] = "10"
-    holds: Annotated[
-        str | None,
-        Parameter(help="Also slide and hold, with these times of rest: '1 s, 10 s'."),
-    ] = None
-    export: Annotated[
-        Program | None, Parameter(help="Print, or write, the input of another program.")
-    ] = None
-    load: Annotated[
-        str | None,
-        Parameter(help="Normal load, for coefficients and the export: '2 kN'."),
-    ] = None
-    area: Annotated[
-        str | None, Parameter(help="Area of the surface, for the export: '1 cm^2'.")
-    ] = None
-    output: Annotated[
-        Path | None, Parameter(alias="-o", help="Write the export to a file.")
-    ] = None
-    step_at: Annotated[
-        str | None, Parameter(help="Of a trace: about when the step came, '68.7 s'.")
-    ] = None
-    from_: Annotated[
-        str | None,
-        Parameter(name="--from", help="Of a trace: velocity before it, '3 um/s'."),
-    ] = None
-    to: Annotated[
-        str | None, Parameter(help="Of a trace: velocity after the step.")
-    ] = None
-    span: Annotated[
-        str | None, Parameter(help="Of a trace: displacement about it, '5 um, 120 um'.")
-    ] = None
-    trend: Annotated[
-        bool, Parameter(help="Of a trace: fit a linear trend in displacement besides.")
-    ] = True
-    stiffness: Annotated[
-        str | None, Parameter(help="Of a trace: '0.006 1/um'; fitted by default.")
-    ] = None
-    json: Annotated[
-        bool, Parameter(negative="", help="Print JSON for a machine to read.")
-    ] = False
-    plot: Annotated[
-        Path | None, Parameter(help="Draw the fit of a trace, or peaks after holds.")
-    ] = None
+    Parameters
+    ----------
+    law
+        Which law to fit.
+    velocity
+        Before the step of a rig; by default its own.
+    step
+        Ratio of the velocities.
+    holds
+        Also slide and hold, with these times of rest: '1 s, 10 s'.
+    export
+        Print, or write, the input of another program.
+    load
+        Normal load, for coefficients and the export: '2 kN'.
+    area
+        Area of the surface, for the export: '1 cm^2'.
+    output
+        Write the export to a file.
+    step_at
+        Of a trace: about when the step came, '68.7 s'.
+    from_
+        Of a trace: velocity before it, '3 um/s'.
+    to
+        Of a trace: velocity after the step.
+    span
+        Of a trace: displacement about it, '5 um, 120 um'.
+    trend
+        Of a trace: fit a linear trend in displacement besides.
+    stiffness
+        Of a trace: '0.006 1/um'; fitted by default.
+    json
+        Print JSON for a machine to read.
+    plot
+        Draw the fit of a trace, or peaks after holds.
+    """
+
+    law: Literal["best", "ageing", "slip"] = "best"
+    velocity: Text = None
+    step: str = "10"
+    holds: Text = None
+    export: Program | None = None
+    load: Text = None
+    area: Text = None
+    output: Annotated[Path | None, Parameter(alias="-o")] = None
+    step_at: Text = None
+    from_: Annotated[str | None, Parameter(name="--from")] = None
+    to: Text = None
+    span: Text = None
+    trend: bool = True
+    stiffness: Text = None
+    json: Annotated[bool, Parameter(negative="")] = False
+    plot: Path | None = None
 
 
 def rsf(data: Path, *, given: Options = Options()) -> None:

@@ -16,6 +16,23 @@ from stickslip.measure.trace import Array
 from stickslip.words import prefixed
 
 
+def _keeping_error(operation: Callable[[Any, Any], tuple[Any, Any]]) -> Any:
+    """Method of an `Estimate` for an operation, which returns value and slope.
+
+    With one exact number the result is an estimate, of an error larger by the size of
+    the slope. With an array, or another estimate, whose covariance would be needed, it
+    is plain.
+    """
+
+    def method(one: "Estimate", other: Any) -> Any:
+        exact = isinstance(other, Real) and not isinstance(other, Estimate)
+        plain = float(other) if isinstance(other, Real) else other
+        value, slope = operation(float(one), plain)
+        return Estimate(value, abs(slope) * one.error) if exact else value
+
+    return method
+
+
 class Estimate(float):
     """A value that was fitted, with its standard error: a number like others, that
     has `error`.
@@ -32,62 +49,20 @@ class Estimate(float):
     # Above that of numpy's numbers, so that ``np.float64(3.0)*e`` asks `__rmul__`.
     __array_priority__ = 100.0
 
-    def _times(self, factor: float) -> "Estimate":
-        return Estimate(float(self) * factor, self.error * abs(factor))
-
-    def __mul__(self, factor: Any) -> Any:
-        """Return it in another unit, with its error; as plain numbers where the
-        factor is no exact number: an array, or another estimate.
-        """
-        if _exact(factor):
-            return self._times(float(factor))
-        return float(self) * _plain(factor)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, divisor: Any) -> Any:
-        """As a product."""
-        if _exact(divisor):
-            value = float(self) / float(divisor)
-            return Estimate(value, self.error / abs(float(divisor)))
-        return float(self) / _plain(divisor)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        """As a product, with the same relative error."""
-        value = _plain(other) / float(self)
-        if not _exact(other):
-            return value
-        return Estimate(float(value), abs(float(value) / float(self)) * self.error)
-
-    def __add__(self, other: Any) -> Any:
-        """Return it counted from elsewhere, with its error; as plain numbers as for a
-        product.
-        """
-        if _exact(other):
-            return Estimate(float(self) + float(other), self.error)
-        return float(self) + _plain(other)
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> Any:
-        """As a sum."""
-        return self + -other if _exact(other) else float(self) - _plain(other)
-
-    def __rsub__(self, other: Any) -> Any:
-        """As a sum."""
-        return -self + other if _exact(other) else _plain(other) - float(self)
+    __mul__ = __rmul__ = _keeping_error(lambda x, y: (x * y, y))
+    __truediv__ = _keeping_error(lambda x, y: (x / y, 1.0 / y))
+    __rtruediv__ = _keeping_error(lambda x, y: (y / x, y / x**2))
+    __add__ = __radd__ = _keeping_error(lambda x, y: (x + y, 1.0))
+    __sub__ = _keeping_error(lambda x, y: (x - y, 1.0))
+    __rsub__ = _keeping_error(lambda x, y: (y - x, 1.0))
 
     def __neg__(self) -> "Estimate":
-        """The other way round, with its error."""
-        return self._times(-1.0)
+        """The opposite, with its error."""
+        return Estimate(-float(self), self.error)
 
     def __abs__(self) -> "Estimate":
         """Its size, with its error."""
-        return -self if self < 0 else +self
-
-    def __pos__(self) -> "Estimate":
-        """Itself."""
-        return self
+        return Estimate(abs(float(self)), self.error)
 
     def words(self, unit: str = "") -> str:
         """``(8.602 ± 0.082) N``: to two digits of the error, in one unit, with the
@@ -108,18 +83,6 @@ class Estimate(float):
             else f"{value:.4g} ± {error:.2g}"
         )
         return f"({said}) {unit}" if unit else said
-
-
-def _exact(other: object) -> bool:
-    """Whether this is one number without an error: an error of two estimates would
-    need their covariance.
-    """
-    return isinstance(other, Real) and not isinstance(other, Estimate)
-
-
-def _plain(other: Any) -> Any:
-    """Number that is not exact, without an error of its own."""
-    return float(other) if isinstance(other, Estimate) else other
 
 
 class LeastSquaresFit(NamedTuple):
