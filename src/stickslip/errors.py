@@ -124,6 +124,13 @@ def shown(value: object) -> str:
         return f"a {type(value).__name__}"
 
 
+def refused(place: str, value: object, words: str) -> InputError:
+    """Return the error of a value that cannot be used at its place: ``"unit = 'x': must
+    be ..."``.
+    """
+    return InputError(f"{place} = {shown(value)}: {words}", place)
+
+
 def number(
     place: str,
     value: object,
@@ -157,7 +164,7 @@ def number(
     except OverflowError:
         result = None
     if result is None:
-        raise InputError(f"{place} = {shown(value)}: must be a number{wanted}", place)
+        raise refused(place, value, f"must be a number{wanted}")
     finite = math.isfinite(result) or (infinite and math.isinf(result))
     if not (finite and all(holds(result, bound) for _, bound, holds in bounds)):
         raise InputError(
@@ -205,13 +212,7 @@ def numbers(
         found = np.empty(0, dtype=object)
     if found.dtype.kind not in "iuf":  # texts of digits are no numbers
         meaning = f" ({hint})" if hint else ""
-        raise InputError(
-            (
-                f"{place} = {shown(value)}: must be a number or an array of "
-                f"numbers{meaning}"
-            ),
-            place,
-        )
+        raise refused(place, value, f"must be a number or an array of numbers{meaning}")
     if found.size == 0:
         raise InputError(f"{place}: is empty; give at least one number", place)
     result = np.asarray(found, dtype=float)
@@ -230,7 +231,15 @@ def sequence(place: str, value: Any, hint: str) -> tuple[Any, ...]:
         # nothing to go through, or an array without dimensions
         with suppress(TypeError):
             return tuple(value)
-    raise InputError(f"{place} = {shown(value)}: must be {hint}", place)
+    raise refused(place, value, f"must be {hint}")
+
+
+def pair(place: str, value: Any, hint: str) -> tuple[Any, Any]:
+    """Return the two items of a list, a tuple or an array."""
+    found = sequence(place, value, hint)
+    if len(found) != 2:
+        raise refused(place, value, f"must be {hint}")
+    return found[0], found[1]
 
 
 def extreme(value: float) -> str:
@@ -275,4 +284,4 @@ def instance(
     (a Protocol would take it).
     """
     if isinstance(value, type) or not isinstance(value, kind):
-        raise InputError(f"{place} = {shown(value)}: must be {hint}", place)
+        raise refused(place, value, f"must be {hint}")

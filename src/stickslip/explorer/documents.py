@@ -17,7 +17,7 @@ from typing import Any
 from pandas import json_normalize
 
 from stickslip import io
-from stickslip.errors import InputError, number, shown
+from stickslip.errors import InputError, number, refused, shown
 from stickslip.model import (
     Contacts,
     ElasticBody,
@@ -286,16 +286,15 @@ def in_units(document: Document, units: str, scales: Any = None) -> Document:
     Without scales, those of the PMMA bench among the examples are taken.
     """
     if units not in ("SI", "natural"):
-        raise InputError(f"units = {shown(units)}: must be 'SI' or 'natural'")
+        raise refused("units", units, "must be 'SI' or 'natural'")
     rig = rig_of(document)
     if (units == "natural") == (rig.scales is None):
         return {"document": document}
     try:
         back = Scales(**scales) if scales else _BENCH
     except TypeError:
-        raise InputError(
-            f"scales = {shown(scales)}: must be a table of force, stretching and time"
-        ) from None
+        words = "must be a table of force, stretching and time"
+        raise refused("scales", scales, words) from None
     # The assumptions of a file hold for its own numbers alone.
     converted = replace(rig, scales=None if rig.scales else back, assumed={})
     found = {"document": _like(document, converted, damping_ratio=_by_ratio(document))}

@@ -32,7 +32,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketClose, WebSocketDisconnect
 
 from stickslip import io
-from stickslip.errors import InputError, shown
+from stickslip.errors import InputError, refused
 from stickslip.explorer import PORT, documents, workers
 from stickslip.explorer.plain import Plain
 from stickslip.explorer.workers import ANSWERS, SLOW, Crew, Job
@@ -360,10 +360,8 @@ def _question(message: Message, kinds: Collection[str], largest: int) -> Plain:
         else (None, None)
     )
     if not isinstance(request, dict) or not isinstance(kind, str) or kind not in kinds:
-        raise InputError(
-            f"kind = {shown(kind)}: this question is not known; there are "
-            f"{', '.join(kinds)}"
-        )
+        known = f"this question is not known; there are {', '.join(kinds)}"
+        raise refused("kind", kind, known)
     if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
-        raise InputError(f"id = {shown(number)}: must be a whole number")
+        raise refused("id", number, "must be a whole number")
     return {**request, "content": content}

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import xarray as xr
 
-from stickslip.errors import InputError, number, sequence, whole
+from stickslip.errors import InputError, number, pair, refused, whole
 from stickslip.measure.trace import Array
 from stickslip.model.records import Number, Record
 
@@ -101,12 +101,12 @@ class Prior:
             place = f"Prior.{one.key}"
             given = getattr(self, one.key)
             hint = "two numbers, the first below the second"
-            ends = [
+            low, high = (
                 number(place, end, at_least=one.least, at_most=one.most)
-                for end in sequence(place, given, hint)
-            ]
-            if len(ends) != 2 or ends[0] >= ends[1]:
-                raise InputError(f"{place} = {given!r}: must be {hint}", place)
+                for end in pair(place, given, hint)
+            )
+            if low >= high:
+                raise refused(place, given, f"must be {hint}")
 
     def _ends(self) -> Array:
         """Ends of the ranges, of some in decades."""

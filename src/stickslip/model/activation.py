@@ -12,6 +12,8 @@ from typing import Annotated
 from stickslip.errors import InputError
 from stickslip.model.records import Number, Record, registry
 
+Attempts = Annotated[float, Number("1/time", above=0, hint="attempt rate")]
+
 ACTIVATIONS, register = registry("activation")
 """The kinds of thermal activation that rig files can name; ``@register("bell")``
 gives a class its name there.
@@ -53,7 +55,7 @@ class Bell(ActivationModel):
     """
 
     width: Annotated[float, Number("x_s", above=0, hint="the activation width A")]
-    attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
+    attempts: Attempts
 
 
 @register("parabolic")
@@ -71,7 +73,7 @@ class Parabolic(ActivationModel):
     """
 
     temperature: Annotated[float, Number(above=0, hint="kT/(k x_s^2)")]
-    attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
+    attempts: Attempts
 
 
 @register("barrier")
@@ -93,7 +95,7 @@ class Barrier(ActivationModel):
     """
 
     height: Annotated[float, Number(above=0, hint="barrier over kT")]
-    attempts: Annotated[float, Number("1/time", above=0, hint="attempt rate")]
+    attempts: Attempts
     power: Annotated[float, Number(at_least=1, at_most=2)] = 1.5
     kramers: bool = False
 

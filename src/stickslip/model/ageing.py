@@ -8,6 +8,8 @@ from stickslip.model.delays import DelayModel
 from stickslip.model.distribution import Distribution
 from stickslip.model.records import Number, Record, registry
 
+Newborn = Annotated[float, Number(at_least=0)]
+
 AGEING_MODELS, register = registry("ageing model")
 """The models of ageing that rig files can name; ``@register("langevin")`` gives a
 class its name there.
@@ -70,7 +72,7 @@ class Langevin(AgeingModel):
     """
 
     rate: Annotated[float, Number("1/time^(1/2)", above=0, hint="beta")]
-    newborn: Annotated[float, Number(at_least=0)] = 0.0
+    newborn: Newborn = 0.0
 
     @property
     def time(self) -> float:
@@ -94,7 +96,7 @@ class ExponentialGrowth(AgeingModel):
     """
 
     rate: Annotated[float, Number("1/time", above=0)]
-    newborn: Annotated[float, Number(at_least=0)] = 0.0
+    newborn: Newborn = 0.0
 
     @property
     def time(self) -> float:

@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import elementwise
 
 from stickslip.arrays import Array, ComplexArray
@@ -48,12 +48,8 @@ class Distribution(Record):
         """Integral of ``y**order`` times the density over ``y > x``."""
         table = table_of(hashable(self))
         low = np.clip(np.asarray(x, dtype=float), table.edges[0], table.edges[-1])
-        panel = np.clip(
-            np.searchsorted(table.edges, low, side="right") - 1, 0, len(table.x) - 1
-        )
-        beyond = np.append(
-            np.cumsum(np.sum(table.weight * table.x**order, axis=1)[::-1])[::-1], 0.0
-        )
+        panel = bin_of(table.edges, low)
+        beyond = sums_beyond(np.sum(table.weight * table.x**order, axis=1))
         y, weight = nodes_between(low, table.edges[panel + 1])
         rest = np.sum(weight * _density(self, y) * y**order, axis=-1) / table.total
         # Where a panel is entered at its very beginning, the sum over all of it is the
@@ -66,11 +62,7 @@ class Distribution(Record):
         """
         table = table_of(hashable(self))
         wanted = np.clip(np.asarray(probability, dtype=float), 0.0, table.survival[0])
-        panel = np.clip(
-            np.searchsorted(-table.survival, -wanted, side="right") - 1,
-            0,
-            len(table.x) - 1,
-        )
+        panel = bin_of(-table.survival, -wanted)
         low = table.edges[panel]
         high = table.edges[panel + 1]
         # The sums over panels are rounded differently from those within one: pin both
@@ -148,12 +140,9 @@ class Distribution(Record):
         """Breaking rate per unit stretching ``P(x) = P_c(x)/J_c(x)``, Eq. (3);
         infinite beyond the support.
         """
-        density = self.density(x)
         survival = self.survival(x)
-        unbounded = np.full_like(density, np.inf)
-        return np.asarray(
-            np.divide(density, survival, out=unbounded, where=survival > 0), dtype=float
-        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(survival > 0, self.density(x) / survival, np.inf)
 
     def moment(self, order: int) -> float:
         """Mean of ``x**order``."""
@@ -255,6 +244,16 @@ def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
     return total
 
 
+def bin_of(edges: Array, x: Array) -> NDArray[np.intp]:
+    """Number of the bin between rising edges that holds each value, or is nearest."""
+    return np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
+
+
+def sums_beyond(values: Array) -> Array:
+    """Sum of all values from each edge between them on: one more than there are."""
+    return np.append(np.cumsum(values[::-1])[::-1], 0.0)
+
+
 _legendre = lru_cache(np.polynomial.legendre.leggauss)
 
 
@@ -322,7 +321,7 @@ def table_of(distribution: Distribution) -> QuadratureTable:
         )
     part = slice(held[0], held[-1] + 1)
     weight = weight[part] / total
-    survival = np.append(np.cumsum(weight.sum(axis=1)[::-1])[::-1], 0.0)
+    survival = sums_beyond(weight.sum(axis=1))
     return QuadratureTable(
         edges[held[0] : held[-1] + 2], x[part], weight, survival, total
     )
@@ -365,7 +364,7 @@ def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:
         coarse &= right - left > 1e-15 * np.maximum(np.abs(left), np.abs(right))
         kept.append(left[~coarse])
         panels += kept[-1].size
-        if panels + 2 * int(np.count_nonzero(coarse)) > _PANELS:
+        if panels + 2 * np.count_nonzero(coarse) > _PANELS:
             _check_noise(distribution, left[coarse], change[coarse])
             kept.append(left[coarse])
             break

@@ -19,7 +19,12 @@ from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError, number, numbers, whole
 from stickslip.model.distribution import DISTRIBUTIONS as DISTRIBUTIONS
 from stickslip.model.distribution import NEGLIGIBLE as NEGLIGIBLE
-from stickslip.model.distribution import TRAPEZOID, transforms_on_a_path
+from stickslip.model.distribution import (
+    TRAPEZOID,
+    bin_of,
+    sums_beyond,
+    transforms_on_a_path,
+)
 from stickslip.model.distribution import Distribution as Distribution
 from stickslip.model.distribution import excess as excess
 from stickslip.model.distribution import register as register
@@ -172,28 +177,24 @@ class _Histogram(Distribution):
     def density(self, x: ArrayLike) -> Array:
         x = np.asarray(x, dtype=float)
         edges, weights = self._bins
-        bin_ = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, weights.size - 1)
         inside = (x >= edges[0]) & (x <= edges[-1])
-        return np.where(inside, (weights / np.diff(edges))[bin_], 0.0)
+        return np.where(inside, (weights / np.diff(edges))[bin_of(edges, x)], 0.0)
 
     def partial_moment(self, x: ArrayLike, order: int) -> Array:
         edges, weights = self._bins
         heights = weights / np.diff(edges)
         low = np.clip(np.asarray(x, dtype=float), edges[0], edges[-1])
         powers = edges ** (order + 1) / (order + 1)
-        beyond = np.append(np.cumsum((heights * np.diff(powers))[::-1])[::-1], 0.0)
-        bin_ = np.clip(
-            np.searchsorted(edges, low, side="right") - 1, 0, weights.size - 1
-        )
+        beyond = sums_beyond(heights * np.diff(powers))
+        bin_ = bin_of(edges, low)
         rest = heights[bin_] * (powers[bin_ + 1] - low ** (order + 1) / (order + 1))
         return np.asarray(rest + beyond[bin_ + 1])
 
     def inverse_survival(self, probability: ArrayLike) -> Array:
         edges, weights = self._bins
-        survival = np.append(np.cumsum(weights[::-1])[::-1], 0.0)
-        return np.asarray(
-            np.interp(np.asarray(probability, dtype=float), survival[::-1], edges[::-1])
-        )
+        survival = sums_beyond(weights)
+        p = np.asarray(probability, dtype=float)
+        return np.asarray(np.interp(p, survival[::-1], edges[::-1]))
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         edges, weights = self._bins

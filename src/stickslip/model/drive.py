@@ -16,6 +16,9 @@ from typing import Annotated, Self
 from stickslip.errors import InputError, instance, number
 from stickslip.model.records import Number, Part, Record, converted
 
+Force = Annotated[float, Number("f_s", hint="in f_s")]
+Velocity = Annotated[float, Number("x_s/time", place="drive velocity")]
+
 
 @dataclass(frozen=True)
 class Travel(Record):
@@ -30,14 +33,14 @@ class Travel(Record):
 class ForceAbove(Record):
     """Condition: the spring force per contact has reached this value."""
 
-    force: Annotated[float, Number("f_s", hint="in f_s")]
+    force: Force
 
 
 @dataclass(frozen=True)
 class ForceBelow(Record):
     """Condition: the spring force per contact has fallen to this value."""
 
-    force: Annotated[float, Number("f_s", hint="in f_s")]
+    force: Force
 
 
 Condition = Travel | ForceAbove | ForceBelow
@@ -52,8 +55,8 @@ class Piece(Record):
     condition holds.
     """
 
-    start: Annotated[float, Number("x_s/time", place="drive velocity")]
-    end: Annotated[float, Number("x_s/time", place="drive velocity")]
+    start: Velocity
+    end: Velocity
     duration: Annotated[float, Number("time", above=0, place="drive duration")]
     until: Annotated[
         Condition | None, Part("Travel, ForceAbove or ForceBelow", place="drive until")

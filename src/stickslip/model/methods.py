@@ -9,6 +9,8 @@ from stickslip.errors import InputError
 from stickslip.model.body import ElasticBody
 from stickslip.model.records import Number, Record, registry
 
+Seed = Annotated[int, Number(at_least=0, at_most=2**128)]
+
 METHODS, register = registry("method")
 """The methods that rig files can name; ``@register("contacts")`` gives a class its
 name there.
@@ -34,7 +36,7 @@ class Contacts(Record):
     count: Annotated[
         int, Number(at_least=1, at_most=100_000_000, hint="number of contacts N")
     ] = 10_000
-    seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
+    seed: Seed = 0
 
 
 @register("master equation")
@@ -106,7 +108,7 @@ class Population(Record):
     count: Annotated[
         int, Number(at_least=1, at_most=1_000_000_000, hint="number of contacts N")
     ] = 1_000_000
-    seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
+    seed: Seed = 0
     rtol: Annotated[
         float, Number(at_least=1e-6, at_most=0.1, hint="error of the force")
     ] = 1e-4
@@ -135,7 +137,7 @@ class QuasiStatic(Record):
         int,
         Number(at_least=1, at_most=100_000_000, hint="number of contacts of a block"),
     ] = 100
-    seed: Annotated[int, Number(at_least=0, at_most=2**128)] = 0
+    seed: Seed = 0
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import InputError, shown
+from stickslip.errors import InputError, refused
 from stickslip.model.drive import constant
 from stickslip.model.records import Change, converted
 from stickslip.model.units import Scales, natural_unit
@@ -79,23 +79,17 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     """The same path of the drive at another speed; from rest a constant velocity,
     for as long.
     """
+    drive = rig.drive
     before = VELOCITY.get(rig)
-    duration = rig.drive.duration
-    if before == 0:
-        return replace(rig, drive=constant(value, duration))
-    if rig.drive.pieces == constant(before, duration).pieces:
-        return replace(
-            rig,
-            drive=constant(
-                value, duration * abs(before / value) if value else duration
-            ),
-        )
+    if before == 0 or drive == constant(before, drive.duration):
+        longer = abs(before / value) if before and value else 1.0
+        return replace(rig, drive=constant(value, drive.duration * longer))
     if value * before < 0:
         raise InputError(
             f"velocity = {value:g}: the drive begins with {before:g}, the other way; "
             "give another drive"
         )
-    return replace(rig, drive=rig.drive.faster(value / before))
+    return replace(rig, drive=drive.faster(value / before))
 
 
 STIFFNESS = _parameter_of_part(
@@ -226,10 +220,8 @@ def register(parameter: Parameter) -> Parameter:
     Raises `InputError` if the name is that of a parameter that comes with the package.
     """
     if any(parameter.name == known.name for known in _SHIPPED):
-        raise InputError(
-            f"Parameter.name = {shown(parameter.name)}: comes with the package; choose "
-            "another name"
-        )
+        words = "comes with the package; choose another name"
+        raise refused("Parameter.name", parameter.name, words)
     BY_NAME[parameter.name] = parameter
     return parameter
 
@@ -245,7 +237,7 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
         return BY_NAME[parameter]
     except (KeyError, TypeError):
         known = f"must be one of {', '.join(BY_NAME)}, or a Parameter"
-        raise InputError(f"{place} = {shown(parameter)}: {known}") from None
+        raise refused(place, parameter, known) from None
 
 
 def converted_ranges(

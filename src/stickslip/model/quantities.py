@@ -12,7 +12,7 @@ from contextlib import suppress
 from fractions import Fraction
 from functools import lru_cache
 
-from stickslip.errors import InputError, number, shown
+from stickslip.errors import InputError, number, refused
 from stickslip.words import PREFIXES
 
 LONGEST_QUANTITY = 64  # characters of a quantity; longer texts are refused unread
@@ -154,7 +154,7 @@ def read_value(
         try:
             value = read_quantity(value, unit, example, bare=bare)
         except InputError as error:
-            raise InputError(f"{place} = {shown(value)}: {error}", place) from None
+            raise refused(place, value, str(error)) from None
     return number(
         place,
         value,

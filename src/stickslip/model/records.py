@@ -8,7 +8,15 @@ from functools import lru_cache, partial
 from numbers import Real
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from stickslip.errors import InputError, instance, number, sequence, shown, whole
+from stickslip.errors import (
+    InputError,
+    instance,
+    number,
+    refused,
+    sequence,
+    shown,
+    whole,
+)
 
 AnyRecord = TypeVar("AnyRecord")
 Kind = TypeVar("Kind", bound=type)
@@ -92,12 +100,9 @@ def check(record: Any) -> None:
         if value is None and type(None) in get_args(kind):
             continue
         if (choices := choices_of(kind)) and value not in choices:
-            raise InputError(
-                f"{place} = {shown(value)}: must be {' or '.join(map(repr, choices))}",
-                place,
-            )
+            raise refused(place, value, f"must be {' or '.join(map(repr, choices))}")
         if kind is bool and not isinstance(value, bool):
-            raise InputError(f"{place} = {shown(value)}: must be True or False", place)
+            raise refused(place, value, "must be True or False")
         if isinstance(mark, Part):
             instance(place, value, kind, mark.hint)
         elif mark is not None:

@@ -9,7 +9,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from stickslip.answers import Answer
-from stickslip.errors import InputError, instance, number, sequence, shown
+from stickslip.errors import InputError, instance, number, pair
 from stickslip.model.body import ElasticBody
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
@@ -372,19 +372,10 @@ class Rig(Answer):
         self, parameter: Parameter, between: Ends, place: str = "between"
     ) -> tuple[float, float]:
         """Return a range of a parameter, given as in `Ends`, in its natural unit."""
-        ends = sequence(place, between, "two values, such as (0.1, 10)")
-        if len(ends) != 2:
-            raise InputError(
-                f"{place} = {shown(between)}: must be two values, such as (0.1, 10)"
-            )
-        low = self.read(f"{place}[0]", ends[0], parameter.unit, above=0)
-        high = self.read(
-            f"{place}[1]",
-            ends[1],
-            parameter.unit,
-            above=low * self.unit(parameter.unit),
-        )
-        return low, high
+        first, last = pair(place, between, "two values, such as (0.1, 10)")
+        unit = parameter.unit
+        low = self.read(f"{place}[0]", first, unit, above=0)
+        return low, self.read(f"{place}[1]", last, unit, above=low * self.unit(unit))
 
     def __str__(self) -> str:
         """The rig in words, in its own units."""

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from stickslip.errors import InputError, shown
+from stickslip.errors import refused
 from stickslip.model.records import Number, Record
 from stickslip.words import engineering as engineering  # others take it from here
 
@@ -83,10 +83,8 @@ def natural_unit(name: object) -> str:
     """
     unit = QUANTITIES.get(name, name) if isinstance(name, str) else ""
     if unit not in UNITS:
-        raise InputError(
-            f"unit = {shown(name)}: must be one of {', '.join(UNITS)}, or "
-            f"{', '.join(QUANTITIES)}"
-        )
+        known = f"{', '.join(UNITS)}, or {', '.join(QUANTITIES)}"
+        raise refused("unit", name, f"must be one of {known}")
     return unit
 
 

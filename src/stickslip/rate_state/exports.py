@@ -8,7 +8,7 @@ from importlib import resources
 from string import Template
 from typing import Literal, get_args
 
-from stickslip.errors import InputError, instance, shown
+from stickslip.errors import InputError, instance, refused
 from stickslip.io import files
 from stickslip.model.quantities import read_value
 from stickslip.model.units import Scales, engineering
@@ -57,9 +57,8 @@ def export_rate_and_state(
     instance("fit", fit, RateAndStateFit, "what rate_and_state() gives")
     instance("scales", scales, Scales, "Scales(force=..., stretching=..., time=...)")
     if program not in get_args(Program):
-        raise InputError(
-            f"program = {shown(program)}: must be one of {', '.join(get_args(Program))}"
-        )
+        known = ", ".join(get_args(Program))
+        raise refused("program", program, f"must be one of {known}")
     if not fit.holds:
         raise InputError(
             f"fit: is not rate-and-state ({fit.reason}); there are no parameters to "

@@ -14,8 +14,7 @@ from stickslip.errors import (
     UndecidedError,
     instance,
     numbers,
-    sequence,
-    shown,
+    pair,
 )
 from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
@@ -74,7 +73,7 @@ def boundary(
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     parameters = _two_parameters(over)
-    ranges = _pair("between", between, "a range of each parameter")
+    ranges = pair("between", between, "a range of each parameter")
     window = [
         rig.span(parameter, ends)
         for parameter, ends in zip(parameters, ranges, strict=True)
@@ -145,7 +144,7 @@ def stability_map(
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     parameters = _two_parameters(over)
     given = zip(
-        parameters, _pair("values", values, "values of each parameter"), strict=True
+        parameters, pair("values", values, "values of each parameter"), strict=True
     )
     grids = [
         np.atleast_1d(
@@ -184,18 +183,11 @@ def stability_map(
     )
 
 
-def _pair(place: str, given: object, what: str) -> tuple[Any, ...]:
-    found = sequence(place, given, what)
-    if len(found) != 2:
-        raise InputError(f"{place} = {shown(given)}: must be {what}", place)
-    return found
-
-
 def _two_parameters(
     over: tuple[Parameter | str, Parameter | str],
 ) -> tuple[Parameter, Parameter]:
     first, second = (
-        parameter_named(each, "over") for each in _pair("over", over, "two parameters")
+        parameter_named(each, "over") for each in pair("over", over, "two parameters")
     )
     if first.name == second.name:
         raise InputError(

@@ -8,7 +8,7 @@ dynamic stiffness of the contacts.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.errors import InputError, instance, number, shown
+from stickslip.errors import instance, number, refused
 from stickslip.model import Interface
 from stickslip.model.rig import Rig
 from stickslip.sliding import Response, respond
@@ -58,9 +58,8 @@ def dynamic_stiffness(
     try:
         points = np.asarray(s, dtype=complex)
     except (TypeError, ValueError):
-        raise InputError(
-            f"s = {shown(s)}: must be a complex number, or an array of them (in 1/time)"
-        ) from None
+        words = "must be a complex number, or an array of them (in 1/time)"
+        raise refused("s", s, words) from None
     return respond(interface).stiffness(speed, points)
 
 
