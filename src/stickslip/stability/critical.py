@@ -23,8 +23,9 @@ from stickslip.model.rig import Ends, Rig
 from stickslip.sliding import respond
 from stickslip.sliding.response import ComplexArray
 from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import rig_parts
+from stickslip.stability.modes import smooth_sliding
 from stickslip.stability.neutral import Neutral, neutral_frequencies
+from stickslip.stability.scan import SmoothSliding
 from stickslip.words import engineering
 
 # how often points about a hidden pair of crossings are set eight times as close
@@ -263,13 +264,13 @@ def critical_spring(rig: Rig) -> float:
     UndecidedError
         If there is no such spring as far as one can see: a rig without damping.
     """
-    speed, response, z = rig_parts(rig)
-    base = float(getattr(z, "stiffness", 0.0))
+    sliding = smooth_sliding(rig)
+    base = float(getattr(sliding.body, "stiffness", 0.0))
     # The softer the springs considered, the longer the scan of a rig without losses:
     # stop at the first that suffices.
     for softest in (1e-1, 1e-3, 1e-6):
         try:
-            (neutral,) = neutral_frequencies(response, [(z, speed)], softest=softest)
+            (neutral,) = neutral_frequencies([sliding], softest=softest)
         except UndecidedError as error:
             raise UndecidedError(
                 f"no critical spring above {softest:g} could be decided: {error}"
@@ -374,8 +375,12 @@ class Line(NamedTuple):
         there = [self.parameter.set(self.rig, value) for value in values]
         found: list[Neutral] = []
         for interface, group in groupby(there, key=lambda here: here.interface):
-            rigs = [(impedance(here.slider), here.velocity) for here in group]
-            found += neutral_frequencies(respond(interface), rigs, softest=softest)
+            response = respond(interface)
+            rigs = [
+                SmoothSliding(response, impedance(here.slider), here.velocity)
+                for here in group
+            ]
+            found += neutral_frequencies(rigs, softest=softest)
         return found
 
     def look(self, values: Sequence[float]) -> list[LinePoint]:
@@ -526,9 +531,7 @@ class Line(NamedTuple):
 
 def _total(rig: Rig, s: ComplexArray) -> ComplexArray:
     """``Z + kappa`` on the axis."""
-    return np.asarray(
-        impedance(rig.slider)(s) + respond(rig.interface).stiffness(rig.velocity, s)
-    )
+    return impedance(rig.slider)(s) + respond(rig.interface).stiffness(rig.velocity, s)
 
 
 def _nearest(neutral: Neutral) -> list[float]:

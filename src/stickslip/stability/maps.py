@@ -19,11 +19,9 @@ from stickslip.errors import (
 from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
-from stickslip.sliding import respond
 from stickslip.stability import roots
 from stickslip.stability.critical import Line, LinePoint
-from stickslip.stability.impedances import impedance
-from stickslip.stability.modes import growth_rate
+from stickslip.stability.modes import growth_rate, smooth_sliding
 from stickslip.stability.neutral import Neutral
 
 Window = tuple[Ends, Ends]
@@ -262,15 +260,12 @@ class _MapGrid(NamedTuple):
             known = np.empty(0, dtype=complex)
             for i, a in enumerate(self.values[0].tolist()):
                 here = column.parameter.set(column.rig, a)
-                response = respond(here.interface)
-                body = impedance(here.slider)
+                sliding = smooth_sliding(here)
                 # Every few points the search starts afresh, for a root that overtakes
                 # from outside those carried along.
                 for starts in (known[:8] if i % 16 else known[:0], known[:0]):
-                    known = roots.near(response, body, here.velocity, starts)
-                    if roots.is_rightmost(
-                        response, body, here.velocity, known, int(counts[i, j])
-                    ):
+                    known = roots.near(sliding, starts)
+                    if roots.is_rightmost(sliding, known, int(counts[i, j])):
                         found[i, j] = known[0]
                         break
                 else:

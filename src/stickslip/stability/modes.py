@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from stickslip.errors import instance, number, refused
 from stickslip.model import Interface
 from stickslip.model.rig import Rig
-from stickslip.sliding import Response, respond
+from stickslip.sliding import respond
 from stickslip.sliding.response import ComplexArray
 from stickslip.stability import roots
-from stickslip.stability.impedances import Impedance, impedance
+from stickslip.stability.impedances import impedance
+from stickslip.stability.scan import SmoothSliding
 
 
 def dynamic_stiffness(
@@ -91,8 +92,7 @@ def count_unstable(rig: Rig) -> int:
         rounding, or with thresholds that age by `Langevin` 1e-3 of the stiffness of the
         contacts.
     """
-    speed, response, z = rig_parts(rig)
-    return roots.count(response, z, speed)
+    return roots.count(smooth_sliding(rig))
 
 
 def growth_rate(rig: Rig) -> complex:
@@ -129,15 +129,14 @@ def growth_rate(rig: Rig) -> complex:
     With thresholds that age growing modes are confirmed by their count; a negative real
     part is that of the mode nearest to the axis among those found.
     """
-    speed, response, z = rig_parts(rig)
-    return roots.rightmost(response, z, speed) * rig.unit("1/time")
+    return roots.rightmost(smooth_sliding(rig)) * rig.unit("1/time")
 
 
-def rig_parts(rig: Rig) -> tuple[float, Response, Impedance]:
-    """Speed of smooth sliding, response of the contacts and impedance of the body,
-    in natural units.
+def smooth_sliding(rig: Rig) -> SmoothSliding:
+    """Response of the contacts, impedance of the body and speed of smooth sliding, in
+    natural units.
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     natural = rig.natural
     speed = number("velocity", natural.velocity, above=0, hint="in x_s per time")
-    return speed, respond(natural.interface), impedance(natural.slider)
+    return SmoothSliding(respond(natural.interface), impedance(natural.slider), speed)

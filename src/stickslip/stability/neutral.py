@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip.sliding.response import Array, ComplexArray, Response
-from stickslip.stability.impedances import Impedance
-from stickslip.stability.scan import loss, scan
+from stickslip.sliding.response import Array, ComplexArray
+from stickslip.stability.scan import SmoothSliding, loss, scan
 
 
 class Neutral(NamedTuple):
@@ -37,31 +36,27 @@ NOTHING = Neutral(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64))
 
 
 def neutral_frequencies(
-    response: Response,
-    rigs: Sequence[tuple[Impedance, float]],
-    *,
-    softest: float | None = None,
+    rigs: Sequence[SmoothSliding], *, softest: float | None = None
 ) -> list[Neutral]:
     """Return all zeros of ``Im(Z + kappa)`` on the axis that bear on each body at its
-    velocity, or on stiffer ones too.
+    velocity, or on stiffer ones too; the contacts of all are the same.
 
     With `softest` given the answer holds for every rig that has the same losses and
     masses and a total static stiffness of at least `softest`, else for the rig itself
     only.
     """
+    response = rigs[0].response
     if response.inert:
         return [NOTHING for _ in rigs]
-    scans = [scan(response, body, velocity, softest) for body, velocity in rigs]
-    brackets = [
-        _brackets(response, *rig, *seen) for rig, seen in zip(rigs, scans, strict=True)
-    ]
+    scans = [scan(rig, softest) for rig in rigs]
+    brackets = [_brackets(rig, *seen) for rig, seen in zip(rigs, scans, strict=True)]
     # All rigs at once: a call costs the same for one frequency and for a hundred.
     counts = [left.size for left, _, _ in brackets]
     left = np.concatenate([each[0] for each in brackets])
     right = np.concatenate([each[1] for each in brackets])
-    whose = np.repeat([id(body) for body, _ in rigs], counts)
-    speed = np.repeat([velocity for _, velocity in rigs], counts)
-    bodies = {id(body): body for body, _ in rigs}
+    whose = np.repeat([id(rig.body) for rig in rigs], counts)
+    speed = np.repeat([rig.velocity for rig in rigs], counts)
+    bodies = {id(rig.body): rig.body for rig in rigs}
 
     def impedances(w: Array) -> ComplexArray:
         z = np.empty(w.shape, dtype=complex)
@@ -84,9 +79,7 @@ def neutral_frequencies(
         neutral = Neutral(omega[begin:end], extra[begin:end], np.where(rising, 2, -2))
         frequency, value = seen
         if value.size and value[-1] < 0:
-            neutral = _with_mode_beyond(
-                neutral, _beyond(response, *rig, frequency[-1], softest)
-            )
+            neutral = _with_mode_beyond(neutral, _beyond(rig, frequency[-1], softest))
         answers.append(_by_frequency(neutral))
     return answers
 
@@ -135,7 +128,7 @@ def _zeros(f: Callable[[Array], Array], left: Array, right: Array) -> Array:
 
 
 def _brackets(
-    response: Response, body: Impedance, velocity: float, omega: Array, value: Array
+    sliding: SmoothSliding, omega: Array, value: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it
     rises there.
@@ -155,7 +148,8 @@ def _brackets(
         # A pair of zeros may be much closer than two frequencies of the scan: close in
         # on the dip until it is decided.
         fine = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 17)
-        total = loss(body(1j * fine), response.parts(velocity, 1j * fine))
+        parts = sliding.response.parts(sliding.velocity, 1j * fine)
+        total = loss(sliding.body(1j * fine), parts)
         dip = total * side[:, None]
         below = dip < 0
         row, column = np.nonzero(below[:, 1:] != below[:, :-1])
@@ -177,18 +171,14 @@ def _brackets(
 
 
 def _beyond(
-    response: Response,
-    body: Impedance,
-    velocity: float,
-    end: float,
-    softest: float | None,
+    sliding: SmoothSliding, end: float, softest: float | None
 ) -> tuple[float, float, int] | None:
     """Modes that cross beyond the end of the scan: frequency, extra stiffness, and
     how many grow with less.
     """
-    z = complex(body(np.array([1j * end]))[0])
-    at_rest = complex(body(np.array([0j]))[0])
-    total = z + complex(response.stiffness(velocity, 1j * end))
+    z = complex(sliding.body(np.array([1j * end]))[0])
+    at_rest = complex(sliding.body(np.array([0j]))[0])
+    total = z + complex(sliding.response.stiffness(sliding.velocity, 1j * end))
     # without mass and damping: half a turn, which both then keep, is what one real mode
     # makes
     if z == at_rest:
@@ -211,7 +201,7 @@ def _nearly_touching(value: Array) -> NDArray[np.intp]:
     k = np.flatnonzero((here > 0) & (here <= lower_side))
     lowest = _vertex(before[k], here[k], after[k])
     near = lowest < 0.2 * lower_side[k]
-    return np.asarray(k[near] + 1)
+    return k[near] + 1
 
 
 def _vertex(before: Array, here: Array, after: Array) -> Array:

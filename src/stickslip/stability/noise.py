@@ -27,10 +27,11 @@ from stickslip.loops import HALVINGS, bounded
 from stickslip.model.distribution import nodes_between
 from stickslip.model.methods import DRAWN, Contacts
 from stickslip.model.rig import Rig
-from stickslip.sliding import Response, kinetic_friction
+from stickslip.sliding import kinetic_friction
 from stickslip.sliding.response import Fluctuations, whole_axis
 from stickslip.stability import modes, roots
 from stickslip.stability.impedances import is_plain
+from stickslip.stability.scan import SmoothSliding
 from stickslip.words import number as digits
 
 if TYPE_CHECKING:
@@ -255,7 +256,8 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     >>> print(f"{noise.relative_force:.4f} {noise.contacts_for(0.01)}")
     0.0227 5165
     """
-    velocity, response, body = modes.rig_parts(rig)
+    sliding = modes.smooth_sliding(rig)
+    _, body, velocity = sliding
     method = rig.method if contacts is None else Contacts(contacts)
     stiffness = getattr(body, "stiffness", 0.0)
     if not isinstance(method, DRAWN):
@@ -269,7 +271,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
             f"Rig.slider = {body!r}: no driving spring, whose force could be measured; "
             "give it a stiffness"
         )
-    if growing := roots.count(response, body, velocity):
+    if growing := roots.count(sliding):
         raise InputError(
             "contact_noise: smooth sliding at velocity "
             f"{rig.in_units(velocity, 'x_s/time')} is unstable, with "
@@ -278,7 +280,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
         )
     # others may not be fit for the key of a table
     known: Any = _spectrum if is_plain(body) else _spectrum.__wrapped__
-    omega, weight, displaced = known(response, body, velocity)
+    omega, weight, displaced = known(sliding)
     moved = omega**2 * displaced
     pulled = stiffness**2 * displaced
     whole, square, fast = (
@@ -305,11 +307,10 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     )
 
 
-def _fluctuations_of(
-    response: Response, velocity: float
-) -> Callable[[Array], Fluctuations]:
-    """Fluctuations at any frequencies, from a table of them where they are dear."""
-    lowest = _SLOWEST / response.scales(velocity).cycle
+def _fluctuations_of(sliding: SmoothSliding) -> Callable[[Array], Fluctuations]:
+    """Fluctuations at any frequencies, from a table where they are expensive."""
+    response, _, velocity = sliding
+    lowest = _SLOWEST / sliding.scales.cycle
     highest = math.inf
     if response.certain:
 
@@ -336,16 +337,15 @@ def _fluctuations_of(
 
 
 @lru_cache(maxsize=64)
-def _spectrum(
-    response: Response, body: Any, velocity: float
-) -> tuple[Array, Array, Array]:
+def _spectrum(sliding: SmoothSliding) -> tuple[Array, Array, Array]:
     """Frequencies, their weights in an integral, and the spectrum of the displacement
     there for one contact.
 
     On panels that are halved until that changes neither the variance of the
     displacement nor that of the velocity.
     """
-    known = _fluctuations_of(response, velocity)
+    known = _fluctuations_of(sliding)
+    body = sliding.body
 
     def displaced(omega: Array) -> Array:
         kappa, noise = known(omega.ravel())
@@ -358,7 +358,7 @@ def _spectrum(
             noise / np.abs(body(1j * omega.ravel()) + kappa) ** 2
         ).reshape(omega.shape)
 
-    octaves = np.exp2(_OCTAVES) / response.scales(velocity).cycle
+    octaves = np.exp2(_OCTAVES) / sliding.scales.cycle
     part = octaves * displaced(octaves) * np.stack([np.ones_like(octaves), octaves**2])
     part /= part.max(axis=1, keepdims=True)
     last = int(np.flatnonzero(np.any(part > 0.1 * _LOST, axis=0))[-1])

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from stickslip.errors import UndecidedError
-from stickslip.sliding.response import STEP, Array, ComplexArray, Response
+from stickslip.sliding.response import STEP, Array, ComplexArray, Parts, Response
 from stickslip.stability.impedances import (
-    Impedance,
     Modes,
     is_plain,
     natural_frequencies,
@@ -24,7 +23,7 @@ from stickslip.stability.impedances import (
     resonances,
 )
 from stickslip.stability.neutral import Neutral, neutral_frequencies
-from stickslip.stability.scan import doubtful_below, merged
+from stickslip.stability.scan import SmoothSliding, doubtful_below, merged
 
 # on a line left of the axis, to count the roots on its right
 _MOST_FREQUENCIES = 1 << 15
@@ -33,64 +32,60 @@ _ABOUT = np.array([0.0, 1.0, -1.0])
 
 
 @lru_cache(maxsize=256)
-def _kept_neutral(response: Response, body: Any, velocity: float) -> Neutral:
-    return neutral_frequencies(response, [(body, velocity)])[0]
+def _kept_neutral(sliding: SmoothSliding) -> Neutral:
+    return neutral_frequencies([sliding])[0]
 
 
-def _neutral(response: Response, body: Impedance, velocity: float) -> Neutral:
+def _neutral(sliding: SmoothSliding) -> Neutral:
     """Neutral frequencies of one body, which several questions about it need."""
     # others may not be fit for the key of a table
-    known: Any = _kept_neutral if is_plain(body) else _kept_neutral.__wrapped__
-    found: Neutral = known(response, body, velocity)
+    known: Any = _kept_neutral if is_plain(sliding.body) else _kept_neutral.__wrapped__
+    found: Neutral = known(sliding)
     return found
 
 
-def count(response: Response, body: Impedance, velocity: float) -> int:
+def count(sliding: SmoothSliding) -> int:
     """Count the roots of ``Z + kappa`` with ``Re s > 0``, from the neutral frequencies.
 
     Raises `UndecidedError` if a mode lies on the stability boundary to within the
     accuracy of the response.
     """
-    neutral = _neutral(response, body, velocity)
-    near = np.flatnonzero(np.abs(neutral.extra) < response.accuracy)
+    neutral = _neutral(sliding)
+    near = np.flatnonzero(np.abs(neutral.extra) < sliding.response.accuracy)
     if near.size:
         raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} x_s/time is on its stability "
-            "boundary to within the accuracy of "
-            f"the response ({response.accuracy:g} of the stiffness of the contacts), "
-            "at angular frequency "
-            f"{neutral.omega[near[0]]:.9g}; change a parameter slightly"
+            f"{sliding} is on its stability boundary to within the accuracy of the "
+            f"response ({sliding.response.accuracy:g} of the stiffness of the "
+            f"contacts), at angular frequency {neutral.omega[near[0]]:.9g}; change a "
+            "parameter slightly"
         )
     return neutral.unstable()
 
 
-def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
+def rightmost(sliding: SmoothSliding) -> complex:
     """Return the root of ``Z + kappa`` with the largest real part, one of a pair.
 
     Raises `UndecidedError` if growing modes are missing, or the slowest decay cannot be
     computed.
     """
-    neutral = _neutral(response, body, velocity)
+    neutral = _neutral(sliding)
     growing = neutral.unstable()
-    scales = response.scales(velocity)
-    starts = _first_starts(response, body, velocity, neutral)
+    scales = sliding.scales
+    starts = _first_starts(sliding, neutral)
     roots = np.empty(0, dtype=complex)
-    for step in _lines(response, growing, scales.leftmost):
+    for step in _lines(sliding.response, growing, scales.leftmost):
         line = max(step / scales.pace, 0.9 * scales.leftmost)
-        starts = np.concatenate(
-            [starts, _starts_from_line(response, body, velocity, line)]
-        )
-        roots = _polished(response, body, velocity, starts)
-        if is_rightmost(response, body, velocity, roots, growing):
+        starts = np.concatenate([starts, _starts_from_line(sliding, line)])
+        roots = _polished(sliding, starts)
+        if is_rightmost(sliding, roots, growing):
             return complex(roots[0])
         starts = roots
     if growing:
         raise UndecidedError(
-            f"smooth sliding at velocity {velocity:g} x_s/time has {growing} growing "
-            "modes, not all of which were found"
+            f"{sliding} has {growing} growing modes, not all of which were found"
         )
     raise UndecidedError(
-        f"smooth sliding at velocity {velocity:g} x_s/time is stable, but its slowest "
+        f"{sliding} is stable, but its slowest "
         "mode cannot be computed: modes "
         "decay as the tail of the distribution of thresholds does, or too quickly to "
         "be followed; count_unstable() "
@@ -98,20 +93,18 @@ def rightmost(response: Response, body: Impedance, velocity: float) -> complex:
     )
 
 
-def near(
-    response: Response, body: Impedance, velocity: float, starts: ComplexArray
-) -> ComplexArray:
+def near(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
     """Return roots near those of a neighbouring rig, rightmost first; without any,
     roots near the axis.
     """
     if starts.size == 0:
         starts = np.concatenate(
             [
-                _first_starts(response, body, velocity),
-                _starts_from_line(response, body, velocity, 0.0),
+                _first_starts(sliding),
+                _starts_from_line(sliding, 0.0),
             ]
         )
-    return _polished(response, body, velocity, starts)
+    return _polished(sliding, starts)
 
 
 def _lines(response: Response, growing: int, limit: float) -> tuple[float, ...]:
@@ -131,30 +124,28 @@ def with_partners(roots: ComplexArray) -> int:
 
 
 def _value(
-    response: Response, body: Impedance, velocity: float, s: ComplexArray
+    sliding: SmoothSliding, s: ComplexArray, parts: Parts | None = None
 ) -> ComplexArray:
     """``Z + kappa`` times the denominator of kappa, without its zero at 0; not
-    finite where it overflows.
+    finite where it overflows. The parts of kappa may be known.
     """
+    response = sliding.response
     with np.errstate(all="ignore"):
-        numerator, denominator = response.parts(velocity, s)
-        return np.asarray((body(s) * denominator + numerator) / s**response.origin)
+        numerator, denominator = parts or response.parts(sliding.velocity, s)
+        return (sliding.body(s) * denominator + numerator) / s**response.origin
 
 
 def _first_starts(
-    response: Response, body: Impedance, velocity: float, neutral: Neutral | None = None
+    sliding: SmoothSliding, neutral: Neutral | None = None
 ) -> ComplexArray:
     """Modes of the rig alone, neutral ones, and where ``Z + kappa`` changes sign on
     the real axis.
     """
-    own = natural_frequencies(body)
-    cycle, _, _, _, limit = response.scales(velocity)
+    own = natural_frequencies(sliding.body)
+    cycle, _, _, _, limit = sliding.scales
     # Far right kappa falls at the rate at which contacts come to attach.
-    soft = (
-        0.0
-        if response.inert
-        else 1.0 / (cycle * float(body(np.zeros(1, dtype=complex))[0].real))
-    )
+    inert = sliding.response.inert
+    soft = 0.0 if inert else 1.0 / (cycle * sliding.static_stiffness)
     top = 10 * max(1 / cycle, soft, float(np.max(np.abs(own), initial=0.0)))
     lines = [np.geomspace(1e-3 / cycle, top, 200)]
     if limit < 0:
@@ -163,7 +154,7 @@ def _first_starts(
         )
     starts = [own]
     for s in lines:
-        value = _value(response, body, velocity, s + 0j).real
+        value = _value(sliding, s + 0j).real
         at = np.flatnonzero(value[1:] * value[:-1] < 0)
         starts.append(0.5 * (s[at] + s[at + 1]) + 0j)
     if neutral is not None:
@@ -171,26 +162,22 @@ def _first_starts(
     return np.concatenate(starts)
 
 
-def _starts_from_line(
-    response: Response, body: Impedance, velocity: float, line: float
-) -> ComplexArray:
+def _starts_from_line(sliding: SmoothSliding, line: float) -> ComplexArray:
     """Where Newton's method would go in one step from points along a line: the roots
     near it, and some more.
     """
-    cycle, pace, _, fastest, _ = response.scales(velocity)
+    cycle, pace, _, fastest, _ = sliding.scales
     top = 10.0 / cycle + fastest
-    if response.inert and not natural_frequencies(body).size:
+    if sliding.response.inert and not natural_frequencies(sliding.body).size:
         top = 1e4 * top
     if pace < cycle:  # kappa does not fade
-        top = max(doubtful_below(response, body, velocity, None), top)
+        top = max(doubtful_below(sliding, None), top)
+    parts = None
     if line == 0.0:
-        omega, (numerator, denominator) = response.sampled(velocity, top)
-        value = (body(1j * omega) * denominator + numerator) / (
-            1j * omega
-        ) ** response.origin
+        omega, parts = sliding.response.sampled(sliding.velocity, top)
     else:
-        omega = response.frequencies(velocity, top)
-        value = _value(response, body, velocity, line + 1j * omega)
+        omega = sliding.response.frequencies(sliding.velocity, top)
+    value = _value(sliding, line + 1j * omega, parts)
     with np.errstate(all="ignore"):
         step = -value / (-1j * np.gradient(value, omega))
     size = np.abs(step)
@@ -198,25 +185,23 @@ def _starts_from_line(
     # of their own.
     dip = np.isfinite(size) & (size < 5.0 / pace)
     dip[1:-1] &= (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:])
-    return np.asarray((line + 1j * omega + step)[dip])
+    return (line + 1j * omega + step)[dip]
 
 
-def _polished(
-    response: Response, body: Impedance, velocity: float, starts: ComplexArray
-) -> ComplexArray:
+def _polished(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
     """Distinct roots that Newton's method reaches, right of the limit; one of each
     pair, rightmost first.
     """
-    cycle, pace, _, _, limit = response.scales(velocity)
+    cycle, pace, _, _, limit = sliding.scales
     longest = 1.0 / pace
     radius = 1e-3 / cycle
-    if isinstance(body, Modes):
+    if isinstance(sliding.body, Modes):
         radius = min(
-            radius, 1e-2 * float(np.min(np.abs(natural_frequencies(body).real)))
+            radius, 1e-2 * float(np.min(np.abs(natural_frequencies(sliding.body).real)))
         )
     # A slope good to 1e-6 leaves no more than that of a step; where values are dear, no
     # other is taken, nor far left.
-    enough, furthest = (1e-15, -math.inf) if response.certain else (1e-5, limit)
+    enough, furthest = (1e-15, -math.inf) if sliding.response.certain else (1e-5, limit)
     s = starts.astype(complex)
     last = np.full(starts.shape, np.inf)
     settled = np.zeros(s.shape, dtype=bool)
@@ -229,9 +214,7 @@ def _polished(
             points = np.asarray(
                 here + radius * _ABOUT[:, None], dtype=np.complex128
             ).ravel()
-            value, after, before = _value(response, body, velocity, points).reshape(
-                3, -1
-            )
+            value, after, before = _value(sliding, points).reshape(3, -1)
             step = -2.0 * radius * value / (after - before)
             size = np.abs(step)
             # Steps that no longer shrink are rounding; one that was large must not be
@@ -265,9 +248,7 @@ def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:
 
 
 def is_rightmost(
-    response: Response,
-    body: Impedance,
-    velocity: float,
+    sliding: SmoothSliding,
     roots: ComplexArray,
     growing: int,
 ) -> bool:
@@ -279,23 +260,19 @@ def is_rightmost(
     """
     if roots.size == 0 or growing != with_partners(roots[roots.real > 0]):
         return False
-    if growing or not response.certain:
+    if growing or not sliding.response.certain:
         return True
-    cycle, _, _, _, limit = response.scales(velocity)
+    cycle, _, _, _, limit = sliding.scales
     best = float(roots[0].real)
     after = roots.real[roots.real < best - 1e-6 / cycle]
     nearest = max(
         float(after[0]) if after.size else -math.inf, limit, best - 0.2 / cycle
     )
     line = 0.5 * (best + nearest)
-    return count_right_of(response, body, velocity, line) == with_partners(
-        roots[roots.real > line]
-    )
+    return count_right_of(sliding, line) == with_partners(roots[roots.real > line])
 
 
-def count_right_of(
-    response: Response, body: Impedance, velocity: float, line: float
-) -> int | None:
+def count_right_of(sliding: SmoothSliding, line: float) -> int | None:
     """Number of roots with ``Re s > line``, by the argument principle; None where
     phases cannot be followed.
     """
@@ -303,17 +280,17 @@ def count_right_of(
     def product(omega: Array) -> ComplexArray:
         s = line + 1j * omega
         with np.errstate(all="ignore"):
-            return np.asarray(_value(response, body, velocity, s) * s**response.origin)
+            return _value(sliding, s) * s**sliding.response.origin
 
-    held = poles(body)
-    followed = _followed_line(response, body, velocity, line, product)
+    held = poles(sliding.body)
+    followed = _followed_line(sliding, line, product)
     if followed is None:
         return None
     omega, value = followed
     along = float(np.sum(np.angle(value[1:] / value[:-1])))
     end = line + 1j * omega[-1]
     arc = abs(end) * np.exp(1j * np.linspace(0.0, np.angle(end), 2001))
-    z = body(arc)
+    z = sliding.body(arc)
     around = float(np.sum(np.angle(z[1:] / z[:-1])))
     around += float(np.angle(value[-1] / z[-1]))
     zeros = (around - along) / math.pi
@@ -321,28 +298,29 @@ def count_right_of(
         return None
     return (
         round(zeros)
-        - (response.origin if line < 0 else 0)
+        - (sliding.response.origin if line < 0 else 0)
         + int(np.sum(held.real > line))
     )
 
 
 def _followed_line(
-    response: Response,
-    body: Impedance,
-    velocity: float,
+    sliding: SmoothSliding,
     line: float,
     product: Callable[[Array], ComplexArray],
 ) -> tuple[Array, ComplexArray] | None:
     """Frequencies along a line so close that the phase of a product can be followed,
     and the product there.
     """
-    own = natural_frequencies(body)
-    scales = response.scales(velocity)
+    own = natural_frequencies(sliding.body)
+    scales = sliding.scales
     unit = 1.0 / scales.memory
     fine_top = max(scales.fastest, 10 * unit)
     top = max(
         fine_top,
-        2.0 * float(np.max(np.abs(np.concatenate([own, poles(body)])), initial=0.0)),
+        2.0
+        * float(
+            np.max(np.abs(np.concatenate([own, poles(sliding.body)])), initial=0.0)
+        ),
     )
     near = [
         root.imag
@@ -355,7 +333,7 @@ def _followed_line(
         places = [
             fine,
             np.zeros(1),
-            resonances(body),
+            resonances(sliding.body),
             *near,
             np.geomspace(1e-6 * unit, top, 400),
         ]
@@ -365,7 +343,8 @@ def _followed_line(
         if not np.all(np.isfinite(value)):
             return None
         if np.all(
-            np.abs(value / body(line + 1j * omega) - 1)[omega >= 0.7 * top] < 0.7
+            np.abs(value / sliding.body(line + 1j * omega) - 1)[omega >= 0.7 * top]
+            < 0.7
         ):
             break
         top *= 2

@@ -3,20 +3,48 @@ see every zero.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.loops import HALVINGS, bounded
-from stickslip.sliding.response import SCAN_LIMIT, Array, ComplexArray, Parts, Response
+from stickslip.sliding.response import (
+    SCAN_LIMIT,
+    Array,
+    ComplexArray,
+    Parts,
+    Response,
+    ResponseScales,
+)
 from stickslip.stability.impedances import (
     Impedance,
     is_plain,
     natural_frequencies,
     resonances,
 )
+
+
+class SmoothSliding(NamedTuple):
+    """Contacts and a body that slide at a steady velocity."""
+
+    response: Response
+    body: Impedance
+    velocity: float
+
+    def __str__(self) -> str:
+        return f"smooth sliding at velocity {self.velocity:g} x_s/time"
+
+    @property
+    def scales(self) -> ResponseScales:
+        """Times and frequencies of the response."""
+        return self.response.scales(self.velocity)
+
+    @property
+    def static_stiffness(self) -> float:
+        """Force over displacement of the body at rest, ``Z(0)``."""
+        return float(self.body(np.zeros(1, dtype=complex))[0].real)
 
 
 def loss(z: ComplexArray, parts: Parts) -> Array:
@@ -29,22 +57,20 @@ def loss(z: ComplexArray, parts: Parts) -> Array:
     )
 
 
-def scan(
-    response: Response, body: Impedance, velocity: float, softest: float | None
-) -> tuple[Array, Array]:
+def scan(sliding: SmoothSliding, softest: float | None) -> tuple[Array, Array]:
     """Rising frequencies on the axis and `loss` there, fine enough to see every zero,
     up to where there are no more.
 
     With `softest` given, for every rig with the same losses and masses and a static
     stiffness of at least that.
     """
-    top = doubtful_below(response, body, velocity, softest)
+    top = doubtful_below(sliding, softest)
     if top == 0.0:
         return np.empty(0), np.empty(0)
-    omega, parts = response.sampled(velocity, top)
-    value = loss(body(1j * omega), parts)
-    more = np.empty(0) if is_plain(body) else features(body, omega)
-    own = float(np.max(np.abs(natural_frequencies(body)), initial=0.0))
+    omega, parts = sliding.response.sampled(sliding.velocity, top)
+    value = loss(sliding.body(1j * omega), parts)
+    more = np.empty(0) if is_plain(sliding.body) else features(sliding.body, omega)
+    own = float(np.max(np.abs(natural_frequencies(sliding.body)), initial=0.0))
     # the rig has frequencies above those of the contacts
     if math.isinf(top) and own > 0.3 * omega[-1]:
         more = np.union1d(
@@ -53,7 +79,12 @@ def scan(
     if not more.size:
         return omega, value
     return merged(
-        omega, more, value, loss(body(1j * more), response.parts(velocity, 1j * more))
+        omega,
+        more,
+        value,
+        loss(
+            sliding.body(1j * more), sliding.response.parts(sliding.velocity, 1j * more)
+        ),
     )
 
 
@@ -80,26 +111,22 @@ def features(body: Impedance, omega: Array) -> Array:
     return np.setdiff1d(added, omega)
 
 
-def doubtful_below(
-    response: Response, body: Impedance, velocity: float, softest: float | None
-) -> float:
+def doubtful_below(sliding: SmoothSliding, softest: float | None) -> float:
     """Frequency above which the disc that holds kappa, whatever the delay, rules out
     neutral modes; 0 for all.
 
     Infinite if there are no such discs.
     """
-    held = (
-        None
-        if softest is None
-        else softest - float(body(np.zeros(1, dtype=complex))[0].real)
+    held = None if softest is None else softest - sliding.static_stiffness
+    special = np.concatenate(
+        [resonances(sliding.body), np.abs(natural_frequencies(sliding.body))]
     )
-    special = np.concatenate([resonances(body), np.abs(natural_frequencies(body))])
-    top = response.scales(velocity).fastest
+    top = sliding.scales.fastest
     turns = bounded("doubtful_below", HALVINGS)
-    while (discs := response.discs(velocity, top)) is not None:
+    while (discs := sliding.response.discs(sliding.velocity, top)) is not None:
         next(turns)
         omega, centre = merged(discs[0], special, discs[1], np.interp(special, *discs))
-        z = body(1j * omega)
+        z = sliding.body(1j * omega)
         if np.any(z.imag < -1e-9 * np.abs(z)):
             at = float(omega[np.argmin(z.imag / np.abs(z))])
             raise InputError(
@@ -134,4 +161,4 @@ def _clear(
     turning = real[1:] * real[:-1] <= 0
     strong[1:] &= ~turning
     strong[:-1] &= ~turning
-    return np.asarray(lossy | strong)
+    return lossy | strong
