@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from scipy import optimize
 
 import stickslip as ss
-from stickslip import plot, theory
+from stickslip import theory
 from stickslip.model import Method, Start
 from stickslip.paper.cases import FIG8, FIG11, aged
 from stickslip.paper.figure import Claim, Figure, at_most, between, claim_from, near
@@ -28,6 +28,7 @@ from stickslip.paper.kit import (
     table,
 )
 from stickslip.paper.ramps import LEVEL, V1_SCALED, V2_SCALED, ramped
+from stickslip.plot import BLACK, BLUE, GREEN, GREY, PALETTE, SKY, VERMILLION
 
 # Relaxed contacts have short stretchings, and thresholds of the stationary
 # distribution.
@@ -36,7 +37,7 @@ _METHODS: dict[str, Method] = {
     "contacts": ss.Contacts(FIG8.contacts, seed=8),
     "kinetic equation": ss.MasterEquation(),
 }
-_SHOWN = {0.7: plot.BLUE, 0.9: plot.SKY, 1.5: plot.VERMILLION, 2.0: plot.GREEN}
+_SHOWN = {0.7: BLUE, 0.9: SKY, 1.5: VERMILLION, 2.0: GREEN}
 # of thresholds
 _COUNT = 100_000
 _BINS = 60
@@ -111,7 +112,7 @@ def _at_rest() -> tuple[Array, Array, Array]:
             2.0 * step
         ) * rng.standard_normal(_COUNT)
     seen, edges = np.histogram(thresholds, _BINS, (0.5, 1.5), density=True)
-    middle = np.asarray(0.5 * (edges[1:] + edges[:-1]))
+    middle = 0.5 * (edges[1:] + edges[:-1])
     return middle, stationary.density(middle), seen
 
 
@@ -128,9 +129,9 @@ _OSCILLATIONS = (
 
 
 def _claims_8(data: xr.Dataset) -> Iterator[Claim]:
-    f = data["f"].to_numpy()
-    exact = data["P_c"].to_numpy()
-    seen = data["P_c_seen"].to_numpy()
+    f = data["f"].values
+    exact = data["P_c"].values
+    seen = data["P_c_seen"].values
     width = float(f[1] - f[0])
     mean = float(np.sum(f * seen) * width)
     std = math.sqrt(float(np.sum((f - mean) ** 2 * seen) * width))
@@ -153,7 +154,7 @@ def _claims_8(data: xr.Dataset) -> Iterator[Claim]:
     )
 
     oscillation = data["amplitude"]
-    low, high = data["unstable"].to_numpy()
+    low, high = data["unstable"].values
     measured = [
         near("smooth sliding unstable from beta (linear)", low, 0.80, 0.03),
         near("smooth sliding unstable up to beta (linear)", high, 1.63, 0.03),
@@ -173,9 +174,7 @@ def _claims_8(data: xr.Dataset) -> Iterator[Claim]:
                 f"largest F_d at beta = 1.5, {solver}", run.max(), 0.73, 0.77, "f_s"
             )
         )
-        periods.append(
-            ss.measure.find_cycles(run["time"].to_numpy(), run.to_numpy()).period
-        )
+        periods.append(ss.measure.find_cycles(run["time"].values, run.values).period)
     yield claim_from(
         14,
         "stick-slip for 1 <= beta <= 1.6, smooth sliding below and above",
@@ -235,12 +234,15 @@ def _draw_forces(axes: Sequence[Axes], data: xr.Dataset) -> None:
                     linewidth=0.8,
                     label=rf"$\beta$ = {rate:g}",
                 )
-        limits = {
-            "xlim": (0.0, 10.0),
-            "ylim": (-0.6, 1.45),
-            "yticks": (-0.5, 0.0, 0.5, 1.0),
-        }
-        panel(ax, title, data["time"] if row else None, data["spring_force"], **limits)
+        panel(
+            ax,
+            title,
+            data["time"] if row else None,
+            data["spring_force"],
+            xlim=(0.0, 10.0),
+            ylim=(-0.6, 1.45),
+            yticks=(-0.5, 0.0, 0.5, 1.0),
+        )
         ax.legend(
             loc="upper right",
             ncols=4,
@@ -258,10 +260,10 @@ def _draw_thresholds(ax: Axes, data: xr.Dataset) -> None:
         data["P_c_seen"],
         edges,
         fill=True,
-        color=plot.SKY,
+        color=SKY,
         label="contacts aged at rest",
     )
-    ax.plot(data["f"], data["P_c"], color=plot.BLACK, label="Eq. (17)")
+    ax.plot(data["f"], data["P_c"], color=BLACK, label="Eq. (17)")
     panel(
         ax,
         "(c) thresholds at rest",
@@ -277,8 +279,8 @@ def _draw_oscillation(ax: Axes, data: xr.Dataset) -> None:
     shade(ax, data["unstable"], "smooth\nsliding\nunstable", 0.04)
     marks = (("contacts", "o", "-"), ("kinetic equation", "x", "none"))
     starts = (
-        ("relaxed", plot.VERMILLION, "from relaxed contacts"),
-        ("smooth", plot.BLUE, "from sliding"),
+        ("relaxed", VERMILLION, "from relaxed contacts"),
+        ("smooth", BLUE, "from sliding"),
     )
     for start, colour, words in starts:
         for solver, mark, line in marks:
@@ -294,7 +296,7 @@ def _draw_oscillation(ax: Axes, data: xr.Dataset) -> None:
             )
         ax.plot([], [], color=colour, label=words)
     for solver, mark, _ in marks:
-        ax.plot([], [], mark, color=plot.GREY, markersize=4, label=solver)
+        ax.plot([], [], mark, color=GREY, markersize=4, label=solver)
     title = "(d) oscillation of the force"
     panel(
         ax,
@@ -331,7 +333,7 @@ def _steepest(force: xr.DataArray) -> float:
     """Steepest decrease of the force: our ``K_eff(v)``, which the paper does not
     define.
     """
-    F = force.to_numpy()
+    F = force.values
     return float(np.max(F[:-2] - F[2:])) / (2.0 * _SPACING)
 
 
@@ -347,14 +349,13 @@ def _data_11(progress: Progress, quick: bool) -> xr.Dataset:
     curves = table(_pulled, velocity=velocities)
 
     def checked(v: float, _: Progress) -> dict[str, Any]:
-        step: dict[str, Any] = {
-            "before": _FAST,
-            "after": v,
-            "distance": _DISTANCE,
-            "points": curves.shape[1],
-        }
         run = ss.velocity_step(
-            FIG11.interface, method=ss.Contacts(count, seed=11), **step
+            FIG11.interface,
+            method=ss.Contacts(count, seed=11),
+            before=_FAST,
+            after=v,
+            distance=_DISTANCE,
+            points=curves.shape[1],
         )
         force = np.interp(
             curves["displacement"], run["displacement"], run["friction_force"]
@@ -397,9 +398,9 @@ def _data_11(progress: Progress, quick: bool) -> xr.Dataset:
 
 def _claims_11(data: xr.Dataset) -> Iterator[Claim]:
     crossing, v1, v2 = (float(data[name]) for name in ("crossing", "v1", "v2"))
-    low, high = data["unstable"].to_numpy().tolist()
+    low, high = data["unstable"].values.tolist()
     falls = float(data["K_eff"].diff("velocity").max())
-    renewal = data["friction_force"].sel(velocity=list(_CONVERGED)).to_numpy()
+    renewal = data["friction_force"].sel(velocity=list(_CONVERGED)).values
     # A contact's stretching scatters by less than .5; the solvers differ by .002.
     of_newborns = (
         "force of newborn contacts, largest difference of N contacts from "
@@ -459,9 +460,9 @@ def _drawing_11(picture: Picture, data: xr.Dataset) -> None:
 
     v = data["drive_velocity"]
     force = data["spring_force"]
-    friction.plot(v, force, color=plot.BLUE, linewidth=0.4)
+    friction.plot(v, force, color=BLUE, linewidth=0.4)
     shade(friction, data["unstable"], "smooth sliding unstable", 0.92)
-    friction.axvline(crossing, color=plot.VERMILLION, linewidth=0.9, linestyle="--")
+    friction.axvline(crossing, color=VERMILLION, linewidth=0.9, linestyle="--")
     panel(
         friction,
         "(a) friction on a ramp",
@@ -474,7 +475,7 @@ def _drawing_11(picture: Picture, data: xr.Dataset) -> None:
     X = data["displacement"]
     exact = data["friction_force"]
     seen = data["F_contacts"]
-    for at, colour in zip(_CONVERGED, plot.PALETTE, strict=False):
+    for at, colour in zip(_CONVERGED, PALETTE, strict=False):
         curves.plot(X, exact.sel(velocity=at), color=colour, label=f"$v$ = {at:g}")
         curves.plot(
             X, seen.sel(checked=at), "o", color=colour, markersize=2, markevery=(19, 20)
@@ -482,15 +483,19 @@ def _drawing_11(picture: Picture, data: xr.Dataset) -> None:
     panel(curves, "(b) newborn contacts, pulled", X, exact, ylim=(0.0, 1.0))
     curves.legend(loc="upper right", ncols=2)
 
-    stiffness.plot(data["velocity"], data["K_eff"], "o-", color=plot.BLUE, markersize=3)
-    stiffness.axhline(K, color=plot.GREY, linewidth=0.8)
-    stiffness.axvline(crossing, color=plot.VERMILLION, linewidth=0.9, linestyle="--")
-    stiffness.text(0.02, K + 0.06, "$K$", color=plot.GREY)
-    stiffness.axvline(v2, color=plot.BLACK, linewidth=0.9, linestyle=":")
+    stiffness.plot(data["velocity"], data["K_eff"], "o-", color=BLUE, markersize=3)
+    stiffness.axhline(K, color=GREY, linewidth=0.8)
+    stiffness.axvline(crossing, color=VERMILLION, linewidth=0.9, linestyle="--")
+    stiffness.text(0.02, K + 0.06, "$K$", color=GREY)
+    stiffness.axvline(v2, color=BLACK, linewidth=0.9, linestyle=":")
     stiffness.text(v2 - 0.02, 2.6, "$v_2$", ha="right")
-    limits = {"xlim": (0.0, 1.2), "ylim": (0.0, 1.08 * float(data["K_eff"].max()))}
     panel(
-        stiffness, "(c) steepest fall in (b)", data["velocity"], data["K_eff"], **limits
+        stiffness,
+        "(c) steepest fall in (b)",
+        data["velocity"],
+        data["K_eff"],
+        xlim=(0.0, 1.2),
+        ylim=(0.0, 1.08 * float(data["K_eff"].max())),
     )
 
 

@@ -39,6 +39,7 @@ from stickslip.paper.kit import (
     second_axis,
     table,
 )
+from stickslip.plot import BLACK, BLUE, VERMILLION
 
 STIFFNESSES = (5.0, 2.0)
 _SHOWN_DELAYS = (0.0, 0.09, 0.1, 0.2)
@@ -87,7 +88,7 @@ def _data_4(progress: Progress, quick: bool) -> xr.Dataset:
         late = ss.regime(made, after=_BEGIN)
         force = made["spring_force"]
         begin, later = (
-            np.ptp(force.sel(time=slice(*pair)).to_numpy())
+            np.ptp(force.sel(time=slice(*pair)).values)
             for pair in itertools.pairwise(_EARLY)
         )
         shown = made[_TRACES].sel(time=slice(0.0, _SHOWN))
@@ -208,8 +209,8 @@ def _claims_4(data: xr.Dataset) -> Iterator[Claim]:
     exact = data["period_variation"].sel(
         solver="master equation", stiffness=2.0, delay=0.2
     )
-    count = data["contacts"].to_numpy()
-    scatter = data["period_scatter"].to_numpy()
+    count = data["contacts"].values
+    scatter = data["period_scatter"].values
     # A scatter over n periods is known to 1/sqrt(2 n); here n is about 120.
     error = float(np.sqrt(2.0) / np.sqrt(2.0 * 120.0) / np.log(count[-1] / count[0]))
     name = "coefficient of variation of the period"
@@ -249,18 +250,18 @@ def _drawing_4(picture: Picture, data: xr.Dataset) -> None:
     pair = upper.subplots(1, 2, sharey=True)
     for ax, stiffness in zip(pair, STIFFNESSES, strict=True):
         run = data.sel(stiffness=stiffness, delay=0.0)
-        early = run.isel(time=(run["displacement"] < 6.0).to_numpy())
+        early = run.isel(time=(run["displacement"] < 6.0).values)
         X = early["displacement"]
-        ax.plot(X, early["spring_force"], color=plot.BLUE)
-        ax.tick_params(axis="y", colors=plot.BLUE)
+        ax.plot(X, early["spring_force"], color=BLUE)
+        ax.tick_params(axis="y", colors=BLUE)
         title = rf"(a) $K$ = {stiffness:g} $k$,  $\tau_\mathrm{{d}}$ = 0"
         panel(ax, title, X, xlim=(0, 6), ylim=(0, 0.95))
         second = second_axis(
             ax, X, early["velocity"], (0, 12), [0, 4, 8, 12], linestyle=":"
         )
         second.tick_params(labelright=ax is pair[1])
-    pair[0].set_ylabel(plot.label(data["spring_force"]), color=plot.BLUE)
-    second.set_ylabel(plot.label(data["velocity"]), color=plot.VERMILLION)
+    pair[0].set_ylabel(plot.label(data["spring_force"]), color=BLUE)
+    second.set_ylabel(plot.label(data["velocity"]), color=VERMILLION)
 
     panels = lower.subplots(
         len(_SHOWN_DELAYS), len(STIFFNESSES), sharex=True, sharey=True
@@ -270,7 +271,7 @@ def _drawing_4(picture: Picture, data: xr.Dataset) -> None:
     ):
         ax = panels[i, j]
         case = data.sel(stiffness=stiffness, delay=delay, solver="contacts")
-        ax.plot(case["time"], case["spring_force"], color=plot.BLUE, linewidth=0.9)
+        ax.plot(case["time"], case["spring_force"], color=BLUE, linewidth=0.9)
         words = rf"$\tau_\mathrm{{d}}$ = {delay:g},  {case['kind'].item()} at the end"
         ax.text(
             1.0, 1.0, words, transform=ax.transAxes, ha="right", va="bottom", fontsize=8
@@ -389,9 +390,9 @@ def _claims_6(data: xr.Dataset) -> Iterator[Claim]:
     at_paper = by_ratio.set_index("ratio").loc[0.3]
     linear = by_mass["linear"]
     scaled = by_velocity[kinds].mul(by_velocity["velocity"], axis=0)
-    apart, linear_apart = abs(
-        scaled.to_numpy() / curves["M v^2"][kinds].to_numpy() - 1
-    ).max(axis=0)
+    apart, linear_apart = abs(scaled.values / curves["M v^2"][kinds].values - 1).max(
+        axis=0
+    )
     yield claim_from(
         9,
         "the critical delay goes as A1 + A2 M^(1/3) with the mass and as A3/v + A4 "
@@ -492,7 +493,7 @@ def _drawing_6(picture: Picture, data: xr.Dataset) -> None:
     _draw_delays(collapse, at, curves["mass"], label="from (a)")
     cube = np.cbrt(curve["mass"] * curve["velocity"] ** 2)
     scaled = curve["sustained"] * curve["velocity"]
-    collapse.plot(cube, scaled, "x", color=plot.BLACK, markersize=6, label="from (b)")
+    collapse.plot(cube, scaled, "x", color=BLACK, markersize=6, label="from (b)")
     x = r"$(M v_d^2)^{1/3}$"
     y = r"$\tau^* v_d$ ($x_\mathrm{s}$)"
     panel(
@@ -518,7 +519,7 @@ def _draw_delays(
         x,
         curve["sustained"],
         style,
-        color=plot.BLUE,
+        color=BLUE,
         markersize=4,
         linewidth=0.9,
         label=label,
@@ -527,7 +528,7 @@ def _draw_delays(
         x,
         curve["linear"],
         "s-",
-        color=plot.VERMILLION,
+        color=VERMILLION,
         markersize=3,
         linewidth=0.9,
         label="linear",
@@ -541,7 +542,7 @@ def _draw_fit(ax: Axes, x: Array, M_v2: Array, y: Array, label: str | None) -> N
             x[kept],
             y[kept],
             style,
-            color=plot.BLUE,
+            color=BLUE,
             linewidth=0.9,
             label=label if style == "-" else None,
         )

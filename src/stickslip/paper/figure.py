@@ -229,9 +229,10 @@ class Figure:
         data = self._data(report, quick)
         report(1.0)
         arguments = {"figure": self.name} | ({"quick": True} if quick else {})
-        made_by = {"provenance": io.provenance("paper", arguments)}
         return data.assign_attrs(
-            title=f"{self.name}: {self.title}", caption=self.caption, **made_by
+            title=f"{self.name}: {self.title}",
+            caption=self.caption,
+            provenance=io.provenance("paper", arguments),
         )
 
     def draw(self, data: xr.Dataset) -> Picture:

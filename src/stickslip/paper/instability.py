@@ -46,6 +46,7 @@ from stickslip.paper.kit import (
     power,
     table,
 )
+from stickslip.plot import BLACK, BLUE, DASHED, GREEN, GREY, ORANGE, PALETTE, VERMILLION
 from stickslip.rigid import effective_stiffness
 
 _FAR = 8.0
@@ -156,7 +157,7 @@ def _data_1(progress: Progress, quick: bool) -> xr.Dataset:
 
 def _turning_points(force: xr.DataArray) -> xr.DataArray:
     """First maximum and first minimum, by parabolas through three samples."""
-    F = force.to_numpy()
+    F = force.values
     at = np.array([argrelmax(F)[0][0], argrelmin(F)[0][0]])
     left = F[at - 1]
     y = F[at]
@@ -170,7 +171,7 @@ def _claims_1(data: xr.Dataset) -> Iterator[Claim]:
     count = data["contacts"]
     scatter = data["scatter"]
     scaled = scatter * np.sqrt(count)
-    typical = np.exp(np.log(scatter.to_numpy()).mean(axis=(1, 2)))
+    typical = np.exp(np.log(scatter.values).mean(axis=(1, 2)))
     yield claim_from(
         1,
         "N contacts scatter about the master equation as N^(-1/2)",
@@ -183,7 +184,7 @@ def _claims_1(data: xr.Dataset) -> Iterator[Claim]:
     )
 
     far = data["deviation"]
-    narrow, wide = data["F_k"].to_numpy()
+    narrow, wide = data["F_k"].values
     yield claim_from(
         2,
         (
@@ -260,7 +261,7 @@ def _drawing_1(picture: Picture, data: xr.Dataset) -> None:
     X = data["displacement"]
     f_s = plot.unit_text("f_s")
     for pair, contacts, colour in zip(
-        _PAIRS, data["F_c_contacts"], plot.PALETTE, strict=False
+        _PAIRS, data["F_c_contacts"], PALETTE, strict=False
     ):
         name = (
             rf"$\Delta f_0$ = {pair[0]:g} {f_s},  $\Delta f_\mathrm{{s}}$ = "
@@ -268,8 +269,8 @@ def _drawing_1(picture: Picture, data: xr.Dataset) -> None:
         )
         ax.plot(X, data["friction_force"].loc[pair], color=colour, label=name)
         ax.plot(X, contacts, color=colour, linestyle=":", linewidth=1.0)
-    ax.plot([], [], color=plot.GREY, label="master equation")
-    ax.plot([], [], color=plot.GREY, linestyle=":", label=f"{FIG1.contacts} contacts")
+    ax.plot([], [], color=GREY, label="master equation")
+    ax.plot([], [], color=GREY, linestyle=":", label=f"{FIG1.contacts} contacts")
     panel(ax, "", X, data["friction_force"], xlim=(0, _FAR), ylim=(0, 0.85))
     ax.legend(loc="upper right", ncols=2, columnspacing=1.6)
     _sketch(ax.inset_axes((0.47, 0.02, 0.5, 0.27)))
@@ -285,7 +286,7 @@ def _sketch(ax: Axes) -> None:
         (5.0, 0.5, 9.6, 0.0, "#D9D9D9"),
         (3.4, 1.1, 5.6, 1.7, "#AADAF4"),
     ):
-        ax.bar(*box, color=colour, edgecolor=plot.BLACK, linewidth=0.7)
+        ax.bar(*box, color=colour, edgecolor=BLACK, linewidth=0.7)
     # a spring, and its zigzag
     along = np.array([0.0, 0.2, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.8, 1.0])
     aside = np.array([0.0, 0.0, 0.13, -0.13, 0.13, -0.13, 0.13, -0.13, 0.0, 0.0])
@@ -294,18 +295,20 @@ def _sketch(ax: Axes) -> None:
         ax.plot(
             *spring,
             "o-",
-            color=plot.VERMILLION,
+            color=VERMILLION,
             linewidth=0.8,
             markersize=2.5,
             markevery=[0],
         )
-    pull: dict[str, Any] = {
-        "color": plot.BLACK,
-        "linewidth": 0.8,
-        "markersize": 4,
-        "markevery": [-1],
-    }
-    ax.plot([*(6.2 + 2.2 * along), 9.3], [*(2.25 + aside), 2.25], ">-", **pull)
+    ax.plot(
+        [*(6.2 + 2.2 * along), 9.3],
+        [*(2.25 + aside), 2.25],
+        ">-",
+        color=BLACK,
+        linewidth=0.8,
+        markersize=4,
+        markevery=[-1],
+    )
     for x, y, words, side in (
         (3.4, 2.25, "slider,  $M$", "center"),
         (9.6, 0.25, "base", "right"),
@@ -354,8 +357,7 @@ def _data_2(progress: Progress, quick: bool) -> xr.Dataset:
     )
     progress(0.5)
     X, force, rate = (
-        run[name].to_numpy()
-        for name in ("displacement", "friction_force", "breaking_rate")
+        run[name].values for name in ("displacement", "friction_force", "breaking_rate")
     )
     X_star, drive = first_instability(interface, slider.stiffness)
     onset = np.interp(_ONSET, cumulative_trapezoid(rate, X, initial=0), X)
@@ -397,7 +399,7 @@ def _data_2(progress: Progress, quick: bool) -> xr.Dataset:
 
 def _claims_2(data: xr.Dataset) -> Iterator[Claim]:
     K = float(data.attrs["stiffness"])
-    K_eff = data["K_eff"].to_numpy()
+    K_eff = data["K_eff"].values
     critical = float(data["K_critical"])
     yield claim_from(
         None,
@@ -418,9 +420,9 @@ def _claims_2(data: xr.Dataset) -> Iterator[Claim]:
         ),
     )
 
-    _, unstable, landing = data["point"].to_numpy()
-    X = data["displacement"].to_numpy()
-    V = data["V_eff"].to_numpy()
+    _, unstable, landing = data["point"].values
+    X = data["displacement"].values
+    V = data["V_eff"].values
     # near the peak of the force
     wells = np.count_nonzero(np.diff(np.sign(np.diff(V[:, landing > X]))) > 0, axis=1)
     bend = np.diff(V[1], 2) / (X[1] - X[0]) ** 2 - (K - K_eff[1:-1])
@@ -458,24 +460,24 @@ def _drawing_2(picture: Picture, data: xr.Dataset) -> None:
     """
     K = float(data.attrs["stiffness"])
     critical = float(data["K_critical"])
-    drives = data["drive"].to_numpy()
+    drives = data["drive"].values
     left, right = picture.subplots(1, 2, width_ratios=(1.3, 1.0))
     _draw_potential(left.inset_axes((0.66, 0.64, 0.34, 0.36)), data)
     data = data.sel(displacement=slice(0.0, 1.6))
     X = data["displacement"]
     force = data["friction_force"]
     K_eff = data["K_eff"]
-    begin, at, landing = data["point"].to_numpy()
-    left.plot(X, force, color=plot.BLUE)
-    left.text(0.33, 0.41, r"$F_\mathrm{c}(X)$", color=plot.BLUE, ha="right")
+    begin, at, landing = data["point"].values
+    left.plot(X, force, color=BLUE)
+    left.text(0.33, 0.41, r"$F_\mathrm{c}(X)$", color=BLUE, ha="right")
     for name, point, end, drive, colour, style, offset in (
-        ("1", begin, (-0.22, 0.16), drives[0], plot.GREY, "--", (-12, 1)),
+        ("1", begin, (-0.22, 0.16), drives[0], GREY, "--", (-12, 1)),
         (
             "2",
             at,
             (-0.16, min(0.42, drives[1] - at)),
             drives[1],
-            plot.VERMILLION,
+            VERMILLION,
             "-",
             (6, 3),
         ),
@@ -492,24 +494,24 @@ def _drawing_2(picture: Picture, data: xr.Dataset) -> None:
         force.interp(displacement=landing),
         "o",
         mfc="white",
-        color=plot.VERMILLION,
+        color=VERMILLION,
         markersize=5,
     )
-    left.text(1.08, 0.49, r"$K(v_\mathrm{d}t^* - X)$", color=plot.VERMILLION)
+    left.text(1.08, 0.49, r"$K(v_\mathrm{d}t^* - X)$", color=VERMILLION)
     panel(left, rf"(a) $K$ = {K:g} $k$", X, force, xlim=(0, 1.6), ylim=(0, 1.1))
 
-    right.plot(X, K_eff, color=plot.BLUE)
+    right.plot(X, K_eff, color=BLUE)
     for value, text, colour in (
-        (STIFF, rf"$K$ = {STIFF:g} $k$: stiff", plot.GREEN),
-        (critical, rf"$K^*$ = {critical:.3f} $k$", plot.BLACK),
-        (K, rf"$K$ = {K:g} $k$: soft", plot.VERMILLION),
+        (STIFF, rf"$K$ = {STIFF:g} $k$: stiff", GREEN),
+        (critical, rf"$K^*$ = {critical:.3f} $k$", BLACK),
+        (K, rf"$K$ = {K:g} $k$: soft", VERMILLION),
     ):
-        right.axhline(value, color=colour, linewidth=0.9, linestyle=plot.DASHED)
+        right.axhline(value, color=colour, linewidth=0.9, linestyle=DASHED)
         right.text(0.02, value + 0.08, text, color=colour, fontsize=8)
     right.fill_between(
-        X, K, K_eff, where=K_eff > K, color=plot.VERMILLION, alpha=0.25, linewidth=0
+        X, K, K_eff, where=K_eff > K, color=VERMILLION, alpha=0.25, linewidth=0
     )
-    _draw_point(right, "2", (at, K), (-9, 3), plot.VERMILLION)
+    _draw_point(right, "2", (at, K), (-9, 3), VERMILLION)
     title = r"(b) $K_\mathrm{eff} = -\mathrm{d}F_\mathrm{c}/\mathrm{d}X$"
     panel(right, title, X, K_eff, xlim=(0, 1.6), ylim=(-1.2, 5.6))
 
@@ -539,9 +541,9 @@ def _draw_potential(ax: Axes, data: xr.Dataset) -> None:
     V = data["V_eff"] - data["V_eff"].interp(displacement=float(data["point"][1]))
     before, at, _ = data["point"].values
     names = (
-        (plot.GREY, "$t < t^*$", before),
-        (plot.VERMILLION, "$t^*$", at),
-        (plot.BLACK, "$t > t^*$", np.nan),
+        (GREY, "$t < t^*$", before),
+        (VERMILLION, "$t^*$", at),
+        (BLACK, "$t > t^*$", np.nan),
     )
     for i, (colour, name, rests) in enumerate(names):
         line = V.sel(displacement=slice(0.55, 1.35))[i] - 0.09 * i
@@ -735,7 +737,7 @@ def _claim_5(data: xr.Dataset) -> Claim:
 
 
 def _claim_6(data: xr.Dataset) -> Claim:
-    at_once, never = data["critical_stiffness"].sel(_PAPER).to_numpy().tolist()
+    at_once, never = data["critical_stiffness"].sel(_PAPER).values.tolist()
     return claim_from(
         6,
         f"K*/N = {_PRINTED} k for Df_s = .1 and Df_0 = .01",
@@ -757,7 +759,7 @@ def _claim_6(data: xr.Dataset) -> Claim:
 
 
 def _claim_18(data: xr.Dataset) -> Claim:
-    narrow, wide = data["linear_critical_delay"].to_numpy()
+    narrow, wide = data["linear_critical_delay"].values
     sticks = data["kind"].to_series() == "stick-slip"
     return claim_from(
         18,
@@ -802,13 +804,13 @@ def _drawing_3(picture: Picture, data: xr.Dataset) -> None:
     for ax, K, title, offset in zip(
         axes, data["critical_stiffness"], titles, ((7, -3), (8, 3)), strict=True
     ):
-        for line, colour in zip(K, plot.PALETTE, strict=False):
+        for line, colour in zip(K, PALETTE, strict=False):
             ax.plot(std, line, color=colour, label=f"{float(line['initial_std']):g}")
         guess = data["critical_stiffness_estimate"].sel(initial_std=0.01)
         ax.plot(
             std,
             guess,
-            color=plot.GREY,
+            color=GREY,
             linestyle=":",
             label=r"$1/(\Delta f_\mathrm{s} + 0.01)$, scaling",
         )
@@ -817,7 +819,7 @@ def _drawing_3(picture: Picture, data: xr.Dataset) -> None:
             0.1,
             exact,
             "o",
-            color=plot.PALETTE[1],
+            color=PALETTE[1],
             markersize=5,
             label="exact, Figs. 4 to 7",
         )
@@ -825,7 +827,7 @@ def _drawing_3(picture: Picture, data: xr.Dataset) -> None:
             0.1,
             _PRINTED,
             "x",
-            color=plot.BLACK,
+            color=BLACK,
             markersize=6,
             label=f"{_PRINTED}, as printed",
         )
@@ -886,7 +888,7 @@ def _data_5(progress: Progress, quick: bool) -> xr.Dataset:
             progress,
         )
         passed = _passes(made, X_star)
-        gone = made["displacement"].interp(time=passed + elapsed).to_numpy() - X_star
+        gone = made["displacement"].interp(time=passed + elapsed).values - X_star
         velocities = float(made["velocity"].interp(time=passed)), FIG5.velocity
         eq_12 = [
             theory.slip_displacement(FIG5.slider, velocity, elapsed)
@@ -935,7 +937,7 @@ def _data_5(progress: Progress, quick: bool) -> xr.Dataset:
 def _passes(run: xr.Dataset, X: float) -> float:
     """Time at which the slider first passes a position."""
     return float(
-        np.interp(X, np.maximum.accumulate(run["displacement"].to_numpy()), run["time"])
+        np.interp(X, np.maximum.accumulate(run["displacement"].values), run["time"])
     )
 
 
@@ -1002,11 +1004,9 @@ def _drawing_5(picture: Picture, data: xr.Dataset) -> None:
     within = {"xlim": (0.9, 1.5)}
 
     surplus = run["spring_force"] - run["friction_force"]
-    forces.plot(t, run["spring_force"], color=plot.BLUE, label=r"$F_\mathrm{d}$")
-    forces.plot(
-        t, run["friction_force"], color=plot.VERMILLION, label=r"$F_\mathrm{c}$"
-    )
-    forces.plot(t, surplus, color=plot.BLACK, label=r"$F_\mathrm{d} - F_\mathrm{c}$")
+    forces.plot(t, run["spring_force"], color=BLUE, label=r"$F_\mathrm{d}$")
+    forces.plot(t, run["friction_force"], color=VERMILLION, label=r"$F_\mathrm{c}$")
+    forces.plot(t, surplus, color=BLACK, label=r"$F_\mathrm{d} - F_\mathrm{c}$")
     panel(
         forces,
         "(a)",
@@ -1016,24 +1016,24 @@ def _drawing_5(picture: Picture, data: xr.Dataset) -> None:
         **within,
     )
 
-    position.plot(t, run["displacement"], color=plot.GREEN)
+    position.plot(t, run["displacement"], color=GREEN)
     after = passed + data["phase"] / FIG5.slider.frequency
     actual, printed = X_star + data["eq_12"][0]
     position.plot(
         after,
         actual,
-        color=plot.BLACK,
-        linestyle=plot.DASHED,
+        color=BLACK,
+        linestyle=DASHED,
         label="Eq. (12), actual velocity",
     )
     position.plot(
         after,
         printed,
-        color=plot.ORANGE,
+        color=ORANGE,
         linestyle=":",
         label=r"Eq. (12), $v_\mathrm{d}$, as printed",
     )
-    position.plot(passed, X_star, "o", color=plot.GREEN, markersize=4)
+    position.plot(passed, X_star, "o", color=GREEN, markersize=4)
     position.annotate(
         "$X^*$", (passed, X_star), xytext=(6, -9), textcoords="offset points"
     )
@@ -1047,21 +1047,19 @@ def _drawing_5(picture: Picture, data: xr.Dataset) -> None:
         ylim=(0.5, 1.7),
     )
 
-    velocity.plot(t, run["velocity"], color=plot.GREEN)
+    velocity.plot(t, run["velocity"], color=GREEN)
     panel(velocity, "(c)", t, data["velocity"], **within)
     for ax in (forces, position, velocity):
-        ax.axvline(t_star, color=plot.GREY, linewidth=0.8, linestyle="--")
-    forces.text(t_star - 0.01, 0.45, "$t^*$", ha="right", color=plot.GREY)
+        ax.axvline(t_star, color=GREY, linewidth=0.8, linestyle="--")
+    forces.text(t_star - 0.01, 0.45, "$t^*$", ha="right", color=GREY)
 
     names = (r"$\eta$ = 200", r"$\eta$ = 0.3 $\Omega$", r"$\eta$ = 0")
     late = data.sel(phase=slice(0.02, None))
     slips = (late["slip"] / late["eq_12"]).transpose("damping", "velocity_of", "phase")
-    for (actual, printed), colour, name in zip(
-        slips, plot.PALETTE, names, strict=False
-    ):
+    for (actual, printed), colour, name in zip(slips, PALETTE, names, strict=False):
         ratio.plot(late["phase"], actual, color=colour, label=name)
         ratio.plot(late["phase"], printed, color=colour, linestyle="--")
-    ratio.axhspan(0.9, 1.1, color=plot.GREY, alpha=0.25, linewidth=0)
+    ratio.axhspan(0.9, 1.1, color=GREY, alpha=0.25, linewidth=0)
     words = (
         "solid: with the actual velocity\n" r"dashed: with $v_\mathrm{d}$, as printed"
     )

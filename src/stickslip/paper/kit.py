@@ -11,8 +11,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from stickslip import plot
 from stickslip.arrays import Array as Array
+from stickslip.plot import GREY, VERMILLION
 from stickslip.plot import panel as panel
 from stickslip.progress import Progress as Progress
 from stickslip.progress import part
@@ -97,7 +97,7 @@ def grid(
     shaped = {
         name: (
             [*axes, *row.dims[1:]],
-            row.to_numpy().reshape(*shape, *row.shape[1:]),
+            row.values.reshape(*shape, *row.shape[1:]),
             row.attrs,
         )
         for name, row in rows.data_vars.items()
@@ -119,7 +119,7 @@ def power(x: Any, y: Any) -> float:
 def shade(ax: Axes, ends: Iterable[SupportsFloat], words: str, height: float) -> None:
     """Shade a range along the axis to the right in grey, labelled above a height."""
     low, high = map(float, ends)
-    ax.axvspan(low, high, color=plot.GREY, alpha=0.15, linewidth=0)
+    ax.axvspan(low, high, color=GREY, alpha=0.15, linewidth=0)
     ax.text(0.5 * (low + high), height, words, ha="center", va="bottom", fontsize=8)
 
 
@@ -134,7 +134,7 @@ def second_axis(
     """Draw a red line against a red axis on the right of a panel, and return that."""
     right = ax.twinx()
     right.spines["right"].set_visible(True)
-    right.plot(x, y, color=plot.VERMILLION, **style)
+    right.plot(x, y, color=VERMILLION, **style)
     right.set(ylim=limits, yticks=ticks)
-    right.tick_params(axis="y", colors=plot.VERMILLION)
+    right.tick_params(axis="y", colors=VERMILLION)
     return right

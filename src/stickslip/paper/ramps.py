@@ -38,6 +38,7 @@ from stickslip.paper.kit import (
     second_axis,
     shade,
 )
+from stickslip.plot import BLACK, BLUE, DASHED, GREY, ORANGE, SKY, VERMILLION
 
 # peak to peak of the spring force that counts as stick-slip in Figs. 10 and 11, in f_s
 LEVEL = 0.6
@@ -77,7 +78,7 @@ def draw_ramp(ax: Axes, run: xr.Dataset, title: str, low: float, top: float) -> 
     """Draw the force on a ramp, and the velocity on a second axis, which is
     returned: zero at zero force.
     """
-    plot.force_trace(run[["spring_force"]], ax, color=plot.BLUE)
+    plot.force_trace(run[["spring_force"]], ax, color=BLUE)
     ax.lines[0].set_linewidth(0.5)
     panel(
         ax,
@@ -91,13 +92,13 @@ def draw_ramp(ax: Axes, run: xr.Dataset, title: str, low: float, top: float) -> 
     second = second_axis(
         ax, run["time"][::50], run["drive_velocity"][::50], limits, ticks, linewidth=1.6
     )
-    second.set_ylabel(plot.label(run["drive_velocity"], most=24), color=plot.VERMILLION)
+    second.set_ylabel(plot.label(run["drive_velocity"], most=24), color=VERMILLION)
     return second
 
 
 def draw_oscillation(ax: Axes, run: xr.Dataset, title: str) -> None:
     """Draw the oscillation of the force on a ramp against the velocity, up and down."""
-    for name, colour in (("up", plot.ORANGE), ("down", plot.SKY)):
+    for name, colour in (("up", ORANGE), ("down", SKY)):
         ax.plot(
             run["velocity"],
             run[name],
@@ -114,12 +115,12 @@ def _passed(run: xr.Dataset, name: str) -> tuple[float, float]:
     """A velocity that is known by name, of several ramps the first's, and when the
     ramp passes it, up or down.
     """
-    t = run["time"].to_numpy()
-    v = run["drive_velocity"].to_numpy()
+    t = run["time"].values
+    v = run["drive_velocity"].values
     if "down" in name:
         t = t[::-1]
         v = v[::-1]
-    velocity = run[name].to_numpy().flat[0]
+    velocity = run[name].values.flat[0]
     rising = slice(int(np.argmax(v)) + 1)
     return float(velocity), float(np.interp(velocity, v[rising], t[rising]))
 
@@ -137,9 +138,7 @@ def draw_mark(
     """
     velocity, time = _passed(run, name)
     if math.isfinite(time):
-        ax.axvline(
-            time, 0.0, line, color=plot.BLACK, linewidth=0.9, linestyle=plot.DASHED
-        )
+        ax.axvline(time, 0.0, line, color=BLACK, linewidth=0.9, linestyle=DASHED)
         symbol = f"v_{name[1]}'" if "down" in name else f"v_{name[1]}"
         ax.text(time, height, f"${symbol}$ = {velocity:.3g}", ha=side, fontsize=8)
 
@@ -153,7 +152,7 @@ def draw_around(
     _, time = _passed(run, name)
     if math.isfinite(time):
         force = run["spring_force"].sel(time=slice(time - before, time + after))
-        ax.plot(force["time"], force, color=plot.BLUE, linewidth=0.8)
+        ax.plot(force["time"], force, color=BLUE, linewidth=0.8)
     ax.margins(x=0)
 
 
@@ -316,7 +315,7 @@ def _claims_7(data: xr.Dataset) -> Iterator[Claim]:
                 )
             )
     of_paper = ends.index.str.startswith("0.12")
-    ends_within = (ends[1] < _TOP).to_numpy()
+    ends_within = (ends[1] < _TOP).values
     yield claim_from(
         12,
         "with random delays the motion is smooth again at high velocity",
@@ -370,34 +369,31 @@ def _drawing_7(picture: Picture, data: xr.Dataset) -> None:
         (second if name == "b" else axes[name]).set_ylabel("")
     ax = axes["d"]
     draw_oscillation(ax, fixed, "(d) hysteresis of (a)")
-    ax.plot(data["v_cycle"], data["cycle"], color=plot.BLACK, label="cycle, computed")
+    ax.plot(data["v_cycle"], data["cycle"], color=BLACK, label="cycle, computed")
     shade(ax, (data["v1_down_fold"], data["v1_linear"]), "both\nstable", 1.07)
     ax.set_ylim(0.0, 1.25)
     ax.legend(loc="lower right")
     ax = axes["e"]
-    names = data["case"].to_numpy().tolist()
-    persists: dict[str, Any] = {
-        "color": plot.BLUE,
-        "linewidth": 6,
-        "solid_capstyle": "butt",
-    }
-    unstable: dict[str, Any] = {"color": plot.VERMILLION, "linewidth": 1.6}
+    names = data["case"].values.tolist()
     for y, name in enumerate(names):
         ranges = data.sel(case=name)
         ax.plot(
             ranges["sustained"],
             [y, y],
-            **persists,
+            color=BLUE,
+            linewidth=6,
+            solid_capstyle="butt",
             label=None if y else "stick-slip persists",
         )
         ax.plot(
             ranges["unstable"],
             [y + 0.22] * 2,
-            **unstable,
+            color=VERMILLION,
+            linewidth=1.6,
             label=None if y else "smooth sliding unstable",
         )
         if np.isnan(ranges["sustained"]).any():
-            ax.text(0.22, y, "none", va="center", fontsize=8, color=plot.BLUE)
+            ax.text(0.22, y, "none", va="center", fontsize=8, color=BLUE)
     words = "std of the delays,\nnegative draws"
     title = f"(e) random delays of mean {_MEAN:g}"
     velocity = data["v_cycle"].assign_attrs(spacing="log")
@@ -498,7 +494,7 @@ def _drawing_9(picture: Picture, data: xr.Dataset) -> None:
         ax.xaxis.set_major_locator(MaxNLocator(3, integer=True))
         panel(ax, title, data["time"], data["spring_force"])
     draw_oscillation(oscillation, data, "(d) hysteresis")
-    oscillation.axhline(_LEVEL, color=plot.GREY, linewidth=0.8, linestyle="--")
+    oscillation.axhline(_LEVEL, color=GREY, linewidth=0.8, linestyle="--")
     oscillation.legend()
 
 
@@ -578,7 +574,7 @@ def _drawing_10(picture: Picture, data: xr.Dataset) -> None:
     direct, scaled = picture.subplots(1, 2)
     rates = data["rate"]
     fine = np.linspace(0.6, 2.15, 100)
-    for name, colour, mark in (("v1", plot.BLUE, "o"), ("v2", plot.VERMILLION, "s")):
+    for name, colour, mark in (("v1", BLUE, "o"), ("v2", VERMILLION, "s")):
         values = data[name].mean("seed")
         each = (data[name] / rates**2).transpose("rate", "seed")
         factor = float(each.mean("seed").mean())
@@ -588,17 +584,17 @@ def _drawing_10(picture: Picture, data: xr.Dataset) -> None:
         direct.plot(fine, factor * fine**2, color=colour, linewidth=0.9)
         scaled.plot(rates, each, mark, color=colour, markersize=4)
         scaled.axhline(factor, color=colour, linewidth=0.9)
-    direct.plot([], [], color=plot.GREY, linewidth=0.9, label=r"$\propto \beta^2$")
+    direct.plot([], [], color=GREY, linewidth=0.9, label=r"$\propto \beta^2$")
     linear = data["v1_linear"]
     direct.plot(
         rates,
         linear,
         "x",
-        color=plot.BLACK,
+        color=BLACK,
         markersize=5,
         label="smooth sliding loses stability (linear)",
     )
-    scaled.plot(rates, linear / rates**2, "x", color=plot.BLACK, markersize=5)
+    scaled.plot(rates, linear / rates**2, "x", color=BLACK, markersize=5)
     velocity = plot.label(data["v1"].assign_attrs(long_name="velocity of the drive"))
     panel(
         direct,

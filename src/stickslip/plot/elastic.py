@@ -20,14 +20,24 @@ from stickslip.elastic import Front, front_speed, front_threshold, precursor_for
 from stickslip.errors import InputError
 from stickslip.measure.fronts import on_blocks, pixels
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
-from stickslip.plot import palette, style
+from stickslip.plot import style
+from stickslip.plot.palette import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    COMPARED,
+    GREY,
+    ORANGE,
+    PAGE,
+    VERMILLION,
+)
 from stickslip.plot.style import (
     along_time,
     dress,
+    given_or_new,
     house_style,
     label,
     legend_above,
-    new_axes,
     panel,
     variable,
 )
@@ -95,7 +105,7 @@ def spacetime(
         text = "attached, relative to before"
         drawn = drawn / np.where(field.values[0] > 0, field.values[0], 1.0)
     norm = scale(float(drawn.min()), float(drawn.max()))
-    ax = new_axes(palette.COLUMN * 1.35, 3.2) if ax is None else ax
+    ax = given_or_new(ax, COLUMN * 1.35, 3.2)
     edges = (block, time, drawn) if upright else (time, block, drawn.T)
     mesh = ax.pcolormesh(*edges, norm=norm, cmap=cmap, shading="flat", rasterized=True)
     ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
@@ -110,7 +120,7 @@ def elastic_overview(run: xr.Dataset) -> Figure:
     """Draw a run of a `Chain`, or a row of a `Sheet`: driving force with its events,
     velocity of all blocks in time.
     """
-    figure = style.new_figure(palette.PAGE, 4.8)
+    figure = style.new_figure(PAGE, 4.8)
     upper, lower = figure.subplots(2, 1, sharex=True)
     precursors(run, upper)
     spacetime(run, "velocity", lower, upright=False)
@@ -126,26 +136,23 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     found = measure.fronts(run)
     speed = found["speed"].where(found["speed"] > 0)
-    ax = new_axes() if ax is None else ax
+    ax = given_or_new(ax)
     ax.semilogy(
         speed["block"],
         speed,
         ".",
-        color=palette.BLUE,
+        color=BLUE,
         markersize=3,
         label="first breaks",
     )
     _dress_speed(ax, rig_of(run))
     low, high = ax.get_ylim()
     if high < 10.0 * low:
-        ax.set_ylim(
-            10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
-        )
+        decades = math.floor(math.log10(low)), math.ceil(math.log10(high))
+        ax.set_ylim(*(10.0**decade for decade in decades))
     stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
     for i, end in enumerate(stops["last_block"].values[:-1]):
-        ax.axvline(
-            end, color=palette.VERMILLION, linewidth=0.8, label=None if i else "arrest"
-        )
+        ax.axvline(end, color=VERMILLION, linewidth=0.8, label=None if i else "arrest")
     panel(ax, "", "block", None, "above", xlim=(-0.5, run.sizes["block"] - 0.5))
     return ax
 
@@ -159,7 +166,7 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
     prestress, with the exact curve; of a rig, the curve alone.
     """
     rig = data if isinstance(data, Rig) else rig_of(data)
-    ax = new_axes() if ax is None else ax
+    ax = given_or_new(ax)
     # on each block that the first front passes, away from its ends
     if isinstance(data, xr.Dataset):
         start = rig.start
@@ -172,18 +179,16 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
             )
         sliding = interface.sliding_force
         strength = interface.threshold_distribution.moment(1)
-        local = (np.broadcast_to(start.stretching, chain.blocks) - sliding) / (
-            strength - sliding
-        )
+        stretching = np.broadcast_to(start.stretching, chain.blocks)
+        local = (stretching - sliding) / (strength - sliding)
         found = measure.fronts(data)
-        inside = slice(
-            start.pushed_blocks + 11, max(int(found["last_block"][0]) - 10, 0)
-        )
+        end = max(int(found["last_block"][0]) - 10, 0)
+        inside = slice(start.pushed_blocks + 11, end)
         ax.plot(
             local[inside],
             found["speed"][inside],
             ".",
-            color=palette.BLUE,
+            color=BLUE,
             markersize=3,
             label="along the run",
         )
@@ -199,11 +204,9 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
             "prestress has a front"
         )
     moving = [(front.prestress, front.speed) for front in theory if front.speed > 0]
-    ax.plot(
-        *np.transpose(moving), color=palette.BLACK, label=f"theory ({theory[0].blocks})"
-    )
+    ax.plot(*np.transpose(moving), color=BLACK, label=f"theory ({theory[0].blocks})")
     _dress_speed(ax, rig)
-    ax.axvline(least, color=palette.ORANGE, linewidth=0.9, label="threshold")
+    ax.axvline(least, color=ORANGE, linewidth=0.9, label="threshold")
     ax.set(
         xlabel="prestress, from sliding force to strength", xlim=(0, 1), ylim=(0, None)
     )
@@ -216,13 +219,12 @@ def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the driving force of a `Chain` pulled at one end, each precursor a dot
     with the blocks that it reaches.
     """
-    ax, _ = along_time(run, "spring_force", ax, 2.6, color=palette.GREY, linewidth=0.9)
+    ax, _ = along_time(run, "spring_force", ax, 2.6, color=GREY, linewidth=0.9)
     found = _events(run).sortby("reach", ascending=False)
     whole = found["blocks"] >= run.sizes["block"]
-    partial = (~whole, palette.BLUE, "precursor, with its length")
     for kind, colour, text in (
-        partial,
-        (whole, palette.VERMILLION, "slip of all blocks"),
+        (~whole, BLUE, "precursor, with its length"),
+        (whole, VERMILLION, "slip of all blocks"),
     ):
         if kind.any():
             ax.plot(
@@ -234,12 +236,8 @@ def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
                 label=text,
             )
     written: list[float] = []  # of events close together, the longest
-    for x, y, reach in (
-        found[["start", "force_before", "reach"]]
-        .isel(event=~whole.values)
-        .to_array()
-        .values.T
-    ):
+    columns = found[["start", "force_before", "reach"]].to_array()
+    for x, y, reach in columns.values.T[~whole.values]:
         if all(abs(x - other) > _APART * float(run["time"][-1]) for other in written):
             ax.annotate(
                 f"{reach:.0f}",
@@ -264,12 +262,12 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     found = _events(run)
     rig = rig_of(run)
-    ax = new_axes() if ax is None else ax
+    ax = given_or_new(ax)
     ax.plot(
         found["force_before"],
         found["reach"],
         "o",
-        color=palette.BLUE,
+        color=BLUE,
         markersize=3.5,
         label="events of the run",
     )
@@ -284,7 +282,7 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.plot(
         exact.values[rising],
         exact["tip"].values[rising],
-        color=palette.BLACK,
+        color=BLACK,
         label="theory",
     )
     panel(
@@ -311,15 +309,11 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
             f"slip_profiles: the run holds no event of {_FEWEST} blocks or more; run "
             "it for longer"
         )
-    ax = new_axes() if ax is None else ax
-    slips = _gone(moved, found).assign_attrs(
-        moved.attrs | {"long_name": "slip in an event"}
-    )
-    for slip, colour in zip(
-        slips,
-        mpl.colormaps["cividis"](np.linspace(0.0, 0.9, found.sizes["event"])),
-        strict=True,
-    ):
+    ax = given_or_new(ax)
+    titled = moved.attrs | {"long_name": "slip in an event"}
+    slips = _gone(moved, found).assign_attrs(titled)
+    colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, slips.sizes["event"]))
+    for slip, colour in zip(slips, colours, strict=True):
         ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
     panel(ax, "", "block", slips, xlim=(0, run.sizes["block"] - 1), ylim=(0, None))
     return ax
@@ -349,16 +343,9 @@ def _events(run: xr.Dataset) -> xr.Dataset:
 def _dress_speed(ax: Axes, rig: Rig) -> None:
     """Label an axis of front speeds, and mark that of sound."""
     sound = _chain(rig).sound_speed * rig.unit("1/time")
-    ax.axhline(
-        sound,
-        color=palette.GREY,
-        linewidth=0.9,
-        linestyle=palette.DASHED,
-        label="sound",
-    )
-    ax.set_ylabel(
-        f"front speed (blocks per {'time unit' if rig.scales is None else 's'})"
-    )
+    ax.axhline(sound, label="sound", **COMPARED)
+    unit = "time unit" if rig.scales is None else "s"
+    ax.set_ylabel(f"front speed (blocks per {unit})")
 
 
 def _chain(rig: Rig) -> Chain:

@@ -1,7 +1,6 @@
 """A run to see in motion, and to hear."""
 
 import math
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -16,7 +15,8 @@ from stickslip.errors import InputError
 from stickslip.measure import regime
 from stickslip.measure.headings import ratio
 from stickslip.model import Slider
-from stickslip.plot import palette, style
+from stickslip.plot import style
+from stickslip.plot.palette import BLACK, BLUE, GREY, ORANGE, PAGE, VERMILLION
 from stickslip.plot.replay import ATTACHED, RENEWED, frames
 from stickslip.plot.style import house_style, new_figure, panel, variable
 from stickslip.simulation import rig_of
@@ -49,15 +49,15 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
             "contacts: a film is of one rigid slider; of a chain, draw spacetime"
         )
     seen = frames(rig, 1.0, _FRAMES, lambda _share: None)
-    figure = new_figure(palette.PAGE, 3.6)
+    figure = new_figure(PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
     own = run.sel(time=slice(*seen.times[[0, -1]]))
     line = (
         (own["time"], own["spring_force"]) if seen.exact else (seen.times, seen.force)
     )
-    below.plot(*line, color=palette.BLUE)
+    below.plot(*line, color=BLUE)
     panel(below, "", run["time"], run["spring_force"], xlim=seen.times[[0, -1]])
-    (cursor,) = below.plot([], [], "o", color=palette.VERMILLION, markersize=6)
+    (cursor,) = below.plot([], [], "o", color=VERMILLION, markersize=6)
 
     lengths = seen.drive - seen.slider
     shortest = min(float(lengths.min()), 0.0)
@@ -70,17 +70,18 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     held = (seen.flags & ATTACHED) > 0
     renewed = (seen.flags & RENEWED) > 0
     broke = np.vstack([np.zeros_like(held[:1]), held[:-1] & (~held[1:] | renewed[1:])])
-    colours = LinearSegmentedColormap.from_list(
-        "stretched", [palette.BLUE, palette.VERMILLION]
+    colours = LinearSegmentedColormap.from_list("stretched", [BLUE, VERMILLION])
+    block = above.add_patch(
+        Rectangle(
+            (0, _HIGH), wide, high, edgecolor=BLACK, facecolor="#F4F5F7", linewidth=1.2
+        )
     )
-    look: Any = {"edgecolor": palette.BLACK, "facecolor": "#F4F5F7", "linewidth": 1.2}
-    block = above.add_patch(Rectangle((0, _HIGH), wide, high, **look))
     bristles = above.add_collection(LineCollection([], linewidths=1.8))
-    (ground,) = above.plot([], [], color=palette.GREY, linewidth=0.8)
-    (spring,) = above.plot([], [], color=palette.BLACK, linewidth=1.0)
-    (flashes,) = above.plot([], [], "o", color=palette.ORANGE, markersize=7, alpha=0.8)
-    above.axhline(0.0, color=palette.GREY, linewidth=0.8)
-    above.plot([0, 0], [_HIGH, _HIGH + high], color=palette.BLACK, linewidth=4)
+    (ground,) = above.plot([], [], color=GREY, linewidth=0.8)
+    (spring,) = above.plot([], [], color=BLACK, linewidth=1.0)
+    (flashes,) = above.plot([], [], "o", color=ORANGE, markersize=7, alpha=0.8)
+    above.axhline(0.0, color=GREY, linewidth=0.8)
+    above.plot([0, 0], [_HIGH, _HIGH + high], color=BLACK, linewidth=4)
     words = above.text(
         0,
         _HIGH + 0.5 * high,
@@ -99,7 +100,7 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
         x = seen.stretching[i]
         bristles.set_segments(_bristles(feet[i], x, held[i]))
         bristles.set_color(
-            np.where(held[i, :, None], colours(np.abs(x) / 1.2), to_rgba(palette.GREY))
+            np.where(held[i, :, None], colours(np.abs(x) / 1.2), to_rgba(GREY))
         )
         block.set_x(right[i] - wide)
         words.set_x(right[i] - 0.5 * wide)
@@ -195,8 +196,8 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
             f"sound: {engineering(frequency, 'Hz', 3)} is not heard, as 20 Hz to 20 "
             f"kHz are; {remedy}"
         )
-    t = seconds * force["time"].to_numpy()
-    F = force.to_numpy()
+    t = seconds * force["time"].values
+    F = force.values
     # Each sample is the mean over its time: of a run with more samples nothing is heard
     # at a wrong pitch.
     way = np.interp(

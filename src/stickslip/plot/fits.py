@@ -11,7 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from stickslip.plot import palette
+from stickslip.plot.palette import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    COMPARED,
+    GREY,
+    PAGE,
+    SKY,
+    VERMILLION,
+)
 from stickslip.plot.style import envelope, house_style, legend_above, new_figure, panel
 
 # `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures,
@@ -28,16 +37,16 @@ def slips(data: xr.Dataset) -> Figure:
     """Draw what `Events.to_dataset` returns: trace and slips, drops, peaks against
     troughs, and the loading rate.
     """
-    figure = new_figure(palette.PAGE, 4.6)
+    figure = new_figure(PAGE, 4.6)
     (trace, drops), (pairs, rate) = figure.subplots(2, 2)
     trace.plot(
         *envelope(data["time"].values, data["spring_force"].values),
-        color=palette.GREY,
+        color=GREY,
         linewidth=0.6,
     )
     for name, colour, text in (
-        ("peak", palette.VERMILLION, "before a slip"),
-        ("trough", palette.BLUE, "after it"),
+        ("peak", VERMILLION, "before a slip"),
+        ("trough", BLUE, "after it"),
     ):
         trace.plot(
             data[f"{name}_time"],
@@ -48,36 +57,24 @@ def slips(data: xr.Dataset) -> Figure:
             label=text,
         )
     legend_above(trace)
-    drops.ecdf(data["drop"].values, color=palette.BLACK)
-    drops.axvline(
-        data.attrs["smallest"],
-        color=palette.GREY,
-        linestyle=palette.DASHED,
-        linewidth=0.9,
-    )
+    drops.ecdf(data["drop"].values, color=BLACK)
+    drops.axvline(data.attrs["smallest"], **COMPARED)
     drops.set(ylim=(0, 1), ylabel="fraction of slips up to it")
-    pairs.plot(data["peak"], data["trough"], ".", color=palette.BLACK, markersize=3)
-    rate.plot(
-        data["peak_time"], data["loading_rate"], ".", color=palette.BLACK, markersize=3
-    )
+    pairs.plot(data["peak"], data["trough"], ".", color=BLACK, markersize=3)
+    rate.plot(data["peak_time"], data["loading_rate"], ".", color=BLACK, markersize=3)
     known = data["loading_rate"].values[1:]
     when = data["peak_time"].values[1:]
     third = max(known.size // 3, 1)
     for part in (slice(0, third), slice(-third, None)):
-        rate.plot(
-            when[part][[0, -1]], [np.median(known[part])] * 2, color=palette.VERMILLION
-        )
+        rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=VERMILLION)
     rate.set_ylim(0, 2.0 * float(np.median(known)))
-    named = (
-        ("time", "spring_force"),
-        ("drop", ""),
-        ("peak", "trough"),
-        ("peak_time", "loading_rate"),
-    )
-    for ax, name, (across, up) in zip(
-        (trace, drops, pairs, rate), "abcd", named, strict=True
+    for ax, title, across, up in (
+        (trace, "(a)", "time", "spring_force"),
+        (drops, "(b)", "drop", ""),
+        (pairs, "(c)", "peak", "trough"),
+        (rate, "(d)", "peak_time", "loading_rate"),
     ):
-        panel(ax, f"({name})", data[across], data.get(up))
+        panel(ax, title, data[across], data.get(up))
     return figure
 
 
@@ -86,7 +83,7 @@ def fitted(found: Fit) -> Figure:
     """Draw a `fit`: slips of the trace above simulated ones, the test of its
     statistics, and the intervals.
     """
-    figure = new_figure(palette.PAGE, 6.6)
+    figure = new_figure(PAGE, 6.6)
     measured, simulated, test, parameters = figure.subplot_mosaic(
         "aa;bb;cd", height_ratios=(1, 1, 4)
     ).values()
@@ -105,10 +102,9 @@ def fitted(found: Fit) -> Figure:
         for name, unit in units.items()
     ]
     closest = "simulated, the draw nearest to the medians"
-    shown = (measured, events.time - begin, events.force, palette.BLACK, "measured")
     for ax, t, force, colour, title in (
-        shown,
-        (simulated, time, made["spring_force"].values, palette.BLUE, closest),
+        (measured, events.time - begin, events.force, BLACK, "measured"),
+        (simulated, time, made["spring_force"].values, BLUE, closest),
     ):
         inside = (t >= 0.0) & (t <= lasts)
         ax.plot(t[inside], force[inside], color=colour, linewidth=0.8)
@@ -125,8 +121,8 @@ def _draw_test(ax: Axes, found: Fit) -> None:
     """
     for row, one in enumerate(found.test.reset_index().itertuples()):
         at = -row - (0.0 if one.fitted else 0.6)
-        colour = palette.VERMILLION if one.p < _LOW else palette.BLACK
-        ax.plot([one.low, one.high], [at, at], color=palette.SKY, linewidth=4)
+        colour = VERMILLION if one.p < _LOW else BLACK
+        ax.plot([one.low, one.high], [at, at], color=SKY, linewidth=4)
         ax.plot(
             np.clip(one.here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4
         )
@@ -143,7 +139,7 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
     """Where the interval of each parameter lies within its prior."""
     for row, one in enumerate(found.parameters):
         low, middle, high = one.parts
-        for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), palette.BLUE)):
+        for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), BLUE)):
             ax.plot(
                 ends, [-row, -row], color=colour, linewidth=7, solid_capstyle="butt"
             )
@@ -154,14 +150,8 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
         )
         ax.annotate(text, (0, -row + 0.22), fontsize=7, annotation_clip=False)
     ends = -len(found.parameters) + 0.4, 0.7
-    panel(
-        ax,
-        "90 % intervals within the prior",
-        xlim=(0, 1),
-        ylim=ends,
-        xticks=[],
-        yticks=[],
-    )
+    panel(ax, "90 % intervals within the prior", xlim=(0, 1), ylim=ends)
+    ax.set(xticks=[], yticks=[])
     ax.spines[["left", "bottom"]].set_visible(False)
 
 
@@ -175,12 +165,12 @@ def velocity_step(
     The `names` of the fits stand in the legend, `length` is the unit of the
     displacement.
     """
-    figure = new_figure(palette.PAGE, 3.6)
+    figure = new_figure(PAGE, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 1], sharex=True)
-    x = np.asarray(step.displacement)
-    upper.plot(x, step.friction, ".", color=palette.GREY, markersize=2.5, label="data")
+    x = step.displacement
+    upper.plot(x, step.friction, ".", color=GREY, markersize=2.5, label="data")
     for k, (fit, colour) in enumerate(
-        zip(fits, (palette.BLUE, palette.VERMILLION, "black"), strict=False)
+        zip(fits, (BLUE, VERMILLION, "black"), strict=False)
     ):
         name = names[k] if k < len(names) else f"{fit.law} law"
         curve = fit.friction(x)
@@ -199,20 +189,18 @@ def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figur
     Growth of the peaks `per_decade` by rate and state, ``b ln 10``, is a line through
     the last of them.
     """
-    figure = new_figure(palette.COLUMN, 3.6)
+    figure = new_figure(COLUMN, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 2], sharex=True)
     run = run.sortby("hold")
-    hold = run["hold"].to_numpy()
-    peak = run["peak"].to_numpy()
-    upper.semilogx(
-        hold, peak, "o-", color=palette.BLUE, markersize=3.5, label="contacts"
-    )
+    hold = run["hold"].values
+    peak = run["peak"].values
+    upper.semilogx(hold, peak, "o-", color=BLUE, markersize=3.5, label="contacts")
     if per_decade is not None:
         line = peak[-1] + per_decade * np.log10(hold / hold[-1])
         upper.semilogx(
-            hold, line, "--", color=palette.VERMILLION, label="slope by rate and state"
+            hold, line, "--", color=VERMILLION, label="slope by rate and state"
         )
-    lower.semilogx(hold, run["relaxation"], "o-", color=palette.BLUE, markersize=3.5)
+    lower.semilogx(hold, run["relaxation"], "o-", color=BLUE, markersize=3.5)
     panel(
         upper,
         "",

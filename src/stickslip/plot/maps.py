@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 
 from stickslip.answers import COLOURS
 from stickslip.errors import InputError
-from stickslip.plot import palette
+from stickslip.plot.palette import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    DASHED,
+    GREY,
+    PAGE,
+    VERMILLION,
+    YELLOW,
+)
 from stickslip.plot.style import Array, house_style, label, minus, new_figure, panel
 from stickslip.words import number
 
@@ -38,34 +47,19 @@ _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
 _ENTRY = 1.6  # inches of an entry of a legend
 _LINE: Any = {
-    "color": palette.BLACK,
+    "color": BLACK,
     "linewidth": 1.6,
     "path_effects": _HALO,
     "zorder": 1.9,
+    "label": "linear boundary, computed",
 }
-_LINE["label"] = "linear boundary, computed"
-_FOLD: Any = {
-    "color": palette.VERMILLION,
-    "linewidth": 1.4,
-    "linestyle": (0, (4, 1.5)),
-    "path_effects": _HALO,
-}
-_FOLD |= {"marker": "o", "markersize": 3, "label": "stick-slip decays (fold), computed"}
-_CHANGES: Any = {
-    "color": palette.VERMILLION,
-    "linestyle": "none",
-    "marker": ".",
-    "markersize": 4,
-    "elinewidth": 1.0,
-}
-_WRITTEN: Any = {"fontsize": 7, "ha": "center", "va": "center"}
-_WRITTEN["bbox"] = {
+_WHITE_BOX: Any = {
     "boxstyle": "round,pad=0.15",
     "fc": "white",
     "ec": "none",
     "alpha": 0.85,
 }
-EDGE: Any = {"edgecolor": palette.GREY, "linewidth": 0.5}
+EDGE: Any = {"edgecolor": GREY, "linewidth": 0.5}
 """The line about a patch in a legend."""
 
 
@@ -116,7 +110,7 @@ def _words(codes: xr.DataArray) -> xr.DataArray:
         [word.replace("_", " ") for word in codes.attrs["flag_meanings"].split()],
         dtype=object,
     )
-    return codes.copy(data=words[codes.to_numpy() - codes.attrs["flag_values"][0]])
+    return codes.copy(data=words[codes.values - codes.attrs["flag_values"][0]])
 
 
 def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
@@ -124,11 +118,11 @@ def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
     and one legend.
     """
     starts = (
-        np.unique(data["start"].to_numpy().astype(str))
+        np.unique(data["start"].values.astype(str))
         if "start" in data and data["start"].ndim
         else [None]
     )
-    figure = new_figure(palette.PAGE if len(starts) > 1 else 1.2 * palette.COLUMN, 3.5)
+    figure = new_figure(PAGE if len(starts) > 1 else 1.2 * COLUMN, 3.5)
     panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
     for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
         draw(ax, data, across, up, start)
@@ -150,20 +144,17 @@ def _draw_cells(
     if "seed" in kinds.dims:
         first = kinds.isel(seed=0, drop=True)
         kinds = first.where((kinds == first).all("seed"), "seeds differ")
-    here = kinds.transpose(up, across).to_numpy()
+    here = kinds.transpose(up, across).values
     cells = [_cell_edges(data[name]) for name in (across, up)]
     for kind, (colour, mark, hatch) in REGIMES.items():
         shown = np.ma.masked_array(np.ones(here.shape), here != kind)
         if mark and shown.count():
-            paint: Any = {
-                "cmap": ListedColormap([colour]),
-                "hatch": hatch or None,
-                "edgecolor": palette.GREY,
-            }
             ax.pcolor(
                 *cells,
                 shown,
-                **paint,
+                cmap=ListedColormap([colour]),
+                hatch=hatch or None,
+                edgecolor=GREY,
                 linewidth=0,
                 zorder=0.5,
                 rasterized=here.size > 10_000,
@@ -178,37 +169,38 @@ def _draw_runs(
 ) -> None:
     """Mark the runs of a refinement, and where it found the regime to change."""
     mine = data.isel(
-        run=data["start"].to_numpy() == start,
-        crossing=data["start_at"].to_numpy() == start,
+        run=data["start"].values == start,
+        crossing=data["start_at"].values == start,
     )
     _draw_marks(ax, _kinds(mine), mine[across], mine[up], size=4)
-    bars: Any = {
-        "xerr": mine[f"{across}_error"],
-        "yerr": mine[f"{up}_error"],
-        "label": "where the regime changes",
-    }
-    ax.errorbar(mine[f"{across}_at"], mine[f"{up}_at"], **bars, **_CHANGES)
+    ax.errorbar(
+        mine[f"{across}_at"],
+        mine[f"{up}_at"],
+        xerr=mine[f"{across}_error"],
+        yerr=mine[f"{up}_error"],
+        label="where the regime changes",
+        color=VERMILLION,
+        linestyle="none",
+        marker=".",
+        markersize=4,
+        elinewidth=1.0,
+    )
 
 
 def _draw_marks(
     ax: Axes, kinds: xr.DataArray, x: xr.DataArray, y: xr.DataArray, size: float
 ) -> None:
-    kind_of, x_of, y_of = (
-        each.to_numpy().ravel() for each in xr.broadcast(kinds, x, y)
-    )
+    kind_of, x_of, y_of = (each.values.ravel() for each in xr.broadcast(kinds, x, y))
     for kind, (colour, mark, _) in REGIMES.items():
         here = (kind_of == kind) & np.isfinite(y_of)
         if mark and here.any():
-            look: Any = {
-                "color": colour,
-                "marker": mark,
-                "linestyle": "none",
-                "markeredgecolor": palette.BLACK,
-            }
             ax.plot(
                 x_of[here],
                 y_of[here],
-                **look,
+                color=colour,
+                marker=mark,
+                linestyle="none",
+                markeredgecolor=BLACK,
                 markersize=size,
                 markeredgewidth=0.5,
                 label=kind,
@@ -229,23 +221,31 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str = "") -> None:
     ):
         ax.axvspan(
             *map(float, ends),
-            color=palette.YELLOW,
+            color=YELLOW,
             alpha=0.3,
             linewidth=0,
             label="both last, computed",
         )
     if f"band_{up}_fold" in data and data.sizes["band"]:
         fold = data.sortby(f"band_{across}")
-        ax.plot(fold[f"band_{across}"], fold[f"band_{up}_fold"], **_FOLD)
+        ax.plot(
+            fold[f"band_{across}"],
+            fold[f"band_{up}_fold"],
+            color=VERMILLION,
+            linewidth=1.4,
+            linestyle=(0, (4, 1.5)),
+            path_effects=_HALO,
+            marker="o",
+            markersize=3,
+            label="stick-slip decays (fold), computed",
+        )
 
 
 def _curves(
     data: xr.Dataset, across: str, up: str, counted: str
 ) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
     """The curves of a boundary, one by one, and which points are of each."""
-    of, x, y = (
-        data[name].to_numpy() for name in (counted, f"edge_{across}", f"edge_{up}")
-    )
+    of, x, y = (data[name].values for name in (counted, f"edge_{across}", f"edge_{up}"))
     for curve in np.unique(of):
         yield x[of == curve], y[of == curve], of == curve
 
@@ -257,7 +257,7 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
             "plot: this sweep holds no variable peak_to_peak; measure it to draw it "
             "along an axis"
         )
-    figure = new_figure(1.4 * palette.COLUMN, 3.0)
+    figure = new_figure(1.4 * COLUMN, 3.0)
     ax = figure.add_subplot()
     oscillation = data["peak_to_peak"]
     middle = (
@@ -267,13 +267,13 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
     )
     middle = middle if "start" in middle.dims else middle.expand_dims(start=[""])
     for line, dashes in zip(
-        middle.transpose("start", ...), ("-", palette.DASHED), strict=False
+        middle.transpose("start", ...), ("-", DASHED), strict=False
     ):
         words = _STARTS.get(str(line["start"].item()), "")
         ax.plot(
             data[axis],
             line,
-            color=palette.GREY,
+            color=GREY,
             linewidth=0.9,
             linestyle=dashes,
             zorder=1,
@@ -293,40 +293,42 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
     An arrow leads `to` the values of its parameters after a change.
     """
     across, up = map(str, found["growth_rate"].dims)
-    figure = new_figure(1.6 * palette.COLUMN, 4.6)
+    figure = new_figure(1.6 * COLUMN, 4.6)
     ax = figure.add_subplot()
     _shade(ax, found, across, up)
-    limits = {"xlim": found[across][[0, -1]], "ylim": found[up][[0, -1]]}
     panel(
         ax,
         "",
         *(found[name].assign_attrs(spacing="log") for name in (across, up)),
-        **limits,
+        xlim=found[across][[0, -1]],
+        ylim=found[up][[0, -1]],
     )
-    hertz = found["edge_frequency"].to_numpy() / (2 * np.pi)
+    hertz = found["edge_frequency"].values / (2 * np.pi)
     written: list[Array] = []
     for x, y, mine in _curves(found, across, up, "curve"):
-        ax.plot(
-            x, y, color=palette.BLACK, linewidth=1.6, label="limit of smooth sliding"
-        )
+        ax.plot(x, y, color=BLACK, linewidth=1.6, label="limit of smooth sliding")
         for i in _places(ax, x, y, written):
             frequency = hertz[mine][i]
             ax.annotate(
                 "no oscillation" if np.isinf(frequency) else number(frequency, 3),
                 (x[i], y[i]),
-                **_WRITTEN,
+                fontsize=7,
+                ha="center",
+                va="center",
+                bbox=_WHITE_BOX,
             )
     if "band" in found.dims and found.sizes["band"]:
-        look: Any = {"color": palette.BLUE, "linewidth": 3.0, "alpha": 0.7}
         ends = found[f"band_{up}_low"], found[f"band_{up}_high"]
         ax.vlines(
             found[f"band_{across}"],
             *ends,
-            **look,
+            color=BLUE,
+            linewidth=3.0,
+            alpha=0.7,
             label="stick-slip persists, too (bistable)",
         )
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
-    ax.plot(*here, "o", ms=8, mfc="white", mec=palette.BLACK, mew=1.5, label="this rig")
+    ax.plot(*here, "o", ms=8, mfc="white", mec=BLACK, mew=1.5, label="this rig")
     if to is not None:
         goal = to.get(across, here[0]), to.get(up, here[1])
         ax.annotate(
@@ -335,7 +337,7 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
             here,
             arrowprops={
                 "arrowstyle": "-|>",
-                "color": palette.BLACK,
+                "color": BLACK,
                 "shrinkA": 5,
                 "lw": 1.4,
             },
@@ -343,7 +345,7 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
         ax.plot(
             *goal,
             "D",
-            color=palette.VERMILLION,
+            color=VERMILLION,
             mec="white",
             ms=6,
             label="after the change (simulated)",
@@ -365,18 +367,20 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
 
 def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
     """Growth rates as colours about zero, by decades, with their bar."""
-    values = np.ma.masked_invalid(found["growth_rate"].transpose(up, across).to_numpy())
+    values = np.ma.masked_invalid(found["growth_rate"].transpose(up, across).values)
     largest = float(np.abs(values).max()) if values.count() else 1.0
     norm = SymLogNorm(
         linthresh=max(1e-2 * largest, 1e-300), vmin=-largest, vmax=largest
     )
-    look: Any = {
-        "cmap": "PuOr_r",
-        "norm": norm,
-        "shading": "gouraud",
-        "rasterized": True,
-    }
-    shade = ax.pcolormesh(found[across], found[up], values, **look)
+    shade = ax.pcolormesh(
+        found[across],
+        found[up],
+        values,
+        cmap="PuOr_r",
+        norm=norm,
+        shading="gouraud",
+        rasterized=True,
+    )
     decades = 10.0 ** (np.floor(np.log10(largest)) - np.array([0.0, 1.0]))
     bar = ax.figure.colorbar(
         shade, ax=ax, ticks=[*-decades, 0.0, *decades[::-1]], pad=0.02
@@ -408,7 +412,7 @@ def _places(ax: Axes, x: Array, y: Array, written: list[Array]) -> Iterator[int]
 
 def _cell_edges(axis: xr.DataArray) -> Array:
     """Edges of the cells about the values of an axis."""
-    values = np.asarray(axis.to_numpy(), dtype=float)
+    values = np.asarray(axis.values, dtype=float)
     places = np.log(values) if (log := axis.attrs.get("spacing") == "log") else values
     steps = np.diff(places) if places.size > 1 else np.ones(1)
     edges = np.append(

@@ -1,5 +1,7 @@
 """Colours, dashes and widths of pictures."""
 
+from typing import Any
+
 BLACK = "#000000"
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
@@ -15,6 +17,8 @@ pale for a line.
 """
 
 DASHED = (0, (4, 2))  # the dashes of a line that is compared with
+COMPARED: Any = {"color": GREY, "linewidth": 0.9, "linestyle": DASHED}
+"""Look of such a line."""
 
 COLUMN = 3.5  # width of a printed column, in inches
 PAGE = 7.0  # width of a printed page, in inches

@@ -154,18 +154,15 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
         run = run.sel(time=slice(float(run["time"][-1]) - _CYCLES_SHOWN * period, None))
     force_trace(run, ax)
     ax.axhline(answer.static_friction, color=GREY, linewidth=0.9, linestyle=DASHED)
-    where: Any = {
-        "xycoords": ("axes fraction", "data"),
-        "xytext": (0, 2),
-        "textcoords": "offset points",
-        "ha": "right",
-    }
     ax.annotate(
         "static friction",
         (1.0, answer.static_friction),
         fontsize=8,
         color=GREY,
-        **where,
+        xycoords=("axes fraction", "data"),
+        xytext=(0, 2),
+        textcoords="offset points",
+        ha="right",
     )
     ax.set_title("force at its speed", fontsize=8)
 
@@ -201,14 +198,17 @@ def _margins(ax: Axes, answer: Prediction) -> None:
                     color=BLACK,
                     linewidth=1.4,
                 )
-    mark: Any = {
-        "color": VERMILLION,
-        "markersize": 5,
-        "markeredgecolor": "white",
-        "clip_on": False,
-    }
     for name, factor in stops.items():
-        ax.plot(factor, names.index(name), "D", label="mitigation (simulated)", **mark)
+        ax.plot(
+            factor,
+            names.index(name),
+            "D",
+            label="mitigation (simulated)",
+            color=VERMILLION,
+            markersize=5,
+            markeredgecolor="white",
+            clip_on=False,
+        )
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
     ax.set(xscale="log", xlim=(1 / widest, widest))
     ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])

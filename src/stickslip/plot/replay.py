@@ -146,9 +146,9 @@ def _frame_times(
     interval = min(max((end - begin) / _SAMPLES, 0.1 * turn), (end - begin) / 2_000)
     output = replace(rig.output, interval=interval, snapshots=())
     run = simulate(replace(lasting(rig, end), output=output), progress=watch)
-    seen = run["time"].to_numpy() >= begin
-    t = run["time"].to_numpy()[seen]
-    X = run["displacement"].to_numpy()[seen]
+    seen = run["time"].values >= begin
+    t = run["time"].values[seen]
+    X = run["displacement"].values[seen]
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(X)))])
     clock = (1 - _MOVING) * (t - t[0]) / (t[-1] - t[0]) + _MOVING * way / (
         way[-1] or 1.0

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,14 +12,27 @@ from matplotlib.ticker import FuncFormatter
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.fronts import is_of_a_chain
 from stickslip.measure.headings import ratio
-from stickslip.plot import palette, style
+from stickslip.plot import style
 from stickslip.plot.elastic import elastic_overview
+from stickslip.plot.palette import (
+    BLACK,
+    BLUE,
+    COMPARED,
+    DASHED,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+)
 from stickslip.plot.style import (
     along_time,
     dress,
+    given_or_new,
     house_style,
     legend_above,
-    new_axes,
     panel,
     variable,
 )
@@ -38,7 +50,7 @@ def force_trace(
     ax: Axes | None = None,
     *,
     events: xr.Dataset | None = None,
-    color: str = palette.BLUE,
+    color: str = BLUE,
 ) -> Axes:
     """Draw the spring force of a run or a measured trace against time; `events` of
     `stickslip.drops` are marked.
@@ -47,13 +59,13 @@ def force_trace(
     if events is not None and events.sizes.get("event"):
         _mark_slips(ax, events)
     if "filled" in run and bool(run["filled"].any()):
-        gap = force[run["filled"].to_numpy().astype(bool)]
+        gap = force[run["filled"].values.astype(bool)]
         size = 4.0 if gap.size <= _MANY_SLIPS else 1.5
         ax.plot(
             gap["time"],
             gap,
             "x",
-            color=palette.BLACK,
+            color=BLACK,
             markersize=size,
             label=f"{gap.size} filled in",
         )
@@ -65,7 +77,7 @@ def force_trace(
             run,
             "mu",
             right,
-            color=palette.PURPLE,
+            color=PURPLE,
             linewidth=0.7 if np.ptp(run["load"].values) else 0.0,
         )
     legend_above(ax)
@@ -79,23 +91,18 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     Where the slider gets more than 25 times as fast as the drive the axis is
     logarithmic from the drive's velocity on.
     """
-    ax, speed = along_time(run, "velocity", ax, color=palette.GREEN, label="slider")
+    ax, speed = along_time(run, "velocity", ax, color=GREEN, label="slider")
     if "drive_velocity" in run:
-        look: Any = {
-            "color": palette.GREY,
-            "linewidth": 0.9,
-            "linestyle": palette.DASHED,
-            "label": "drive",
-        }
-        _, drive = along_time(run, "drive_velocity", ax, **look)
+        _, drive = along_time(run, "drive_velocity", ax, label="drive", **COMPARED)
         usual = float(abs(drive).max())
-        minus = style.minus
         if 0.0 < _WIDE_RANGE * usual < float(abs(speed).max()):
             # decades within the linear part would crowd around 0
             ax.set_yscale("symlog", linthresh=usual)
             ax.yaxis.set_major_formatter(
                 FuncFormatter(
-                    lambda value, _: "" if 0 < abs(value) < usual else minus(value)
+                    lambda value, _: (
+                        "" if 0 < abs(value) < usual else style.minus(value)
+                    )
                 )
             )
         dress(ax.yaxis, speed)
@@ -106,7 +113,7 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 @house_style()
 def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the fraction of attached contacts against time."""
-    ax, fraction = along_time(run, "attached", ax, color=palette.PURPLE)
+    ax, fraction = along_time(run, "attached", ax, color=PURPLE)
     ax.set_ylim(min(0.0, float(fraction.min())), 1.03)
     return ax
 
@@ -119,11 +126,11 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     Select of a run what comes after the transient: ``run.sel(time=slice(10, None))``.
     """
     speed, force = (variable(run, name) for name in ("velocity", "spring_force"))
-    ax = new_axes() if ax is None else ax
+    ax = given_or_new(ax)
     ax.plot(
         speed,
         force,
-        color=palette.BLUE,
+        color=BLUE,
         linewidth=0.8,
         rasterized=speed.size > 10 * style.MOST_POINTS,
     )
@@ -132,11 +139,11 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 _ENERGIES = {
-    "broken_energy": ("lost by the contacts", palette.VERMILLION),
-    "damped_energy": ("lost to damping", palette.ORANGE),
-    "contact_energy": ("in contacts", palette.SKY),
-    "spring_energy": ("in the spring", palette.GREEN),
-    "kinetic_energy": ("kinetic", palette.PURPLE),
+    "broken_energy": ("lost by the contacts", VERMILLION),
+    "damped_energy": ("lost to damping", ORANGE),
+    "contact_energy": ("in contacts", SKY),
+    "spring_energy": ("in the spring", GREEN),
+    "kinetic_energy": ("kinetic", PURPLE),
 }
 
 
@@ -151,7 +158,7 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     )
     parts = [variable(thin, name) for name in _ENERGIES]
     work = variable(thin, "work")
-    ax = new_axes(palette.PAGE, 2.6) if ax is None else ax
+    ax = given_or_new(ax, PAGE)
     names, colours = zip(*_ENERGIES.values(), strict=True)
     ax.stackplot(
         thin["time"], *parts, labels=names, colors=colours, alpha=0.75, linewidth=0
@@ -160,8 +167,8 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     ax.plot(
         thin["time"],
         total,
-        color=palette.BLACK,
-        linestyle=palette.DASHED,
+        color=BLACK,
+        linestyle=DASHED,
         label="work of the drive",
     )
     words = str(work.attrs.get("long_name", "")).replace("work of the drive", "energy")
@@ -203,11 +210,8 @@ def overview(
     if seen is None:
         seen, found = regime_and_drops(run)
         events = found if events is None and seen.kind == "stick-slip" else events
-    panels = [
-        draw
-        for name, draw in {"velocity": velocity, "attached": attached}.items()
-        if name in run
-    ]
+    below = {"velocity": velocity, "attached": attached}
+    panels = [draw for name, draw in below.items() if name in run]
     rows = 1 + len(panels)
     heights = [2.4, *[1.7] * len(panels)]
     measured = (
@@ -217,13 +221,13 @@ def overview(
     )
     if measured:
         heights += [2.0, 2.4]
-    figure = style.new_figure(palette.PAGE, sum(heights))
+    figure = style.new_figure(PAGE, sum(heights))
     grid = figure.add_gridspec(len(heights), 3, height_ratios=heights)
     axes = [figure.add_subplot(grid[0, :])]
     axes += [figure.add_subplot(grid[row, :], sharex=axes[0]) for row in range(1, rows)]
     if measured and events is not None:
         begin, end = _zoomed(figure.add_subplot(grid[-2, :]), run, events)
-        axes[0].axvspan(begin, end, facecolor=palette.GREY, alpha=0.4, linewidth=0)
+        axes[0].axvspan(begin, end, facecolor=GREY, alpha=0.4, linewidth=0)
         _draw_drops(
             [figure.add_subplot(grid[-1, column]) for column in range(3)], events
         )
@@ -244,21 +248,15 @@ def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
     """Draw the forces of two runs on one scale, each under its regime and the speed
     of its drive.
     """
-    figure = style.new_figure(palette.PAGE, 2.3)
+    figure = style.new_figure(PAGE, 2.3)
     axes = figure.subplots(1, 2, sharey=True)
     for ax, run in zip(axes, (left, right), strict=True):
         seen = regime(run)
-        force_trace(
-            run,
-            ax,
-            color=palette.GREEN if seen.kind == "smooth sliding" else palette.BLUE,
-        )
-        speed = (
-            ""
-            if seen.drive_velocity is None
-            else f" at {_speed(seen.drive_velocity, run)}"
-        )
-        ax.set_title(f"{seen.kind}{speed}")
+        smooth = seen.kind == "smooth sliding"
+        force_trace(run, ax, color=GREEN if smooth else BLUE)
+        speed = seen.drive_velocity
+        at = "" if speed is None else f" at {_speed(speed, run)}"
+        ax.set_title(f"{seen.kind}{at}")
     axes[1].set_ylabel("")
     return figure
 
@@ -279,26 +277,21 @@ def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> tuple[float, float
 
 def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
     """How large drops are, troughs over peaks, and drops over the time before them."""
-    titles = {
-        "drop": "drop",
-        "force_before": "peak",
-        "force_after": "trough",
-        "recurrence": "recurrence",
-    }
-    of = {
-        name: events[name].assign_attrs(long_name=title)
-        for name, title in titles.items()
-    }
-    size = 6.0 if events.sizes["event"] <= _MANY_SLIPS else 3.0
-    axes[0].hist(events["drop"], bins="auto", color=palette.BLUE)
-    panel(
-        axes[0], "", of["drop"], f"number of {events.attrs.get('drops_are', 'slips')}"
+    drop, peak, trough, recurrence = (
+        events[name].assign_attrs(long_name=title)
+        for name, title in (
+            ("drop", "drop"),
+            ("force_before", "peak"),
+            ("force_after", "trough"),
+            ("recurrence", "recurrence"),
+        )
     )
-    for ax, across, up in zip(
-        axes[1:], ("force_before", "recurrence"), ("force_after", "drop"), strict=True
-    ):
-        ax.plot(of[across], of[up], ".", color=palette.BLUE, markersize=size)
-        panel(ax, "", of[across], of[up])
+    size = 6.0 if events.sizes["event"] <= _MANY_SLIPS else 3.0
+    axes[0].hist(drop, bins="auto", color=BLUE)
+    panel(axes[0], "", drop, f"number of {events.attrs.get('drops_are', 'slips')}")
+    for ax, across, up in ((axes[1], peak, trough), (axes[2], recurrence, drop)):
+        ax.plot(across, up, ".", color=BLUE, markersize=size)
+        panel(ax, "", across, up)
 
 
 def _title(run: xr.Dataset, seen: Regime) -> str:
@@ -329,32 +322,25 @@ def _speed(value: float, run: xr.Dataset) -> str:
 
 def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
     """Shade the slips and put a dot on the peak before each."""
-    start = events["start"].to_numpy()
-    lasts = (events["end"] - events["start"]).to_numpy()
-    shade: Any = {
-        "facecolor": palette.ORANGE,
-        "alpha": 0.3,
-        "linewidth": 0,
-        "zorder": 0.5,
-    }
-    shade["label"] = (
-        "slipping" if events.attrs.get("drops_are", "slips") == "slips" else "falling"
-    )
+    start = events["start"].values
+    lasts = events["end"].values - start
+    slips = events.attrs.get("drops_are", "slips") == "slips"
     ax.broken_barh(
         list(zip(start, lasts, strict=True)),
         (0, 1),
         transform=ax.get_xaxis_transform(),
-        **shade,
+        facecolor=ORANGE,
+        alpha=0.3,
+        linewidth=0,
+        zorder=0.5,
+        label="slipping" if slips else "falling",
     )
-    dot: Any = {
-        "markersize": 3.5 if start.size <= _MANY_SLIPS else 2.0,
-        "markeredgewidth": 0,
-    }
     ax.plot(
         start,
         events["force_before"],
         "o",
-        color=palette.VERMILLION,
+        color=VERMILLION,
         label=counted(events),
-        **dot,
+        markersize=4.0 if start.size <= _MANY_SLIPS else 2.0,
+        markeredgewidth=0,
     )

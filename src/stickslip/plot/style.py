@@ -7,7 +7,7 @@ import math
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,8 +36,15 @@ _FORMATS = {
     "": ("picture", "png", "svg", "pdf"),
     "contacts": ("film", "gif"),
     "sound": ("sound", "wav"),
+    "page": ("page", "html"),
 }
-_FORMATS |= {"page": ("page", "html")}
+_PRINTED = {
+    r"^u(?=[A-Z]|[msg]\b)": "µ",
+    r"/time\b": " per time unit",
+    r"\b([A-Za-z]+)_([A-Za-z]+)\b": r"$\1_{\\mathrm{\2}}$",
+    r"\bk\b": "$k$",
+}
+"""Parts of units, and how they are printed."""
 _POWER = re.compile(r"\$10\^\{-?\d+\}\$(?: |$)")
 PER_SECOND = 20  # frames of a film
 # a line of more is drawn by its envelope: the picture is the same, the file is not
@@ -61,9 +68,11 @@ def new_figure(width: float = COLUMN, height: float = 2.6) -> Figure:
         return Figure(figsize=(width, height), layout="constrained")
 
 
-def new_axes(width: float = COLUMN, height: float = 2.6) -> Axes:
-    """Return the axes of a new figure with one panel, in the style of the house."""
-    return new_figure(width, height).add_subplot()
+def given_or_new(ax: Axes | None, width: float = COLUMN, height: float = 2.6) -> Axes:
+    """Return the axes, or without any those of a new figure in the style of the
+    house.
+    """
+    return new_figure(width, height).add_subplot() if ax is None else ax
 
 
 def unit_text(units: str) -> str:
@@ -79,16 +88,10 @@ def unit_text(units: str) -> str:
     if "$" in units:
         # of a file: it is text, and no formula
         return printable(units).replace("$", r"\$")
-    text = re.sub(
-        r"/time\b",
-        " per time unit",
-        re.sub(r"^u(?=[A-Z]|[msg]\b)", "µ", printable(units)),
-    )
-    return re.sub(
-        r"\bk\b",
-        "$k$",
-        re.sub(r"\b([A-Za-z]+)_([A-Za-z]+)\b", r"$\1_{\\mathrm{\2}}$", text),
-    )
+    text = printable(units)
+    for pattern, drawn_as in _PRINTED.items():
+        text = re.sub(pattern, drawn_as, text)
+    return text
 
 
 def _drawable(text: str) -> str:
@@ -106,16 +109,10 @@ def label(variable: xr.DataArray, most: int = 200) -> str:
     """Return the label of an axis: long name and unit of a variable, in two lines if
     it has more characters.
     """
-    name = _drawable(
-        str(
-            variable.attrs.get(
-                "long_name", "" if variable.name is None else variable.name
-            )
-        )
-    )
+    name = str(variable.attrs.get("long_name", variable.name))
     units = str(variable.attrs.get("units", ""))
-    words = name.split()
-    lengths = [len(word) + 1 for word in name.split()]
+    words = _drawable(name).split()
+    lengths = [len(word) + 1 for word in words]
     if unit := _drawable(unit_text(units)):
         words.append(f"({unit})")
         lengths.append(len(units) + 3)
@@ -234,8 +231,8 @@ def along_time(
     given; also return the variable.
     """
     drawn = variable(run, name)
-    ax = new_axes(PAGE, height) if ax is None else ax
-    ax.plot(*envelope(run["time"].to_numpy(), drawn.to_numpy()), **style)
+    ax = given_or_new(ax, PAGE, height)
+    ax.plot(*envelope(run["time"].values, drawn.values), **style)
     panel(ax, "", run["time"], drawn)
     ax.margins(x=0.01)
     return ax, drawn
@@ -251,14 +248,9 @@ def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]
     whole = y.size // group * group
     blocks = y[:whole].reshape(-1, group)
     first = np.arange(0, whole, group)
-    ends = np.stack(
-        [first + blocks.argmin(axis=1), first + blocks.argmax(axis=1)], axis=1
-    )
-    kept = np.unique(
-        np.concatenate(
-            [[0], np.sort(ends, axis=1).ravel(), np.arange(whole, y.size), [y.size - 1]]
-        )
-    )
+    low = first + blocks.argmin(axis=1)
+    high = first + blocks.argmax(axis=1)
+    kept = np.unique(np.r_[0, low, high, whole : y.size, y.size - 1])
     return x[kept], y[kept]
 
 
@@ -301,11 +293,8 @@ def drawn(figure: Figure, kind: str) -> memoryview:
     """Return a figure as PNG, SVG or PDF, without a date: the same figure gives the
     same bytes.
     """
-    undated: Mapping[str, None] = {
-        "svg": {"Date": None},
-        "pdf": {"CreationDate": None},
-    }.get(kind, {})
+    date = {"svg": "Date", "pdf": "CreationDate"}.get(kind)
     picture = io.BytesIO()
     with house_style():
-        figure.savefig(picture, format=kind, metadata=dict(undated))
+        figure.savefig(picture, format=kind, metadata={date: None} if date else {})
     return picture.getbuffer()
