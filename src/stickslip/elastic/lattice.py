@@ -115,7 +115,7 @@ def _panels(
 def _real_part(spring: float, period: float, w: Array) -> Array:
     """Real part of the stiffness that a wave meets on a spring to each block."""
     wave = 4.0 * np.sin(0.5 * w * period) ** 2
-    return np.asarray(spring - w * w + wave)
+    return spring - w * w + wave
 
 
 def _zeros(function: Callable[[Array], Array], grid: Array) -> Array:
@@ -124,4 +124,4 @@ def _zeros(function: Callable[[Array], Array], grid: Array) -> Array:
     changes = value[:-1] * value[1:] < 0
     at = np.flatnonzero(changes)
     found = elementwise.find_root(function, (grid[at], grid[at + 1]))
-    return np.asarray(found.x)
+    return found.x

@@ -35,11 +35,11 @@ class Medium(NamedTuple):
         """``K (D - U) - F(U)``: what drives the bar forward where it has moved to
         ``U = x``.
         """
-        attached = self.thresholds.survival(np.asarray(x)) / float(
+        attached = self.thresholds.survival(x) / float(
             self.thresholds.survival(self.prestress)
         )
         held = self.leaf * (x - self.prestress) + (x - self.sliding_force) * attached
-        return np.asarray(self.prestress - self.sliding_force - held)
+        return self.prestress - self.sliding_force - held
 
     @property
     def rest(self) -> float:

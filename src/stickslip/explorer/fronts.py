@@ -77,7 +77,7 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
         key=lambda event: event["start"],
     )
     sound = rig.natural.slider.sound_speed * rig.unit("1/time")
-    fastest = float(np.abs(run["velocity"].to_numpy()).max()) or 1.0
+    fastest = float(np.abs(run["velocity"].values).max()) or 1.0
     times = axis(run["time"])
     force = axis(run["spring_force"])
     yield {

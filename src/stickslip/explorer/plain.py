@@ -38,8 +38,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     f = in_unit(data["spring_force"], force)
     t, f = envelope(t, f, 2 * width)
     start, end, before = (
-        slips[name].to_numpy()[:_MOST_MARKED]
-        for name in ("start", "end", "force_before")
+        slips[name].values[:_MOST_MARKED] for name in ("start", "end", "force_before")
     )
     return {
         "time": {**times, "values": packed(t)},
@@ -85,7 +84,7 @@ def axis(variable: xr.DataArray) -> Plain:
     values, which `factor` divides out.
     """
     name = name_of(variable)
-    values = variable.to_numpy()
+    values = variable.values
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     if name["unit"] not in ("N", "m", "s", "m/s") or 0.5 <= largest < 5e3:
         return {**name, "factor": 1.0}

@@ -44,7 +44,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         rig, (over[0], over[1]), request.get("around", around), points, watch
     )
     rate = found["growth_rate"].transpose(over[1], over[0])
-    values = rate.to_numpy()
+    values = rate.values
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
     shade = _shade(values / largest)
     levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
@@ -62,15 +62,15 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "frequency_unit": advise.frequency_unit(rig),
         "curves": [
             {
-                "x": floats(found[f"edge_{over[0]}"].to_numpy()[mine]),
-                "y": floats(found[f"edge_{over[1]}"].to_numpy()[mine]),
+                "x": floats(found[f"edge_{over[0]}"].values[mine]),
+                "y": floats(found[f"edge_{over[1]}"].values[mine]),
                 "frequency": floats(
-                    found["edge_frequency"].to_numpy()[mine] / (2 * math.pi)
+                    found["edge_frequency"].values[mine] / (2 * math.pi)
                 ),
             }
             for mine in (
-                found["curve"].to_numpy() == curve
-                for curve in np.unique(found["curve"].to_numpy())
+                found["curve"].values == curve
+                for curve in np.unique(found["curve"].values)
             )
         ],
         "here": [float(found[f"here_{name}"]) for name in over],
@@ -79,7 +79,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 
 def _map_axis(parameter: xr.DataArray) -> Plain:
-    values = parameter.to_numpy()
+    values = parameter.values
     return {
         **name_of(parameter),
         "values": packed(values),

@@ -88,9 +88,7 @@ def sample(_request: Plain, _watch: Watch) -> Iterator[Plain]:
     run = fitting.synthetic_trace()
     rows = [
         f"{t:.3f},{F:.4f}"
-        for t, F in zip(
-            run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True
-        )
+        for t, F in zip(run["time"].values, run["spring_force"].values, strict=True)
     ]
     yield {"text": "\n".join(["time [s],force [N]", *rows, ""])}
 
@@ -241,8 +239,8 @@ def _overlay(
     short = documents.shortened(long, seconds)
     documents.check_size(short, seconds)
     run = simulate(short, progress=watch)
-    t = run["time"].to_numpy() / unit
-    F = run["spring_force"].to_numpy() / force_unit_in_newtons(events, {})
+    t = run["time"].values / unit
+    F = run["spring_force"].values / force_unit_in_newtons(events, {})
     force = ("time", F, {"units": events.force_unit})
     times = ("time", t, {"units": events.time_unit})
     made = xr.Dataset({"spring_force": force}, {"time": times})
@@ -392,8 +390,8 @@ def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
             0.0,
             rng,
         )
-        t = made["time"].to_numpy()
-        F = made["spring_force"].to_numpy()
+        t = made["time"].values
+        F = made["spring_force"].values
         late = t >= t[-1] - (end - begin)
         series.append(line(begin + t[late] - t[late][0], F[late]))
     return _beside(events, series, begin, end)

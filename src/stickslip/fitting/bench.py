@@ -71,7 +71,7 @@ def drawn(known: Known, name: str, count: int) -> Array:
     scatter = np.random.default_rng([list(_UNITS).index(name), count]).standard_normal(
         count
     )
-    return np.asarray(middle * np.exp(error / middle * scatter))
+    return middle * np.exp(error / middle * scatter)
 
 
 def newtons(events: Events, known: Known) -> float:
@@ -119,7 +119,7 @@ def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array]:
         )
 
     def away(values: Array) -> Array:
-        return np.asarray(np.log(product / (loading * (1.0 + values[..., 3]))) / error)
+        return np.log(product / (loading * (1.0 + values[..., 3]))) / error
 
     return lambda values: np.exp(-0.5 * away(values) ** 2)
 
@@ -193,7 +193,7 @@ def in_si(
         "frequency": np.sqrt(K / mass) / (2.0 * np.pi),
     }
     return {
-        name: np.asarray(draws)
+        name: draws
         for name, draws in found.items()
         if known.keys() >= {*QUANTITIES[name][2]}
     }
@@ -283,7 +283,7 @@ def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Constraint:
         f"that of attached contacts halves at {half.words('m/s')}; misfit "
         f"{100 * misfit:.2g} % of the range"
     )
-    draws = np.asarray(mean * displacement / half * np.exp(half.error / half * scatter))
+    draws = mean * displacement / half * np.exp(half.error / half * scatter)
     return Constraint(half, f"From friction at several speeds: {words}", draws)
 
 

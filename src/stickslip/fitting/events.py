@@ -92,7 +92,7 @@ class Events(Answer):
         t = self.time
         begins = self.peak_at
         ends = self.trough_at
-        peaks, troughs = (np.asarray(self.force[at]) for at in (begins, ends))
+        peaks, troughs = (self.force[at] for at in (begins, ends))
         rising = t[begins[1:]] - t[ends[:-1]]
         step = np.median(np.diff(t))
         recurrence = np.diff(t[begins]).mean()

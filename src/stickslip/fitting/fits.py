@@ -159,7 +159,7 @@ class Fit(Answer):
         allow to tell it.
         """
         if key in KEYS:
-            return np.asarray(self.values[:, KEYS.index(key)])
+            return self.values[:, KEYS.index(key)]
         if key not in (found := self._in_si()):
             raise bench.refusal(key, self.known)
         return found[key]

@@ -141,4 +141,4 @@ def _adjusted(parts: Array, weights: Array, away: Array) -> Array:
     ridge = np.diag([0.0, *[1e-3 * float(weights.sum())] * away.shape[1]])
     weighted = design.T * weights
     slope = np.linalg.solve(weighted @ design + ridge, weighted @ at)
-    return np.asarray(expit(at - away @ slope[1:]))
+    return expit(at - away @ slope[1:])

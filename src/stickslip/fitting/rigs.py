@@ -227,7 +227,7 @@ def remade(rig: Rig, events: Events, known: Known) -> Events:
     drive = constant(rig.natural.velocity, lasts / unit)
     output = Output(interval=events.step / unit)
     run = simulate(replace(rig, drive=drive, output=output))
-    values = np.asarray(run["spring_force"].values) / newtons(events, known)
+    values = run["spring_force"].values / newtons(events, known)
     values = values + events.noise * np.random.default_rng(1).standard_normal(
         values.size
     )

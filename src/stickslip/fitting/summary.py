@@ -47,11 +47,11 @@ def _skewness(x: Array) -> Array:
 
 
 def _logarithm(x: Array) -> Array:
-    return np.asarray(np.log(np.maximum(x, 1e-4)))
+    return np.log(np.maximum(x, 1e-4))
 
 
 def _fisher(x: Array) -> Array:
-    return np.asarray(np.arctanh(np.clip(x, -0.98, 0.98)))
+    return np.arctanh(np.clip(x, -0.98, 0.98))
 
 
 _FITTED: dict[str, tuple[Callable[[_Slips], Array], Callable[[Array], Array]]] = {

@@ -68,14 +68,14 @@ class DelayModel(Record):
         s = np.asarray(s, dtype=complex)
         (tau, weight), rest = self.parts()
         total = np.exp(-s[..., None] * tau) @ weight
-        return np.asarray(
-            total + sum(part * distribution.laplace(s) for part, distribution in rest)
+        return total + sum(
+            part * distribution.laplace(s) for part, distribution in rest
         )
 
     def absence(self, s: ArrayLike) -> ComplexArray:
         """``1 - laplace(s)``, without cancellation at small `s`."""
         s = np.asarray(s, dtype=complex)
-        missing = np.asarray(1.0 - self.laplace(s))
+        missing = 1.0 - self.laplace(s)
         one, two, three = self._moments
         if math.isinf(one):
             return missing
@@ -129,11 +129,7 @@ class Delay(DelayModel):
 
     def absence(self, s: ArrayLike) -> ComplexArray:
         s = np.asarray(s, dtype=complex)
-        return (
-            np.ones_like(s)
-            if math.isinf(self.time)
-            else np.asarray(-np.expm1(-s * self.time))
-        )
+        return np.ones_like(s) if math.isinf(self.time) else -np.expm1(-s * self.time)
 
 
 @register("on arrest")

@@ -76,11 +76,9 @@ class Distribution(Record):
             inside = np.clip(Distribution.partial_moment(self, x, 0), t, s)
             return np.where(x <= a, s, np.where(x >= b, t, inside)) - p
 
-        return np.asarray(
-            elementwise.find_root(
-                lacking, (low, high), args=(wanted, low, high, top, bottom)
-            ).x
-        )
+        return elementwise.find_root(
+            lacking, (low, high), args=(wanted, low, high, top, bottom)
+        ).x
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not
@@ -107,7 +105,7 @@ class Distribution(Record):
 
     def laplace(self, q: ArrayLike) -> ComplexArray:
         """Mean of ``exp(-q x)`` at complex `q`."""
-        return np.asarray(self.transform(np.asarray(q, dtype=complex))[0])
+        return self.transform(np.asarray(q, dtype=complex))[0]
 
     @property
     def leftmost(self) -> float:

@@ -115,7 +115,7 @@ class Gaussian(Distribution):
         variance = self.std**2
         if math.isinf(self.lower) or variance == 0:
             mean = np.exp(-q * self.mean + 0.5 * q * q * variance)
-            return mean, np.asarray((self.mean - q * variance) * mean)
+            return mean, (self.mean - q * variance) * mean
         # erfcx keeps exp(large) * erfc(large) together: no overflow on either side of
         # the cut.
         z = (self.lower - self.mean + q * variance) / (self.std * math.sqrt(2))
@@ -129,9 +129,7 @@ class Gaussian(Distribution):
         slope = (self.mean - q * variance) * kept + at_cut / math.sqrt(
             2 * math.pi
         ) * self.std
-        return np.asarray(kept / self._beyond_lower()), np.asarray(
-            slope / self._beyond_lower()
-        )
+        return kept / self._beyond_lower(), slope / self._beyond_lower()
 
     leftmost = -math.inf
 
@@ -287,7 +285,7 @@ class _PowerOfGamma(Distribution):
         scale, shape, power = self._form
         if power == 1:
             base = 1.0 + scale * q
-            return base**-shape, np.asarray(scale * shape * base ** (-shape - 1.0))
+            return base**-shape, scale * shape * base ** (-shape - 1.0)
         turn = 0.7 * min(1.0, power)  # off the real axis
         t = np.exp(np.arange(-40.0, 4.8, TRAPEZOID * turn) - 1j * turn)
         weight = t**shape * np.exp(-t)

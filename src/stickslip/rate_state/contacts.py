@@ -54,7 +54,7 @@ def small_step(
     found = (
         np.diff(inner, axis=1) @ level - (np.diff(np.cos(y * x), axis=1) / x) @ steep
     )
-    return np.asarray(2.0 / math.pi * found)
+    return 2.0 / math.pi * found
 
 
 @lru_cache(maxsize=16)
@@ -86,9 +86,9 @@ def _answer(
 
     def factor_at(places: Array) -> ComplexArray:
         wave = np.expm1(places)
-        return np.asarray(
-            response.stiffness(velocity, 1j * wave / mean * velocity) / wave
-        )[None, :]
+        return (response.stiffness(velocity, 1j * wave / mean * velocity) / wave)[
+            None, :
+        ]
 
     # At first as far apart as no resonance is passed over, and a fourth of its period;
     # halved where a spline misses.
@@ -120,8 +120,8 @@ def finite_step(
         stiffness=stiffness,
         method=method,
     )
-    since = run["time"].to_numpy()
-    force = run["friction_force"].to_numpy()[since >= 0.0]
+    since = run["time"].values
+    force = run["friction_force"].values[since >= 0.0]
     return after * since[since >= 0.0], force - force[0]
 
 

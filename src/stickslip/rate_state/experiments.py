@@ -125,7 +125,7 @@ def velocity_step_in(
             "data: holds no friction along a time; it must have one of "
             f"{', '.join(_FRICTIONS)}"
         )
-    time = data["time"].to_numpy().astype(float)
+    time = data["time"].values.astype(float)
     at = number(
         "at",
         at,
@@ -148,9 +148,9 @@ def velocity_step_in(
     if along is None:
         x = np.where(time < at, before, after) * (time - at)
     else:
-        place = data[along].to_numpy().astype(float)
+        place = data[along].values.astype(float)
         x = place - float(np.interp(at, time, place))
-    rows = pd.DataFrame({"x": x, "friction": data[name].to_numpy().astype(float)})
+    rows = pd.DataFrame({"x": x, "friction": data[name].values.astype(float)})
     rows = rows[np.isfinite(rows).all(axis=1)]
     back, forth = span or (0.1 * float(rows.x.max()), float(rows.x.max()))
     rows = rows[rows.x.between(-back, forth)]
@@ -165,8 +165,8 @@ def velocity_step_in(
         for one in (along, "time", name)
     )
     return Step(
-        displacement=held.x.to_numpy(),
-        friction=held.friction.to_numpy(),
+        displacement=held.x.values,
+        friction=held.friction.values,
         before=before,
         after=after,
         at=at,

@@ -151,7 +151,7 @@ class RateAndState(Record):
                     / (damped * pole * (pole - other))
                     * np.exp(pole * x)
                 )
-        return np.asarray(found.real)
+        return found.real
 
     def __str__(self) -> str:
         return (
