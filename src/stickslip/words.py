@@ -79,7 +79,7 @@ def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
     Examples
     --------
     >>> prefixed(2.094e5, "mN"), prefixed(5e-4, "N/ms"), prefixed(3.0, "x_s/time")
-    ((1000.0, 'N'), (0.001, 'N/s'), (1.0, 'x_s/time'))
+    ((1000.0, 'N'), (1e-06, 'mN/s'), (1.0, 'x_s/time'))
     """
     found = _PREFIXED.fullmatch(unit)
     if found is None or value == 0 or not math.isfinite(value):

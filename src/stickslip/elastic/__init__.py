@@ -17,5 +17,5 @@ __all__ = [
     "front_threshold",
     "modes",
     "precursor_force",
+    "screening_length",
 ]
-__all__ += ["screening_length"]

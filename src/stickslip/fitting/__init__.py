@@ -21,6 +21,7 @@ from stickslip.fitting.series_table import (
 from stickslip.fitting.summary import FITTED, HELD_OUT, statistics
 
 __all__ = [
+    "DRAWS",
     "FITTED",
     "HELD_OUT",
     "UNKNOWNS",
@@ -31,24 +32,19 @@ __all__ = [
     "FittedInterval",
     "Prior",
     "SeriesTable",
-]
-__all__ += [
     "check",
+    "compared",
+    "draws_kept",
     "fit",
+    "force_unit_in_newtons",
+    "friction_ratio_range",
     "pick_events",
     "quick_fit",
     "rigs_drawn",
+    "sampled",
+    "seconds_per_draw",
     "statistics",
     "synthetic_trace",
     "table",
-]
-__all__ += [
-    "DRAWS",
-    "compared",
-    "draws_kept",
-    "force_unit_in_newtons",
-    "friction_ratio_range",
-    "sampled",
-    "seconds_per_draw",
     "time_unit_in_seconds",
 ]

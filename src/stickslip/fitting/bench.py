@@ -41,14 +41,10 @@ def read_known(given: Mapping[str, object] | None) -> Known:
     """Read values as users give them: numbers in SI units, texts with a unit, or
     either with a standard error.
     """
-    instance(
-        "known",
-        given if given is not None else {},
-        Mapping,
-        "a mapping, such as {'stiffness': '350 N/m'}",
-    )
+    known = {} if given is None else given
+    instance("known", known, Mapping, "a mapping, such as {'stiffness': '350 N/m'}")
     found = {}
-    for name, value in (given or {}).items():
+    for name, value in known.items():
         if name == "speed":
             raise InputError("known: 'speed': is called 'velocity' now", "known")
         if name not in _UNITS:
@@ -101,7 +97,7 @@ def seconds(events: Events) -> float:
 
 
 def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array]:
-    """What stiffness and speed say of the stiffness ratio,
+    """Likelihood of the stiffness ratio by stiffness and speed,
     ``K v = R (1 + K/(N k))``: 1 if they are not known.
     """
     if not known.keys() >= {"stiffness", "velocity"}:
@@ -220,8 +216,8 @@ def refusal(name: str, known: Known) -> InputError:
 
 
 class Constraint(NamedTuple):
-    """What readings besides the trace tell: a number with its error, in words, and
-    draws of what follows of it.
+    """Result of readings besides the trace: a number with its error, in words, and
+    draws of what follows from it.
     """
 
     #: in m/s, the speed at which friction halves; or the growth of static friction per
@@ -241,9 +237,8 @@ def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float
     size = float(np.abs(F).max())
     slowest = float(v.min())
     fastest = float(v.max())
-    low, high = np.array(
-        [[slowest / 80.0, 0.0, 0.0], [80.0 * fastest, 1e3 * size, size]]
-    )
+    low = np.array([slowest / 80.0, 0.0, 0.0])
+    high = np.array([80.0 * fastest, 1e3 * size, size])
     starts = [
         np.array([half, float(np.ptp(F)), float(F.min())])
         for half in np.geomspace(slowest, fastest, 5)
@@ -333,13 +328,9 @@ def read_pairs(path: Path | None, unit: str) -> Pairs:
         return ()
     try:
         table = read_table(files.read(path, "table of two columns", largest=1_000_000))
-        units = [
-            table.headings[i].unit or si
-            for i, si in zip(table.numeric, (unit, "N"), strict=False)
-        ]
         sizes = [
-            ratio(one, si) or math.nan
-            for one, si in zip(units, (unit, "N"), strict=False)
+            ratio(table.headings[i].unit or si, si) or math.nan
+            for i, si in zip(table.numeric, (unit, "N"), strict=False)
         ]
         if len(table.numeric) != 2 or not np.isfinite(sizes).all():
             raise InputError(
@@ -348,10 +339,6 @@ def read_pairs(path: Path | None, unit: str) -> Pairs:
             )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    x, F = (
-        size * column
-        for size, column in zip(
-            sizes, table.read(table.numeric)[0].values(), strict=True
-        )
-    )
-    return tuple(zip(x.tolist(), F.tolist(), strict=True))
+    x, F = table.read(table.numeric)[0].values()
+    rows = np.column_stack([x, F]) * sizes
+    return tuple(map(tuple, rows.tolist()))

@@ -31,7 +31,7 @@ from stickslip.words import engineering
 
 
 class Fitted(Protocol):
-    """What the rig of a fit is made of, as `Fit` has it."""
+    """Results of a fit of which a rig is made, as `Fit` has them."""
 
     @property
     def events(self) -> Events:
@@ -288,38 +288,29 @@ def _draws(found: Fitted, known: Known) -> dict[str, Array]:
         **dict(zip(PARAMETERS, values.T, strict=True)),
         **in_si(values, found.strength, events, known),
     }
-    quantities |= {
-        quantity: drawn(known, name, count)
-        for quantity, name in (
-            ("stiffness", "stiffness"),
-            ("mass", "mass"),
-            ("speed", "velocity"),
-        )
-        if name in known
-    }
+    for name in known.keys() & {"stiffness", "mass"}:
+        quantities[name] = drawn(known, name, count)
+    if "velocity" in known:
+        quantities["speed"] = drawn(known, "velocity", count)
     # what lets a slip be as short as it was recorded, or anything lighter where none is
     # seen
     if "mass" not in known:
         lasts = events.slip_samples * events.step * seconds(events)
-        quantities["mass"] = (
-            quantities["stiffness"]
-            * (lasts / math.pi) ** 2
-            * (1.0 - quantities["damping_ratio"] ** 2)
-        )
+        undamped = 1.0 - quantities["damping_ratio"] ** 2
+        mass = quantities["stiffness"] * (lasts / math.pi) ** 2 * undamped
         if events.slip_samples < RESOLVED:
-            quantities["mass"] = quantities[
-                "mass"
-            ] * _LIGHTEST ** np.random.default_rng(len(events)).random(count)
+            mass *= _LIGHTEST ** np.random.default_rng(len(events)).random(count)
+        quantities["mass"] = mass
     draws = {
         path: _rounded(quantities[name])
         for path, (name, *_) in KEYS.items()
         if name in quantities
     }
-    of_all = draws["interface.contact_strength"] * draws["interface.newborn.mean"]
-    return draws | {
-        "slider.stiffness": quantities["stiffness"],
-        "interface.sliding_force": of_all,
-    }
+    draws["slider.stiffness"] = quantities["stiffness"]
+    draws["interface.sliding_force"] = (
+        draws["interface.contact_strength"] * draws["interface.newborn.mean"]
+    )
+    return draws
 
 
 def _rounded(values: Array) -> Array:

@@ -64,6 +64,7 @@ from stickslip.model.units import Scales
 __all__ = [
     "AgeingModel",
     "Areas",
+    "Assumption",
     "Barrier",
     "Bell",
     "Chain",
@@ -72,8 +73,6 @@ __all__ = [
     "DelayModel",
     "Distribution",
     "Drive",
-]
-__all__ += [
     "ElasticBody",
     "Empirical",
     "Exponential",
@@ -81,8 +80,6 @@ __all__ += [
     "FixedGrowth",
     "ForceAbove",
     "ForceBelow",
-]
-__all__ += [
     "FromRest",
     "FromSliding",
     "Gamma",
@@ -91,8 +88,6 @@ __all__ += [
     "Langevin",
     "LogNormal",
     "LogarithmicGrowth",
-]
-__all__ += [
     "MasterEquation",
     "Method",
     "NegativeDelay",
@@ -101,8 +96,6 @@ __all__ += [
     "Output",
     "Parabolic",
     "Parameter",
-]
-__all__ += [
     "Piece",
     "Population",
     "Prestressed",
@@ -112,8 +105,6 @@ __all__ += [
     "Rig",
     "Scales",
     "Sheet",
-]
-__all__ += [
     "Slider",
     "Start",
     "SteadyState",
@@ -122,5 +113,5 @@ __all__ += [
     "Weibull",
     "constant",
     "ramp",
+    "read_value",
 ]
-__all__ += ["Assumption", "read_value"]

@@ -82,6 +82,7 @@ __all__ = [
     "BLACK",
     "BLUE",
     "COLUMN",
+    "DASHED",
     "GREEN",
     "GREY",
     "ORANGE",
@@ -89,35 +90,33 @@ __all__ = [
     "PALETTE",
     "SKY",
     "VERMILLION",
+    "Frames",
     "attached",
-]
-__all__ += [
     "chart",
     "contacts",
     "drawn",
     "elastic_overview",
     "energy",
+    "envelope",
     "fitted",
     "force_trace",
-]
-__all__ += [
+    "format_of",
+    "frames",
     "front_curve",
     "fronts",
     "house_style",
     "label",
+    "lasting",
     "legend_above",
     "new_figure",
     "overview",
-]
-__all__ += [
+    "panel",
     "peaks_after_holds",
     "phase_portrait",
     "precursor_lengths",
     "precursors",
     "prediction",
     "save",
-]
-__all__ += [
     "side_by_side",
     "slip_profiles",
     "slips",
@@ -126,9 +125,9 @@ __all__ += [
     "sweep_picture",
     "unit_text",
     "velocity",
+    "velocity_step",
+    "waves",
 ]
-__all__ += ["velocity_step", "waves"]
-__all__ += ["DASHED", "Frames", "envelope", "format_of", "frames", "lasting", "panel"]
 
 
 class _Plot(ModuleType):

@@ -26,13 +26,11 @@ __all__ = [
     "Step",
     "StepFit",
     "export_rate_and_state",
-]
-__all__ += [
     "finite_step",
     "fit_contacts",
     "fit_rate_and_state",
     "healing",
     "rate_and_state",
     "small_step",
+    "velocity_step_in",
 ]
-__all__ += ["velocity_step_in"]

@@ -45,22 +45,23 @@ __all__ = [
     "STD",
     "STIFFNESS",
     "VELOCITY",
-    "Parameter",
-]
-__all__ += [
-    "TurningVelocity",
-    "dynamic_stiffness",
-    "friction_slope",
-    "turning_velocities",
-]
-__all__ += [
+    "ContactNoise",
     "Crossing",
     "Crossings",
+    "Impedance",
+    "Modes",
+    "Parameter",
+    "RadiationDamping",
+    "TurningVelocity",
+    "boundary",
+    "contact_noise",
     "count_unstable",
     "critical",
     "critical_spring",
+    "dynamic_stiffness",
+    "friction_slope",
     "growth_rate",
     "onset",
+    "stability_map",
+    "turning_velocities",
 ]
-__all__ += ["ContactNoise", "contact_noise"]
-__all__ += ["Impedance", "Modes", "RadiationDamping", "boundary", "stability_map"]
