@@ -57,11 +57,13 @@ class DelayModel(Record):
 
     def moment(self, order: int) -> float:
         """Mean of ``tau**order``."""
+        if order == 0:
+            return 1.0
         (tau, weight), rest = self.parts()
-        if order > 0 and weight.sum() + sum(part for part, _ in rest) < 1.0 - 1e-9:
+        if weight.sum() + sum(part for part, _ in rest) < 1.0 - 1e-9:
             return math.inf
         mean = sum(part * distribution.moment(order) for part, distribution in rest)
-        return float(weight @ tau**order + mean) if order > 0 else 1.0
+        return float(weight @ tau**order + mean)
 
     def laplace(self, s: ArrayLike) -> ComplexArray:
         """Mean of ``exp(-s tau)`` at complex `s`."""
@@ -190,12 +192,11 @@ class RandomDelay(DelayModel):
     @cached_property
     def _parts(self) -> Parts:
         positive = float(special.ndtr(self.mean / self.std))
-        atom = np.array(
-            [1.0 - positive] if self.negative == "clip" and positive < 1.0 else []
-        )
-        halves = [(positive, self.mean), (1.0 - positive, -self.mean)][
-            : 2 if self.negative == "fold" else 1
-        ]
+        clipped = self.negative == "clip" and positive < 1.0
+        atom = np.array([1.0 - positive] if clipped else [])
+        halves = [(positive, self.mean)]
+        if self.negative == "fold":
+            halves.append((1.0 - positive, -self.mean))
         # A folded tail too thin to matter is also too thin for a distribution of its
         # own.
         kept = [(part, mean) for part, mean in halves if part > 2e-6]

@@ -13,6 +13,15 @@ from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, Part, Record
 
+_MECHANISMS = (
+    "ageing",
+    "activation",
+    "sliding_force",
+    "newborn",
+    "slip_to_slip_scatter",
+    "areas",
+)
+"""Fields that are None or 0 where the interface has no such mechanism."""
 _SIZES = 1e-3, 1e3  # in ``x_s``, between which the median of the thresholds must lie
 
 
@@ -161,23 +170,20 @@ class Interface(Record):
                 "rig from a file with SI units",
                 place,
             )
-        for name, kinds in {
-            "ageing": FixedGrowth | None,
-            "activation": Barrier | None,
-        }.items():
-            if self.areas is not None and not isinstance(
-                given := getattr(self, name), kinds
-            ):
+        known = {"ageing": FixedGrowth | None, "activation": Barrier | None}
+        for name, kinds in known.items():
+            given = getattr(self, name)
+            if self.areas is not None and not isinstance(given, kinds):
                 raise InputError(
                     f"Interface.areas = {self.areas!r}: not available with {name} = "
                     f"{given}; leave one of them out"
                 )
         strongest = self.threshold_distribution.support[1]
         largest = strongest if self.areas is None else math.sqrt(strongest)
-        for name, born in (("initial", self.initial), ("newborn", self.newborn)):
-            above, below = (
-                born.survival([largest, -largest]) if born is not None else (0.0, 1.0)
-            )
+        for name in ("initial", "newborn"):
+            if (born := getattr(self, name)) is None:
+                continue
+            above, below = born.survival([largest, -largest])
             if (lost := float(above + 1.0 - below)) > 1e-3:
                 raise InputError(
                     f"Interface.{name} = {born}: {100 * lost:.3g} % of the contacts "
@@ -192,16 +198,10 @@ class Interface(Record):
         """Names of the mechanisms beyond thresholds and a delay that the interface
         has; each is a field of its own.
         """
-        asked = {
-            "ageing": self.ageing is not None,
-            "activation": self.activation is not None,
-            "sliding_force": self.sliding_force > 0,
-            "newborn": self.newborn is not None,
-            "slip_to_slip_scatter": self.slip_to_slip_scatter > 0,
-            "areas": self.areas is not None,
-            "on_arrest": isinstance(self.delay, OnArrest),
-        }
-        return frozenset(name for name, present in asked.items() if present)
+        fields = {name for name in _MECHANISMS if getattr(self, name)}
+        return frozenset(
+            fields | {"on_arrest"} if isinstance(self.delay, OnArrest) else fields
+        )
 
     def allow(self, mechanisms: Collection[str], who: str) -> None:
         """Raise `InputError` if the interface has a mechanism that is not among

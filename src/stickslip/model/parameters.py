@@ -57,17 +57,13 @@ def _parameter_of_part(
 
     def set_(rig: Rig, new: float) -> Rig:
         found = held(rig)
-        changes = {
-            part: getattr(
-                found, f"with_{field}", lambda value: replace(found, **{field: value})
-            )(new)
-        }
-        return replace(
-            rig,
-            **changes
-            if part == "slider"
-            else {"interface": replace(rig.interface, **changes)},
-        )
+        if hasattr(found, f"with_{field}"):
+            found = getattr(found, f"with_{field}")(new)
+        else:
+            found = replace(found, **{field: new})
+        if part == "slider":
+            return replace(rig, slider=found)
+        return replace(rig, interface=replace(rig.interface, **{part: found}))
 
     def get(rig: Rig) -> float:
         return float(getattr(held(rig), field))

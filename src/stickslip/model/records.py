@@ -68,14 +68,12 @@ def declared(record: type) -> Mapping[str, tuple[Any, Number | Part | None]]:
     numbers in it; None if nothing is.
     """
     hints = get_type_hints(record, include_extras=True)
-    kinds = {field.name: hints[field.name] for field in fields(record)}
-    bare = {
-        name: kind.__origin__ if hasattr(kind, "__metadata__") else kind
-        for name, kind in kinds.items()
-    }
-    return {
-        name: (bare[name], next(_marks(kind), None)) for name, kind in kinds.items()
-    }
+    found = {}
+    for field in fields(record):
+        kind = hints[field.name]
+        bare = kind.__origin__ if hasattr(kind, "__metadata__") else kind
+        found[field.name] = bare, next(_marks(kind), None)
+    return found
 
 
 def _marks(kind: Any) -> Iterator[Number | Part]:
@@ -138,8 +136,15 @@ def _number(kind: Any, place: str, value: object, mark: Number) -> float:
         return whole(
             place, value, at_least=mark.at_least or 0, at_most=mark.at_most, hint=hint
         )
-    bounds = {"above": mark.above, "at_least": mark.at_least, "at_most": mark.at_most}
-    return number(place, value, **bounds, infinite=mark.infinite, hint=hint)
+    return number(
+        place,
+        value,
+        above=mark.above,
+        at_least=mark.at_least,
+        at_most=mark.at_most,
+        infinite=mark.infinite,
+        hint=hint,
+    )
 
 
 @lru_cache(maxsize=256)

@@ -289,13 +289,9 @@ class Rig(Answer):
         >>> round(rig.replace(velocity="50 mm/s").velocity, 3)
         0.05
         """
-        fields = {
-            name: value
-            for name, value in changes.items()
-            if name in self.__dataclass_fields__
-        }
-        values = {name: value for name, value in changes.items() if name not in fields}
-        for name, value in values.items():
+        fields = changes.keys() & self.__dataclass_fields__.keys()
+        parts = {name: changes.pop(name) for name in fields}
+        for name, value in changes.items():
             unit = self.unit_name(parameter_named(name, place="replace").unit)
             if self.scales is not None and unit != "1" and isinstance(value, Real):
                 written = f"{name}={f'{value} {unit}'!r}"
@@ -303,7 +299,7 @@ class Rig(Answer):
                     f"replace: {name} = {value}: has no unit; write {written}, or "
                     f"with_values({name}={value}) for a number in {unit}"
                 )
-        return replace(self, **fields).with_values(**values)
+        return replace(self, **parts).with_values(**changes)
 
     def with_values(self, **values: float | str) -> "Rig":
         """Return the rig with some of its parameters changed, numbers in the rig's own

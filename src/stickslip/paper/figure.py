@@ -190,31 +190,30 @@ def claim_from(
     return Claim(number, statement, measured, **more)
 
 
+@dataclass(frozen=True)
 class Figure:
     """A figure of the paper: `compute` its data, `draw` them, and `check` the paper's
     claims on them.
 
-    It has a name such as ``"fig4"``, a title, and a caption of its panels.
+    The first line of the docstring of its drawing is its title, the rest the caption of
+    its panels.
     """
 
-    def __init__(
-        self,
-        name: str,
-        height: float,
-        data: Callable[[Progress, bool], xr.Dataset],
-        claims: Callable[[xr.Dataset], Iterable[Claim]],
-        drawing: Callable[[Picture, xr.Dataset], None],
-    ) -> None:
-        # The first line of the drawing's docstring is the title, the rest the caption;
-        # the height is in inches.
-        title, text, *_ = (drawing.__doc__ or "").split("\n\n")
-        self.name = name
-        self.title = title.removesuffix(".")
-        self.caption = " ".join(text.split())
-        self._height = height
-        self._data = data
-        self._claims = claims
-        self._drawing = drawing
+    name: str  #: such as ``"fig4"``
+    height: float  #: in inches
+    data: Callable[[Progress, bool], xr.Dataset]
+    claims: Callable[[xr.Dataset], Iterable[Claim]]
+    drawing: Callable[[Picture, xr.Dataset], None]
+
+    @property
+    def title(self) -> str:
+        """Its subject, in some words."""
+        return str(self.drawing.__doc__).partition("\n\n")[0].removesuffix(".")
+
+    @property
+    def caption(self) -> str:
+        """Description of its panels."""
+        return " ".join(str(self.drawing.__doc__).split("\n\n")[1].split())
 
     def compute(
         self, progress: Progress | None = None, quick: bool = False
@@ -226,7 +225,7 @@ class Figure:
         `stickslip.io.datasets.save` writes the data.
         """
         report = progress or (lambda _: None)
-        data = self._data(report, quick)
+        data = self.data(report, quick)
         report(1.0)
         arguments = {"figure": self.name} | ({"quick": True} if quick else {})
         return data.assign_attrs(
@@ -241,14 +240,14 @@ class Figure:
         """
         self._check(data)
         with plot.house_style():
-            picture = plot.new_figure(plot.PAGE, self._height)
-            self._drawing(picture, data)
+            picture = plot.new_figure(plot.PAGE, self.height)
+            self.drawing(picture, data)
         return picture
 
     def check(self, data: xr.Dataset) -> tuple[Claim, ...]:
         """Weigh the data that `compute` gave against the claims of the paper."""
         self._check(data)
-        return tuple(self._claims(data))
+        return tuple(self.claims(data))
 
     def _check(self, data: xr.Dataset) -> None:
         made_by = io.read_provenance(data)
@@ -277,12 +276,12 @@ class Reproduction:
         return all(claim.ok for claim in self.claims)
 
     def __str__(self) -> str:
-        parts = [f"{self.figure.name}: {self.figure.title}. {self.figure.caption}\n"]
-        parts += [
+        parts = [
+            f"{self.figure.name}: {self.figure.title}. {self.figure.caption}\n",
             *(f"{claim}\n" for claim in self.claims),
             *(f"picture: {picture}" for picture in self.pictures),
+            f"data: {self.data}",
         ]
-        parts.append(f"data: {self.data}")
         if failed := sum(not claim.ok for claim in self.claims):
             parts.append(
                 f"{failed} of {len(self.claims)} claims did not come out as expected"
@@ -291,17 +290,15 @@ class Reproduction:
 
     def to_dict(self) -> dict[str, object]:
         """Return what JSON can hold."""
-        about = {
+        return {
             "figure": self.figure.name,
             "title": self.figure.title,
             "caption": self.figure.caption,
+            "pictures": list(map(str, self.pictures)),
+            "data": str(self.data),
+            "claims": [claim.plain() for claim in self.claims],
+            "ok": self.ok,
         }
-        files = {"pictures": list(map(str, self.pictures)), "data": str(self.data)}
-        return (
-            about
-            | files
-            | {"claims": [claim.plain() for claim in self.claims], "ok": self.ok}
-        )
 
 
 def places(

@@ -598,25 +598,13 @@ _EVALUATED = 60.0  # time units at the end of a run
 
 
 def _data_3(progress: Progress, quick: bool) -> xr.Dataset:
-    stds = [
-        0.02,
-        0.025,
-        0.03,
-        0.04,
-        0.05,
-        0.06,
-        0.07,
-        0.08,
-        0.09,
-        *np.arange(0.1, 0.51, 0.025).round(4).tolist(),
-    ]
-    stds = [0.02, 0.05, 0.1, 0.2, 0.3] if quick else stds
-    pairs = {
-        "initial_std": (0.0, 0.01, 0.1, 0.3)
-        if quick
-        else (0.0, 0.01, 0.05, 0.1, 0.2, 0.3),
-        "threshold_std": stds,
-    }
+    initial = [0.0, 0.01, 0.05, 0.1, 0.2, 0.3]
+    fine = np.r_[0.02, 0.025, 0.03:0.095:0.01, 0.1:0.51:0.025]
+    stds = fine.round(4).tolist()
+    if quick:
+        initial = [0.0, 0.01, 0.1, 0.3]
+        stds = [0.02, 0.05, 0.1, 0.2, 0.3]
+    pairs = {"initial_std": initial, "threshold_std": stds}
 
     def critical(how: str, initial: float, threshold: float) -> float:
         return ss.critical_stiffness(
@@ -804,8 +792,8 @@ def _drawing_3(picture: Picture, data: xr.Dataset) -> None:
     for ax, K, title, offset in zip(
         axes, data["critical_stiffness"], titles, ((7, -3), (8, 3)), strict=True
     ):
-        for line, colour in zip(K, PALETTE, strict=False):
-            ax.plot(std, line, color=colour, label=f"{float(line['initial_std']):g}")
+        for line in K:
+            ax.plot(std, line, label=f"{float(line['initial_std']):g}")
         guess = data["critical_stiffness_estimate"].sel(initial_std=0.01)
         ax.plot(
             std,
@@ -949,20 +937,15 @@ def _claims_5(data: xr.Dataset) -> Iterator[Claim]:
     measured: list[Measured] = []
     for solver in data["solver"].values:
         run = data.sel(solver=solver)
+        passed = _passes(run, 0.9247)
         surplus = (run["spring_force"] - run["friction_force"]).max()
-        measured += [
-            near(
-                f"time at which X passes .9247, {solver}",
-                _passes(run, 0.9247),
-                1.309,
-                0.004,
-                "time",
-            ),
-            near(
-                f"largest velocity, {solver}", run["velocity"].max(), 14.4, 0.4, "v_d"
-            ),
-            near(f"largest F_d - F_c, {solver}", surplus, 0.3155, 0.003, "f_s"),
-        ]
+        for name, value, exact, tolerance, unit in (
+            ("time at which X passes .9247", passed, 1.309, 0.004, "time"),
+            ("largest velocity", run["velocity"].max(), 14.4, 0.4, "v_d"),
+            ("largest F_d - F_c", surplus, 0.3155, 0.003, "f_s"),
+        ):
+            words = f"{name}, {solver}"
+            measured.append(near(words, value, exact, tolerance, unit))
     early = "Omega dt <= 1"
     yield claim_from(
         8,
