@@ -60,8 +60,7 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
     edges, rough = _panels(kappa, leaf, alpha, zeta, period)
 
     def phase(w: Array) -> Array:
-        resolved = 4.0 * np.sin(0.5 * w * period) ** 2
-        wave = np.where(w > rough, 2.0, resolved)
+        wave = np.where(w > rough, 2.0, _bulk(w, period))
         loss = w * (alpha + zeta * wave)
         stiffness = wave - w * w + leaf
         behind = np.arctan2(loss, stiffness)
@@ -114,8 +113,12 @@ def _panels(
 
 def _real_part(spring: float, period: float, w: Array) -> Array:
     """Real part of the stiffness that a wave meets on a spring to each block."""
-    wave = 4.0 * np.sin(0.5 * w * period) ** 2
-    return spring - w * w + wave
+    return spring - w * w + _bulk(w, period)
+
+
+def _bulk(w: Array, period: float) -> Array:
+    """Stiffness of the bulk for a wave, ``2 - 2 cos(w T)``."""
+    return 4.0 * np.sin(0.5 * w * period) ** 2
 
 
 def _zeros(function: Callable[[Array], Array], grid: Array) -> Array:

@@ -44,17 +44,17 @@ class CriticalLength(Answer):
 
     #: ``K_c(v)``, below which a mode grows, in the rig's own units; 0 if none does
     stiffness: float
-    wavelength: float  #: shortest wavelength that grows; infinite if none does
+    wavelength: float = math.inf  #: shortest that grows; infinite if none does
 
     #: Length beyond which a slider that is pulled at one end is unstable, in the
     #: continuum with that end held: a quarter of `wavelength` if it is long,
     #: ``(pi/2) sqrt(k_b/K_c)``.
-    length: float
+    length: float = math.inf
 
     #: The same for the rig's own chain with its side spring: smallest number of blocks
     #: that is unstable, viscosity of the bulk to first order; 0 if there is none, or
     #: the chain is not pulled at one end only.
-    blocks: int
+    blocks: int = 0
     #: these in words, in the rig's units where its blocks have a length
     sentence: str
 
@@ -162,9 +162,8 @@ def sliders_of(
     ring = body.ends == "periodic"
     if isinstance(body, Chain | Sheet) and not (ring and body.side > 0):
         row, bulk = _row(body.size // body.rows, body.coupling, body.side, ring, count)
-        beside, _ = _row(
-            body.rows, body.shear if isinstance(body, Sheet) else 0.0, 0.0, ring, count
-        )
+        shear = body.shear if isinstance(body, Sheet) else 0.0
+        beside, _ = _row(body.rows, shear, 0.0, ring, count)
         total = (row[:, None] + beside).ravel()
         chosen = np.argsort(total, kind="stable")[:count]
         stiffness = total[chosen]
@@ -260,13 +259,7 @@ def critical_length(rig: Rig) -> CriticalLength:
     stiffness = (body.leaf + reach) * rig.unit("k")
     if reach <= 0:
         sentence = "smooth sliding is stable at every wavelength"
-        return CriticalLength(
-            stiffness=stiffness,
-            wavelength=math.inf,
-            length=math.inf,
-            blocks=0,
-            sentence=sentence,
-        )
+        return CriticalLength(stiffness=stiffness, sentence=sentence)
     sine = math.sqrt(reach / (4.0 * body.coupling))
     wavelength = math.pi / math.asin(sine) if sine < 1 else 2.0
     sentence = f"waves longer than {length_in_words(rig, wavelength)} grow"
@@ -275,10 +268,8 @@ def critical_length(rig: Rig) -> CriticalLength:
         # Blocks beyond cot(q n) = (2 k_b/k_side - 1) tan(q/2), at the critical
         # wavenumber.
         half = math.asin(min(sine, 1.0 - 1e-9))
-        beyond = math.atan2(
-            1.0, (2.0 * body.coupling / body.side - 1.0) * math.tan(half)
-        )
-        blocks = 1 + math.floor(beyond / (2.0 * half))
+        cotangent = (2.0 * body.coupling / body.side - 1.0) * math.tan(half)
+        blocks = 1 + math.floor(math.atan2(1.0, cotangent) / (2.0 * half))
         shortest = length_in_words(rig, blocks)
         sentence += f"; pulled at one end, unstable from {shortest} on"
     length = 0.5 * math.pi * math.sqrt(body.coupling / reach)

@@ -35,11 +35,14 @@ class Medium(NamedTuple):
         """``K (D - U) - F(U)``: what drives the bar forward where it has moved to
         ``U = x``.
         """
-        attached = self.thresholds.survival(x) / float(
-            self.thresholds.survival(self.prestress)
-        )
+        attached = self.thresholds.survival(x) / self.attached
         held = self.leaf * (x - self.prestress) + (x - self.sliding_force) * attached
         return self.prestress - self.sliding_force - held
+
+    @property
+    def attached(self) -> float:
+        """Fraction of the contacts that is attached ahead of the front."""
+        return float(self.thresholds.survival(self.prestress))
 
     @property
     def rest(self) -> float:
@@ -49,9 +52,7 @@ class Medium(NamedTuple):
         if self.leaf == 0:
             return math.inf
         far = self.prestress + (self.prestress - self.sliding_force) / self.leaf
-        if float(self.thresholds.survival(far)) <= 1e-14 * float(
-            self.thresholds.survival(self.prestress)
-        ):
+        if float(self.thresholds.survival(far)) <= 1e-14 * self.attached:
             return far
         # Some contacts are still attached there; the bar rests earlier. Without a place
         # to rest there is no front.
@@ -88,12 +89,9 @@ class Medium(NamedTuple):
             )
 
         moved = end - self.prestress
-        contacts = (spent(end) - spent(self.prestress)) / float(
-            self.thresholds.survival(self.prestress)
-        )
-        return (
-            (self.prestress - sliding) * moved - 0.5 * self.leaf * moved**2 - contacts
-        )
+        contacts = (spent(end) - spent(self.prestress)) / self.attached
+        driven = (self.prestress - sliding) * moved
+        return driven - 0.5 * self.leaf * moved**2 - contacts
 
 
 def rising(

@@ -113,8 +113,9 @@ def values_of(rig: Rig) -> dict[str, float]:
     found = {}
     for name in NAMES if rig.natural.velocity > 0 else ():
         with suppress(InputError):  # the rig has no such parameter
-            found[name] = rig.value(name)
-    return {name: value for name, value in found.items() if math.isfinite(value)}
+            if math.isfinite(value := rig.value(name)):
+                found[name] = value
+    return found
 
 
 def of(rig: Rig) -> Document:
@@ -168,16 +169,10 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
         if isinstance(distribution := getattr(rig.interface, name), Empirical):
             check_count(f"interface.{name}", "bins", len(distribution.weights))
     check_count("drive.pieces", "pieces", len(rig.drive.pieces))
-    check_count(
-        "simulation.contacts",
-        "contacts",
-        rig.method.count if isinstance(rig.method, Contacts) else 0,
-    )
-    check_count(
-        "simulation.interval",
-        "samples",
-        rig.drive.duration / (rig.output.interval or math.inf),
-    )
+    if isinstance(rig.method, Contacts):
+        check_count("simulation.contacts", "contacts", rig.method.count)
+    samples = rig.drive.duration / (rig.output.interval or math.inf)
+    check_count("simulation.interval", "samples", samples)
     if rig.slider.mass == 0:
         raise InputError(
             (
@@ -343,16 +338,14 @@ def presets() -> tuple[dict[str, Any], ...]:
         and rig.interface.activation is None
         and isinstance(rig.slider, Slider)
     ]
-    for figure, words in shipped["figures"].items():
-        title = f"Fig. {figure}: {words}"
-        document = paper(CASES[f"fig{figure}"], f"Fig. {figure}")
-        found.append(
-            {
-                "group": "The paper, in natural units",
-                "title": title,
-                "document": document,
-            }
-        )
+    found += [
+        {
+            "group": "The paper, in natural units",
+            "title": f"Fig. {figure}: {words}",
+            "document": paper(CASES[f"fig{figure}"], f"Fig. {figure}"),
+        }
+        for figure, words in shipped["figures"].items()
+    ]
     return tuple(found)
 
 

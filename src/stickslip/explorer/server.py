@@ -354,14 +354,12 @@ def _question(message: Message, kinds: Collection[str], largest: int) -> Plain:
             f"this file has {len(content) / 1e6:.3g} MB, more than {largest / 1e6:g}"
         )
     request = documents.from_json(text)
-    kind, number = (
-        (request.get("kind"), request.get("id"))
-        if isinstance(request, dict)
-        else (None, None)
-    )
-    if not isinstance(request, dict) or not isinstance(kind, str) or kind not in kinds:
+    asked: Plain = request if isinstance(request, dict) else {}
+    kind = asked.get("kind")
+    number = asked.get("id")
+    if not isinstance(kind, str) or kind not in kinds:
         known = f"this question is not known; there are {', '.join(kinds)}"
         raise refused("kind", kind, known)
-    if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
+    if number is not None and type(number) is not int:
         raise refused("id", number, "must be a whole number")
-    return {**request, "content": content}
+    return {**asked, "content": content}

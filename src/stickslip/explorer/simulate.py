@@ -55,21 +55,17 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
         f"the whole of it would take more than about {seconds:g} s to simulate. "
         "For that use stickslip simulate."
     )
-    notes = (
-        []
-        if rig is asked
-        else [
-            f"The run shows the first {100 * part:.2g} % of the drive, {lasts}: {whole}"
-        ]
-    )
+    notes = []
+    if rig is not asked:
+        first = f"The run shows the first {100 * part:.2g} % of the drive, {lasts}"
+        notes.append(f"{first}: {whole}")
     for step in range(_EXTENSIONS + 1):
         made = _run(rig, watch, seconds, snapshots=(_cursor_time(request, rig),))
         answer = force_trace(made, width_of(request))
-        undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
+        regime = answer["regime"]
+        undecided = regime["kind"] == "undecided" and step < _EXTENSIONS
         longer = documents.extended(rig, seconds) if undecided else None
-        period = (
-            answer["regime"]["kind"] != "smooth sliding" and answer["regime"]["period"]
-        )
+        period = regime["kind"] != "smooth sliding" and regime["period"]
         yield {
             **answer,
             "phase": _phase(made),
@@ -106,22 +102,18 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
     velocity = rig.natural.velocity
     if velocity <= 0:
         raise InputError("drive.velocity = 0: kinetic friction is that of sliding")
-    low = velocity / _LAW
-    high = velocity * _LAW
-    count = _LAW_POINTS
-    if rig.interface.ageing is not None:  # each speed takes a hundred times as long
-        low = velocity / 30.0
-        high = velocity * 30.0
-        count = 13
+    # of thresholds that age each speed takes a hundred times as long
+    aged = rig.interface.ageing is not None
+    around, count = (30.0, 13) if aged else (_LAW, _LAW_POINTS)
+    low = velocity / around
+    high = velocity * around
     speeds = np.geomspace(low, high, count)
     forces = []
     for i, speed in enumerate(speeds):
         watch(i / count)
         forces.append(float(sliding.kinetic_friction(rig.interface, float(speed))))
     turning = (
-        ()
-        if rig.interface.ageing is not None
-        else sliding.turning_velocities(rig.interface, between=(low, high))
+        () if aged else sliding.turning_velocities(rig.interface, between=(low, high))
     )
     v = rig.unit("x_s/time")
     F = rig.unit("f_s")

@@ -48,6 +48,9 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
     shade = _shade(values / largest)
     levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
+    curve_of = found["curve"].values
+    x, y = (found[f"edge_{name}"].values for name in over)
+    frequency = found["edge_frequency"].values / (2 * math.pi)
     yield {
         "x": _map_axis(found[over[0]]),
         "y": _map_axis(found[over[1]]),
@@ -62,16 +65,11 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "frequency_unit": advise.frequency_unit(rig),
         "curves": [
             {
-                "x": floats(found[f"edge_{over[0]}"].values[mine]),
-                "y": floats(found[f"edge_{over[1]}"].values[mine]),
-                "frequency": floats(
-                    found["edge_frequency"].values[mine] / (2 * math.pi)
-                ),
+                "x": floats(x[curve_of == curve]),
+                "y": floats(y[curve_of == curve]),
+                "frequency": floats(frequency[curve_of == curve]),
             }
-            for mine in (
-                found["curve"].values == curve
-                for curve in np.unique(found["curve"].values)
-            )
+            for curve in np.unique(curve_of)
         ],
         "here": [float(found[f"here_{name}"]) for name in over],
         "summary": found.attrs["summary"],
