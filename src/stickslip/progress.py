@@ -70,7 +70,7 @@ def _log_of(title: str, first: float, every: float) -> Callable[..., None]:
 
 
 def in_time(seconds: float) -> str:
-    """Say a time as a person would: ``"14 min"``."""
+    """Return a time as a person would say it: ``"14 min"``."""
     for size, name in (
         (31_557_600.0, "years"),
         (86_400.0, "days"),

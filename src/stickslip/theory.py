@@ -177,7 +177,7 @@ def newborn_pull(
     at its start, as in Fig. 11.
 
     By a renewal equation. Contacts have `Langevin` ageing, no delay, and no strength at
-    birth. Returned are positions, so many equal steps of the distance, in ``x_s``, and
+    birth. Returned are positions, in equal steps of the distance, in ``x_s``, and
     forces there, per contact in ``f_s``.
     """
     speed = number("velocity", velocity, above=0)

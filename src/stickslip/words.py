@@ -58,7 +58,7 @@ def listed(names: Iterable[object]) -> str:
 
 
 def percent(fraction: float) -> str:
-    """A fraction in per cent: whole ones from 10 % on, two digits below.
+    """A fraction in per cent: whole per cents from 10 % on, two digits below.
 
     Examples
     --------

@@ -138,7 +138,7 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
 
 
 def _check_work(body: ElasticBody, count: int) -> None:
-    """Raise `InputError` if so many modes would take more than an hour or 4 GB."""
+    """Raise `InputError` if that many modes would take more than an hour or 4 GB."""
     found = min(count, body.size)
     # no closed form where a spring holds one end
     searched = found * body.size if body.side > 0.0 else 0

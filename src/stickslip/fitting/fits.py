@@ -44,7 +44,7 @@ LOW = 0.02  # p-values below this are listed
 
 @dataclass(frozen=True, kw_only=True)
 class FittedInterval:
-    """A quantity: its median, its 90 % interval, and what the trace says of it."""
+    """Median and 90 % interval of a quantity, and whether the trace determines it."""
 
     key: str
     title: str
@@ -133,7 +133,7 @@ class Fit(Answer):
 
     @property
     def parameters(self) -> tuple[FittedInterval, ...]:
-        """The six parameters of the model, each with what the trace says of it."""
+        """Intervals of the six parameters of the model, each with its verdict."""
         return tuple(self[key] for key in KEYS)
 
     @property
@@ -156,7 +156,7 @@ class Fit(Answer):
         """Equally likely values of a parameter, or of a quantity in SI units.
 
         Raises `InputError` if there is none of that name, or if what is known does not
-        allow to tell it.
+        determine it.
         """
         if key in KEYS:
             return self.values[:, KEYS.index(key)]
@@ -368,8 +368,8 @@ def fit(
     picked as the trace was, and those like the trace are kept. The simulations are made
     once and kept in the user's cache; that takes a minute, a fit then some seconds.
 
-    A trace alone constrains some parameters weakly and others not at all; the fit says
-    which, and guesses nothing.
+    A trace alone constrains some parameters weakly and others not at all; the fit
+    reports which, and guesses nothing.
 
     Parameters
     ----------
@@ -397,7 +397,7 @@ def fit(
     Raises
     ------
     InputError
-        If the trace is none of stick-slip, or says too little: the message has the
+        If the trace is none of stick-slip, or too short: the message has the
         figure that decided.
 
     Examples

@@ -134,7 +134,7 @@ def _in_decades(values: Array) -> Array:
 def simulate(
     values: Array, count: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Peaks and troughs of up to so many slips, in units of the total contact
+    """Peaks and troughs of up to a number of slips, in units of the total contact
     strength; fewer if it hardly slips.
     """
     from stickslip.kernels.arrest import Arrest, slips
@@ -178,7 +178,7 @@ def synthetic_trace(
     """Return a trace of known parameters, as a bench would record it: from rest,
     sampled, with noise.
 
-    The parameters are the truth, as in `Prior`; so many `slips` are there. The Dataset
+    The parameters are the truth, as in `Prior`; `slips` is their number. The Dataset
     holds `spring_force` in N along `time` in s. Parameters with which there are hardly
     any slips are refused.
 

@@ -39,11 +39,11 @@ class Fitted(Protocol):
 
     @property
     def known(self) -> Known:
-        """What was known besides."""
+        """Known values besides."""
 
     @property
     def delays(self) -> Constraint | None:
-        """What other speeds say of the delay."""
+        """The delay by friction at other speeds."""
 
     @property
     def values(self) -> Array:
@@ -176,13 +176,13 @@ def _document(found: Fitted, name: str, fitted: Mapping[str, Array]) -> dict[str
     """The file of a fitted rig, but for the values of one draw: what was fitted,
     with its interval and draws.
     """
-    says = {one.key: str(one.verdict) for one in found.parameters}
+    verdicts = {one.key: str(one.verdict) for one in found.parameters}
     if found.events.slip_samples >= RESOLVED:
-        says[_ASSUMED] = "identified by the time of a slip"
+        verdicts[_ASSUMED] = "identified by the time of a slip"
     assumed = {} if "interface.delay" in fitted else {"interface.delay": _NO_DELAY}
     entries = {}
     for path, draws in fitted.items():
-        how = says.get(KEYS[path][2], KEYS[path][2])
+        how = verdicts.get(KEYS[path][2], KEYS[path][2])
         if how.startswith("assumed"):
             assumed[path] = how.removeprefix("assumed: ")
         low, high = (
@@ -392,7 +392,7 @@ def quick_fit(
         In place of the loading rate.
     half_speed : float or str, optional
         Speed at which kinetic friction has fallen to half; without it there is no
-        delay, and the rig says so.
+        delay, and the rig lists that among what it assumes.
 
     Raises
     ------

@@ -140,7 +140,7 @@ def table(
 
 
 def joined(tables: Sequence[SeriesTable], draws: int | None = None) -> SeriesTable:
-    """Tables of one prior one after another, and of them so many draws."""
+    """Tables of one prior one after another, as far as a number of draws."""
     made = {
         name: np.concatenate([getattr(one, name) for one in tables])[:draws]
         for name in _FIELDS

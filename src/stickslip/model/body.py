@@ -79,7 +79,7 @@ class ElasticBody(Record):
     block. What every body has.
 
     A body of the user's own derives from this class, is registered under the name of
-    its table in rig files, and says its `size`, the springs that pull its blocks
+    its table in rig files, and gives its `size`, the springs that pull its blocks
     (`pulled`) and those that couple them (`links`).
     """
 

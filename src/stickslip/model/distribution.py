@@ -91,7 +91,7 @@ class Distribution(Record):
         scale = np.ceil(np.log2(np.maximum(np.abs(flat), 2.0**-20)))
         for power in np.unique(scale).tolist():
             own = np.flatnonzero(scale == power)
-            # A bound of which there are few different ones: the nodes are kept.
+            # A bound with few different values: the nodes are kept.
             least = (
                 math.floor(4.0 * float(np.min(flat[own].real)) / 2.0**power)
                 * 2.0**power

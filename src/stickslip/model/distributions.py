@@ -435,7 +435,7 @@ class Empirical(_Histogram):
 
     @classmethod
     def from_samples(cls, samples: ArrayLike, bins: int | None = None) -> Self:
-        """Make the histogram of measured values: at least two different finite ones,
+        """Make the histogram of measured values: at least two different finite values,
         else `InputError`.
 
         The `bins` are equal; by default there are as many as numpy's rule ``"auto"``

@@ -145,8 +145,8 @@ class Renewal(Record):
     """Method of `rigid_slide`: the master equation as a renewal equation, solved by
     fast convolution.
 
-    The grid of positions has so many intervals; the error falls as ``points**-6`` for
-    smooth distributions.
+    `points` is the number of intervals of the grid of positions; the error falls as
+    ``points**-6`` for smooth distributions.
     """
 
     points: Annotated[int, Number(at_least=8, at_most=10_000_000)] = 4096

@@ -17,7 +17,7 @@ from stickslip.words import PREFIXES
 
 LONGEST_QUANTITY = 64  # characters of a quantity; longer texts are refused unread
 
-# typesetting puts the narrow ones between a number and its unit
+# typesetting puts narrow blanks between a number and its unit
 _BLANKS = "[ \u00a0\u202f]*"
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?"
 _NAME = "[A-Za-zµμÅ\u212b]+"
@@ -72,7 +72,7 @@ _UNITS: tuple[tuple[str, str, Fraction | int, dict[str, int]], ...] = (
 """Units: symbols, names, which have a plural, sizes in SI units, and the exponents
 of these.
 """
-_PREFIXED = 10  # how many of them, the first ones, take a prefix
+_PREFIXED = 10  # number of them, from the first on, that take a prefix
 _UNCLEAR = {
     **dict.fromkeys(
         ("ton", "tons"), "differs between countries; write 't' for 1000 kg"
@@ -254,7 +254,7 @@ _SLIPS = (
 
 
 def _remedy(text: str) -> str:
-    """Say how to write what can only have meant one thing; empty if that is not
+    """Return how to write what can only have meant one thing; empty if that is not
     clear.
     """
     if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):
@@ -273,6 +273,6 @@ def _remedy(text: str) -> str:
             reasons.append(reason)
         if found := _QUANTITY.fullmatch(text):
             if found[2]:
-                _size_of(found[2])  # what is said to be right must be
+                _size_of(found[2])  # the remedy must be right
             return f"write {text.strip()!r}: {', '.join(dict.fromkeys(reasons))}"
     return ""

@@ -92,8 +92,8 @@ class Assumption:
 
     value: str  # as it stands in the rig's file; empty if the file does not say
     how: str
-    default: bool = False  # whether it was taken because the file said nothing
-    # where it may lie, as it stands in the file, if that says so
+    default: bool = False  # whether it was taken because the file has none
+    # where it may lie, as it stands in the file, if it is given there
     between: tuple[Any, ...] = ()
     factors: tuple[float, ...] = ()  # and over the value
 
@@ -117,7 +117,7 @@ class Fitted:
 
     value: str  # as it stands in the rig's file
     interval: str  # of 90 %, in words
-    # what the trace says of it: identified, weak, not identified, at a bound, or
+    # how far the trace determines it: identified, weak, not identified, at a bound, or
     # assumed, and why
     how: str
     # equally likely values in SI units; those of all keys belong together, in order
@@ -393,7 +393,7 @@ class Rig(Answer):
         return result if self.scales is None else in_si(result, self.scales)
 
     def in_units(self, value: float, unit: str, digits: int = 4) -> str:
-        """Say a natural value in words, its unit named as in `unit`: in SI units
+        """Return a natural value in words, its unit named as in `unit`: in SI units
         with a prefix, or in natural units.
         """
         return in_words(value, unit, self.scales, digits)

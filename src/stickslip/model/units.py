@@ -120,7 +120,7 @@ def in_si(data: "xr.Dataset", scales: Scales) -> "xr.Dataset":
 
 
 def in_words(value: float, unit: str, scales: Scales | None, digits: int = 4) -> str:
-    """Say a natural value in words: in SI units with a prefix, or in natural units
+    """Return a natural value in words: in SI units with a prefix, or in natural units
     where there are no scales.
     """
     if scales is None:

@@ -46,7 +46,7 @@ _SHOWN_DELAYS = (0.0, 0.09, 0.1, 0.2)
 _DELAYS = (0.0, 0.085, 0.09, 0.1, 0.105, 0.2, 0.3)
 
 _SHOWN = 20.0
-# the window that is evaluated; earlier ones show how fast a transient decays
+# the window that is evaluated; earlier windows show how fast a transient decays
 _BEGIN = 60.0
 _END = 120.0
 _EARLY = (20.0, 40.0, 60.0)

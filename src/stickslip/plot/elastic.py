@@ -300,7 +300,7 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 @house_style()
 def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw how far each block of a `Chain` slipped in each event, early events dark
-    and late ones bright.
+    and late events bright.
     """
     moved = on_blocks(run, "displacement", "plot")
     found = _events(run)

@@ -1,5 +1,5 @@
 """Maps: sweeps over one or two parameters, and the stability map around a rig, with
-what theory says on top.
+the results of theory on top.
 """
 
 import math
@@ -69,7 +69,7 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     along one; starts side by side.
 
     It holds its ``regime``, or is a refinement with the regime of its runs; with
-    ``edge_<axis>`` and ``band_<axis>...`` what theory says goes on top, see
+    ``edge_<axis>`` and ``band_<axis>...`` the results of theory go on top, see
     `stickslip.sweep.theory.with_theory`. The first axis goes to the right. Where there
     are several seeds, a cell has the regime of all. A picture holds one axis or two,
     beside seed and start.
@@ -114,8 +114,8 @@ def _words(codes: xr.DataArray) -> xr.DataArray:
 
 
 def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
-    """A panel for each start, in which `draw` puts the cases, with what theory says;
-    and one legend.
+    """Draw a panel for each start, in which `draw` puts the cases, with the results
+    of theory; and one legend.
     """
     starts = (
         np.unique(data["start"].values.astype(str))
@@ -251,7 +251,7 @@ def _curves(
 
 
 def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
-    """The oscillation of the force along one parameter, and what theory says."""
+    """The oscillation of the force along one parameter, and the results of theory."""
     if "peak_to_peak" not in data:
         raise InputError(
             "plot: this sweep holds no variable peak_to_peak; measure it to draw it "

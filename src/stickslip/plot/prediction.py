@@ -33,7 +33,7 @@ _BY_THEORY = {
 
 @house_style()
 def prediction(answer: Prediction) -> Figure:
-    """Draw what `predict` says: motion at each speed, force at the rig's own, how
+    """Draw what `predict` returns: motion at each speed, force at the rig's own, how
     far each parameter may be varied.
     """
     rows = len(answer.margins)
@@ -224,7 +224,7 @@ def _margins(ax: Axes, answer: Prediction) -> None:
 
 @house_style()
 def waves(answer: Any) -> Figure:
-    """Draw what `predict` says of a `Chain` or a `Sheet`: at which speeds each wave
+    """Draw what `predict` returns for a `Chain` or a `Sheet`: at which speeds each wave
     on it grows.
     """
     rows = max(len(answer.waves), 1)

@@ -28,7 +28,7 @@ SHOWN = 40  # contacts in the drawing; the run may have any number of them
 CYCLES = 5.0  # cycles of loading that the frames span
 ATTACHED = 1  # flag of a contact in a frame: it is attached
 RENEWED = 2  # it broke and re-attached since the frame before
-# part of the frames that is spread over the way of the slider, the rest over the time
+# part of the frames that is spread over the path of the slider, the rest over the time
 _MOVING = 0.7
 _SAMPLES = 20_000
 _CONTACTS = 2_000  # contacts that are drawn for a rig whose solver has none
@@ -139,7 +139,7 @@ def _window(rig: Rig, at: float) -> tuple[float, float]:
 def _frame_times(
     rig: Rig, begin: float, end: float, count: int, watch: Progress
 ) -> Array:
-    """Times of the frames: even in a clock that runs with the time and with the way
+    """Times of the frames: even in a clock that runs with the time and with the path
     of the slider.
     """
     turn = math.sqrt(rig.slider.mass / (rig.slider.stiffness + 1.0))

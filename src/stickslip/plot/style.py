@@ -239,7 +239,7 @@ def along_time(
 
 
 def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
-    """Thin out a long line to about so many points: smallest and largest value of
+    """Thin out a long line to about a number of points: smallest and largest value of
     each group, in their order.
     """
     group = y.size // (most // 2)

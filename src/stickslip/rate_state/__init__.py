@@ -3,7 +3,7 @@ and files for other programs.
 
 Geophysicists describe friction by a direct effect ``a``, an evolution effect ``b`` and
 a distance ``D``. Contacts with temperature and ageing come near to it, others do not;
-`rate_and_state` says which, and what the parameters get wrong.
+`rate_and_state` reports which, and what the parameters get wrong.
 """
 
 from stickslip.rate_state.contacts import finite_step, small_step

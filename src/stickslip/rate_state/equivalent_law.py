@@ -48,7 +48,7 @@ class RateAndStateFit(Answer):
     """Rate-and-state parameters of an interface, and what they are worth.
 
     Per contact and in natural units; `in_units` gives those of a rig. `Estimate` is a
-    number with its standard ``error``, which says how well the step fixes the
+    number with its standard ``error``, which is how well the step fixes the
     parameters, not how well the law describes it.
     """
 
@@ -102,8 +102,8 @@ class RateAndStateFit(Answer):
 
     @property
     def healing_over_b(self) -> float | None:
-        """Healing over b: rate and state says 1; contacts with ageing ``c`` and
-        width ``A`` say ``2 c/(A + c)``.
+        """Healing over b: 1 by rate and state; by contacts with ageing ``c`` and
+        width ``A`` it is ``2 c/(A + c)``.
         """
         return None if self.healing is None else self.healing / self.b
 
@@ -120,8 +120,8 @@ class RateAndStateFit(Answer):
 
     @property
     def danger(self) -> Literal["none", "too low", "too high"]:
-        """Which way the critical stiffness of rate and state errs; too low is the
-        unsafe side.
+        """Direction in which the critical stiffness of rate and state errs; too low
+        is the unsafe side.
         """
         if math.isnan(self.ratio) or abs(self.ratio - 1.0) < 0.01:
             return "none"
@@ -186,8 +186,8 @@ def rate_and_state(
     step: float = 10.0,
     law: Literal["best", "ageing", "slip"] = "best",
 ) -> RateAndStateFit:
-    """Say whether an interface is rate-and-state-like, with which parameters, and what
-    these get wrong.
+    """Decide whether an interface is rate-and-state-like, with which parameters, and
+    what these get wrong.
 
     Small steps of the velocity, from the exact linear response, are fitted over six
     breaking displacements at this velocity and at both ends of the decade about it.
@@ -299,7 +299,7 @@ def _fitted(
     law: Law,
     near: Array | None,
 ) -> LeastSquaresFit:
-    """Fit a, b, D to the force from a step on, 0 at first, over so much slip; near
+    """Fit a, b, D to the force from a step on, 0 at first, over a slip; near
     some values, if there are any.
     """
     largest = float(np.max(np.abs(rise)))
@@ -367,7 +367,7 @@ def _of_a_step(
 
 
 def _failing(interface: Interface, velocity: float, fit: LeastSquaresFit) -> str:
-    """Say what keeps it from being rate and state, or nothing."""
+    """Reason why it is not rate and state; empty if there is none."""
     a = fit.estimates()[0]
     spring = contact_stiffness(interface, velocity)
     wave = 1j * _FAST / interface.threshold_distribution.moment(1)

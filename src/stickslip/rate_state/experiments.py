@@ -57,14 +57,14 @@ class Step:
         )
 
     def since(self, late: float, displacement: Array | None = None) -> Array:
-        """Displacement since the step, if that came so much displacement later than
-        was said.
+        """Displacement since the step, if that came later by some displacement than
+        was given.
         """
         x = self.displacement if displacement is None else displacement
         return np.where(x < 0, self.stretch, 1.0) * x - late
 
     def level(self, late: float = 0.0) -> float:
-        """Friction before the step, if that came so much later."""
+        """Friction before the step, if that came later by some displacement."""
         before = self.friction[self.since(late) <= 0]
         return float(np.median(before) if before.size else self.friction[0])
 
@@ -188,7 +188,7 @@ class Healing(Answer):
     slip_to_peak: tuple[float, ...]
     #: growth of the peak for each factor of ten in the hold, from one hold to the next
     per_decade: tuple[float, ...]
-    by_rate_and_state: float  #: what rate and state says of long holds: ``b ln 10``
+    by_rate_and_state: float  #: by rate and state, for long holds: ``b ln 10``
     time_unit: str
     force_unit: str
     length_unit: str
@@ -230,11 +230,11 @@ class Healing(Answer):
 
 
 def healing(run: xr.Dataset, b: float) -> Healing:
-    """Say how much the peaks of a `slide_hold_slide` run grow with the time of the
+    """Return how much the peaks of a `slide_hold_slide` run grow with the time of the
     hold, all of which differ.
 
-    Beside it stands what rate and state says with the evolution effect `b`, in the unit
-    of force of the run.
+    Beside it stands the growth by rate and state with the evolution effect `b`, in the
+    unit of force of the run.
     """
     instance(
         "healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it"

@@ -1,7 +1,7 @@
 """Critical values: where smooth sliding loses or regains stability as one parameter is
 varied.
 
-`critical` finds every crossing along a parameter of a rig. All is linear: it says where
+`critical` finds every crossing along a parameter of a rig. All is linear: where
 smooth sliding is unstable to the smallest disturbance, not where stick-slip, once
 started, decays.
 """

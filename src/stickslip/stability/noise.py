@@ -70,7 +70,7 @@ class ContactNoise(Answer):
 
     #: Time over which the deviations of the spring force are alike: the integral of the
     #: square of their correlation. A run of time ``T`` holds ``T/memory`` independent
-    #: ones; of a mode that decays at the rate ``g`` it is ``1/(2 g)``.
+    #: deviations; of a mode that decays at the rate ``g`` it is ``1/(2 g)``.
     memory: float
 
     #: One-sided spectra of both along ``frequency``, in Hz (cycles per time in natural

@@ -138,7 +138,7 @@ def _value(
 def _first_starts(
     sliding: SmoothSliding, neutral: Neutral | None = None
 ) -> ComplexArray:
-    """Modes of the rig alone, neutral ones, and where ``Z + kappa`` changes sign on
+    """Modes of the rig alone, neutral modes, and where ``Z + kappa`` changes sign on
     the real axis.
     """
     own = natural_frequencies(sliding.body)
@@ -199,8 +199,8 @@ def _polished(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
         radius = min(
             radius, 1e-2 * float(np.min(np.abs(natural_frequencies(sliding.body).real)))
         )
-    # A slope good to 1e-6 leaves no more than that of a step; where values are dear, no
-    # other is taken, nor far left.
+    # A slope good to 1e-6 leaves no more than that of a step; where values are
+    # expensive, no other is taken, nor far left.
     enough, furthest = (1e-15, -math.inf) if sliding.response.certain else (1e-5, limit)
     s = starts.astype(complex)
     last = np.full(starts.shape, np.inf)
