@@ -657,9 +657,8 @@ def plot(
             figure = getattr(ss.plot, names.get(kind, kind))(trace)
             figure = getattr(figure, "figure", figure)  # of axes
         ss.plot.save(figure, output)
-    print(
-        f"{'film' if kind == 'contacts' else 'sound' if kind == 'sound' else 'picture'}: {output}"  # noqa: E501
-    )
+    written = {"contacts": "film", "sound": "sound"}.get(kind, "picture")
+    print(f"{written}: {output}")
 
 
 @app.command
@@ -899,16 +898,17 @@ def _report_sweep(
         "regimes": regimes,
         "failures": failed,
         "crossings": crossings,
+        "store": store,
+        "picture": picture,
+        "theory": theory,
     }
-    content = plain(counted) | plain(
-        about | {"store": store, "picture": picture, "theory": theory}
-    )
+    content = plain(counted) | plain(about)
     lines = [
         *(f"{kind}: {count}" for kind, count in regimes.items()),
         f"store: {store}",
+        *([] if picture is None else [f"picture: {picture}, on top: {theory}"]),
+        *(f"failed: {failure}" for failure in failed[:_FAILURES_SHOWN]),
     ]
-    lines += [] if picture is None else [f"picture: {picture}, on top: {theory}"]
-    lines += [f"failed: {failure}" for failure in failed[:_FAILURES_SHOWN]]
     if len(failed) > _FAILURES_SHOWN:
         lines.append(
             f"failed: ... and {len(failed) - _FAILURES_SHOWN} more, in the variable "

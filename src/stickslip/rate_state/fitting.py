@@ -73,16 +73,11 @@ class Estimate(float):
         error = self.error / divisor
         if not error > 0:
             return f"{value:.4g} {unit}".rstrip()
-        places = (
-            max(1 - math.floor(math.log10(error)), 0) if math.isfinite(error) else 0
-        )
-        brief = places <= 8 and error < 1e6
-        said = (
-            f"{value:.{places}f} ± {error:.{places}f}"
-            if brief
-            else f"{value:.4g} ± {error:.2g}"
-        )
-        return f"({said}) {unit}" if unit else said
+        both = f"{value:.4g} ± {error:.2g}"
+        if 1e-7 <= error < 1e6:
+            places = max(1 - math.floor(math.log10(error)), 0)
+            both = f"{value:.{places}f} ± {error:.{places}f}"
+        return f"({both}) {unit}" if unit else both
 
 
 class LeastSquaresFit(NamedTuple):

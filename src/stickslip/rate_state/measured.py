@@ -103,14 +103,14 @@ class StepFit(FittedStep):
         return self.parameters.step(since, self.step.ratio, stiffness=self.stiffness)
 
     def __str__(self) -> str:
-        found = {"a": self.a, "b": self.b, "a - b": self.a_minus_b}
+        unit = self.step.friction_unit
         estimates = {
-            name: (value, self.step.friction_unit) for name, value in found.items()
+            "a": (self.a, unit),
+            "b": (self.b, unit),
+            "a - b": (self.a_minus_b, unit),
+            "D": (self.distance, self.step.length_unit),
         }
-        return (
-            f"{self.law} law: "
-            f"{self._words(estimates | {'D': (self.distance, self.step.length_unit)})}"
-        )
+        return f"{self.law} law: {self._words(estimates)}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -165,11 +165,12 @@ class ContactsFit(FittedStep):
 
     def __str__(self) -> str:
         cv = self.thresholds.standard_deviation() / self.thresholds.moment(1)
-        estimates = {"A": (self.width, ""), "c": (self.ageing, "")}
-        estimates["breaking displacement"] = (
-            self.breaking_displacement,
-            self.step.length_unit,
-        )
+        length = self.step.length_unit
+        estimates = {
+            "A": (self.width, ""),
+            "c": (self.ageing, ""),
+            "breaking displacement": (self.breaking_displacement, length),
+        }
         return f"contacts, thresholds with CV {cv:.2g}: {self._words(estimates)}"
 
 
@@ -217,31 +218,23 @@ def _fitted(
     inflation = math.sqrt(count / max(count * (1.0 - alike) / (1.0 + alike), low.size))
     *found, late = fit.estimates(inflation)
     values = dict(zip(ranges, found, strict=True))
-    doubts = (
-        []
-        if fit.converged
-        else ["the fit did not converge; give a longer record, or less noise"]
-    )
-    for (name, value), (least, largest) in zip(
-        values.items(), ranges.values(), strict=True
-    ):
+    if not fit.converged:
+        raise _unidentified(
+            "the fit did not converge; give a longer record, or less noise"
+        )
+    for name, (least, largest) in ranges.items():
+        value = values[name]
         if name == "stiffness":
             continue
+        found_as = f"{name} = {value.words()}"
         if not value.error < value:
-            doubts.append(f"{name} = {value.words()}, an error as large as the value")
-        elif not least * (1 + 1e-6) < value < largest * (1 - 1e-6):
-            doubts.append(
-                f"{name} = {value.words()} is at the end of the range that was tried"
-            )
+            raise _unidentified(f"{found_as}, an error as large as the value")
+        if not least * (1 + 1e-6) < value < largest * (1 - 1e-6):
+            raise _unidentified(f"{found_as} is at the end of the range that was tried")
     if abs(late) > 0.999 * step.near > 1e-6 * step.displacement.max():
-        doubts.append(
+        raise _unidentified(
             f"no step as near the time {step.at:g} that was given as data is kept; "
             "correct the time"
-        )
-    if doubts:
-        raise UndecidedError(
-            f"not identified: {doubts[0]} (or are the velocities, --from and --to, "
-            "swapped?)"
         )
     beside = of_line @ (step.friction - above(False, *fit.value.tolist()))
     line = dict(zip(("level", "trend"), beside.tolist(), strict=False))
@@ -258,6 +251,12 @@ def _fitted(
         **values,
     )
     return record, fit.covariance * inflation**2
+
+
+def _unidentified(doubt: str) -> UndecidedError:
+    return UndecidedError(
+        f"not identified: {doubt} (or are the velocities, --from and --to, swapped?)"
+    )
 
 
 def fit_rate_and_state(
@@ -448,7 +447,6 @@ def fit_contacts(
     tried = [
         np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)
     ]
-    given = {"thresholds": thresholds, "linear": False}
     quick = {"thresholds": thresholds, "linear": True}
     # no finer than what is fitted
     how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4 if linear else ROUGH.rtol}
@@ -458,6 +456,13 @@ def fit_contacts(
     if not linear:
         start = np.array([*(getattr(found, name) for name in ranges), found.late])
         found, _ = _fitted(
-            ContactsFit, step, given, ranges, [start], quick=quick, most=20, **how
+            ContactsFit,
+            step,
+            quick | {"linear": False},
+            ranges,
+            [start],
+            quick=quick,
+            most=20,
+            **how,
         )
     return found

@@ -4,9 +4,9 @@ contacts, computed and not swept.
 A slider that moves at a steady speed is perturbed a little, ``exp(s t)``. The rig
 answers with its impedance ``Z(s)``, the interface with its dynamic stiffness
 ``kappa(s)`` (`dynamic_stiffness`), and smooth sliding is unstable if
-``Z(s) + kappa(s) = 0`` has a root with ``Re s > 0``. Everything here is linear: where
-smooth sliding is unstable to the smallest disturbance. Stick-slip once started
-may live on where smooth sliding is stable; that is for simulation to say.
+``Z(s) + kappa(s) = 0`` has a root with ``Re s > 0``. Everything here is linear: it
+finds where smooth sliding is unstable to the smallest disturbance. Stick-slip once
+started may live on where smooth sliding is stable; that is for simulation to say.
 
 Natural units per contact. A rig is a `Slider` or any mechanical impedance
 (`Impedance`).

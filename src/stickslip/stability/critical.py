@@ -1,8 +1,8 @@
 """Critical values: where smooth sliding loses or regains stability as one parameter is
 varied.
 
-`critical` finds every crossing along a parameter of a rig. All is linear: where
-smooth sliding is unstable to the smallest disturbance, not where stick-slip, once
+`critical` finds every crossing along a parameter of a rig. All is linear: it finds
+where smooth sliding is unstable to the smallest disturbance, not where stick-slip, once
 started, decays.
 """
 
