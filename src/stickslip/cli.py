@@ -75,6 +75,18 @@ Smooth = Annotated[
     tuple[str, str] | None,
     Parameter(help="Speeds to be made smooth: '1 mm/s' '5 mm/s'.", negative=""),
 ]
+Settings = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set",
+        help=(
+            'A key of the rig file and its value, drive.velocity="2 mm/s"; may be '
+            "given again."
+        ),
+        negative="",
+        consume_multiple=False,
+    ),
+]
 Flip = Annotated[Switch, Parameter(help="Change the sign of the force.")]
 Plot = Annotated[File, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
 Kind = Literal[
@@ -351,10 +363,18 @@ app.command(
 )
 
 
+def _rig_with(path: Path, settings: Sequence[str]) -> ss.Rig:
+    """Read a rig, with what the command line sets."""
+    from stickslip.io.settings import read_rig_with  # slow to load
+
+    return read_rig_with(path, settings)
+
+
 @app.command
 def predict(
     rig: RigFile,
     *,
+    settings: Settings = (),
     fast: Switch = False,
     thorough: Thorough = False,
     smooth: Smooth = None,
@@ -379,7 +399,7 @@ def predict(
     from stickslip.advise.sections import ARROWS
 
     _check_outputs(picture=plot, read=rig)
-    described = ss.read_rig(rig)
+    described = _rig_with(rig, settings)
     with console.working("predicting") as progress:
         found = predict(described, fast=True, smooth=smooth, progress=progress)
     if not fast and isinstance(found, Prediction):
@@ -404,6 +424,7 @@ def predict(
 def report(
     rig: RigFile,
     *,
+    settings: Settings = (),
     output: Annotated[Path, Parameter(alias="-o")] = Path("report.html"),
     thorough: Thorough = False,
     smooth: Smooth = None,
@@ -419,7 +440,7 @@ def report(
     from stickslip.advise.report import report
 
     _check_outputs(picture=output, read=rig, kind="page")
-    described = ss.read_rig(rig)
+    described = _rig_with(rig, settings)
     with console.working("predicting") as progress:
         found = ss.predict(
             described,
@@ -455,6 +476,7 @@ def new(
 def simulate(
     rig: RigFile,
     *,
+    settings: Settings = (),
     output: Output = None,
     long: Switch = False,
     json: Json = False,
@@ -472,7 +494,7 @@ def simulate(
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=rig)
-    described = ss.read_rig(rig)
+    described = _rig_with(rig, settings)
     text = to_toml(described)  # what can be refused is refused before the run
     with console.working("simulating") as progress:
         run = ss.simulate(described, progress=progress, long=long)
@@ -748,6 +770,7 @@ def fit(
 def map(
     rig: RigFile,
     *,
+    settings: Settings = (),
     over: str = "stiffness,velocity",
     around: Number = 30.0,
     points: Whole = 80,
@@ -780,7 +803,7 @@ def map(
             f"--over {shortened(over)}: must name two parameters, such as "
             "stiffness,velocity"
         )
-    described = ss.read_rig(rig)
+    described = _rig_with(rig, settings)
     with console.working("mapping") as progress:
         found = chart(
             described,
