@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_distributions import RaisedCosine
 
 import conftest
 import stickslip as ss
@@ -879,3 +880,17 @@ def test_a_map_and_a_boundary_of_ageing_contacts():
     assert all(
         lost_balance(1.5, v, 1j * omega, stiffness=k) < 1e-3 for v, omega, k in points
     )
+
+
+@pytest.mark.parametrize("half", [0.126, 0.2])
+def test_a_mode_on_the_stability_boundary_grows_by_rounding_or_not(half):
+    """At a critical mass, where the count of growing modes may go either way."""
+    interface = case(RaisedCosine(half), Delay(0.1))
+    with_mass = rig(on=interface, mass=3e-3, damping=3.0)
+    crossings = critical(with_mass, "mass", between=(1e-4, 1e-1))
+    assert crossings.edges
+    for edge in crossings.edges:
+        for by in (1.0 - 1e-15, 1.0, 1.0 + 1e-15):
+            root = growth_rate(with_mass.replace(mass=edge.value * by))
+            assert abs(root.real) < 1e-9
+            assert root.imag == pytest.approx(edge.frequency, rel=1e-9)

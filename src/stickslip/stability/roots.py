@@ -27,6 +27,8 @@ from stickslip.stability.scan import SmoothSliding, doubtful_below, merged
 
 # on a line left of the axis, to count the roots on its right
 _MOST_FREQUENCIES = 1 << 15
+# errors of a response, at most, in the extra stiffness of a neutral mode
+_ROUNDINGS = 10.0
 # points about a root from which Newton's method takes the value and its slope
 _ABOUT = np.array([0.0, 1.0, -1.0])
 
@@ -70,14 +72,20 @@ def rightmost(sliding: SmoothSliding) -> complex:
     """
     neutral = _neutral(sliding)
     growing = neutral.unstable()
+    response = sliding.response
+    # modes on the stability boundary grow by rounding, or do not
+    margin = response.accuracy * (_ROUNDINGS if response.certain else 1.0)
+    fewest, most = sorted(neutral.unstable(added) for added in (margin, -margin))
     scales = sliding.scales
     starts = _first_starts(sliding, neutral)
     roots = np.empty(0, dtype=complex)
-    for step in _lines(sliding.response, growing, scales.leftmost):
+    for step in _lines(response, growing, scales.leftmost):
         line = max(step / scales.pace, 0.9 * scales.leftmost)
         starts = np.concatenate([starts, _starts_from_line(sliding, line)])
         roots = _polished(sliding, starts)
-        if is_rightmost(sliding, roots, growing):
+        grown = with_partners(roots[roots.real > 0])
+        expected = min(max(grown, fewest), most)
+        if is_rightmost(sliding, roots, expected):
             return complex(roots[0])
         starts = roots
     if growing:
