@@ -4,6 +4,7 @@ refusals.
 
 import json
 import math
+import operator
 import pickle
 import re
 from concurrent.futures import ThreadPoolExecutor
@@ -576,13 +577,21 @@ def test_an_estimate_keeps_its_error_through_arithmetic_with_numbers(number):
         (number - one, x - 4.0, 0.2),
         (-one, -4.0, 0.2),
         (abs(-one), 4.0, 0.2),
+        (one**number, 4.0**x, 0.2 * abs(x * 4.0 ** (x - 1.0))),
+        (abs(number) ** one, abs(x) ** 4.0, 0.2 * abs(x) ** 4 * abs(np.log(abs(x)))),
+        (round(one), 4.0, 0.2),
         (pickle.loads(pickle.dumps(one)), 4.0, 0.2),
     ):
         assert isinstance(found, Estimate)
         assert (found, found.error) == (pytest.approx(value), pytest.approx(error))
+    for whole in (operator.floordiv, operator.mod, divmod):
+        for pair in ((one, number), (number, one)):
+            with pytest.raises(TypeError, match=r"use float\(...\)"):
+                whole(*pair)
     # the error of two would need their covariance: a plain number, not a wrong error
     assert not isinstance(one - one, Estimate)
     assert not isinstance(one * one, Estimate)
+    assert not isinstance(one**one, Estimate)
     assert (np.ones(2) * one).tolist() == (one * np.ones(2)).tolist() == [4.0, 4.0]
 
 
