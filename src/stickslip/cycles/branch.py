@@ -13,6 +13,15 @@ from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.simulation import labelled
 
+_TITLES = {
+    "amplitude": ("peak to peak of the spring force", "f_s"),
+    "period": ("period of the cycle", "time"),
+    "largest_velocity": ("largest velocity of the slider", "velocity"),
+    "mean_force": ("mean spring force", "f_s"),
+    "linearly_unstable": ("whether smooth sliding is unstable by linear theory", "1"),
+}
+"""Titles and units of what a cycle has at each value of the parameter."""
+
 
 def cycle_branch(
     rig: Rig,
@@ -102,41 +111,29 @@ def cycle_branch(
         "provenance": store.provenance("cycle_branch", arguments)
     }
     for name, edge in (("low", low_end), ("high", high_end)):
-        attributes |= {f"{name}_end": edge.kind}
-        attributes |= {
-            f"{name}_decays_at": edge.decays_at,
-            f"{name}_persists_at": edge.persists_at,
-        }
-    speeds = [p.run.drive.velocity * rig.unit("velocity") for p in points]
-    fastest = [
-        p.verdict.largest_velocity * speed
-        for p, speed in zip(points, speeds, strict=True)
-    ]
-    # NaN: unknown
-    unstable = np.array([p.verdict.linearly_unstable for p in points], float).tolist()
-    columns = {
-        "amplitude": (
-            "peak to peak of the spring force",
-            "f_s",
-            [p.verdict.peak_to_peak for p in points],
-        ),
-        "period": ("period of the cycle", "time", [p.verdict.period for p in points]),
-        "largest_velocity": ("largest velocity of the slider", "velocity", fastest),
-        "mean_force": (
-            "mean spring force",
-            "f_s",
-            [p.verdict.mean_force for p in points],
-        ),
-        "linearly_unstable": (
-            "whether smooth sliding is unstable by linear theory",
-            "1",
-            unstable,
-        ),
-        along: (along, scan.parameter.unit, [p.value for p in points]),
-    }
+        attributes[f"{name}_end"] = edge.kind
+        attributes[f"{name}_decays_at"] = edge.decays_at
+        attributes[f"{name}_persists_at"] = edge.persists_at
+    speed = rig.unit("velocity")
+    # NaN where it is unknown whether smooth sliding is unstable
+    columns = np.array(
+        [
+            (
+                p.verdict.peak_to_peak,
+                p.verdict.period,
+                p.verdict.largest_velocity * p.run.drive.velocity * speed,
+                p.verdict.mean_force,
+                p.verdict.linearly_unstable,
+                p.value,
+            )
+            for p in points
+        ],
+        dtype=float,
+    ).T
+    titles = {**_TITLES, along: (along, scan.parameter.unit)}
     named = {
         name: labelled(title, along, values, rig.unit_name(unit))
-        for name, (title, unit, values) in columns.items()
+        for (name, (title, unit)), values in zip(titles.items(), columns, strict=True)
     }
     return xr.Dataset(named, attrs=attributes)
 

@@ -78,6 +78,23 @@ LABELS: Mapping[str, Mapping[str, str]] = {
         "units": "time",
         "long_name": "first time at which half of the contacts are detached",
     },
+    "relaxation": {
+        "units": "f_s",
+        "long_name": "force at the end of the hold less that of sliding, per contact",
+    },
+    "peak": {
+        "units": "f_s",
+        "long_name": "largest force after the hold less that of sliding, per contact",
+    },
+    "slip_to_peak": {
+        "units": "x_s",
+        "long_name": "displacement from the end of the hold to the peak",
+    },
+    "sliding_force": {
+        "units": "f_s",
+        "long_name": "friction force of sliding, per contact",
+    },
+    "hold": {"units": "time", "long_name": "time of rest"},
     "block": {"units": "1", "long_name": "block"},
     "pulled": {"units": "1", "long_name": "block that the drive pulls"},
     "x": {"units": "x_s", "long_name": "stretching"},

@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
 
-from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, sequence, shown, whole
 from stickslip.io import datasets as store
 from stickslip.model import (
@@ -111,54 +109,19 @@ def velocity_step(
     }
     values["displacement"] = values["displacement"] - values["displacement"][first]
     values["drive_velocity"] = np.where(track.times <= approach, v, w)
+    values["time"] = track.times - approach
+    variables = {name: labelled(name, "time", value) for name, value in values.items()}
     arguments = {
+        "rig": rig,
         "before": before,
         "after": after,
         "distance": distance,
         "stiffness": stiffness,
+        "method": told.method,
+        "points": points,
     }
-    provenance = store.provenance(
-        "velocity_step",
-        {"rig": rig} | arguments | {"method": told.method, "points": points},
-    )
-    data = xr.Dataset(
-        {name: labelled(name, "time", value) for name, value in values.items()},
-        {"time": labelled("time", "time", track.times - approach)},
-        {"provenance": provenance},
-    )
-    return told.in_its_units(data)
-
-
-def _of_holds(
-    times: Array, rows: list[tuple[float, float, float]], steady: float
-) -> dict[str, tuple[str | tuple[str, ...], ArrayLike, str, str]]:
-    """Return dimensions, values, unit and description of each variable by its name.
-
-    A row holds the relaxation, the peak and the slip to the peak of one hold.
-    """
-    relaxation, peak, slip = np.array(rows).T
-    return {
-        "relaxation": (
-            "hold",
-            relaxation,
-            "f_s",
-            "force at the end of the hold less that of sliding, per contact",
-        ),
-        "peak": (
-            "hold",
-            peak,
-            "f_s",
-            "largest force after the hold less that of sliding, per contact",
-        ),
-        "slip_to_peak": (
-            "hold",
-            slip,
-            "x_s",
-            "displacement from the end of the hold to the peak",
-        ),
-        "sliding_force": ((), steady, "f_s", "friction force of sliding, per contact"),
-        "hold": ("hold", times, "time", "time of rest"),
-    }
+    provenance = store.provenance("velocity_step", arguments)
+    return told.in_its_units(xr.Dataset(variables, attrs={"provenance": provenance}))
 
 
 def slide_hold_slide(
@@ -257,20 +220,21 @@ def slide_hold_slide(
                 track["displacement"][best] - track["displacement"][0],
             )
         )
-    arguments = {"velocity": velocity, "holds": tuple(listed), "stiffness": stiffness}
-    found = _of_holds(times, rows, steady)
-    data = xr.Dataset(
-        {
-            name: labelled(words, dims, value, unit)
-            for name, (dims, value, unit, words) in found.items()
-        },
-        attrs={
-            "provenance": store.provenance(
-                who, {"rig": rig} | arguments | {"method": told.method}
-            )
-        },
+    columns = dict(
+        zip(("relaxation", "peak", "slip_to_peak"), np.array(rows).T, strict=True)
     )
-    return told.in_its_units(data)
+    columns["hold"] = times
+    variables = {name: labelled(name, "hold", part) for name, part in columns.items()}
+    variables["sliding_force"] = labelled("sliding_force", (), steady)
+    arguments = {
+        "rig": rig,
+        "velocity": velocity,
+        "holds": tuple(listed),
+        "stiffness": stiffness,
+        "method": told.method,
+    }
+    provenance = store.provenance(who, arguments)
+    return told.in_its_units(xr.Dataset(variables, attrs={"provenance": provenance}))
 
 
 def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:

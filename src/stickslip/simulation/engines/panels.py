@@ -426,9 +426,7 @@ def _newborn(
             break
         nodes, part = gauss_rule(x, weight, count)
         if np.abs(pulled(nodes, part) - exact).max() < tolerance:
-            x = nodes
-            weight = part
-            break
+            return Newborn(nodes, part, 1.0)
     return Newborn(x, weight, 1.0)
 
 
