@@ -73,7 +73,7 @@ class Estimate(float):
             return value
         return Estimate(value, abs(value * math.log(base)) * self.error)
 
-    def __round__(self, digits: int | None = None) -> Any:
+    def __round__(self, digits: Any = None) -> Any:
         """Return it rounded, with its error."""
         return Estimate(round(float(self), digits or 0), self.error)
 
