@@ -56,22 +56,8 @@ class Estimate(float):
     __sub__ = _keeping_error(lambda x, y: (x - y, 1.0))
     __rsub__ = _keeping_error(lambda x, y: (y - x, 1.0))
 
-    def __pow__(self, power: Any, modulus: None = None) -> Any:
-        """Return a power, with its error to first order; as plain numbers where the
-        power is no exact number, or the result is complex.
-        """
-        value = pow(float(self), _plain(power), modulus)
-        if not _exact(power) or isinstance(value, complex):
-            return value
-        slope = power * pow(float(self), power - 1) if power else 0.0
-        return Estimate(value, abs(slope) * self.error)
-
-    def __rpow__(self, base: Any, modulus: None = None) -> Any:
-        """Return a power of a number, with its error to first order."""
-        value = pow(_plain(base), float(self), modulus)
-        if not _exact(base) or base <= 0:
-            return value
-        return Estimate(value, abs(value * math.log(base)) * self.error)
+    __pow__ = _keeping_error(lambda x, y: (x**y, y * x ** (y - 1.0)))
+    __rpow__ = _keeping_error(lambda x, y: (y**x, y**x * np.log(y)))
 
     def __round__(self, digits: Any = None) -> Any:
         """Return it rounded, with its error."""
