@@ -28,7 +28,6 @@ from stickslip.measure import (
     statistics,
     transitions,
 )
-from stickslip.measure.periods import spectral_line
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 
@@ -955,25 +954,6 @@ def test_the_period_is_found_however_a_force_is_sampled(t, period):
     assert found.period == pytest.approx(period, rel=0.01 if t.size == 1046 else 1e-4)
     assert found.correlation > 0.9
     assert found.periodic
-
-
-@pytest.mark.parametrize("memory", [0.0, 0.9, 0.999])
-def test_a_line_of_a_spectrum_is_seldom_chance_whatever_the_colour_of_noise(memory):
-    t = np.arange(1000.0)
-    chance = 0.01
-    lines = [
-        spectral_line(t, slow(t.size, memory=memory, seed=seed), chance)[0]
-        for seed in range(1000)
-    ]
-    # 10 on average, four standard errors
-    assert 1 <= np.count_nonzero(np.isfinite(lines)) <= 22
-    period, swing = spectral_line(
-        t, slow(t.size, memory=memory) + tone(1.0, t / 12.5), chance
-    )
-    assert (period, swing) == (
-        pytest.approx(12.5, rel=1e-3),
-        pytest.approx(2.0, abs=0.3),
-    )
 
 
 # --------------------------------------------------------------------------- kinematics

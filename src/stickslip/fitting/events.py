@@ -17,8 +17,8 @@ from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number
 from stickslip.fitting.model import FLOOR, SLIPS
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
-from stickslip.measure.sensor import note_saturation
-from stickslip.measure.slips import pick, resolution, weighted_median, white_noise
+from stickslip.measure.sensor import note_saturation, resolution, white_noise
+from stickslip.measure.slips import pick, weighted_median
 from stickslip.measure.trace import Array, Trace
 
 if TYPE_CHECKING:

@@ -7,8 +7,9 @@ import xarray as xr
 
 from stickslip import words
 from stickslip.errors import number, printable
+from stickslip.measure.features import Window, look_past_waves
 from stickslip.measure.regimes import Regime, judged
-from stickslip.measure.slips import Slips, fast_ones, fastest, find_slips
+from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import Array, Trace, dataset_of, mean_and_std
 from stickslip.words import prefixed
@@ -78,40 +79,31 @@ def regime_and_drops(
         minimum_drop = number(
             "minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force"
         )
-    trace, seen = judged(data := dataset_of(data), after)
+    data = dataset_of(data)
+    trace, seen = judged(data, after)
     parts = (find_strokes(trace)[0] if trace.measured else []) or [trace]
     tables = [
         _table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts
     ]
-    whole = xr.concat(tables, "event", combine_attrs="override")
+    table = xr.concat(tables, "event", combine_attrs="override")
+    for name in ("count", "cut"):
+        table.attrs[name] = sum(each.attrs[name] for each in tables)
+    table.attrs["drops_are"] = seen.drops_are
+    event = np.arange(table.sizes["event"]), {"long_name": "number of the slip"}
+    table = table.assign_coords(event=("event", *event))
     along = 1.0
-    whole = whole.assign_coords(
-        event=(
-            "event",
-            np.arange(whole.sizes["event"]),
-            {"long_name": "number of the slip"},
-        )
-    )
-    whole.attrs |= {
-        name: sum(table.attrs[name] for table in tables) for name in ("count", "cut")
-    }
-    whole.attrs["drops_are"] = seen.drops_are
     if len(tables) > 1:
-        each = np.repeat(
-            np.arange(len(tables)), [table.sizes["event"] for table in tables]
-        )
-        whole = whole.assign(
-            stroke=("event", each, {"units": "1", "long_name": "number of the stroke"})
-        )
-        whole.attrs["criterion"] = f"of the first stroke: {whole.attrs['criterion']}"
-        along = np.sign(whole["force_before"].values)
-    for name, column in whole.data_vars.items():
-        if name not in ("start", "end", "stroke"):
-            values = np.asarray(column.values, dtype=float) * (
-                along if name in _SIGNED else 1.0
-            )
+        counts = [each.sizes["event"] for each in tables]
+        number_of = {"units": "1", "long_name": "number of the stroke"}
+        strokes = np.repeat(np.arange(len(tables)), counts)
+        table["stroke"] = ("event", strokes, number_of)
+        table.attrs["criterion"] = f"of the first stroke: {table.attrs['criterion']}"
+        along = np.sign(table["force_before"].values)
+    for key, column in table.data_vars.items():
+        if key not in ("start", "end", "stroke"):
+            values = column.values * (along if key in _SIGNED else 1.0)
             column.attrs["mean"], column.attrs["std"], _ = mean_and_std(values)
-    return seen, whole
+    return seen, table
 
 
 def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
@@ -119,87 +111,81 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
     larger than anything in it.
     """
     found = find_slips(trace, minimum_drop)
-    if seen.kind != "smooth sliding" or minimum_drop is not None:
-        return (
-            fast_ones(trace, found)
-            if seen.kind == "stick-slip" and minimum_drop is None
-            else found
-        )
+    if minimum_drop is not None:
+        return found
+    if seen.kind == "stick-slip":
+        return fast_ones(trace, look_past_waves(Window(trace, found)).found)
+    if seen.kind != "smooth sliding":
+        return found
     begin, end = seen.window
-    kept = ((found.times < begin) | (found.times > end)) & (
-        found.drops > seen.peak_to_peak
-    )
-    if not kept.any():
-        return found.only(
-            kept, cut=0, criterion=f"no slips: smooth sliding, {seen.reason}"
-        )
-    return found.only(kept, criterion=f"{found.criterion}, before smooth sliding")
+    outside = (found.times < begin) | (found.times > end)
+    kept = outside & (found.drops > seen.peak_to_peak)
+    if kept.any():
+        return found.only(kept, criterion=f"{found.criterion}, before smooth sliding")
+    return found.only(kept, cut=0, criterion=f"no slips: smooth sliding, {seen.reason}")
 
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
+    """One row per slip, with units and titles."""
+    t = trace.t
     start = found.start
     end = found.end
-    names = ("time", "spring_force", "displacement", "velocity")
     time, force, way, speed = (
-        str(data[name].attrs.get("units", "")) if name in data else "" for name in names
+        str(data[name].attrs.get("units", "")) if name in data else ""
+        for name in ("time", "spring_force", "displacement", "velocity")
     )
     mu = "coefficient of friction"
-    rate = f"{force or 1}/{time}" if time else ""
     name = mu if force == "1" else "force"
-    recurrence, loading = np.full((2, start.size), math.nan)
-    recurrence[1:] = np.diff(trace.t[start])
-    loading[1:] = (found.before[1:] - found.after[:-1]) / (
-        trace.t[start[1:]] - trace.t[end[:-1]]
-    )
+    recurrence = np.append(math.nan, np.diff(t[start]))[: start.size]
+    loading = np.full(start.size, math.nan)
+    loading[1:] = (found.before[1:] - found.after[:-1]) / (t[start[1:]] - t[end[:-1]])
     # the first slip after a gap
     beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))
     recurrence[beyond] = loading[beyond] = math.nan
-    columns: dict[str, tuple[Array, str, str]] = {
-        "start": (trace.t[start], time, "time at which the slip starts"),
-        "end": (trace.t[end], time, "time at which the slip ends"),
-        "force_before": (
-            trace.sign * found.before,
-            force,
-            f"{name} before the slip (peak)",
-        ),
-        "force_after": (
-            trace.sign * found.after,
-            force,
-            f"{name} after the slip (trough)",
-        ),
-        "drop": (found.drops, force, f"drop of the {name} in the slip"),
-        "duration": (trace.t[end] - trace.t[start], time, "duration of the slip"),
-        "recurrence": (recurrence, time, "time since the start of the slip before"),
-        "loading_rate": (
+    before, after = trace.sign * found.before, trace.sign * found.after
+    rate = f"{force or 1}/{time}" if time else ""
+    columns: list[tuple[str, Array, str, str]] = [
+        ("start", t[start], time, "time at which the slip starts"),
+        ("end", t[end], time, "time at which the slip ends"),
+        ("force_before", before, force, f"{name} before the slip (peak)"),
+        ("force_after", after, force, f"{name} after the slip (trough)"),
+        ("drop", found.drops, force, f"drop of the {name} in the slip"),
+        ("duration", t[end] - t[start], time, "duration of the slip"),
+        ("recurrence", recurrence, time, "time since the start of the slip before"),
+        (
+            "loading_rate",
             loading,
             rate,
             f"rise of the {name} per time since the slip before",
         ),
-    }
+    ]
     if "mu" in data:  # by the load there
-        there = data[["mu", "spring_force"]].sel(time=trace.t[np.append(start, end)])
-        forces = trace.sign * np.append(found.before, found.after)
-        before, after = np.split(
-            (there["mu"] / there["spring_force"]).values * forces, 2
-        )
-        columns["mu_before"] = (before, "1", f"{mu} before the slip (static)")
-        columns["mu_after"] = (after, "1", f"{mu} after the slip")
-        columns["mu_drop"] = (trace.sign * (before - after), "1", f"drop of the {mu}")
+        per_force = (data["mu"] / data["spring_force"]).sel(time=t).values
+        before, after = before * per_force[start], after * per_force[end]
+        drop = trace.sign * (before - after)
+        columns += [
+            ("mu_before", before, "1", f"{mu} before the slip (static)"),
+            ("mu_after", after, "1", f"{mu} after the slip"),
+            ("mu_drop", drop, "1", f"drop of the {mu}"),
+        ]
     if trace.X is not None:
-        columns["slip"] = (trace.X[end] - trace.X[start], way, "distance slipped")
+        slip = trace.X[end] - trace.X[start]
+        columns.append(("slip", slip, way, "distance slipped"))
     if trace.velocity is not None:
-        columns["peak_velocity"] = (
-            fastest(trace, found),
-            speed,
-            "largest slider velocity in the slip",
-        )
+        fastest = "largest slider velocity in the slip"
+        columns.append(("peak_velocity", found.fastest, speed, fastest))
     return xr.Dataset(
         {
             key: ("event", values, {"units": unit, "long_name": title})
-            for key, (values, unit, title) in columns.items()
+            for key, values, unit, title in columns
         },
-        attrs={"count": found.size, "minimum_drop": found.smallest}
-        | {name: getattr(found, name) for name in ("noise", "criterion", "cut")},
+        attrs={
+            "count": found.size,
+            "minimum_drop": found.smallest,
+            "noise": found.noise,
+            "criterion": found.criterion,
+            "cut": found.cut,
+        },
     )
 
 
@@ -220,18 +206,16 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
     for name, column in catalogue.data_vars.items():
         mean = column.attrs.get("mean", math.nan)
         std = column.attrs.get("std", math.nan)
-        if math.isfinite(mean):
-            unit = printable(str(column.attrs.get("units", "")))
-            divisor, unit = prefixed(mean, "" if unit == "1" else unit)
+        if not math.isfinite(mean):
+            continue
+        unit = printable(str(column.attrs.get("units", "")))
+        divisor, unit = prefixed(mean, "" if unit == "1" else unit)
+        told = words.number(mean / divisor)
+        if math.isfinite(std):
             std = 0.0 if std < _DUST * abs(mean) else std
-            scatter = (
-                f" ± {words.number(std / divisor, 2)}" if math.isfinite(std) else ""
-            )
-            cv = f" (CV {std / abs(mean):.2f})" if math.isfinite(std) and mean else ""
-            lines.append(
-                (
-                    str(name).replace("_", " "),
-                    f"{words.number(mean / divisor)}{scatter} {unit}".rstrip() + cv,
-                )
-            )
+            told += f" ± {words.number(std / divisor, 2)}"
+        told = f"{told} {unit}".rstrip()
+        if math.isfinite(std) and mean:
+            told += f" (CV {std / abs(mean):.2f})"
+        lines.append((str(name).replace("_", " "), told))
     return lines

@@ -1,38 +1,34 @@
-"""The features of a window of a force trace: one flat record, each number with its
-error, and the tests that a regime rests on.
+"""The features of a window of a force trace, each number with its error, and the tests
+that a regime rests on.
 """
 
 import math
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from scipy.special import stdtrit
 
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure.kinematics import HALF, loading, rms_velocity_deviation
-from stickslip.measure.periods import (
-    JITTER,
-    PERIODIC,
-    Cycles,
-    find_cycles,
-    regularity,
-    spectral_line,
-)
+from stickslip.measure.kinematics import rms_velocity_deviation
+from stickslip.measure.periods import JITTER, PERIODIC, Cycles, regularity
 from stickslip.measure.slips import (
     FEWEST_IN_A_DROP,
     SLIP_VELOCITY,
     WHITE,
     Slips,
     fast_ones,
+    find_slips,
     speeds,
     weighted_median,
+    without_waves,
 )
 from stickslip.measure.trace import (
     CHANCE,
     ERRORS,
     FEWEST_CYCLES,
+    FEWEST_READINGS,
     RESTS,
     Array,
     Trace,
@@ -51,28 +47,25 @@ SMALL = 0.10  # ... and one that decays, or noise that may hide another, below t
 MOST = 0.5  # of the time, or of a force
 STEADY = 0.05  # change of the logarithm of the amplitude that is none
 # change of the logarithm of the amplitude from half to half that what persists
-# excludes; and the largest that may be seen of it
+# excludes; what is seen of it is at most half of that
 LASTING = math.log(2.0)
-SEEN = 0.5 * LASTING
-CLIMBS = 0.25  # part of a drop that the loading before it makes up, at least ...
-ONE_RATE = 0.25  # ... and scatter of the loading rate over it, at most
-ONE_SIDED = 1.645  # errors of a limit that chance passes one time in twenty ...
-ONE_IN_TWENTY = 0.05  # ... which is this often
-PAUSE = 2.0  # usual waits: a longer one than this, and than chance makes, is a pause
+# part of a drop that the loading before it makes up, at least; and the other way round
+CLIMBS = 0.25
+ONE_RATE = 0.25  # scatter of the loading rate over it, at most
+ONE_IN_TWENTY = 0.05  # how often chance passes a limit of one side ...
+ONE_SIDED = 1.645  # ... which is so many errors off
 ROUNDING = 1e-9  # of the largest force: noise below that is of numbers
+WAVES = (4, 8, 16)  # parts of a record: waves slower than these are looked past
 # Theory.
-# held for the rest of the time, a slider slips at four times the drive on average
-SLIP_PHASE = 0.25
-# part of the time at its full rate: nearer to slips than to a sine that comes to rest
-HELD = math.sqrt(RESTS * HALF)
 # independent contacts, evenly stretched: times static friction over the root of their
 # number
 NOISE_OF_CONTACTS = 0.5
 # kurtosis of three waves of a size, 3 - 3/(2 n): noise has at least as many
 NORMAL = 2.5
+# usual waits: a wait so long is that of one drop that is missing
+MISSING = 2.0
 
 SLIDER_VELOCITY = "largest slider velocity over the drive's"
-HELD_TIME = "part of the time at the full loading rate"
 REPEATS = "correlation of a cycle with the next"
 SWING = "peak to peak over the largest force"
 NOISE = "scatter over the noise of the contacts"
@@ -87,8 +80,12 @@ class Measured(NamedTuple):
     error: float = 0.0
 
 
-UNKNOWN = Measured(math.nan)
-Row = tuple[str, Measured, float, Source, bool]
+class Loading(NamedTuple):
+    """How a force climbs to its drops."""
+
+    rate: float = math.nan
+    scatter: float = math.nan  # of the rate over it, without the sensor's noise
+    gain: Measured = Measured(math.nan)  # rate times wait over the drop
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,56 +108,59 @@ class Criterion:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Features:
-    """What a window shows, in the units of its trace; NaN where it is not known."""
+@dataclass(frozen=True)
+class Window:
+    """What a window of a trace shows, in its units; NaN where it is not known."""
 
-    span: float  # length of the window
-    largest: float  # force in all of the data
-    mean: float  # force, in size
-    measured: bool  # on a bench, with noise
-    moving: bool  # whether the velocity of the slider is known
-    contacts: int | None  # their number
-    noise: float  # of the sensor, from sample to sample
-    drift: float  # of the force from the first to the last sample, by a line
-    scatter: float  # standard deviation without drift
-    white_noise: Measured  # scatter over the noise of the sensor
-    part: float  # peak to peak of all that the window holds, over the largest force
-    swing: Measured  # the same without drift, and that of a period without noise
-    ripple: float  # second half, as a sawtooth, over the largest force
-    kurtosis: Measured  # its error is that of white noise
-    drops: int  # that stand out of the noise
-    count: int  # complete cycles, or drops where there is no period
-    cycles: Cycles | None  # of a periodic force
-    correlation: float  # of a cycle with the next
-    slips: Measured  # what shows that drops are slips: see `find_slip_test`
-    slip_test: str  # its name, ...
-    slip_limit: float  # ... its limit ...
-    slip_source: Source  # ... and where that comes from
-    slip_phase: float  # part of the time in drops
-    loading_rate: Measured  # of the force between drops
-    falling_rate: float  # of a typical drop
-    climb: Measured  # loading rate times wait, over the drop
-    climb_scatter: float  # of the loading rate over it, without the sensor's noise
-    change: Measured  # logarithm of the amplitude, second half over first
-    freedom: int  # degrees of freedom of its error
-    pause: float  # from the last drop to the end, over the longest wait by chance
-    contact_noise: float  # scatter over the noise of the contacts
-    noise_limit: float  # of that
-    velocity_deviation: float  # of the slider from the drive (rms), over the drive's
-    stuck: float  # part of the time slower than a quarter of the drive
-    line_period: float  # of a spectral line of a force without a period
-    line: float  # its swing over the largest force
+    trace: Trace
+    found: Slips
+
+    @classmethod
+    def of(cls, trace: Trace, found: Slips | None = None) -> Self:
+        """A window, with its drops."""
+        return cls(trace, found or find_slips(trace))
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest force in all of the data."""
+        return abs(self.trace.largest) or 1.0
+
+    @cached_property
+    def mean(self) -> float:
+        """Mean force, in size."""
+        return abs(float(self.trace.force.mean())) or 1e-300
+
+    @cached_property
+    def drift(self) -> float:
+        """Rise of the force from the first to the last sample, by a line."""
+        return slope(self.trace.force, self.trace.t) * float(np.ptp(self.trace.t))
+
+    @cached_property
+    def rest(self) -> Array:
+        """The force without its drift."""
+        return without_drift(self.trace.force)
+
+    @cached_property
+    def scatter(self) -> float:
+        """Standard deviation of the force without its drift."""
+        return float(self.rest.std())
+
+    @cached_property
+    def white_noise(self) -> Measured:
+        """Scatter over the noise of the sensor; NaN where that is one of rounding."""
+        error = WHITE / ERRORS / math.sqrt(self.rest.size)
+        known = self.found.noise > ROUNDING * self.largest
+        return Measured(self.scatter / self.found.noise if known else math.nan, error)
 
     @property
-    def are_slips(self) -> bool:
-        """Whether the drops are as fast as slips."""
-        return self.slips.value >= self.slip_limit
+    def is_white_noise(self) -> bool:
+        """Whether the force is noise of the sensor."""
+        return self.white_noise.value <= 1.0 + ERRORS * self.white_noise.error
 
     @property
     def is_mostly_noise(self) -> bool:
         """Whether most of the scatter is noise of the sensor."""
-        return self.noise > MOST * self.scatter
+        return self.found.noise > MOST * self.scatter
 
     @property
     def is_narrow(self) -> bool:
@@ -169,75 +169,287 @@ class Features:
 
     @property
     def is_level(self) -> bool:
-        """Whether the force drifts by no more than that of a slider that slides."""
-        return _is_level(self.drift, self.largest)
+        """Whether the force drifts by no more than that of a slider that slides: one
+        that climbs by more may be that of a slider that is held. Under a constant drive
+        a held slider makes no force fall.
+        """
+        return -MOST * self.largest <= self.drift <= SMALL * self.largest
+
+    @cached_property
+    def kurtosis(self) -> Measured:
+        """Kurtosis of the force, and its error of white noise."""
+        fourth = float(np.mean((self.rest**2) ** 2))
+        value = fourth / self.scatter**4 if self.scatter else math.nan
+        return Measured(value, math.sqrt(24.0 / self.rest.size))
+
+    @cached_property
+    def part(self) -> float:
+        """Peak to peak of all that the window holds, over the largest force."""
+        return float(np.ptp(self.trace.force)) / self.largest
+
+    @cached_property
+    def swing(self) -> Measured:
+        """The same without drift on a bench, and that of a period without noise."""
+        trace = self.trace
+        force = trace.force
+        if trace.measured and self.is_level:
+            force = force - slope(force, trace.t) * trace.t
+        swing = float(np.ptp(force))
+        if self.cycles:
+            # of a sine with noise of a sensor on top, peak to peak is more than the
+            # sine's
+            variance = max(float(force.var()) - self.found.noise**2, 0.0)
+            swing = min(swing, 2.0 * math.sqrt(2.0 * variance))
+        return Measured(swing / self.largest, 2.0 * self.found.noise / self.largest)
+
+    @cached_property
+    def ripple(self) -> float:
+        """Second half, as a sawtooth, peak to peak over the largest force."""
+        late = self.trace.force[self.trace.force.size // 2 :]
+        return math.sqrt(12.0) * float(late.std()) / self.largest
+
+    @cached_property
+    def cycles(self) -> Cycles | None:
+        """The cycles of a periodic force; drops that are even are cycles, too, on a
+        level that wanders.
+        """
+        found = self.found
+        period, _, variation = mean_and_std(np.diff(found.times))
+        if (
+            found.size > FEWEST_CYCLES
+            and variation < JITTER
+            and mean_and_std(found.drops)[2] < 2.0 * JITTER
+        ):
+            return Cycles(
+                period=period,
+                variation=variation,
+                correlation=regularity(variation),
+                times=found.times,
+            )
+        enough = found.size >= FEWEST_CYCLES
+        return found.cycles if found.cycles.periodic and enough else None
+
+    @cached_property
+    def count(self) -> int:
+        """Complete cycles, or drops where there is no period."""
+        return (
+            self.cycles.count if self.cycles else fast_ones(self.trace, self.found).size
+        )
+
+    @cached_property
+    def correlation(self) -> float:
+        """Correlation of a cycle with the next."""
+        known = self.cycles or self.found.cycles
+        return min(known.correlation, regularity(known.variation))
+
+    @cached_property
+    def loading(self) -> Loading:
+        """How the force climbs to its drops, in the middle half of the waits: ringing
+        and rounded peaks are at their ends.
+        """
+        begins = self.found.end[:-1]
+        ends = self.found.start[1:]
+        long = ends > begins
+        if np.count_nonzero(long) < FEWEST_CYCLES - 1:
+            return Loading()
+        begins, ends = begins[long], ends[long]
+        quarter = (ends - begins) // 4
+        first, last = begins + quarter, ends - quarter
+        middle = (first + last) // 2
+        late = _means(self.trace, middle, last)
+        took, rise = late - _means(self.trace, first, middle)
+        rates = rise / took
+        waits = self.trace.t[ends] - self.trace.t[begins]
+        rate = weighted_median(rates, waits)
+        if not rate > 0:
+            return Loading(rate, math.inf, Measured(0.0))
+        scatter = 1.4826 * weighted_median(np.abs(rates - rate), waits)
+        # the noise of the sensor makes the rates scatter, too
+        noise = self.found.noise * np.sqrt(2.0 / (last - middle + 1)) / took
+        scatter = (
+            max(scatter**2 - weighted_median(noise, waits) ** 2, 0.0) ** 0.5 / rate
+        )
+        gain = rate * float(waits.sum()) / float(self.found.drops[1:][long].sum())
+        return Loading(rate, scatter, Measured(gain, gain * scatter / waits.size**0.5))
+
+    @cached_property
+    def falling_rate(self) -> float:
+        """Rate at which the force falls in a typical drop."""
+        took = self.trace.t[self.found.trough] - self.found.times
+        return self.found.typical(self.found.drops / took)
+
+    @cached_property
+    def seen_velocity(self) -> Measured:
+        """Largest velocity of the slider in a typical drop over the drive's; NaN where
+        it is not known, or the drop too short to show it.
+        """
+        each = speeds(self.trace, self.found)
+        usual = self.found.typical(each)
+        samples = self.found.typical(self.found.trough - self.found.peak)
+        if not (usual >= SLIP_VELOCITY or samples >= FEWEST_IN_A_DROP):
+            return Measured(math.nan)
+        off = float(np.median(np.abs(each - usual)))
+        return Measured(usual, 1.4826 * off / math.sqrt(self.found.size))
+
+    @cached_property
+    def slip_velocity(self) -> Measured:
+        """Velocity of a slip over the drive's: as it is seen, or by the rates of the
+        force, 1 + falling over loading, where it climbs as that of a slider that is
+        held between drops; else NaN.
+        """
+        if not math.isnan(self.seen_velocity.value):
+            return self.seen_velocity
+        if not self.climbs:
+            return Measured(math.nan)
+        ratio = self.falling_rate / self.loading.rate
+        gain = self.loading.gain
+        return Measured(1.0 + ratio, ratio * gain.error / gain.value)
 
     @property
     def climbs(self) -> bool:
-        """Whether the force climbs to its drops, at one rate where that is all that
-        is known.
+        """Whether the force climbs to its drops, at one rate."""
+        gain = self.loading.gain
+        enough = gain.value - ONE_SIDED * gain.error > CLIMBS
+        return enough and CLIMBS * gain.value < 1 and self.loading.scatter < ONE_RATE
+
+    @property
+    def are_slips(self) -> bool:
+        """Whether the drops are as fast as slips."""
+        return self.slip_velocity.value >= SLIP_VELOCITY
+
+    @property
+    def reversed(self) -> Self:
+        """The window with its force negated, and nothing known of the motion."""
+        trace = replace(self.trace, force=-self.trace.force, velocity=None)
+        return type(self).of(trace)
+
+    @property
+    def is_stick_slip(self) -> bool:
+        """Whether there are enough slips."""
+        return self.are_slips and self.count >= FEWEST_CYCLES
+
+    @cached_property
+    def _amplitudes(self) -> tuple[Array, Array]:
+        """Logarithms of the drops of cycles, or of the scatter in eight parts, and
+        when they are, in lengths of the window.
         """
-        if self.moving:
-            return True
-        enough = self.climb.value - ONE_SIDED * self.climb.error > CLIMBS
-        return enough and self.climb_scatter < ONE_RATE
+        trace, found = self.trace, self.found
+        sizes, times = found.drops, found.times
+        if not self.cycles or abs(found.size - self.cycles.count) > 1:
+            forces = np.array_split(trace.force, 2 * FEWEST_CYCLES)
+            sizes = np.array([part.std() for part in forces])
+            ends = np.linspace(trace.t[0], trace.t[-1], sizes.size + 1)
+            times = 0.5 * (ends[1:] + ends[:-1])
+        return np.log(sizes[sizes > 0]), times[sizes > 0] / float(np.ptp(trace.t))
 
-    @property
-    def steady(self) -> bool:
-        """Whether no change of the amplitude is proven."""
-        return _is_steady(self.change, self.freedom)
+    @cached_property
+    def change(self) -> Measured:
+        """Logarithm of the amplitude in the second half over the first, by a line."""
+        sizes, at = self._amplitudes
+        if sizes.size < FEWEST_CYCLES:
+            return Measured(math.nan)
+        at = at - at.mean()
+        rate = slope(sizes, at)
+        rest = sizes - sizes.mean() - rate * at
+        power = float((rest**2).sum()) / float((at**2).sum()) / (sizes.size - 2)
+        # Cycles that are large and small in turn tell a mean better than others do
+        # (Bartlett).
+        turn = float((rest[1:] * rest[:-1]).sum()) / (float((rest**2).sum()) or 1.0)
+        turn = min(max(turn, 1.0 / sizes.size - 1.0), 0.0)
+        power *= (1.0 + turn) / (1.0 - turn)
+        return Measured(0.5 * rate, 0.5 * math.sqrt(power))
 
-    @property
+    def errors(self, chance: float) -> float:
+        """Standard errors of the change of the amplitude that chance exceeds so
+        often, by Student: few parts show their scatter badly.
+        """
+        return float(stdtrit(max(self._amplitudes[0].size - 2, 1), 1.0 - chance))
+
+    @cached_property
+    def trend(self) -> int:
+        """Which way the amplitude changes: 1 where it grows, -1 where it decays, 0
+        where no change is proven.
+        """
+        value, error = self.change
+        proven = abs(value) > STEADY + self.errors(CHANCE) * error
+        return int(math.copysign(1, value)) if proven else 0
+
+    @cached_property
     def persists(self) -> bool:
-        """Whether a change of the amplitude by a factor 2 is excluded (by its root in
-        a run without slips, which may linger where a branch has just ended), less than
-        its root is seen, and the last drop is not long ago.
+        """Whether a change of the amplitude by a factor 2 is excluded, less than its
+        root is seen, and the last drop is not long ago.
         """
-        most = LASTING if self.measured or self.are_slips else SEEN
         change = abs(self.change.value)
-        errors = float(stdtrit(self.freedom, 1.0 - ONE_IN_TWENTY))
-        excluded = change + errors * self.change.error < most
-        return change < SEEN and excluded and not self.pause > 1.0
+        most = change + self.errors(ONE_IN_TWENTY) * self.change.error
+        excluded = change < 0.5 * LASTING and most < LASTING
+        return excluded and not self.pause > 1.0
+
+    @cached_property
+    def pause(self) -> float:
+        """Time since the last drop over the longest wait that chance makes."""
+        waits = np.diff(self.found.times)
+        if waits.size < FEWEST_CYCLES:
+            return math.nan
+        return float(self.trace.t[-1] - self.found.times[-1]) / longest_wait(waits)
 
     @property
-    def is_white_noise(self) -> bool:
-        """Whether the force is noise of the sensor."""
-        return self.white_noise.value <= 1.0 + ERRORS * self.white_noise.error
+    def is_still(self) -> bool:
+        """Whether the force neither swings nor slips nor grows."""
+        return self.swing.value < TINY and not self.are_slips and self.trend < 1
+
+    @cached_property
+    def contact_noise(self) -> tuple[float, float]:
+        """Scatter over the noise of the contacts, and how many times that is no more;
+        NaN where it is not known, or the force is still: to ask theory takes long.
+        """
+        trace = self.trace
+        count = trace.contacts
+        if not count or not self.found.size or self.is_still:
+            return math.nan, ERRORS
+        if trace.rig is not None and trace.drive is not None:
+            speed = float(np.mean(trace.drive)) / trace.rig.unit("velocity")
+            # rounded, so that it is asked once
+            speed = float(f"{speed:.12g}")
+            known = noise_of(trace.rig.interface, trace.rig.slider, speed)
+            if known is not None:
+                unit = trace.rig.unit("f_s") / math.sqrt(count)
+                return self.scatter / (known * unit), ERRORS
+        usual = min(NOISE_OF_CONTACTS * self.largest, self.mean)
+        return self.scatter / usual * math.sqrt(count), 1.0
+
+    @property
+    def is_contact_noise(self) -> bool:
+        """Whether the force fluctuates by no more than the noise of its contacts."""
+        value, limit = self.contact_noise
+        return value < limit
+
+    @cached_property
+    def velocity_deviation(self) -> float:
+        """Velocity of the slider off the drive's (rms), over that."""
+        return rms_velocity_deviation(self.trace)
 
     @property
     def tests(self) -> tuple[Criterion, ...]:
         """The tests of a regime, but for those of what is not known."""
-        rows = (*self._tests_of_cycles(), *self._tests_of_slips())
-        return tuple(
-            Criterion(
-                name=name,
-                statistic=found.value,
-                error=found.error,
-                limit=limit,
-                source=source,
-                passed=bool(passed),
-            )
-            for name, found, limit, source, passed in rows
-            if not math.isnan(found.value)
-        )
-
-    def _tests_of_cycles(self) -> tuple[Row, ...]:
-        """What is asked of drops and cycles, found, its limit, source and answer."""
-        # by Student: few parts show their scatter badly
-        wider = _errors_by_chance(self.freedom) / ERRORS
-        change = Measured(abs(self.change.value), wider * self.change.error)
-        return (
+        gain, noise = self.loading.gain, self.contact_noise
+        change = Measured(abs(self.change.value), self.change.error)
+        velocity = SLIDER_VELOCITY
+        if math.isnan(self.seen_velocity.value):
+            velocity = "1 + falling rate over loading rate"
+        narrow = ERRORS * self.scatter / self.mean
+        white = 1.0 + ERRORS * self.white_noise.error
+        rows: tuple[tuple[str, float | Measured, float, Source, bool], ...] = (
             (
                 "drops that stand out of the noise",
-                Measured(self.drops),
+                self.found.size,
                 1,
                 "statistics",
-                self.drops >= 1,
+                self.found.size >= 1,
             ),
             (SWING, self.swing, TINY, "convention", self.swing.value >= TINY),
             (
                 "cycles in the window",
-                Measured(self.count),
+                self.count,
                 FEWEST_CYCLES,
                 "statistics",
                 self.count >= FEWEST_CYCLES,
@@ -245,73 +457,48 @@ class Features:
             (
                 "scatter over the noise of the sensor",
                 self.white_noise,
-                1.0 + ERRORS * self.white_noise.error,
+                white,
                 "statistics",
                 self.is_white_noise,
             ),
             (
                 REPEATS,
-                Measured(self.correlation),
+                self.correlation,
                 PERIODIC,
                 "convention",
                 self.correlation >= PERIODIC,
             ),
-            (
-                CHANGE,
-                change,
-                SEEN,
-                "convention",
-                self.persists,
-            ),
+            (CHANGE, change, 0.5 * LASTING, "convention", self.persists),
             (
                 "wait for a next drop over the longest by chance",
-                Measured(self.pause),
+                self.pause,
                 1.0,
                 "statistics",
                 self.pause <= 1.0,
             ),
             (
                 "second half, as a sawtooth, over the largest force",
-                Measured(self.ripple),
+                self.ripple,
                 SMALL,
                 "convention",
                 self.ripple <= SMALL,
             ),
-        )
-
-    def _tests_of_slips(self) -> tuple[Row, ...]:
-        """The same of slips and of noise."""
-        climb = self.climb
-        half_most = MOST * self.mean
-        return (
-            (
-                self.slip_test,
-                self.slips,
-                self.slip_limit,
-                self.slip_source,
-                self.are_slips,
-            ),
+            (velocity, self.slip_velocity, SLIP_VELOCITY, "theory", self.are_slips),
             (
                 "loading rate times wait, over the drop",
-                climb,
+                gain,
                 CLIMBS,
                 "convention",
-                climb.value - ONE_SIDED * climb.error > CLIMBS,
+                gain.value - ONE_SIDED * gain.error > CLIMBS,
             ),
             (
                 "scatter of the loading rate over it",
-                Measured(self.climb_scatter),
+                self.loading.scatter,
                 ONE_RATE,
                 "convention",
-                self.climb_scatter < ONE_RATE,
+                self.loading.scatter < ONE_RATE,
             ),
-            (
-                NOISE,
-                Measured(self.contact_noise),
-                self.noise_limit,
-                "theory",
-                self.contact_noise >= self.noise_limit,
-            ),
+            (NOISE, noise[0], noise[1], "theory", noise[0] >= noise[1]),
             (
                 "kurtosis of the force",
                 self.kurtosis,
@@ -321,297 +508,79 @@ class Features:
             ),
             (
                 "three standard deviations over the mean",
-                Measured(ERRORS * self.scatter / self.mean),
+                narrow,
                 MOST,
                 "convention",
-                ERRORS * self.scatter <= half_most,
+                self.is_narrow,
             ),
             (
                 "slider velocity off the drive's (rms), over it",
-                Measured(self.velocity_deviation),
+                self.velocity_deviation,
                 RESTS,
                 "convention",
                 self.velocity_deviation >= RESTS,
             ),
-            (
-                "swing of a spectral line over the largest force",
-                Measured(self.line),
-                TINY,
-                "statistics",
-                self.line >= TINY,
-            ),
         )
+        criteria = []
+        for name, found, limit, source, passed in rows:
+            value, error = found if isinstance(found, Measured) else (found, 0.0)
+            criteria.append(
+                Criterion(
+                    name=name,
+                    statistic=value,
+                    error=error,
+                    limit=limit,
+                    source=source,
+                    passed=passed,
+                )
+            )
+        return tuple(row for row in criteria if not math.isnan(row.statistic))
 
 
-def _errors_by_chance(freedom: int) -> float:
-    """Standard errors that chance exceeds as seldom as three of a normal
-    distribution, by Student.
+def look_past_waves(seen: Window) -> Window:
+    """The window without a slow wave, where it then slips, and would not if the force
+    were negated; else as it is.
     """
-    return float(stdtrit(freedom, 1.0 - CHANCE))
+    trace = seen.trace
+    alone = trace.measured and trace.pace is None
+    if not alone or seen.swing.value < TINY or seen.is_stick_slip:
+        return seen
+    step = float(np.ptp(trace.t)) / (trace.t.size - 1)
+    for part in WAVES:
+        width = trace.t.size // part
+        if width < 2 * FEWEST_READINGS:
+            break
+        wave = trace.force - without_waves(trace.force, width)
+        wave -= np.median(wave)
+        shown = Window.of(replace(trace, force=trace.force - wave))
+        found = shown.found
+        waits = np.diff(found.times)
+        slower = waits.size >= FEWEST_CYCLES - 1 and waits.mean() < width * step / 2
+        if slower and shown.is_stick_slip and not shown.reversed.is_stick_slip:
+            level = wave[found.peak]
+            found = replace(
+                found, before=found.before + level, after=found.after + level
+            )
+            return replace(shown, found=found)
+    return seen
 
 
-def _is_steady(change: Measured, freedom: int) -> bool:
-    """Whether no change of an amplitude is proven."""
-    limit = STEADY + _errors_by_chance(freedom) * change.error
-    return not abs(change.value) > limit
-
-
-def find_features(trace: Trace, found: Slips) -> Features:
-    """Measure a window of a trace, whose drops have been found."""
-    force = trace.force
-    largest = abs(trace.largest) or 1.0
-    rest = without_drift(force)
-    scatter = float(rest.std())
-    cycles = periodic_cycles(trace, found)
-    slips = find_slip_test(trace, found, cycles)
-    change, freedom = find_change(trace, found, cycles)
-    drift = slope(force, trace.t) * float(np.ptp(trace.t))
-    swing = _swing(trace, found, cycles, drift)
-    kurtosis = float(np.mean((rest**2) ** 2)) / scatter**4 if scatter else math.nan
-    climb, climb_scatter, rate = _climb(trace, found)
-    line_period, line = (
-        (math.nan, math.nan) if cycles else spectral_line(trace.t, force)
-    )
-    # What neither swings nor slips nor changes is smooth whatever makes it: to ask
-    # theory for its noise takes long.
-    changes = not _is_steady(change, freedom)
-    still = swing < TINY * largest and not slips[0].value >= slips[2] and not changes
-    contact_noise_, limit = (
-        (math.nan, ERRORS) if still else _contact_noise(trace, found)
-    )
-    known = found.cycles
-    repeats = min(known.correlation, regularity(known.variation))
-    fast = fast_ones(trace, found)
-    return Features(
-        span=float(np.ptp(trace.t)),
-        largest=largest,
-        mean=abs(float(force.mean())) or 1e-300,
-        measured=trace.measured or trace.drive is None,
-        moving=trace.pace is not None,
-        contacts=trace.contacts,
-        noise=found.noise,
-        drift=drift,
-        scatter=scatter,
-        white_noise=_white_noise(scatter, found.noise, largest, force.size),
-        part=float(np.ptp(force)) / largest,
-        swing=Measured(swing / largest, 2.0 * found.noise / largest),
-        ripple=math.sqrt(12.0) * float(force[force.size // 2 :].std()) / largest,
-        kurtosis=Measured(kurtosis, math.sqrt(24.0 / force.size)),
-        drops=found.size,
-        count=cycles.count if cycles and fast.size else fast.size,
-        cycles=cycles,
-        correlation=cycles.correlation if cycles else repeats,
-        slips=slips[0],
-        slip_test=slips[1],
-        slip_limit=slips[2],
-        slip_source=slips[3],
-        slip_phase=found.slip_phase(trace),
-        loading_rate=rate,
-        falling_rate=_falling_rate(trace, found),
-        climb=climb,
-        climb_scatter=climb_scatter,
-        change=change,
-        freedom=freedom,
-        pause=_pause(trace, found),
-        contact_noise=scatter / contact_noise_,
-        noise_limit=limit,
-        velocity_deviation=rms_velocity_deviation(trace),
-        stuck=math.nan if trace.stuck is None else trace.stuck,
-        line_period=line_period,
-        line=line / largest,
-    )
-
-
-def _white_noise(scatter: float, noise: float, largest: float, size: int) -> Measured:
-    """Scatter of a force over its noise from sample to sample; unknown where that is
-    one of rounding.
-    """
-    if not noise > ROUNDING * largest:
-        return UNKNOWN
-    return Measured(scatter / noise, WHITE / ERRORS / math.sqrt(size))
-
-
-def _is_level(drift: float, largest: float) -> bool:
-    """Whether a force drifts by no more than that of a slider that slides: one that
-    climbs by more may be that of a slider that is held. Under a constant drive a held
-    slider makes no force fall.
-    """
-    return -MOST * largest <= drift <= SMALL * largest
-
-
-def _swing(trace: Trace, found: Slips, cycles: Cycles | None, drift: float) -> float:
-    """Peak to peak of a force, without its drift on a bench, and of a periodic one
-    without the noise of the sensor.
-    """
-    force = trace.force
-    if trace.measured and _is_level(drift, abs(trace.largest)):
-        along = (trace.t - trace.t[0]) / float(np.ptp(trace.t)) - 0.5
-        force = force - drift * along
-    swing = float(np.ptp(force))
-    if not (cycles and found.size):
-        return swing
-    # of a sine with noise of a sensor on top, peak to peak is more than the sine's
-    variance = max(float(force.var()) - found.noise**2, 0.0)
-    return min(swing, 2.0 * math.sqrt(2.0 * variance))
-
-
-def periodic_cycles(trace: Trace, found: Slips) -> Cycles | None:
-    """The cycles of a periodic force; drops that are even are cycles, too, on a
-    level that wanders.
-    """
-    known = found.cycles
-    period, _, variation = mean_and_std(np.diff(found.times))
-    regular = (
-        found.size > FEWEST_CYCLES
-        and variation < JITTER
-        and mean_and_std(found.drops)[2] < 2.0 * JITTER
-    )
-    if regular and not (known.periodic and found.size <= known.count + FEWEST_CYCLES):
-        return Cycles(
-            period=period,
-            variation=variation,
-            correlation=regularity(variation),
-            times=found.times,
-        )
-    if not known.periodic and trace.measured:
-        known = find_cycles(trace.t, without_drift(trace.force))
-    return known if known.periodic and found.size >= FEWEST_CYCLES else None
-
-
-def find_change(
-    trace: Trace, found: Slips, cycles: Cycles | None
-) -> tuple[Measured, int]:
-    """Logarithm of the amplitude in the second half over the first, by a line through
-    the drops of cycles, or the scatter in eight parts.
-
-    Through sizes over their mean, not their logarithms, which small drops dominate.
-    """
-    sizes, times = found.drops, found.times
-    if not cycles or abs(found.size - cycles.count) > 1:
-        forces, moments = (
-            np.array_split(values, 2 * FEWEST_CYCLES)
-            for values in (trace.force, trace.t)
-        )
-        sizes = np.array([part.std() for part in forces])
-        times = np.array([part.mean() for part in moments])
-    times, sizes = times[sizes > 0], np.log(sizes[sizes > 0])
-    if sizes.size < FEWEST_CYCLES:
-        return UNKNOWN, 1
-    at = (times - times.mean()) / float(np.ptp(trace.t))
-    rate = slope(sizes, at)
-    rest = sizes - sizes.mean() - rate * at
-    power = float((rest**2).sum()) / float((at**2).sum()) / (sizes.size - 2)
-    # Cycles that are large and small in turn tell a mean better than others do
-    # (Bartlett).
-    turn = min(
-        float((rest[1:] * rest[:-1]).sum()) / (float((rest**2).sum()) or 1.0), 0.0
-    )
-    turn = max(turn, 1.0 / sizes.size - 1.0)
-    power *= (1.0 + turn) / (1.0 - turn)
-    return Measured(0.5 * rate, 0.5 * math.sqrt(power)), sizes.size - 2
-
-
-def _pause(trace: Trace, found: Slips) -> float:
-    """Time since the last drop over the longest wait that chance makes."""
-    waits = np.diff(found.times)
-    if waits.size < FEWEST_CYCLES:
-        return math.nan
-    return float(trace.t[-1] - found.times[-1]) / longest_wait(waits)
+def _means(trace: Trace, first: Array, last: Array) -> Array:
+    """Mean times and forces from first to last samples."""
+    values = np.array([trace.t - trace.t[0], trace.force - trace.force[0]])
+    sums = np.pad(values.cumsum(axis=1), ((0, 0), (1, 0)))
+    return np.asarray((sums[:, last + 1] - sums[:, first]) / (last + 1 - first))
 
 
 def longest_wait(waits: Array) -> float:
     """Longest of so many waits by chance, by the tail of an exponential of their
-    scatter; at least two usual ones.
+    scatter; at least that of a missing drop.
     """
     usual = weighted_median(waits, waits)
     # the longest may be the pause that is asked for
     others = np.sort(waits)[:-1]
     scatter = min(float(others.std() / others.mean()), 1.0)
-    return usual * max(PAUSE, 1.0 + scatter * math.log(waits.size / ONE_IN_TWENTY))
-
-
-def find_slip_test(
-    trace: Trace, found: Slips, cycles: Cycles | None
-) -> tuple[Measured, str, float, Source]:
-    """What shows slips: the velocity of the slider where it is seen; else how long it
-    is held. The number, its name, limit and source.
-
-    That is the time not in drops; where these take long, that at the full loading
-    rate (less without a period).
-    """
-    samples = weighted_median(
-        np.asarray(found.trough - found.peak, dtype=float), found.drops**2
-    )
-    # in a typical drop; NaN if it is not known
-    each = speeds(trace, found)
-    fast = weighted_median(each, found.drops**2)
-    resolved = math.isfinite(fast) and samples >= FEWEST_IN_A_DROP
-    if fast >= SLIP_VELOCITY or resolved:
-        off = weighted_median(np.abs(each - fast), np.ones(each.size))
-        error = 1.4826 * off / math.sqrt(max(found.size, 1))
-        return Measured(fast, error), SLIDER_VELOCITY, SLIP_VELOCITY, "theory"
-    phase = found.slip_phase(trace)
-    if not phase > SLIP_PHASE or trace.contacts:
-        name = "part of the time not in drops"
-        return Measured(1.0 - phase), name, 1.0 - SLIP_PHASE, "theory"
-    step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
-    held = loading(trace.force, step, found.noise)[1]
-    return Measured(held), HELD_TIME, HALF if cycles else HELD, "convention"
-
-
-def _climb(trace: Trace, found: Slips) -> tuple[Measured, float, Measured]:
-    """How the force climbs to its drops: loading rate times wait over the drop;
-    scatter of the rate from climb to climb over it; the rate.
-
-    The slope of a climb is that from the second to the third quarter of a wait, by
-    means, as ringing and rounded peaks are at its ends.
-    """
-    begins, ends = found.end[:-1], found.start[1:]
-    long = ends > begins
-    begins, ends, drops = begins[long], ends[long], found.drops[1:][long]
-    if begins.size < FEWEST_CYCLES - 1:
-        return UNKNOWN, math.nan, UNKNOWN
-    waits = trace.t[ends] - trace.t[begins]
-    quarter = (ends - begins) // 4
-    sums, at = (
-        np.append(0.0, np.cumsum(values - values[0]))
-        for values in (trace.force, trace.t)
-    )
-
-    def mean(total: Array, first: Array, last: Array) -> Array:
-        """Means from first to last samples."""
-        return np.asarray((total[last + 1] - total[first]) / (last + 1 - first))
-
-    # of short waits, from the first to the last sample
-    short = quarter < 1
-    middle = (begins + ends) // 2
-    early = np.where(short, begins, begins + quarter), np.where(short, begins, middle)
-    late = np.where(short, ends, middle), np.where(short, ends, ends - quarter)
-    rise = mean(sums, *late) - mean(sums, *early)
-    took = mean(at, *late) - mean(at, *early)
-    rates = rise / took
-    rate = weighted_median(rates, waits)
-    if not rate > 0:
-        return Measured(0.0), math.inf, Measured(rate)
-    scatter = 1.4826 * weighted_median(np.abs(rates - rate), waits)
-    # the noise of the sensor makes the rates scatter, too
-    each = found.noise * np.sqrt(2.0 / np.maximum(late[1] + 1 - late[0], 1)) / took
-    scatter = math.sqrt(max(scatter**2 - weighted_median(each, waits) ** 2, 0.0))
-    gain = rate * float(waits.sum()) / float(drops.sum())
-    spread = scatter / rate
-    root = math.sqrt(begins.size)
-    return (
-        Measured(gain, gain * spread / root),
-        spread,
-        Measured(rate, scatter / root),
-    )
-
-
-def _falling_rate(trace: Trace, found: Slips) -> float:
-    """Rate at which the force falls in a typical drop."""
-    took = trace.t[found.end] - trace.t[found.start]
-    rates = found.drops / np.where(took > 0, took, np.inf)
-    return weighted_median(rates, found.drops**2)
+    return usual * max(MISSING, 1.0 + scatter * math.log(waits.size / ONE_IN_TWENTY))
 
 
 @lru_cache(maxsize=256)
@@ -621,28 +590,8 @@ def noise_of(interface: Interface, slider: Any, velocity: float) -> float | None
     """
     rig = Rig(interface, slider, constant(velocity))
     try:
-        return (
-            math.nan
-            if count_unstable(rig)
-            else contact_noise(rig, contacts=1).spring_force
-        )
+        if count_unstable(rig):
+            return math.nan
+        return contact_noise(rig, contacts=1).spring_force
     except (InputError, UndecidedError):
         return None
-
-
-def _contact_noise(trace: Trace, found: Slips) -> tuple[float, float]:
-    """Standard deviation of the force in smooth sliding, NaN if unstable; and how
-    many times is no more.
-    """
-    count = trace.contacts
-    if not count or not found.size:
-        return math.nan, ERRORS
-    if trace.rig is not None and trace.drive is not None:
-        # it is rounded
-        speed = float(np.mean(trace.drive)) / trace.rig.unit("velocity")
-        known = noise_of(trace.rig.interface, trace.rig.slider, float(f"{speed:.12g}"))
-        if known is not None:
-            return known * trace.rig.unit("f_s") / math.sqrt(count), ERRORS
-    mean = abs(float(trace.force.mean())) or 1e-300
-    largest = NOISE_OF_CONTACTS * (abs(trace.largest) or 1.0)
-    return min(largest, mean) / math.sqrt(count), 1.0

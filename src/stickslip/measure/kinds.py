@@ -6,16 +6,13 @@ import math
 from typing import Literal
 
 from stickslip import words
-from stickslip.measure.features import (
-    HELD_TIME,
-    NORMAL,
-    ONE_SIDED,
-    SLIDER_VELOCITY,
-    SMALL,
-    TINY,
-    Features,
-)
+from stickslip.measure.features import NORMAL, ONE_SIDED, SMALL, Window
+from stickslip.measure.periods import PERIODIC
+from stickslip.measure.slips import WHITE
 from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, RESTS
+
+# held for the rest of the time, a slider slips at four times the drive on average
+SLIP_PHASE = 0.25
 
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 
@@ -25,193 +22,170 @@ LASTS: Kind = "sustained oscillation"
 OPEN: Kind = "undecided"
 
 
-def is_stick_slip(seen: Features) -> bool:
-    """Whether the force climbs to its drops, and these are as fast as slips."""
-    return seen.are_slips and seen.climbs and seen.count >= FEWEST_CYCLES
-
-
-def decide(seen: Features, force_unit: str, time_unit: str) -> tuple[Kind, str]:
+def decide(seen: Window) -> tuple[Kind, str]:
     """Kind of motion, and why."""
     if reason := _still(seen):
         return SMOOTH, reason
-    if reason := _missing(seen, force_unit, time_unit):
+    if reason := _missing(seen):
         return OPEN, reason
-    if reason := _noise_of_contacts(seen):
-        return SMOOTH, reason
+    contacts = seen.trace.contacts
+    fast = seen.are_slips and seen.ripple > SMALL
+    if seen.is_contact_noise and not fast and seen.is_narrow:
+        noise = f"no more than the noise of {contacts} contacts"
+        return SMOOTH, f"{_fluctuation(seen)}: {noise}"
     if reason := _changes(seen):
         return OPEN, reason
-    if is_stick_slip(seen):
-        manner = "periodic" if seen.cycles else "irregular"
-        if 0 < seen.contact_noise < seen.noise_limit:
-            manner = f"irregular, of few contacts ({seen.contacts}),"
-        return SLIPS, f"{manner} and persistent; {_how_slips_show(seen)}"
-    if seen.are_slips and seen.drops >= FEWEST_CYCLES:
-        return OPEN, (
-            f"{seen.drops} fast drops, to which the force does not climb at one rate: "
-            "dips, rather than slips"
-        )
+    manner = "periodic" if seen.cycles else "irregular"
+    if seen.is_stick_slip:
+        few = f", of few contacts ({contacts})," if seen.is_contact_noise else ""
+        return SLIPS, f"{manner}{few} and persistent; {_how_fast(seen)}"
     if _oscillates(seen):
-        manner = "periodic" if seen.cycles else "irregular"
         size = f"{_percent(seen.part)}, peak to peak"
-        return LASTS, f"{manner}, {size}; {_sticking(seen)}; {_how_slips_show(seen)}"
-    return _uneven(seen, time_unit)
+        return LASTS, f"{manner}, {size}; {_sticking(seen)}; {_how_fast(seen)}"
+    return _uneven(seen)
 
 
-def _still(seen: Features) -> str:
+def _still(seen: Window) -> str:
     """Why sliding is smooth whatever else the window holds; empty if it may not be."""
-    shrinks = not seen.steady and seen.change.value < 0
     small = seen.ripple <= SMALL
-    if seen.count >= FEWEST_CYCLES and shrinks and small and not seen.are_slips:
+    if seen.trend < 0 and small and not seen.are_slips and seen.count >= FEWEST_CYCLES:
         return f"{_change(seen)}, and is down to {_percent(seen.ripple)}"
-    grows = not seen.steady and seen.change.value > 0
-    if seen.swing.value < TINY and not seen.are_slips and not grows:
+    if seen.is_still:
         moves = "oscillates" if seen.cycles else "fluctuates"
         return f"the force {moves} by {_percent(seen.swing.value)}, peak to peak"
     # a sawtooth of two or three samples a cycle has the spectrum of noise, too
-    least = NORMAL + ONE_SIDED * seen.kurtosis.error
-    normal = seen.kurtosis.value >= least
+    normal = seen.kurtosis.value >= NORMAL + ONE_SIDED * seen.kurtosis.error
     masked = small and seen.is_mostly_noise
     white = seen.is_white_noise and normal and seen.is_narrow
-    noise_only = seen.drops == 0 and seen.is_level and (masked or white)
-    return (
-        f"the force shows noise only, {_percent(seen.swing.value)}"
-        if noise_only
-        else ""
-    )
+    if seen.found.size == 0 and seen.is_level and (masked or white):
+        return f"the force shows noise only, {_percent(seen.swing.value)}"
+    return ""
 
 
-def _missing(seen: Features, force_unit: str, time_unit: str) -> str:
+def _missing(seen: Window) -> str:
     """What a verdict lacks; empty if the data suffice."""
+    trace = seen.trace
     if seen.count >= FEWEST_CYCLES or seen.velocity_deviation < RESTS:
         return ""
-    if seen.drops:
+    if seen.found.size:
         lacking = FEWEST_CYCLES - seen.count
-        each = seen.span / max(seen.count, 1)
-        more = words.engineering(lacking * each, time_unit, 2)
+        each = float(trace.t[-1] - trace.t[0]) / max(seen.count, 1)
+        more = words.engineering(lacking * each, trace.time_unit, 2)
         return (
             f"too short: {seen.count} of the {FEWEST_CYCLES} complete cycles that a "
             f"verdict needs; {lacking} more, about {more}, would tell"
         )
     # as a sawtooth that scatters so, peak to peak
     stands_out = abs(seen.drift) > math.sqrt(12.0) * seen.scatter
-    drifts = stands_out and not seen.is_level
-    if seen.is_mostly_noise and not drifts:
-        noise = _percent(seen.part)
-        return f"noise of {noise} masks any oscillation, and slips: record more often"
+    if seen.is_mostly_noise and (seen.is_level or not stands_out):
+        return _hidden(seen)
     way = "rises" if seen.drift > 0 else "falls"
-    size = words.engineering(abs(seen.drift), force_unit, 3)
+    size = words.engineering(abs(seen.drift), trace.force_unit, 3)
     return (
         f"the force still {way}, by {size} in the window, and shows no complete slip: "
         "a held slider, or a drift; stiffness and velocity tell"
     )
 
 
-def _noise_of_contacts(seen: Features) -> str:
-    """Why a fluctuation is noise of the contacts; empty if it is not known to be."""
-    slips = seen.are_slips and seen.ripple > SMALL
-    if not seen.contact_noise < seen.noise_limit or slips or not seen.is_narrow:
-        return ""
-    return f"{_fluctuation(seen)}: no more than the noise of {seen.contacts} contacts"
-
-
-def _changes(seen: Features) -> str:
+def _changes(seen: Window) -> str:
     """Why what is seen of an oscillation may not persist; empty if it does."""
-    change = seen.change
-    oscillates = is_stick_slip(seen) or _oscillates(seen)
-    if not seen.steady and change.value < 0:
+    if seen.trend < 0 or (seen.trend > 0 and not seen.are_slips):
         return _change(seen)
-    if not seen.steady and not seen.are_slips:
-        return _change(seen)
-    if not oscillates or seen.persists:
+    if seen.persists or not (seen.is_stick_slip or _oscillates(seen)):
         return ""
     if seen.pause > 1.0:
         return (
-            f"{seen.drops} drops, the last so long before the end that they seem to "
-            f"have ended: {words.number(seen.pause, 2)} times the longest wait that "
+            f"{seen.found.size} drops, the last so long before the end that they seem "
+            f"to have ended: {words.number(seen.pause, 2)} times the longest wait that "
             "chance makes"
         )
-    low, high = (
-        math.exp(change.value + sign * ERRORS * change.error) for sign in (-1, 1)
-    )
+    value, error = seen.change
+    low, high = (math.exp(value + sign * ERRORS * error) for sign in (-1, 1))
     return (
-        f"{seen.drops} drops; whether they persist is not shown: the amplitude changes "
-        f"by a factor {math.exp(change.value):.2g} ({low:.2g} to {high:.2g}) from one "
+        f"{seen.found.size} drops; whether they persist is not shown: the amplitude "
+        f"changes by a factor {math.exp(value):.2g} ({low:.2g} to {high:.2g}) from one "
         "half of the window to the other"
     )
 
 
-def _oscillates(seen: Features) -> bool:
+def _oscillates(seen: Window) -> bool:
     """Whether a force without slips oscillates by itself: a period, and an amplitude
     that scatters less than that of noise; or more than its contacts make.
     """
     if not seen.cycles:
-        return bool(seen.contacts) and not seen.measured
+        return bool(seen.trace.contacts) and not seen.trace.measured
     # Its amplitude scatters as that of noise does, or is no more than a slider may
     # make of it.
-    as_noise = seen.kurtosis.value >= NORMAL or seen.contact_noise < ERRORS
-    return not (seen.measured and as_noise)
+    as_noise = seen.kurtosis.value >= NORMAL or seen.contact_noise[0] < ERRORS
+    return not (seen.trace.measured and as_noise)
 
 
-def _uneven(seen: Features, time_unit: str) -> tuple[Kind, str]:
+def _uneven(seen: Window) -> tuple[Kind, str]:
     """Kind of a motion that neither slips nor oscillates."""
     deviation = seen.velocity_deviation
     if not math.isnan(deviation):
         strays = f"{deviation:.2g} times the drive's velocity off that (rms)"
         if deviation < RESTS:
             return SMOOTH, f"the slider moves evenly, {strays}"
-        by = f"its {seen.contacts} contacts" if seen.contacts else "its contacts"
+        by = f"its {seen.trace.contacts or ''} contacts".replace("  ", " ")
         return (
             OPEN,
             f"the slider moves unevenly, {strays}: by itself, or shaken by {by}",
         )
-    if seen.line >= TINY and seen.is_mostly_noise:
-        period = words.engineering(seen.line_period, time_unit, 2)
-        noise = _percent(seen.part)
-        return OPEN, (
-            f"a period of {period} stands out of noise of {noise}, which hides slips: "
-            "record more often"
-        )
-    if seen.kurtosis.value >= NORMAL and seen.is_narrow:
+    # the noise of the sensor leaves so much of the correlation of a period
+    left = PERIODIC * max(1.0 - (seen.found.noise / seen.scatter) ** 2, 0.0)
+    repeats = seen.correlation - WHITE / math.sqrt(seen.rest.size) > left
+    hidden = seen.is_mostly_noise and repeats
+    # noise falls as it rises
+    dips = seen.found.slip_phase(seen.trace) <= SLIP_PHASE
+    as_noise = seen.kurtosis.value >= NORMAL and seen.is_narrow
+    if as_noise and not hidden and not dips:
         return SMOOTH, f"{_fluctuation(seen)}, as slow noise does"
+    if seen.is_mostly_noise:
+        return OPEN, _hidden(seen)
     return OPEN, (
         f"irregular oscillation of {_percent(seen.part)}, neither slips nor "
-        f"noise; {_how_slips_show(seen)}"
+        f"noise; {_how_fast(seen)}"
     )
+
+
+def _hidden(seen: Window) -> str:
+    noise = _percent(seen.part)
+    return f"noise of {noise} hides any oscillation, and slips: record more often"
 
 
 def _percent(part: float) -> str:
     return f"{100 * part:.3g} % of the largest force"
 
 
-def _fluctuation(seen: Features) -> str:
+def _fluctuation(seen: Window) -> str:
     period = "with a period" if seen.cycles else "without a period"
     return f"the force fluctuates by {_percent(seen.part)}, {period}"
 
 
-def _change(seen: Features) -> str:
-    trend = math.exp(seen.change.value)
-    how = "decays" if trend < 1.0 else "still grows"
+def _change(seen: Window) -> str:
+    how = "decays" if seen.trend < 0 else "still grows"
     return (
-        f"the amplitude {how}, by a factor {trend:.2g} from one half of the window to "
-        "the other"
+        f"the amplitude {how}, by a factor {math.exp(seen.change.value):.2g} from one "
+        "half of the window to the other"
     )
 
 
-def _sticking(seen: Features) -> str:
+def _sticking(seen: Window) -> str:
     """Whether the slider sticks in an oscillation."""
-    if math.isnan(seen.stuck):
+    stuck = seen.trace.stuck
+    if stuck is None:
         return "whether the slider sticks, the force alone does not tell"
-    if seen.stuck < RESTS:
+    if stuck < RESTS:
         return "the slider never sticks"
-    return f"the slider sticks for {100 * seen.stuck:.0f} % of the time"
+    return f"the slider sticks for {100 * stuck:.0f} % of the time"
 
 
-def _how_slips_show(seen: Features) -> str:
+def _how_fast(seen: Window) -> str:
     """The number that slips are recognised by, in words."""
-    if seen.slip_test == SLIDER_VELOCITY:
-        peak = words.number(seen.slips.value, 3)
+    peak = words.number(seen.slip_velocity.value, 3)
+    if not math.isnan(seen.seen_velocity.value):
         return f"peak slider velocity {peak} times that of the drive"
-    if seen.slip_test == HELD_TIME and seen.are_slips:
-        part = 100 * seen.slips.value
-        return f"the force rises at its full rate for {part:.0f} % of the time"
-    return f"slipping takes {100 * seen.slip_phase:.0f} % of each cycle"
+    if math.isnan(seen.slip_velocity.value):
+        return "the force does not climb to its drops at one rate"
+    return f"it slips at {peak} times the drive, if it is held between drops"

@@ -11,8 +11,9 @@ import xarray as xr
 from stickslip.answers import Answer
 from stickslip.errors import InputError, whole
 from stickslip.measure.headings import ratio
-from stickslip.measure.periods import find_cycles, spectral_line
-from stickslip.measure.slips import EDGE, find_slips, weighted_median, white_noise
+from stickslip.measure.periods import find_cycles
+from stickslip.measure.sensor import white_noise
+from stickslip.measure.slips import EDGE, find_slips, weighted_median
 from stickslip.measure.trace import RESTS, Array, Trace, mean_and_std
 from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
@@ -285,7 +286,7 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     words = {
         "sticks and slips": stuck >= HALF and swing >= HALF,
         "moves evenly": swing < RESTS,
-        "oscillates": cycles.periodic or spectral_line(trace.t, pace)[1] > RESTS,
+        "oscillates": cycles.periodic,
         "stops and goes, without a period": stuck > RESTS,
         "moves unevenly, without stops": True,
     }

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from stickslip.measure.trace import (
-    CHANCE,
     FEWEST_CYCLES,
     Array,
     mean_and_std,
@@ -26,10 +25,6 @@ _HALF = 0.5
 # of a period: rises closer than this belong to one cycle (ringing crosses the levels
 # again)
 _TOGETHER = 0.7
-
-# frequencies that a line is held against, and left out on either side of it
-_BESIDE_A_LINE = 12
-_NEXT = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,23 +67,17 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     force in a typical cycle to the next.
     """
     lag, correlation = _autocorrelation_peak(t, force)
-    half = 0.5 * (t[-1] - t[0]) / (t.size - 1)
-    starts = (
-        np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag) - half)
-        if correlation
-        else np.zeros(0, dtype=int)
-    )
-    if starts.size < FEWEST_CYCLES or not np.diff(starts).all():
-        starts = np.zeros(1, dtype=int)
+    starts = np.zeros(1, dtype=int)
+    if correlation:
+        firsts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag))
+        if firsts.size >= FEWEST_CYCLES and np.diff(firsts).all():
+            starts = firsts
     # Of each cycle: one that is larger than the others says nothing.
-    low, high = (
-        float(np.median(extreme.reduceat(force, starts)))
-        for extreme in (np.minimum, np.maximum)
-    )
+    low = float(np.median(np.minimum.reduceat(force, starts)))
+    high = float(np.median(np.maximum.reduceat(force, starts)))
+    third = (high - low) / 3.0
     begins: list[float] = []
-    for time in rises(t, force, (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0)[
-        1
-    ].tolist():
+    for time in rises(t, force, low + third, high - third)[1].tolist():
         if not begins or not time - begins[-1] < _TOGETHER * lag:
             begins.append(time)
     period, _, variation = mean_and_std(np.diff(begins))
@@ -108,52 +97,9 @@ def rises(
     """
     side = np.where(force > high, 1, np.where(force < low, -1, 0))
     outside = np.flatnonzero(side)
-    risen = outside[1:][(side[outside[1:]] > 0) & (side[outside[:-1]] < 0)]
+    risen = outside[1:][np.diff(side[outside]) > 0]
     passed = (force[risen] - high) / (force[risen] - force[risen - 1])
     return risen, t[risen] - passed * (t[risen] - t[risen - 1])
-
-
-def spectral_line(
-    t: Array, force: Array, chance: float = CHANCE
-) -> tuple[float, float]:
-    """Period and swing, peak to peak, of the highest line of a spectrum; NaN and 0 if
-    noise may show it by chance.
-
-    A line is held against the `_BESIDE_A_LINE` frequencies beside it, two next to it
-    left out: of noise of any colour that is even there, ``(1 + x/n)^-n`` of all
-    ordinates exceed `x` times the mean of `n` others by chance.
-    """
-    size = fft.prev_fast_len(t.size, real=True)
-    edge = _BESIDE_A_LINE // 2
-    power = np.abs(fft.rfft(_evenly(t[:size], force[:size])))[1:] ** 2 / size**2
-    if power.size <= 2 * (edge + _NEXT):
-        return math.nan, 0.0
-    near, wide = (
-        np.convolve(power, np.ones(2 * width + 1), "valid")
-        for width in (_NEXT, edge + _NEXT)
-    )
-    near = near[edge:-edge]
-    line = power[edge + _NEXT : -edge - _NEXT]
-    beside = np.maximum(wide - near, 1e-12 * power.sum() + 1e-300)  # of rounding
-    best = int(np.argmax(line / beside))
-    if (
-        power.size * (1.0 + line[best] / beside[best]) ** -float(_BESIDE_A_LINE)
-        > chance
-    ):
-        return math.nan, 0.0
-    period = float(np.ptp(t[:size])) * size / (size - 1) / (best + edge + _NEXT + 1)
-    return period, 4.0 * math.sqrt(
-        max(float(near[best] - beside[best] * (2 * _NEXT + 1) / _BESIDE_A_LINE), 0.0)
-    )
-
-
-def _evenly(t: Array, force: Array) -> Array:
-    """A force at even steps, without its drift."""
-    size = t.size
-    step = (t[-1] - t[0]) / (t.size - 1)
-    if float(np.ptp(np.diff(t))) > 0.01 * step:
-        force = np.interp(t[0] + step * np.arange(size), t, force)
-    return without_drift(force)
 
 
 def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
@@ -161,21 +107,19 @@ def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
     NaN and 0 if there is none.
     """
     size = t.size
-    step = (t[-1] - t[0]) / (t.size - 1)
-    rest = _evenly(t, force)
+    even = np.linspace(t[0], t[-1], size)
+    rest = without_drift(np.interp(even, t, force))
     lags = max(size // 2, 3)
     spectrum = fft.rfft(rest, fft.next_fast_len(size + lags, real=True))
     power = fft.irfft(spectrum.real**2 + spectrum.imag**2)[:lags]
-    if not power[0] > 0:
+    if not power[0] > 0 or not power.min() < 0:
         return math.nan, 0.0
-    power /= power[0] * (1.0 - np.arange(power.size) / size)
-    tops = 1 + np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]))
-    tops = (
-        tops[(tops > np.argmax(power < 0)) & (power[tops] > 0)]
-        if power.min() < 0
-        else tops[:0]
-    )
-    if not tops.size:
+    power /= power[0] * (1.0 - np.arange(lags) / size)
+    inner = power[1:-1]
+    tops = (inner >= power[:-2]) & (inner > power[2:]) & (inner > 0)
+    at = 1 + np.flatnonzero(tops)
+    at = at[at > np.argmax(power < 0)]
+    if not at.size:
         return math.nan, 0.0
-    first = int(tops[np.argmax(power[tops] >= _HALF * power[tops].max())])
-    return first * step, float(power[first])
+    first = int(at[np.argmax(power[at] >= _HALF * power[at].max())])
+    return first * (even[1] - even[0]), float(power[first])

@@ -15,39 +15,25 @@ from stickslip import words
 from stickslip.answers import Answer
 from stickslip.errors import InputError, number
 from stickslip.measure.features import (
+    CLIMBS,
     MOST,
     NOISE,
     SWING,
     TINY,
     Criterion,
-    Features,
-    find_features,
+    Window,
+    look_past_waves,
 )
-from stickslip.measure.kinds import (
-    LASTS,
-    OPEN,
-    SLIPS,
-    SMOOTH,
-    Kind,
-    decide,
-    is_stick_slip,
-)
+from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
 from stickslip.measure.segments import segments
 from stickslip.measure.sensor import note_saturation, spikes
-from stickslip.measure.slips import (
-    SLIP_VELOCITY,
-    Slips,
-    fast_ones,
-    find_slips,
-    without_waves,
-)
+from stickslip.measure.slips import SLIP_VELOCITY, Slips, fast_ones, find_slips
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import (
     CONSTANT_DRIVE,
     FEWEST_CYCLES,
     FEWEST_READINGS,
     RESTS,
-    Array,
     Trace,
     dataset_of,
     mean_and_std,
@@ -59,10 +45,6 @@ __all__ = ["TINY", "Kind", "Regime", "regime"]
 
 LATE_PART = 0.4  # the last part of a run, in which its regime is judged
 MOST_PARTS = 0.75  # part of the time for which the parts of a record must agree
-# a breakaway: at most this part of its drop is what the force climbs by after it
-CLIMBS_AGAIN = 0.25
-# parts of a record: waves slower than these are looked past for slips on them
-WAVES = (4, 8, 16)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -138,11 +120,8 @@ class Regime(Answer):
     def is_noise(self) -> bool:
         """Whether the force swings by the noise of its contacts, and no more."""
         passed = {row.name: row.passed for row in self.table}
-        return (
-            self.kind == SMOOTH
-            and passed.get(SWING, False)
-            and not passed.get(NOISE, True)
-        )
+        swings = self.kind == SMOOTH and passed.get(SWING, False)
+        return swings and not passed.get(NOISE, True)
 
     def __eq__(self, other: object) -> bool:
         # NaN equals NaN
@@ -155,51 +134,49 @@ class Regime(Answer):
     def __str__(self) -> str:
         divisor, unit = prefixed(self.window[1], self.time_unit)
         begin, end = (time / divisor for time in self.window)
-        told = (
-            (self.mean_force, 4),
-            (self.peak_to_peak, 3),
-            (self.noise, 2),
-            (self.drop, 3),
-        )
         mean, swing, noise, drop = (
-            words.engineering(value, self.force_unit, digits) for value, digits in told
-        )
-        over = (
-            f"evaluated over t = {words.number(begin)} to "
-            f"{words.engineering(end, unit)}"
-        )
-        about = (
-            f"{self.quantity} {mean} on average, peak to peak {swing}, noise {noise}"
-        )
-        lines = [f"{self.kind}: {self.reason}", f"{over}; {about}"]
-        if self.mean_mu is not None and self.static_mu is not None:
-            kinetic, static = (
-                words.number(mu, 3) for mu in (self.mean_mu, self.static_mu)
+            words.engineering(value, self.force_unit, digits)
+            for value, digits in (
+                (self.mean_force, 4),
+                (self.peak_to_peak, 3),
+                (self.noise, 2),
+                (self.drop, 3),
             )
+        )
+        lines = [
+            f"{self.kind}: {self.reason}",
+            f"evaluated over t = {words.number(begin)} to "
+            f"{words.engineering(end, unit)}; {self.quantity} {mean} on average, peak "
+            f"to peak {swing}, noise {noise}",
+        ]
+        if self.mean_mu is not None and self.static_mu is not None:
             lines.append(
-                f"coefficient of friction {kinetic} on average (kinetic), {static} at "
-                "most (static)"
+                f"coefficient of friction {words.number(self.mean_mu, 3)} on average "
+                f"(kinetic), {words.number(self.static_mu, 3)} at most (static)"
             )
         if self.cycles:
-            period = (
-                ", period "
-                f"{words.engineering(self.period, self.time_unit)}{_variation(self.period_variation)}"  # noqa: E501
-            )
-            phase = (
-                ""
-                if math.isnan(self.slip_phase)
-                else f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
-            )
-            count = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
-            drop += _variation(self.drop_variation)
-            lines.append(
-                f"{count}, drop "
-                f"{drop}{period if math.isfinite(self.period) else ''}{phase}"
-            )
+            told = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
+            told += f", drop {drop}{_variation(self.drop_variation)}"
+            if math.isfinite(self.period):
+                period = words.engineering(self.period, self.time_unit)
+                told += f", period {period}{_variation(self.period_variation)}"
+            if math.isfinite(self.slip_phase):
+                told += f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
+            lines.append(told)
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.loading_rate is not None and self.falling_rate is not None:
-            lines.append(_loading_line(self, self.loading_rate, self.falling_rate))
+            # a slip is 3.5 times as fast as the drive: 1 + falls/(stiffness x velocity)
+            most = self.falling_rate / (SLIP_VELOCITY - 1.0)
+            rate, limit = (
+                words.engineering(value, _rate_unit(self), 3)
+                for value in (self.loading_rate, most)
+            )
+            lines.append(
+                f"between drops the force rises at {rate}: slips, if stiffness x "
+                "velocity is about that; an oscillation without sticking, if above "
+                f"{limit}"
+            )
         if self.largest_velocity is not None:
             lines.append(
                 f"largest velocity {self.largest_velocity:.3g} times the drive's"
@@ -207,18 +184,9 @@ class Regime(Answer):
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
 
-def _loading_line(seen: Regime, rises: float, falls: float) -> str:
-    """At which stiffness times velocity a force alone is one of slips, and at which
-    one of an oscillation without sticking.
-    """
-    unit = f"{seen.force_unit.removesuffix('1')}/{seen.time_unit}".rstrip("/")
-    # a slip is 3.5 times as fast as the drive: 1 + falls/(stiffness x velocity)
-    most = falls / (SLIP_VELOCITY - 1.0)
-    rate, limit = (words.engineering(value, unit, 3) for value in (rises, most))
-    return (
-        f"between drops the force rises at {rate}: slips, if stiffness x velocity is "
-        f"about that; an oscillation without sticking, if above {limit}"
-    )
+def _rate_unit(of: Trace | Regime) -> str:
+    """Unit of a force per time."""
+    return f"{of.force_unit.removesuffix('1')}/{of.time_unit}".rstrip("/")
 
 
 def _variation(value: float) -> str:
@@ -265,26 +233,25 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     """
     trace = Trace.of(data)
     if trace.measured and "spikes" not in data.attrs:
-        trace = _replace_spikes(trace)
+        good = ~spikes(trace.force)
+        force = np.interp(trace.t, trace.t[good], trace.force[good])
+        trace = replace(trace, force=force)
     if after is not None:
         end = trace.t[-1]
-        trace = trace.part(
-            begin := number("after", after, hint="a time, in the unit of t")
-        )
+        begin = number("after", after, hint="a time, in the unit of t")
+        trace = trace.part(begin)
         if trace.t.size < FEWEST_READINGS:
             given, last = (
                 words.engineering(time, trace.time_unit, 6) for time in (begin, end)
             )
             least = f"fewer than {FEWEST_READINGS} samples lie after it"
             raise InputError(f"after = {given}: {least}; the data end at t = {last}")
-    if trace.drive is None or trace.measured:
+    if trace.measured:
         seen = _judge_measured(trace, whole=after is None)
+    elif after is None:
+        seen = _combine_parts(_judge_parts(*_select_late_window(trace)))
     else:
-        seen = _combine_parts(
-            _judge_parts(*_select_late_window(trace, trace.drive))
-            if after is None
-            else _judge_parts(trace)
-        )
+        seen = _combine_parts(_judge_parts(trace))
     if "mu" in data and data["mu"].dims == ("time",):
         size = abs(data["mu"])  # it changes sign with the direction
         mean = float(size.sel(time=slice(*seen.window)).mean())
@@ -292,29 +259,19 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     return trace, seen
 
 
-def _replace_spikes(trace: Trace) -> Trace:
-    """A trace without spikes of single samples, as `read_trace` returns it."""
-    spiky = spikes(trace.force)
-    if not spiky.any():
-        return trace
-    known = np.interp(trace.t, trace.t[~spiky], trace.force[~spiky])
-    return replace(trace, force=np.where(spiky, known, trace.force))
-
-
-def _select_late_window(trace: Trace, drive: Array) -> tuple[Trace, Slips | None]:
+def _select_late_window(trace: Trace) -> tuple[Trace, Slips | None]:
     """The last part of the last stretch of constant driving, or twice as much if
     that holds few drops; its drops.
     """
-    differs = np.flatnonzero(
-        np.abs(drive - drive[-1]) > CONSTANT_DRIVE * abs(drive[-1])
-    )
+    assert trace.drive is not None
+    last = trace.drive[-1]
+    differs = np.flatnonzero(np.abs(trace.drive - last) > CONSTANT_DRIVE * abs(last))
     first = int(differs[-1]) + 1 if differs.size else 0
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
         return trace, None
-    begin = trace.t[first]
     end = trace.t[-1]
     for part in (LATE_PART, 2.0 * LATE_PART):
-        late = trace.part(end - part * (end - begin))
+        late = trace.part(end - part * (end - trace.t[first]))
         found = find_slips(late)
         if late.t.size >= FEWEST_READINGS and not 0 < found.size <= FEWEST_CYCLES:
             break
@@ -327,37 +284,30 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     """
     stretches = trace.stretches
     notes = [*note_saturation(trace.force)]
-    parts = list[Regime]()
-    strokes = 0
     if len(stretches) > 1:
         begin = words.number(stretches[0].t[-1])
         end = words.number(stretches[1].t[0])
         more = f", and {len(stretches) - 2} more gaps" if len(stretches) > 2 else ""
-        notes.insert(
-            0,
-            (
-                f"no readings from t = {begin} to {end}{more}: each stretch without a "
-                "gap "
-                "was judged by itself"
-            ),
-        )
-    for stretch in [each for each in stretches if each.t.size >= FEWEST_READINGS] or [
-        trace
-    ]:
+        gaps = f"no readings from t = {begin} to {end}{more}"
+        notes.insert(0, f"{gaps}: each stretch without a gap was judged by itself")
+    parts = list[Regime]()
+    strokes = 0
+    long = [each for each in stretches if each.t.size >= FEWEST_READINGS]
+    for stretch in long or [trace]:
         found, friction, offset = find_strokes(stretch)
-        ways = [_doubt_oscillation(_judge(stroke)) for stroke in found]
-        if ways:
-            half, middle = (
-                words.engineering(trace.sign * force, trace.force_unit, 3)
-                for force in (trace.sign * friction, offset)
-            )
-            notes.append(
-                f"friction of the strokes {half}, half the difference of their two "
-                f"plateaus, about an offset of {middle}"
-            )
-        late = _skip_loading(stretch) if whole else stretch
-        parts += ways or _judge_parts(late)
-        strokes += len(ways)
+        if not found:
+            parts += _judge_parts(_skip_loading(stretch) if whole else stretch)
+            continue
+        parts += [_doubt_oscillation(_judge(stroke)) for stroke in found]
+        strokes += len(found)
+        half, middle = (
+            words.engineering(force, trace.force_unit, 3)
+            for force in (friction, trace.sign * offset)
+        )
+        notes.append(
+            f"friction of the strokes {half}, half the difference of their two "
+            f"plateaus, about an offset of {middle}"
+        )
     seen = _combine_parts(parts, strokes)
     return replace(seen, notes=(*seen.notes, *notes))
 
@@ -376,25 +326,18 @@ def _skip_loading(trace: Trace) -> Trace:
     """
     usual = float(np.median(trace.force[trace.force.size // 2 :]))
     first = int(np.argmax(trace.force >= usual))
-    loaded = float(trace.t[first])
-    rises = _drift_rate(trace.part(-math.inf, loaded)) > 0
-    if not rises or 2 * first > trace.t.size:
-        return trace
-    late = trace.part(loaded)
-    if late.t.size < FEWEST_READINGS:
+    late = trace.part(float(trace.t[first]))
+    rises = _drift_rate(trace.part(-math.inf, late.t[0])) > 0
+    if not rises or 2 * first > trace.t.size or late.t.size < FEWEST_READINGS:
         return trace
     found = find_slips(late)
     if not 0 < found.size < FEWEST_CYCLES:
         return late
-    ends = late.t[found.end[-1]]
-    rest = late.part(ends)
-    # longer than the breakaway took
-    if np.ptp(rest.t) < ends - trace.t[0]:
-        return late
-    if rest.t.size < FEWEST_READINGS:
+    rest = late.part(float(late.t[found.end[-1]]))
+    if rest.t.size < FEWEST_READINGS or np.ptp(rest.t) < rest.t[0] - trace.t[0]:
         return late
     climb = slope(rest.force, rest.t) * float(np.ptp(rest.t))
-    return rest if climb < CLIMBS_AGAIN * float(found.drops.max()) else late
+    return rest if climb < CLIMBS * found.drops.max() else late
 
 
 def _drift_rate(trace: Trace) -> float:
@@ -419,83 +362,46 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     for each in parts:
         lasts[each.kind] += np.ptp(each.window)
     kind = max(lasts, key=lambda kind: (kind != OPEN, lasts[kind]))
-    seen = max(
-        (each for each in parts if each.kind == kind),
-        key=lambda each: float(np.ptp(each.window)),
-    )
+    seen = max(parts, key=lambda each: (each.kind == kind, np.ptp(each.window)))
     agree = lasts[kind] >= MOST_PARTS * lasts.total()
     window = (parts[0].window[0], parts[-1].window[1])
     if strokes:
-        told = ", ".join(
-            f"{many} {kind}"
-            for kind, many in Counter(each.kind for each in parts).most_common()
-        )
-        reason = (
-            f"reciprocating test, {strokes} strokes judged separately ({told}); "
-            f"{seen.reason}"
-        )
-        more = "" if agree else "; judge a part of the strokes"
-        return replace(
-            seen, kind=OPEN if more else kind, reason=reason + more, window=window
-        )
+        many = Counter(each.kind for each in parts).most_common()
+        told = ", ".join(f"{count} {kind}" for kind, count in many)
+        reason = f"reciprocating test, {strokes} strokes judged separately ({told}); "
+        reason += seen.reason + ("" if agree else "; judge a part of the strokes")
+        kind = kind if agree else OPEN
+        return replace(seen, kind=kind, reason=reason, window=window)
     if len(parts) == 1 or kind == OPEN:
         return seen
-    alike = agree and {*lasts} <= {kind, OPEN}
-    turns = _list_in_turn(parts, alike=alike)
     seen = replace(seen, segments=tuple(parts))
-    if not alike:
-        return replace(
-            seen, kind=OPEN, reason=f"{turns}: judge each part by itself", window=window
-        )
-    changes = [f"in {len(parts)} segments: {turns}"] if ", then " in turns else []
-    return replace(seen, notes=(*seen.notes, *changes))
+    if agree and {*lasts} <= {kind, OPEN}:
+        ends = ", ".join(_end(each) for each in parts[:-1])
+        return replace(seen, notes=(*seen.notes, f"steps at t = {ends}"))
+    runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
+    turns = ", ".join(f"{run[0].kind} to t = {_end(run[-1])}" for run in runs[:-1])
+    reason = f"{turns}, then {runs[-1][0].kind}: judge each part by itself"
+    return replace(seen, kind=OPEN, reason=reason, window=window)
 
 
-def _list_in_turn(parts: Sequence[Regime], *, alike: bool) -> str:
-    """Say which kinds of motion follow one another, and until when; of those that
-    are alike, drop or mean force.
-    """
-
-    def text(part: Regime) -> str:
-        drops = part.cycles and part.kind != SMOOTH
-        name, value = (
-            ("drop", part.drop) if drops else (f"mean {part.quantity}", part.mean_force)
-        )
-        return (
-            f"{name} {words.engineering(value, part.force_unit, 3)}"
-            if alike
-            else part.kind
-        )
-
-    runs = [(said, [*each][-1]) for said, each in itertools.groupby(parts, key=text)]
-    begin = parts[0].window[0]
-    end = parts[-1].window[1]
+def _end(part: Regime) -> str:
+    """When a part ends: to a thousandth of it."""
+    begin, end = part.window
     digits = 3 + int(math.log10(max(abs(end) / (end - begin), 1.0)) + 0.8)
-    told = [
-        f"{said} to t = {words.engineering(last.window[1], last.time_unit, digits)}"
-        for said, last in runs[:-1]
-    ]
-    return f"{', '.join(told)}, then {runs[-1][0]}" if told else runs[-1][0]
+    return words.engineering(end, part.time_unit, digits)
 
 
 def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Judge a window, whose drops may have been found before."""
-    found = found or find_slips(trace)
-    seen = find_features(trace, found)
-    alone = trace.measured and trace.pace is None
-    if alone and seen.swing.value >= TINY and not is_stick_slip(seen):
-        trace_, found, seen = _look_past_waves(trace, found, seen)
-    else:
-        trace_ = trace
+    seen = look_past_waves(Window.of(trace, found))
     kind, reason = OPEN, _find_fault(trace, seen)
     if not reason:
-        kind, reason = decide(seen, trace.force_unit, trace.time_unit)
+        kind, reason = decide(seen)
     notes = list[str]()
     if kind != OPEN and trace.measured and (rate := _drift_rate(trace)):
-        unit = f"{trace.force_unit.removesuffix('1')}/{trace.time_unit}".rstrip("/")
-        drifts = words.engineering(trace.sign * rate, unit, 3)
+        drifts = words.engineering(trace.sign * rate, _rate_unit(trace), 3)
         notes.append(f"the force drifts by {drifts}")
-    slips = fast_ones(trace_, found) if kind == SLIPS else found
+    slips = fast_ones(seen.trace, seen.found) if kind == SLIPS else seen.found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count = slips.size
     period, _, variation = mean_and_std(np.diff(slips.times))
@@ -504,7 +410,9 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         period = seen.cycles.period
         variation = seen.cycles.variation
     pace = trace.pace
-    shows_loading = alone and kind in (SLIPS, LASTS) and seen.loading_rate.value > 0
+    alone = trace.measured and pace is None
+    shows_loading = alone and kind in (SLIPS, LASTS) and seen.loading.rate > 0
+    drive = None if trace.drive is None else trace.sign * float(trace.drive.mean())
     return Regime(
         kind=kind,
         reason=reason,
@@ -519,12 +427,10 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         drop=drop,
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
-        noise=found.noise,
-        loading_rate=seen.loading_rate.value if shows_loading else None,
+        noise=seen.found.noise,
+        loading_rate=seen.loading.rate if shows_loading else None,
         falling_rate=seen.falling_rate if shows_loading else None,
-        drive_velocity=None
-        if trace.drive is None
-        else trace.sign * float(trace.drive.mean()),
+        drive_velocity=drive,
         largest_velocity=None if pace is None else float(pace.max()),
         stuck=trace.stuck,
         quantity=trace.quantity,
@@ -535,54 +441,21 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     )
 
 
-def _look_past_waves(
-    trace: Trace, found: Slips, seen: Features
-) -> tuple[Trace, Slips, Features]:
-    """The trace without a slow wave, its drops and features, where these are slips,
-    and would not be of the negated force; else as it is.
-    """
-    size = trace.t.size
-    step = float(np.ptp(trace.t)) / (size - 1)
-    for part in WAVES:
-        width = size // part
-        if width < 2 * FEWEST_READINGS:
-            break
-        level = float(np.median(trace.force))
-        flat = replace(trace, force=level + without_waves(trace.force, width))
-        drops = find_slips(flat)
-        if drops.size < FEWEST_CYCLES or np.diff(drops.times).mean() > width * step / 2:
-            continue
-        # the wave hides slips, or that the force climbs to them; it makes none
-        if not seen.are_slips and drops.size < 2 * found.size:
-            continue
-        shown = find_features(flat, drops)
-        if is_stick_slip(shown) and not _is_reversed(flat):
-            return flat, drops, shown
-    return trace, found, seen
-
-
-def _is_reversed(trace: Trace) -> bool:
-    """Whether the negated force slips."""
-    other = replace(trace, force=-trace.force, velocity=None)
-    return is_stick_slip(find_features(other, find_slips(other)))
-
-
-def _find_fault(trace: Trace, seen: Features) -> str:
+def _find_fault(trace: Trace, seen: Window) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not
     constant; empty if it may have one.
     """
-    if trace.drive is None or trace.measured:
+    if trace.measured:
         if not np.any(trace.force != trace.largest):
             return "the force never changes: is the sensor connected?"
-        if not seen.are_slips and _is_reversed(trace):
+        if not seen.are_slips and seen.reversed.is_stick_slip:
             return (
                 "the force jumps up and falls slowly: its sign seems reversed "
                 "(--flip on a command line, flip=True)"
             )
-        return ""
-    if not trace.drive.any():
+    elif trace.drive is None or not trace.drive.any():
         return "the drive stands still"
-    if np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
+    elif np.ptp(trace.drive) > 2.0 * CONSTANT_DRIVE * np.max(np.abs(trace.drive)):
         return (
             "the velocity of the drive changes: use transitions(), or "
             "data.sel(time=slice(from, to))"

@@ -1,4 +1,6 @@
-"""Faults of the sensor of a trace: saturation, spikes, values that stand for none."""
+"""The noise and the resolution of a sensor, and its faults: saturation, spikes, values
+that stand for none.
+"""
 
 import math
 
@@ -6,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
-from stickslip.measure.slips import resolution
 from stickslip.measure.trace import FEWEST_READINGS, Array
 
 SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
@@ -15,6 +16,35 @@ FEW = 0.05  # largest part of the samples that may be faults of the sensor
 FEWEST_FLAT = 10
 FLAT_RUN = 3
 FLAT_PEAKS = 3
+_BESIDE = [1, 1, 0, 1, 1]  # samples that one is compared with
+# samples from which noise, and the step of a recording, are read
+_FOR_NOISE = 500_000
+_FOR_RESOLUTION = 50_000
+
+
+def white_noise(force: Array) -> float:
+    """Standard deviation of white noise, from second differences; those that many
+    slips spoil are left out.
+    """
+    every = max(1, force.size // _FOR_NOISE)
+    bend = np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
+    first = noise = float(np.median(bend)) / 0.6745
+    for _ in range(4):
+        kept = bend[bend <= 2.0 * noise]
+        if kept.size < 0.5 * bend.size:
+            break
+        # 0.6396: median of a half-normal cut at 2
+        noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)
+    return noise / math.sqrt(6.0)
+
+
+def resolution(force: Array) -> float:
+    """Step in which a trace was recorded, interpolated samples left aside; 0 if its
+    values lie on no coarse grid.
+    """
+    values = np.unique(force := force[:: max(1, force.size // _FOR_RESOLUTION)])
+    coarse = 1 < values.size <= force.size // 2
+    return float(np.median(np.diff(values))) if coarse else 0.0
 
 
 def note_saturation(force: Array) -> tuple[str, ...]:
@@ -77,24 +107,20 @@ def spikes(force: Array) -> NDArray[np.bool_]:
     found = np.zeros(force.size, dtype=bool)
     known = np.flatnonzero(np.isfinite(force))
     values = force[known]
-    bend = float(np.median(np.abs(np.diff(values, 2))))
-    least = SIGMAS * max(
-        1.4826 * bend / math.sqrt(6.0), resolution(values) / math.sqrt(12.0)
-    )
-    lowest, highest = (
-        extreme(values, footprint=[1, 1, 0, 1, 1])
-        for extreme in (minimum_filter, maximum_filter)
-    )
+    lowest = minimum_filter(values, footprint=_BESIDE, mode="mirror")
+    highest = maximum_filter(values, footprint=_BESIDE, mode="mirror")
     apart = np.maximum(lowest - values, values - highest) > highest - lowest
-    apart &= np.abs(values - median_filter(values, 5)) > least
-    apart[[0, -1]] = False
+    # not less those that slips spoil: these are no spikes
+    noise = 1.4826 * np.median(np.abs(np.diff(values, 2))) / math.sqrt(6.0)
+    noise = max(noise, resolution(values) / math.sqrt(12.0))
+    apart &= np.abs(values - median_filter(values, 5)) > SIGMAS * noise
     # At an end it is not seen whether a force comes back as a spike does: there it must
-    # exceed what slips make of four.
-    rest = values[~apart][1:-1]
-    least = max(least, float((maximum_filter(rest, 4) - minimum_filter(rest, 4)).max()))
-    for at, beside in ((0, rest[:4]), (-1, rest[-4:])):
-        off = max(beside.min() - values[at], values[at] - beside.max())
-        apart[at] = off > least and not _unloaded(values[at], beside)
+    # exceed what slips make of four, and be no bench without load.
+    inner = values[1:-1][~apart[1:-1]]
+    steps = maximum_filter(inner, 4) - minimum_filter(inner, 4)
+    for end, beside in ((0, 1), (-1, -2)):
+        apart[end] &= abs(values[end] - values[beside]) > steps.max()
+        apart[end] &= not _unloaded(values[end], inner)
     # where many are so, they are no faults
     if np.count_nonzero(apart) <= FEW * values.size:
         found[known[apart]] = True

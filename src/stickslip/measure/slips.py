@@ -11,6 +11,7 @@ from scipy.ndimage import median_filter
 
 from stickslip.kernels.turning_points import pick as zigzag
 from stickslip.measure.periods import Cycles, find_cycles
+from stickslip.measure.sensor import resolution, white_noise
 from stickslip.measure.trace import FEWEST_CYCLES, Array, Trace, slope, without_drift
 
 Peaks = NDArray[np.intp]
@@ -37,12 +38,9 @@ CORRECTED = 0.005
 # over the root of the samples: what a force that is noise may exceed its scatter by, by
 # chance
 WHITE = 5.0
-# samples from which noise, and the step of a recording, are read
-_FOR_NOISE = 500_000
-_FOR_RESOLUTION = 50_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Slips:
     """The drops of a force: samples, forces, and how they were found."""
 
@@ -53,6 +51,7 @@ class Slips:
     times: Array  # of the peaks
     before: Array  # force before each slip
     after: Array
+    fastest: Array  # largest velocity of the slider in each; NaN where it is not known
     smallest: float  # drop that counts, or that could be seen
     noise: float
     criterion: str
@@ -73,51 +72,31 @@ class Slips:
         """Time in slips over the time from the first peak to the last."""
         if self.size < 2:
             return math.nan
-        return float(
-            (trace.t[self.trough] - self.times)[:-1].sum() / np.ptp(self.times)
-        )
+        falling = trace.t[self.trough] - self.times
+        return float(falling[:-1].sum() / np.ptp(self.times))
+
+    def typical(self, values: NDArray[Any]) -> float:
+        """Of values of each slip, that of a typical drop: their median, weighted by
+        the squares of the drops.
+        """
+        return weighted_median(values, self.drops**2)
 
     def only(self, keep: NDArray[np.bool_], **change: Any) -> Self:
         """Return some of the slips."""
-        of_each = ("peak", "trough", "start", "end", "times", "before", "after")
-        return replace(
-            self, **{name: getattr(self, name)[keep] for name in of_each}, **change
-        )
+        each: dict[str, Any] = {
+            name: values[keep]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray)
+        }
+        return replace(self, **each, **change)
 
 
-def weighted_median(values: Array, weights: Array) -> float:
+def weighted_median(values: NDArray[Any], weights: Array) -> float:
     """Value below which half of the weight lies; not a number if there is none."""
-    return (
-        float(np.quantile(values, 0.5, weights=weights, method="inverted_cdf"))
-        if weights.any()
-        else math.nan
-    )
-
-
-def white_noise(force: Array) -> float:
-    """Standard deviation of white noise, from second differences; those that many
-    slips spoil are left out.
-    """
-    every = max(1, force.size // _FOR_NOISE)
-    bend = np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
-    first = noise = float(np.median(bend)) / 0.6745
-    for _ in range(4):
-        kept = bend[bend <= 2.0 * noise]
-        if kept.size < 0.5 * bend.size:
-            break
-        # 0.6396: median of a half-normal cut at 2
-        noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)
-    return noise / math.sqrt(6.0)
-
-
-def resolution(force: Array) -> float:
-    """Step in which a trace was recorded, interpolated samples left aside; 0 if its
-    values lie on no coarse grid.
-    """
-    values = np.unique(force := force[:: max(1, force.size // _FOR_RESOLUTION)])
-    return (
-        float(np.median(np.diff(values))) if 1 < values.size <= force.size // 2 else 0.0
-    )
+    if not weights.any():
+        return math.nan
+    half = np.quantile(values, 0.5, weights=weights, method="inverted_cdf")
+    return float(half)
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:
@@ -127,21 +106,28 @@ def _chance_drop(size: float, within: float, noise: float) -> float:
     return 1.1 * noise * math.sqrt(4.0 * math.log(max(0.5 * size * within, 2.0)))
 
 
+def _typical_drop(force: Array, least: float) -> tuple[int, float]:
+    """How many drops of a force are at least so large, and the typical one."""
+    peaks, troughs = turning_points(force, least)
+    drops = force[peaks] - force[troughs]
+    return peaks.size, weighted_median(drops, drops**2)
+
+
 def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
     """A force by a median, which keeps edges, as wide as cycles allow; and the drop
     its noise may show by chance.
     """
-    chance = _chance_drop(force.size, force.size, noise)
-    peaks, troughs = turning_points(force, 0.7 * chance)
-    drops = force[peaks] - force[troughs]
-    if drops.size < FEWEST_CYCLES or weighted_median(drops, drops**2) > 3.0 * chance:
+    size = force.size
+    chance = _chance_drop(size, size, noise)
+    drops, typical = _typical_drop(force, 0.7 * chance)
+    if drops < FEWEST_CYCLES or typical > 3.0 * chance:
         return force, chance
-    cycle = force.size / drops.size
+    cycle = size / drops
     width = min(int(cycle / 6.0) // 2 * 2 + 1, 15)
     if width > 1:
         force = median_filter(force, width, mode="nearest")
-        noise = noise * math.sqrt(0.5 * math.pi / width)
-    return force, _chance_drop(force.size / width, cycle / width, noise)
+        noise *= math.sqrt(0.5 * math.pi / width)
+    return force, _chance_drop(size / width, cycle / width, noise)
 
 
 def without_waves(force: Array, width: int) -> Array:
@@ -160,46 +146,37 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     """Drops above the noise and not small beside the typical one, cut off neither by
     an end nor by a gap.
     """
-    noise = white_noise(trace.force)
-    cycles = find_cycles(trace.t, trace.force)
-    t = trace.t
     force = trace.force
-    smallest = least = minimum_drop or 0.0
-    criterion = "drops of at least the minimum_drop given"
-    if minimum_drop is None:
-        force, by_chance = (
-            _smoothed(force, noise)
-            if trace.measured
-            else (force, _chance_drop(t.size, t.size, noise))
-        )
-        by_chance = max(
-            by_chance,
-            2.5 * resolution(trace.force),
-            1e-7 * float(np.max(np.abs(force))),
-            1e-300,
-        )
-        peaks, troughs = turning_points(force, by_chance)
-        drops = force[peaks] - force[troughs]
-        more = WHITE / math.sqrt(t.size)
-        white = (
-            cycles.correlation <= 2.0 * more
-            and without_drift(trace.force).std() <= (1.0 + more) * noise
-        )
-        smallest = math.inf
-        least = by_chance
-        if drops.size and not white:
-            smallest = least = max(
-                by_chance, SMALLEST_PART_OF_DROP * weighted_median(drops, drops**2)
-            )
-        typical = f"a tenth of the typical one, {by_chance:.2g} by noise ({noise:.2g})"
-        criterion = f"drops of at least {smallest:.3g}: {typical}"
+    size = force.size
+    noise = white_noise(force)
+    rest = without_drift(force)
+    cycles = find_cycles(trace.t, rest)
+    if minimum_drop is not None:
+        smallest = least = minimum_drop
+        criterion = "drops of at least the minimum_drop given"
+    else:
+        chance = _chance_drop(size, size, noise)
+        if trace.measured:
+            force, chance = _smoothed(force, noise)
+        largest = float(np.max(np.abs(force)))
+        chance = max(chance, 2.5 * resolution(trace.force), 1e-7 * largest, 1e-300)
+        drops, typical = _typical_drop(force, chance)
+        smallest = least = max(chance, SMALLEST_PART_OF_DROP * typical)
+        more = WHITE / math.sqrt(size)
+        white = rest.std() <= (1.0 + more) * noise
+        if not drops or (white and cycles.correlation <= 2.0 * more):
+            smallest = math.inf
+            least = chance
+        typical_one = f"a tenth of the typical one, {chance:.2g} by noise ({noise:.2g})"
+        criterion = f"drops of at least {smallest:.3g}: {typical_one}"
     # the way of the slider against the drive's direction, less that of the drive
     back = None
     if trace.X is not None and trace.drive is not None and not trace.measured:
-        back = -trace.X - cumulative_trapezoid(np.abs(trace.drive), t, initial=0)
-    peaks, troughs = pick(t, force, smallest, back=back)
+        gone = cumulative_trapezoid(np.abs(trace.drive), trace.t, initial=0)
+        back = -trace.X - gone
+    peaks, troughs = pick(trace.t, force, smallest, back=back)
     across = np.searchsorted(trace.gaps, peaks) != np.searchsorted(trace.gaps, troughs)
-    whole = (peaks > 0) & (troughs < force.size - 1) & ~across
+    whole = (peaks > 0) & (troughs < size - 1) & ~across
     peak = peaks[whole]
     trough = troughs[whole]
     start, end = _edges(
@@ -207,58 +184,43 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     )
     before = trace.force[peak]
     after = trace.force[trough]
-    if (
-        trace.measured
-        and peak.size
-        and noise > CORRECTED * float(np.median(before - after))
-    ):
+    if trace.measured and peak.size and noise > CORRECTED * np.median(before - after):
         # The largest of many noisy samples lies above the force, and the smallest below
         # it, by up to three standard deviations of the noise: their difference
         # overstates a drop. Lines through the loading beside it do not.
         most = 3.0 * noise
-        beside = (np.append(0, end)[:-1] + 1, np.append(start, t.size - 1)[1:])
-        before = np.clip(_levels(trace, start, beside[0]), before - most, before + most)
-        after = np.clip(_levels(trace, end, beside[1]), after - most, after + most)
-    cut = int(np.count_nonzero(~whole))
+        rises = np.append(0, end)[:-1] + 1, np.append(start, size - 1)[1:]
+        before = np.clip(_levels(trace, start, rises[0]), before - most, before + most)
+        after = np.clip(_levels(trace, end, rises[1]), after - most, after + most)
+    fastest = np.full(peak.size, math.nan)
+    if trace.velocity is not None:
+        slips = np.column_stack([peak, trough + 1]).ravel()
+        fastest = np.maximum.reduceat(trace.velocity, slips)[::2]
     found = Slips(
-        peak,
-        trough,
-        start,
-        end,
-        t[peak],
-        before,
-        after,
-        least,
-        noise,
-        criterion,
-        cycles,
-        cut,
+        peak=peak,
+        trough=trough,
+        start=start,
+        end=end,
+        times=trace.t[peak],
+        before=before,
+        after=after,
+        fastest=fastest,
+        smallest=least,
+        noise=noise,
+        criterion=criterion,
+        cycles=cycles,
+        cut=int(np.count_nonzero(~whole)),
     )
     return found if minimum_drop is None else found.only(found.drops >= minimum_drop)
-
-
-def fastest(trace: Trace, found: Slips) -> Array:
-    """Largest velocity of the slider in each slip; not a number where it is not
-    known.
-    """
-    velocity = (
-        np.full(trace.t.size, math.nan) if trace.velocity is None else trace.velocity
-    )
-    return np.maximum.reduceat(
-        velocity, np.column_stack([found.peak, found.trough + 1]).ravel()
-    )[::2]
 
 
 def speeds(trace: Trace, found: Slips) -> Array:
     """Largest velocity of the slider in each slip over that of the drive; not a
     number where either is not known.
     """
-    drive = (
-        math.nan
-        if trace.drive is None
-        else np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
-    )
-    return fastest(trace, found) / drive
+    if trace.drive is None:
+        return np.full(found.size, math.nan)
+    return found.fastest / np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
 
 
 def fast_ones(trace: Trace, found: Slips) -> Slips:
@@ -267,17 +229,12 @@ def fast_ones(trace: Trace, found: Slips) -> Slips:
     """
     speed = speeds(trace, found)
     fast = speed >= SLIP_VELOCITY
-    usual = weighted_median(speed, found.drops**2)
-    if (
-        fast.all()
-        or not usual >= SLIP_VELOCITY
-        or np.median(found.trough - found.peak) < FEWEST_IN_A_DROP
-    ):
+    usual = found.typical(speed)
+    seen = found.typical(found.trough - found.peak) >= FEWEST_IN_A_DROP
+    if fast.all() or not usual >= SLIP_VELOCITY or not seen:
         return found
-    return found.only(
-        fast,
-        criterion=f"{found.criterion}, faster than {SLIP_VELOCITY:g} times the drive",
-    )
+    faster = f"faster than {SLIP_VELOCITY:g} times the drive"
+    return found.only(fast, criterion=f"{found.criterion}, {faster}")
 
 
 def turning_points(
@@ -313,16 +270,15 @@ def pick(
         return peaks, troughs
     rises = force[peaks[1:]] - force[troughs[:-1]]
     took = t[peaks[1:]] - t[troughs[:-1]]
+    fell = np.maximum(troughs - peaks, FEWEST_IN_A_DROP)[:-1]
     swings = rises > RINGING * weighted_median(rises / took, took) * took
-    swings &= peaks[1:] - troughs[:-1] <= RINGING * np.maximum(
-        troughs[:-1] - peaks[:-1], FEWEST_IN_A_DROP
-    )
-    swings = swings if back is None else back[peaks[1:]] >= back[troughs[:-1]]
+    swings &= peaks[1:] - troughs[:-1] <= RINGING * fell
+    if back is not None:
+        swings = back[peaks[1:]] >= back[troughs[:-1]]
     joined = [[int(peaks[0]), int(troughs[0])]]
-    for peak, trough, rise, swing in zip(
-        peaks[1:].tolist(), troughs[1:].tolist(), rises, swings, strict=True
-    ):
+    for i, (rise, swing) in enumerate(zip(rises, swings, strict=True), 1):
         first, lowest = joined[-1]
+        peak, trough = int(peaks[i]), int(troughs[i])
         if swing and rise < force[first] - force[lowest]:  # ringing decays
             joined[-1][1] = min(lowest, trough, key=force.__getitem__)
         else:
@@ -343,10 +299,10 @@ def _edges(
         slip = force[peak : troughs[i] + 1]
         drop = float(slip[0] - slip[-1])
         margin = min(max(EDGE * drop, 2.5 * noise), 0.4 * drop)
-        end[i] = peak + int(np.argmax(slip <= slip[-1] + margin))
-        start[i] = peak + int(
-            np.flatnonzero(slip[: end[i] - peak] >= slip[0] - margin)[-1]
-        )
+        low = int(np.argmax(slip <= slip[-1] + margin))
+        high = np.flatnonzero(slip[:low] >= slip[0] - margin)[-1]
+        start[i] += high
+        end[i] = peak + low
     return start, end
 
 
@@ -356,13 +312,12 @@ def _levels(trace: Trace, at: Peaks, other: Peaks) -> Array:
     """
     levels = np.empty(at.size)
     for i, (here, there) in enumerate(zip(at.tolist(), other.tolist(), strict=True)):
-        way = 1 if there > here else -1
-        inside = np.arange(here, there + way, way)[
-            : min(max((abs(there - here) + 1) // 3, 3), 50)
-        ]
+        apart = abs(there - here) + 1
+        many = min(max(apart // 3, 3), apart, 50)
+        inside = here + (1 if there > here else -1) * np.arange(many)
         t = trace.t[inside] - trace.t[here]
         force = trace.force[inside]
-        levels[i] = force.mean() - (
-            slope(force, t) * t.mean() if force.size > 2 else 0.0
-        )
+        levels[i] = force.mean()
+        if many > 2:
+            levels[i] -= slope(force, t) * t.mean()
     return levels

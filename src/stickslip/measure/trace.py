@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
@@ -63,13 +64,16 @@ def check_numbers(place: str, variable: xr.DataArray) -> None:
 def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
     """A Dataset with a force along time: as it is, or made of a force alone over its
     times; dates become seconds.
+
+    Times of a trace that are counted from far before it, such as 1970, start with its
+    first reading; times of a run are those of its drive, and stay.
     """
     if isinstance(data, pd.Series) and not isinstance(data.index, pd.RangeIndex):
-        data = xr.DataArray(data.to_numpy(), {"time": data.index.to_numpy()}, "time")
+        data = data.rename_axis("time").to_xarray()
     if (
         isinstance(data, xr.DataArray)
-        and len(data.dims) == 1
-        and data.dims[0] in data.coords
+        and data.ndim == 1
+        and {*data.dims} <= {*data.coords}
     ):
         data = data.rename({data.dims[0]: "time"}).to_dataset(name="spring_force")
     if not isinstance(data, xr.Dataset):
@@ -77,31 +81,42 @@ def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
             "measure: data must be a Dataset, as read_trace() returns, or a force with "
             "its times"
         )
-    if "time" in data.coords and data["time"].dtype.kind in "mM":
-        seconds = (data["time"].values - data["time"].values[0]) / np.timedelta64(
-            1, "s"
-        )
-        data = data.assign_coords(
-            time=("time", seconds, {"units": "s", "long_name": "time"})
-        )
-    return _from_first(data)
+    time = data["time"] if "time" in data.coords else xr.DataArray(0)
+    if time.ndim != 1 or time.size < 2:
+        return data
+    times, attrs = time.values, time.attrs
+    if time.dtype.kind in "mM":
+        times = (times - times[0]) / np.timedelta64(1, "s")
+        attrs = {"units": "s", "long_name": "time"}
+    elif time.dtype.kind in "fiu" and "drive_velocity" not in data:
+        first, length = float(times[0]), float(times[-1]) - float(times[0])
+        if math.isfinite(first) and abs(first) > _FAR * length > 0.0:
+            times = (times - times[0]).astype(float)
+    return data.assign_coords(time=("time", times, attrs))
 
 
-def _from_first(data: xr.Dataset) -> xr.Dataset:
-    """The same trace with its times from the first reading, where they are counted
-    from far before it; times of a run are those of its drive, and stay.
+def _along_time(data: xr.Dataset, name: str) -> Array:
+    """Values of a variable along time, the mean of the blocks of a slider;
+    `InputError` if some are not finite.
     """
-    if "time" not in data.coords or "drive_velocity" in data:
-        return data
-    time = data["time"]
-    if time.ndim != 1 or time.dtype.kind not in "fiu" or time.size < 2:
-        return data
-    first = float(time[0])
-    length = float(time[-1]) - first
-    if not (math.isfinite(first) and abs(first) > _FAR * length > 0.0):
-        return data
-    times = time.values - time.values[0]
-    return data.assign_coords(time=("time", times.astype(float), time.attrs))
+    along = data[name]
+    check_numbers("measure", along)
+    if "block" in along.dims:
+        along = along.mean("block")
+    if along.dims != ("time",):
+        raise InputError(
+            f"measure: {name} has shape {along.shape}: must be along time alone; "
+            "select one run"
+        )
+    values = np.asarray(along.values, dtype=float)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        first = f"{name} = {values[bad[0]]:g} at t = {float(data['time'][bad[0]]):g}"
+        raise InputError(
+            f"measure: {first}: {bad.size} of {values.size} are not finite; drop or "
+            "fill them first"
+        )
+    return values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,28 +153,14 @@ class Trace:
                 "measure: need the variable spring_force along time; read a file with "
                 "read_trace()"
             )
-        arrays: dict[str, Array] = {}
-        for key, name in _VARIABLES.items():
-            if name not in data:
-                continue
-            check_numbers("measure", along := data[name])
-            along = along.mean("block") if "block" in along.dims else along
-            arrays[key] = values = np.asarray(along.values, dtype=float)
-            if values.shape != arrays["t"].shape:
-                raise InputError(
-                    f"measure: {name} has shape {values.shape}: must be along time "
-                    "alone; select one run"
-                )
-            bad = np.flatnonzero(~np.isfinite(values))
-            if bad.size:
-                first = f"{name} = {values[bad[0]]:g} at t = {arrays['t'][bad[0]]:g}"
-                count = f"{bad.size} of {values.size}"
-                raise InputError(
-                    f"measure: {first}: {count} are not finite; drop or fill them first"
-                )
+        arrays = {
+            key: _along_time(data, name)
+            for key, name in _VARIABLES.items()
+            if name in data
+        }
         t = arrays["t"]
-        drive = arrays.get("drive")
         force = arrays["force"]
+        drive = arrays.get("drive")
         if t.size < FEWEST_READINGS:
             raise InputError(
                 f"measure: {t.size} samples of spring_force are too few: "
@@ -173,17 +174,16 @@ class Trace:
         # A load cell may count pull as negative: then the force alone tells the
         # direction, unless its sign was turned. A force with its zero well within its
         # range is without its mean: what is left does not tell it.
-        alone = (
+        backwards = (
             not data.attrs.get("flipped")
             and np.mean(force) < 0
             and -np.min(force) > 3.0 * np.max(force)
         )
-        sign = -1.0 if (alone if drive is None else np.mean(drive) < 0) else 1.0
-        arrays |= {
-            key: sign * arrays[key]
-            for key in ("force", "X", "velocity", "drive")
-            if key in arrays
-        }
+        if drive is not None:
+            backwards = np.mean(drive) < 0
+        sign = -1.0 if backwards else 1.0
+        for key in {"force", "X", "velocity", "drive"} & set(arrays):
+            arrays[key] = sign * arrays[key]
         time = data["time"].attrs
         told = data["spring_force"].attrs
         rig = None
@@ -245,26 +245,21 @@ class Trace:
         """What comes from a time on, up to another."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
         known = {
-            name: values
+            name: values[inside]
             for name in _VARIABLES
             if (values := getattr(self, name)) is not None
         }
-        return replace(self, **{name: values[inside] for name, values in known.items()})
+        return replace(self, **known)
 
 
 def without_drift(values: Array) -> Array:
     """Even samples less their line, and what goes through fewer than four cycles:
     too slow to be told from a drift.
     """
-    at = np.arange(0.5, values.size)
-    rest = values - values.mean() - slope(values, at) * (at - 0.5 * values.size)
-    before = np.ones(1)
-    wave = (first := np.cos(np.pi / values.size * at))
-    # cosines, orthogonal to one another, each from the two before
-    for _ in range(2 * FEWEST_CYCLES - 1):
-        rest -= 2.0 / values.size * float((rest * wave).sum()) * wave
-        before, wave = wave, 2.0 * first * wave - before
-    return np.asarray(rest)
+    at = np.arange(0.5, values.size) - 0.5 * values.size
+    waves = fft.dct(values - slope(values, at) * at)
+    waves[: 2 * FEWEST_CYCLES] = 0.0
+    return np.asarray(fft.idct(waves))
 
 
 def slope(values: Array, at: Array) -> float:
