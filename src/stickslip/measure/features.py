@@ -62,6 +62,8 @@ WAVES = (4, 8, 16)  # parts of a record: waves slower than these are looked past
 NOISE_OF_CONTACTS = 0.5
 # kurtosis of three waves of a size, 3 - 3/(2 n): noise has at least as many
 NORMAL = 2.5
+# held for the rest of the time, a slider slips at four times the drive on average
+SLIP_PHASE = 0.25
 # usual waits: a wait so long is that of one drop that is missing
 MISSING = 2.0
 
@@ -313,9 +315,16 @@ class Window:
         return enough and CLIMBS * gain.value < 1 and self.loading.scatter < ONE_RATE
 
     @property
+    def slip_limit(self) -> float:
+        """What that is at least for slips: of the largest velocity, or of the mean."""
+        return (
+            1.0 / SLIP_PHASE if math.isnan(self.seen_velocity.value) else SLIP_VELOCITY
+        )
+
+    @property
     def are_slips(self) -> bool:
         """Whether the drops are as fast as slips."""
-        return self.slip_velocity.value >= SLIP_VELOCITY
+        return self.slip_velocity.value >= self.slip_limit
 
     @property
     def reversed(self) -> Self:
@@ -483,7 +492,7 @@ class Window:
                 "convention",
                 self.ripple <= SMALL,
             ),
-            (velocity, self.slip_velocity, SLIP_VELOCITY, "theory", self.are_slips),
+            (velocity, self.slip_velocity, self.slip_limit, "theory", self.are_slips),
             (
                 "loading rate times wait, over the drop",
                 gain,

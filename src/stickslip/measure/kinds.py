@@ -6,13 +6,10 @@ import math
 from typing import Literal
 
 from stickslip import words
-from stickslip.measure.features import NORMAL, ONE_SIDED, SMALL, Window
+from stickslip.measure.features import NORMAL, ONE_SIDED, SLIP_PHASE, SMALL, Window
 from stickslip.measure.periods import PERIODIC
 from stickslip.measure.slips import WHITE
 from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, RESTS
-
-# held for the rest of the time, a slider slips at four times the drive on average
-SLIP_PHASE = 0.25
 
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
 

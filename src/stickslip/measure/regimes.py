@@ -18,6 +18,7 @@ from stickslip.measure.features import (
     CLIMBS,
     MOST,
     NOISE,
+    SLIP_PHASE,
     SWING,
     TINY,
     Criterion,
@@ -27,7 +28,7 @@ from stickslip.measure.features import (
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
 from stickslip.measure.segments import segments
 from stickslip.measure.sensor import note_saturation, spikes
-from stickslip.measure.slips import SLIP_VELOCITY, Slips, fast_ones, find_slips
+from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import (
     CONSTANT_DRIVE,
@@ -55,12 +56,12 @@ class Regime(Answer):
 
     #: *Stick-slip*: slow loading and fast slips that persist; in a typical cycle the
     #: slider reaches at least 3.5 times the velocity of the drive. Where only the force
-    #: is known: drops take at most a quarter of the time, or it rises at its full rate
-    #: for half of it (without a period, for .35). *Sustained oscillation*: a cycle that
-    #: persists, slower than that; the reason says whether the slider sticks. *Smooth
-    #: sliding*: no oscillation, or noise of the contacts or distributed as noise, or an
-    #: oscillation below 2 % of the largest force, or one that decays and is below 10 %.
-    #: *Undecided*: the evidence does not suffice; the reason says what would decide it.
+    #: is known: it climbs at one rate between drops, and falls at least three times as
+    #: fast. *Sustained oscillation*: a cycle that persists, slower than that; the
+    #: reason says whether the slider sticks. *Smooth sliding*: no oscillation, or noise
+    #: of the contacts or distributed as noise, or an oscillation below 2 % of the
+    #: largest force, or one that decays and is below 10 %. *Undecided*: the evidence
+    #: does not suffice; the reason says what would decide it.
     kind: Kind
 
     reason: str  #: why, in plain words
@@ -166,8 +167,9 @@ class Regime(Answer):
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.loading_rate is not None and self.falling_rate is not None:
-            # a slip is 3.5 times as fast as the drive: 1 + falls/(stiffness x velocity)
-            most = self.falling_rate / (SLIP_VELOCITY - 1.0)
+            # a slip is four times as fast as the drive: 1 + falls/(stiffness x
+            # velocity)
+            most = self.falling_rate / (1.0 / SLIP_PHASE - 1.0)
             rate, limit = (
                 words.engineering(value, _rate_unit(self), 3)
                 for value in (self.loading_rate, most)
@@ -201,10 +203,9 @@ def regime(
 
     The verdict is about the window judged: an oscillation that still grows or shrinks
     there is undecided, and so is one of which a change by a factor 2 from one half to
-    the other (its root in a run without slips) is not excluded. What lies
-    between gaps, between steps of the level or of the amplitude, and the strokes of a
-    reciprocating test, is judged apart, and told in turn where it differs. Raises
-    `InputError` if the data hold no force, or values that are not finite, or nothing
+    the other is not excluded. What lies between gaps, between steps of the level or of
+    the amplitude, and the strokes of a reciprocating test, is judged apart, and told in
+    turn where it differs. Raises `InputError` if the data hold no force, or values that are not finite, or nothing
     after `after`.
 
     Parameters
