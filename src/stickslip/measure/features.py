@@ -149,10 +149,10 @@ class Window:
 
     @cached_property
     def white_noise(self) -> Measured:
-        """Scatter over the noise of the sensor; NaN where that is one of rounding."""
+        """Scatter over the noise of the sensor."""
+        noise = max(self.found.noise, ROUNDING * self.largest)
         error = WHITE / ERRORS / math.sqrt(self.rest.size)
-        known = self.found.noise > ROUNDING * self.largest
-        return Measured(self.scatter / self.found.noise if known else math.nan, error)
+        return Measured(self.scatter / noise, error)
 
     @property
     def is_white_noise(self) -> bool:
@@ -185,13 +185,10 @@ class Window:
         return Measured(value, math.sqrt(24.0 / self.rest.size))
 
     @cached_property
-    def part(self) -> float:
-        """Peak to peak of all that the window holds, over the largest force."""
-        return float(np.ptp(self.trace.force)) / self.largest
-
-    @cached_property
     def swing(self) -> Measured:
-        """The same without drift on a bench, and that of a period without noise."""
+        """Peak to peak over the largest force: without drift on a bench, and that of a
+        period without noise.
+        """
         trace = self.trace
         force = trace.force
         if trace.measured and self.is_level:
@@ -241,7 +238,9 @@ class Window:
     @cached_property
     def correlation(self) -> float:
         """Correlation of a cycle with the next."""
-        known = self.cycles or self.found.cycles
+        if self.cycles:
+            return self.cycles.correlation
+        known = self.found.cycles
         return min(known.correlation, regularity(known.variation))
 
     @cached_property
@@ -281,31 +280,24 @@ class Window:
         return self.found.typical(self.found.drops / took)
 
     @cached_property
-    def seen_velocity(self) -> Measured:
+    def seen_velocity(self) -> float:
         """Largest velocity of the slider in a typical drop over the drive's; NaN where
         it is not known, or the drop too short to show it.
         """
-        each = speeds(self.trace, self.found)
-        usual = self.found.typical(each)
+        usual = self.found.typical(speeds(self.trace, self.found))
         samples = self.found.typical(self.found.trough - self.found.peak)
-        if not (usual >= SLIP_VELOCITY or samples >= FEWEST_IN_A_DROP):
-            return Measured(math.nan)
-        off = float(np.median(np.abs(each - usual)))
-        return Measured(usual, 1.4826 * off / math.sqrt(self.found.size))
+        shown = usual >= SLIP_VELOCITY or samples >= FEWEST_IN_A_DROP
+        return usual if shown else math.nan
 
     @cached_property
-    def slip_velocity(self) -> Measured:
+    def slip_velocity(self) -> float:
         """Velocity of a slip over the drive's: as it is seen, or by the rates of the
         force, 1 + falling over loading, where it climbs as that of a slider that is
         held between drops; else NaN.
         """
-        if not math.isnan(self.seen_velocity.value):
+        if not math.isnan(self.seen_velocity):
             return self.seen_velocity
-        if not self.climbs:
-            return Measured(math.nan)
-        ratio = self.falling_rate / self.loading.rate
-        gain = self.loading.gain
-        return Measured(1.0 + ratio, ratio * gain.error / gain.value)
+        return 1.0 + self.falling_rate / self.loading.rate if self.climbs else math.nan
 
     @property
     def climbs(self) -> bool:
@@ -317,14 +309,12 @@ class Window:
     @property
     def slip_limit(self) -> float:
         """What that is at least for slips: of the largest velocity, or of the mean."""
-        return (
-            1.0 / SLIP_PHASE if math.isnan(self.seen_velocity.value) else SLIP_VELOCITY
-        )
+        return 1.0 / SLIP_PHASE if math.isnan(self.seen_velocity) else SLIP_VELOCITY
 
     @property
     def are_slips(self) -> bool:
         """Whether the drops are as fast as slips."""
-        return self.slip_velocity.value >= self.slip_limit
+        return self.slip_velocity >= self.slip_limit
 
     @property
     def reversed(self) -> Self:
@@ -441,9 +431,10 @@ class Window:
     def tests(self) -> tuple[Criterion, ...]:
         """The tests of a regime, but for those of what is not known."""
         gain, noise = self.loading.gain, self.contact_noise
-        change = Measured(abs(self.change.value), self.change.error)
+        wider = self.errors(CHANCE) / ERRORS
+        change = Measured(abs(self.change.value), wider * self.change.error)
         velocity = SLIDER_VELOCITY
-        if math.isnan(self.seen_velocity.value):
+        if math.isnan(self.seen_velocity):
             velocity = "1 + falling rate over loading rate"
         narrow = ERRORS * self.scatter / self.mean
         white = 1.0 + ERRORS * self.white_noise.error

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import stdtrit
 
-from stickslip.loops import bounded
 from stickslip.measure.features import STEADY, longest_wait
 from stickslip.measure.slips import Slips, weighted_median
 from stickslip.measure.trace import (
@@ -29,75 +28,62 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     """The parts of a trace between steps of its level or amplitude, in turn; none
     where there is no step.
     """
-    usual = (
-        weighted_median(np.diff(found.times), found.drops[1:] ** 2)
-        if found.size >= FEWEST_CYCLES
-        else 0.0
-    )
-    count = min(
-        _MOST_BLOCKS,
-        trace.t.size // FEWEST_READINGS,
-        int(np.ptp(trace.t) / (usual or 1e-300)),
-    )
-    if not np.ptp(trace.force):
-        return []
-    if count < 2 * FEWEST_CYCLES:
-        return _between(trace, _pauses(trace, found))
-    blocks = trace.force[trace.t.size % count :].reshape(count, -1)
-    firsts = trace.t.size % count + blocks.shape[1] * np.arange(count + 1)
+    times = _pauses(trace, found)
+    count = min(_MOST_BLOCKS, trace.t.size // FEWEST_READINGS)
+    if found.size >= FEWEST_CYCLES:
+        usual = weighted_median(np.diff(found.times), found.drops[1:] ** 2)
+        count = min(count, int(np.ptp(trace.t) / usual))
+    if count >= 2 * FEWEST_CYCLES and np.ptp(trace.force):
+        times += _steps(trace, count)
+    ends = [-math.inf, *sorted(times), math.inf]
+    parts = [trace.part(*pair) for pair in pairwise(ends)] if times else []
+    return [part for part in parts if part.t.size >= FEWEST_READINGS]
+
+
+def _steps(trace: Trace, count: int) -> list[float]:
+    """When the level or the amplitude of so many blocks of a force steps."""
+    first = trace.t.size % count
+    blocks = trace.force[first:].reshape(count, -1)
     scatter = blocks.std(axis=1)
     scale = float(np.median(scatter)) or float(scatter.max())
-    series = np.array(
-        [blocks.mean(axis=1) / scale, np.log(np.maximum(scatter, 1e-6 * scale))]
-    )
+    scatter = np.maximum(scatter / scale, 1e-6)
+    series = np.array([blocks.mean(axis=1) / scale, np.log(scatter)])
     # By medians, which steps do not move. Of a series with a memory r, differences of
     # the next but one are larger by 1 + r in squares, and means scatter as if it were
     # larger by (1 + r)/(1 - r).
     one, two = (
-        1.4826 * np.median(np.abs(series[:, k:] - series[:, :-k]), axis=1)
+        np.maximum(_scatter(series[:, k:] - series[:, :-k], 0.0), STEADY)
         for k in (1, 2)
     )
-    r = np.clip((two / np.maximum(one, STEADY)) ** 2 - 1.0, 0.0, 0.99)
-    noise = np.maximum(one, STEADY) * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r)
+    r = np.clip((two / one) ** 2 - 1.0, 0.0, 0.99)
+    noise = one * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r)
     edges = _edges(series / noise[:, None])
-    times = _pauses(trace, found)
+    times = []
     for begin, edge, end in zip(edges, edges[1:], edges[2:], strict=False):
+        before, after = series[:, begin:edge], series[:, edge:end]
         # By the scatter of either segment, and Student's t: a peak that comes and goes
         # has no level of its own.
-        beside = series[:, begin:edge], series[:, edge:end]
-        scatters = [
-            np.median(np.abs(part - np.median(part, axis=1)[:, None]), axis=1)
-            for part in beside
-        ]
-        errors = [
-            1.4826 * each / math.sqrt(part.shape[1])
-            for each, part in zip(scatters, beside, strict=True)
-        ]
-        least = np.maximum(
-            LARGE,
-            stdtrit(min(edge - begin, end - edge) - 1, 1.0 - CHANCE)
-            * np.hypot(*errors),
-        )
-        change, near = (
-            series[:, edge:after].mean(axis=1) - series[:, before:edge].mean(axis=1)
-            for before, after in ((begin, end), (edge - 2, edge + 2))
-        )
-        if np.any((np.abs(change) >= least) & (near * change >= AT_ONCE * change**2)):
-            about = slice(firsts[edge - 2], firsts[edge + 2])
-            times.append(float(trace.t[about][_step(trace.force[about])]))
-    return _between(trace, times)
+        error = np.hypot(*(_error(part) for part in (before, after)))
+        chance = stdtrit(min(edge - begin, end - edge) - 1, 1.0 - CHANCE)
+        change = after.mean(axis=1) - before.mean(axis=1)
+        near = after[:, :2].mean(axis=1) - before[:, -2:].mean(axis=1)
+        steps = np.abs(change) >= np.maximum(LARGE, chance * error)
+        if np.any(steps & (near * change >= AT_ONCE * change**2)):
+            begins = first + blocks.shape[1] * (edge - 2)
+            about = slice(begins, begins + 4 * blocks.shape[1])
+            times.append(float(trace.t[about][_likeliest(trace.force[about])]))
+    return times
 
 
-def _between(trace: Trace, times: list[float]) -> list[Trace]:
-    """What lies between times, in turn, as far as it can be judged; none without a
-    time.
-    """
-    if not times:
-        return []
-    parts = [
-        trace.part(*pair) for pair in pairwise([-math.inf, *sorted(times), math.inf])
-    ]
-    return [part for part in parts if part.t.size >= FEWEST_READINGS]
+def _scatter(series: Array, about: Array | float) -> Array:
+    """Standard deviation of each series by the median."""
+    return np.asarray(1.4826 * np.median(np.abs(series - about), axis=1))
+
+
+def _error(part: Array) -> Array:
+    """Standard error of the level of each series."""
+    usual = np.median(part, axis=1, keepdims=True)
+    return _scatter(part, usual) / math.sqrt(part.shape[1])
 
 
 def _pauses(trace: Trace, found: Slips) -> list[float]:
@@ -107,15 +93,13 @@ def _pauses(trace: Trace, found: Slips) -> list[float]:
     waits = np.diff(found.times)
     if not trace.measured or waits.size < FEWEST_CYCLES:
         return []
-    longest = longest_wait(waits)
     usual = weighted_median(waits, waits)
+    ends = trace.t[found.end]
+    begins = found.times - usual
+    all_waits = np.diff([trace.t[0], *found.times, trace.t[-1]])
     times = list[float]()
-    if found.times[0] - trace.t[0] > longest:
-        times.append(float(found.times[0]) - usual)
-    for i in np.flatnonzero(np.append(waits, trace.t[-1] - found.times[-1]) > longest):
-        times.append(float(trace.t[found.end[i]]))
-        if i + 1 < found.size:
-            times.append(float(found.times[i + 1]) - usual)
+    for i in np.flatnonzero(all_waits > longest_wait(waits)).tolist():
+        times += [*ends[max(i - 1, 0) : i], *begins[i : i + 1]]
     return times
 
 
@@ -130,44 +114,34 @@ def _edges(series: Array) -> list[int]:
     # So much does a step that is none take off two series of unit scatter by chance
     # (chi squared with two degrees).
     price = 2.0 * math.log(count / CHANCE)
+    at = np.arange(count + 1)
+    lasts = np.maximum(at[:, None] - at, 1)
+    means = ((sums[:, :, None] - sums[:, None, :]) ** 2).sum(axis=0) / lasts
+    within = squares[:, None] - squares - means + price
     least = np.full(count + 1, math.inf)
-    came = np.zeros(count + 1, dtype=int)
     least[0] = 0.0
-    lasts = np.maximum(np.arange(count + 1)[:, None] - np.arange(count + 1), 1)
-    within = (
-        squares[:, None]
-        - squares
-        - ((sums[:, :, None] - sums[:, None, :]) ** 2).sum(axis=0) / lasts
-    )
+    edges = {0: [0]}
     for end in range(FEWEST_CYCLES, count + 1):
-        total = (
-            least[: end - FEWEST_CYCLES + 1]
-            + within[end, : end - FEWEST_CYCLES + 1]
-            + price
-        )
-        came[end] = int(np.argmin(total))
-        least[end] = float(total.min())
-    edges = [count]
-    turns = bounded("segments", count)
-    while edges[0]:
-        next(turns)
-        edges.insert(0, int(came[edges[0]]))
-    return edges
+        starts = slice(0, end - FEWEST_CYCLES + 1)
+        total = least[starts] + within[end, starts]
+        begin = int(np.argmin(total))
+        least[end] = total[begin]
+        edges[end] = [*edges[begin], end]
+    return edges[count]
 
 
-def _step(force: Array) -> int:
+def _likeliest(force: Array) -> int:
     """Sample at which mean and scatter of a force change, by the likelihood of two
     normal distributions.
     """
     count = np.arange(2, force.size - 1)
     rest = force - force.mean()
+    floor = 1e-12 * float((rest**2).sum()) + 1e-300
     likely = np.zeros(count.size)
-    floor = 1e-12 * float(rest @ rest) + 1e-300
-    for way in (slice(None), slice(None, None, -1)):
-        sums = rest[way].cumsum()[1:-2]
-        squares = (rest[way] ** 2).cumsum()[1:-2]
-        many = count
-        likely += (
-            many * np.log(np.maximum(squares / many - (sums / many) ** 2, floor))
-        )[way]
+    for way in (1, -1):
+        mean, square = (
+            values[::way].cumsum()[1:-2] / count for values in (rest, rest**2)
+        )
+        variance = np.maximum(square - mean**2, floor)
+        likely += (count * np.log(variance))[::way]
     return int(count[np.argmin(likely)])

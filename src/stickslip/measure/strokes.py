@@ -15,8 +15,6 @@ from stickslip.measure.trace import FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
 LEAST_WAY = 0.5
 # part of a variance that two levels explain: 8/pi^2 of a sine, 1 of steps; midway
 PLATEAUS = 1.0 - 0.5 * (1.0 - 8.0 / math.pi**2)
-# of the longest stroke: the shortest of those that are whole
-ALIKE = 0.25
 
 
 def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
@@ -71,7 +69,7 @@ def _reversals(trace: Trace) -> list[int]:
     edges = [0, *sorted(itertools.chain(*crossed)), size]
     whole = np.diff(edges)[1:-1]
     enough = whole.size >= FEWEST_CYCLES - 2 and whole.min() >= FEWEST_READINGS
-    return edges if enough and whole.min() > ALIKE * np.diff(edges).max() else []
+    return edges if enough else []
 
 
 def _plateaus(force: Array) -> tuple[float, float] | None:
