@@ -185,6 +185,11 @@ class Window:
         return Measured(value, math.sqrt(24.0 / self.rest.size))
 
     @cached_property
+    def part(self) -> float:
+        """Peak to peak of all that the window holds, over the largest force."""
+        return float(np.ptp(self.trace.force)) / self.largest
+
+    @cached_property
     def swing(self) -> Measured:
         """Peak to peak over the largest force: without drift on a bench, and that of a
         period without noise.
@@ -214,10 +219,12 @@ class Window:
         """
         found = self.found
         period, _, variation = mean_and_std(np.diff(found.times))
+        known = found.cycles
         if (
             found.size > FEWEST_CYCLES
             and variation < JITTER
             and mean_and_std(found.drops)[2] < 2.0 * JITTER
+            and not (known.periodic and found.size <= known.count + FEWEST_CYCLES)
         ):
             return Cycles(
                 period=period,
@@ -225,8 +232,7 @@ class Window:
                 correlation=regularity(variation),
                 times=found.times,
             )
-        enough = found.size >= FEWEST_CYCLES
-        return found.cycles if found.cycles.periodic and enough else None
+        return known if known.periodic and found.size >= FEWEST_CYCLES else None
 
     @cached_property
     def count(self) -> int:

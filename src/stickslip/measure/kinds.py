@@ -37,7 +37,7 @@ def decide(seen: Window) -> tuple[Kind, str]:
         few = f", of few contacts ({contacts})," if seen.is_contact_noise else ""
         return SLIPS, f"{manner}{few} and persistent; {_how_fast(seen)}"
     if _oscillates(seen):
-        size = f"{_percent(seen.swing.value)}, peak to peak"
+        size = f"{_percent(seen.part)}, peak to peak"
         return LASTS, f"{manner}, {size}; {_sticking(seen)}; {_how_fast(seen)}"
     return _uneven(seen)
 
@@ -141,13 +141,13 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
     if seen.is_mostly_noise:
         return OPEN, _hidden(seen)
     return OPEN, (
-        f"irregular oscillation of {_percent(seen.swing.value)}, neither slips nor "
+        f"irregular oscillation of {_percent(seen.part)}, neither slips nor "
         f"noise; {_how_fast(seen)}"
     )
 
 
 def _hidden(seen: Window) -> str:
-    noise = _percent(seen.swing.value)
+    noise = _percent(seen.part)
     return f"noise of {noise} hides any oscillation, and slips: record more often"
 
 
@@ -157,7 +157,7 @@ def _percent(part: float) -> str:
 
 def _fluctuation(seen: Window) -> str:
     period = "with a period" if seen.cycles else "without a period"
-    return f"the force fluctuates by {_percent(seen.swing.value)}, {period}"
+    return f"the force fluctuates by {_percent(seen.part)}, {period}"
 
 
 def _change(seen: Window) -> str:

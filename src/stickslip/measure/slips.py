@@ -150,7 +150,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     size = force.size
     noise = white_noise(force)
     rest = without_drift(force)
-    cycles = find_cycles(trace.t, rest)
+    cycles = find_cycles(trace.t, rest if trace.measured else force)
     if minimum_drop is not None:
         smallest = least = minimum_drop
         criterion = "drops of at least the minimum_drop given"
