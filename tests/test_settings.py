@@ -14,6 +14,7 @@ from stickslip.io.settings import read_rig_with
         ("slider.mass=500 g", "mass", 0.5),
         # in place of the damping ratio of the file
         ("slider.damping=20 1/s", "damping", 20.0),
+        ("slider.damping=900 N*s/m", "damping", 300.0),  # over the mass, 3 kg
         ("interface.thresholds.std=0.3", "std", 0.3),
     ],
 )
@@ -45,3 +46,9 @@ def test_a_setting_that_cannot_be_is_refused_in_one_line(setting, message):
     with pytest.raises(ss.InputError, match=message) as refused:
         read_rig_with("brake_pad", [setting])
     assert "\n" not in str(refused.value)
+
+
+def test_a_missing_file_names_the_one_beside_it(tmp_path):
+    (tmp_path / "axis.toml").touch()
+    with pytest.raises(ss.InputError, match=r"did you mean 'axis\.toml'\?"):
+        ss.read_rig(tmp_path / "axis.tml")

@@ -985,7 +985,7 @@ def paper(
     output: Annotated[Path, Parameter(alias="-o")] = Path(),
     formats: Annotated[
         list[Literal["png", "pdf", "svg"]] | None,
-        Parameter(name="--format", negative=""),
+        Parameter(name="--format", negative="", consume_multiple=True),
     ] = None,
     json: Json = False,
 ) -> int:
@@ -1003,7 +1003,7 @@ def paper(
     output
         Directory for pictures and data; made if missing.
     formats
-        Of the picture; may be given more than once.
+        Of the picture, one or several.
     """
     from stickslip.paper import figures_named, places, reproduce
 

@@ -4,6 +4,7 @@ A symbolic link is followed, for reading and for writing: the link stays, and th
 that it leads to is replaced.
 """
 
+import difflib
 import gzip
 import os
 import secrets
@@ -32,7 +33,7 @@ def size(path: FileName, kind: str, *, largest: int) -> int:
     """
     found = _regular(path, "read", kind)
     if found is None:
-        raise InputError(f"{path}: no such file")
+        raise InputError(f"{path}: no such file{_nearest_name(Path(path))}")
     if found.st_size > largest:
         most = f"{largest / 1e6:g} MB"
         raise InputError(
@@ -40,6 +41,16 @@ def size(path: FileName, kind: str, *, largest: int) -> int:
             f"({most})"
         )
     return found.st_size
+
+
+def _nearest_name(path: Path) -> str:
+    """Name the file beside a missing one that its name may mean, as a hint."""
+    with suppress(OSError):
+        names = [file.name for file in path.parent.iterdir()]
+        near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.8)
+        if near:
+            return f"; did you mean {near[0]!r}?"
+    return ""
 
 
 def read(path: FileName, kind: str, *, largest: int) -> bytes:

@@ -33,6 +33,7 @@ from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
 from stickslip.model.methods import METHODS, check_start
 from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import BY_NAME, converted_ranges
+from stickslip.model.quantities import read_quantity
 from stickslip.model.records import converted, declared
 from stickslip.model.rig import Assumption, Fitted, Operation, Rig
 from stickslip.model.units import Scales, si_unit
@@ -72,6 +73,19 @@ def _made(
     """Make a record of those values of a table that are fields of it."""
     with at(place, names):
         return kind(**{name: values[name] for name in declared(kind) if name in values})
+
+
+def _damping_over_mass(content: Any) -> Any:
+    """Return the table of a slider with a damping in N s/m divided by its mass; any
+    other as it is.
+    """
+    try:
+        force_per_velocity = read_quantity(content["damping"], "kg/s", "")
+        mass = read_quantity(content["mass"], "kg", "")
+        rate = force_per_velocity / mass
+    except (KeyError, TypeError, ZeroDivisionError, InputError):
+        return content
+    return {**content, "damping": f"{rate!r} 1/s"}
 
 
 class _Reader:
@@ -203,6 +217,8 @@ class _Reader:
             )
         if name == "interface" and self.file.natural:
             keys = {key: each for key, each in keys.items() if key not in SCALES}
+        if name == self.body and not self.file.natural:
+            content = _damping_over_mass(content)
         return self.file.table(content, keys, name, RULES.get(name, ()))
 
     def _record(self, content: Any, place: str) -> Any:
