@@ -473,3 +473,9 @@ def test_modes_that_would_take_too_much_are_refused(side, count):
     )
     with pytest.raises(ss.InputError, match=r"^modes: count = .*; give at most"):
         ss.elastic.modes(replace(RIG, slider=body), count=count)
+
+
+def test_an_answer_on_more_blocks_than_memory_takes_is_refused():
+    body = ss.Chain(blocks=10**8, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0)
+    with pytest.raises(ss.InputError, match=r"^slider.blocks = 1e\+08: .*; give at mo"):
+        ss.predict(replace(RIG, slider=body))

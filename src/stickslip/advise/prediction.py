@@ -49,7 +49,7 @@ from stickslip.model.rig import Ends, Rig
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
-from stickslip.simulation.engines.blocks import check_prestress
+from stickslip.simulation.engines.blocks import check_body
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability import contact_noise, count_unstable
 
@@ -129,7 +129,7 @@ def predict(
         )
     with reporting(progress, "predict") as report:
         if isinstance(rig.natural.slider, ElasticBody):
-            check_prestress(rig)
+            check_body(rig)
             return _predict_waves(rig, report)
         found = _verdict(rig, report if fast else part(report, 0.0, 0.3))
         if fast:

@@ -112,11 +112,22 @@ def balanced(
     )
 
 
-def check_prestress(rig: Rig) -> None:
-    """Raise `InputError` for a prestress that the contacts of a rig cannot hold."""
+def check_body(rig: Rig) -> None:
+    """Raise `InputError` for more blocks than memory takes, or for a prestress that the
+    contacts of a rig cannot hold.
+    """
     case = rig.natural
-    if isinstance(case.start, Prestressed) and isinstance(case.slider, ElasticBody):
-        balanced(Beginning(case.interface, case.slider, case.velocity, case.start))
+    body = case.slider
+    if not isinstance(body, ElasticBody):
+        return
+    if (room := _BLOCK * body.size) > LARGEST:
+        raise InputError(
+            f"slider.blocks = {body.size:.4g}: would take about {room / 1e9:.2g} GB; "
+            f"give at most {LARGEST / _BLOCK:.2g}",
+            "slider.blocks",
+        )
+    if isinstance(case.start, Prestressed):
+        balanced(Beginning(case.interface, body, case.velocity, case.start))
 
 
 def per_block(place: str, value: float | tuple[float, ...], body: ElasticBody) -> Array:
