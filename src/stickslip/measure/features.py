@@ -82,6 +82,9 @@ class Measured(NamedTuple):
     error: float = 0.0
 
 
+Row = tuple[str, float | Measured, float, Source, bool]
+
+
 class Loading(NamedTuple):
     """How a force climbs to its drops."""
 
@@ -436,15 +439,28 @@ class Window:
     @property
     def tests(self) -> tuple[Criterion, ...]:
         """The tests of a regime, but for those of what is not known."""
-        gain, noise = self.loading.gain, self.contact_noise
+        criteria = []
+        for name, found, limit, source, passed in (*self._of_cycles, *self._of_slips):
+            value, error = found if isinstance(found, Measured) else (found, 0.0)
+            criteria.append(
+                Criterion(
+                    name=name,
+                    statistic=value,
+                    error=error,
+                    limit=limit,
+                    source=source,
+                    passed=passed,
+                )
+            )
+        return tuple(row for row in criteria if not math.isnan(row.statistic))
+
+    @property
+    def _of_cycles(self) -> tuple[Row, ...]:
+        """What is asked of drops and cycles, found, its limit, source and answer."""
         wider = self.errors(CHANCE) / ERRORS
         change = Measured(abs(self.change.value), wider * self.change.error)
-        velocity = SLIDER_VELOCITY
-        if math.isnan(self.seen_velocity):
-            velocity = "1 + falling rate over loading rate"
-        narrow = ERRORS * self.scatter / self.mean
         white = 1.0 + ERRORS * self.white_noise.error
-        rows: tuple[tuple[str, float | Measured, float, Source, bool], ...] = (
+        return (
             (
                 "drops that stand out of the noise",
                 self.found.size,
@@ -489,6 +505,18 @@ class Window:
                 "convention",
                 self.ripple <= SMALL,
             ),
+        )
+
+    @property
+    def _of_slips(self) -> tuple[Row, ...]:
+        """The same of slips and of noise."""
+        gain = self.loading.gain
+        noise = self.contact_noise
+        velocity = SLIDER_VELOCITY
+        if math.isnan(self.seen_velocity):
+            velocity = "1 + falling rate over loading rate"
+        narrow = ERRORS * self.scatter / self.mean
+        return (
             (velocity, self.slip_velocity, self.slip_limit, "theory", self.are_slips),
             (
                 "loading rate times wait, over the drop",
@@ -527,20 +555,6 @@ class Window:
                 self.velocity_deviation >= RESTS,
             ),
         )
-        criteria = []
-        for name, found, limit, source, passed in rows:
-            value, error = found if isinstance(found, Measured) else (found, 0.0)
-            criteria.append(
-                Criterion(
-                    name=name,
-                    statistic=value,
-                    error=error,
-                    limit=limit,
-                    source=source,
-                    passed=passed,
-                )
-            )
-        return tuple(row for row in criteria if not math.isnan(row.statistic))
 
 
 def look_past_waves(seen: Window) -> Window:

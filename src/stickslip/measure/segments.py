@@ -60,7 +60,8 @@ def _steps(trace: Trace, count: int) -> list[float]:
     edges = _edges(series / noise[:, None])
     times = []
     for begin, edge, end in zip(edges, edges[1:], edges[2:], strict=False):
-        before, after = series[:, begin:edge], series[:, edge:end]
+        before = series[:, begin:edge]
+        after = series[:, edge:end]
         # By the scatter of either segment, and Student's t: a peak that comes and goes
         # has no level of its own.
         error = np.hypot(*(_error(part) for part in (before, after)))
@@ -68,7 +69,8 @@ def _steps(trace: Trace, count: int) -> list[float]:
         change = after.mean(axis=1) - before.mean(axis=1)
         near = after[:, :2].mean(axis=1) - before[:, -2:].mean(axis=1)
         steps = np.abs(change) >= np.maximum(LARGE, chance * error)
-        if np.any(steps & (near * change >= AT_ONCE * change**2)):
+        at_once = near * change >= AT_ONCE * change**2
+        if np.any(steps & at_once):
             begins = first + blocks.shape[1] * (edge - 2)
             about = slice(begins, begins + 4 * blocks.shape[1])
             times.append(float(trace.t[about][_likeliest(trace.force[about])]))
@@ -139,9 +141,8 @@ def _likeliest(force: Array) -> int:
     floor = 1e-12 * float((rest**2).sum()) + 1e-300
     likely = np.zeros(count.size)
     for way in (1, -1):
-        mean, square = (
-            values[::way].cumsum()[1:-2] / count for values in (rest, rest**2)
-        )
+        mean = rest[::way].cumsum()[1:-2] / count
+        square = (rest[::way] ** 2).cumsum()[1:-2] / count
         variance = np.maximum(square - mean**2, floor)
         likely += (count * np.log(variance))[::way]
     return int(count[np.argmin(likely)])
