@@ -479,3 +479,9 @@ def test_an_answer_on_more_blocks_than_memory_takes_is_refused():
     body = ss.Chain(blocks=10**8, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0)
     with pytest.raises(ss.InputError, match=r"^slider.blocks = 1e\+08: .*; give at mo"):
         ss.predict(replace(RIG, slider=body))
+
+
+def test_a_search_on_a_slider_that_hardly_starts_is_refused():
+    """Its cycle takes 1e15 times the way that a first part of a run shows."""
+    with pytest.raises(ss.InputError, match=r"\d+ runs, .* would take about"):
+        ss.sustained(RIG.replace(mass=1e30), "velocity", between=(0.5, 2.0), points=12)

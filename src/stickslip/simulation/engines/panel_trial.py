@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # seconds over a mean threshold, about, how many times that where cohorts have clocks,
 # and a radian of the slider's oscillation
 _PATH, _CLOCKED, _RADIAN = 1.2e-3, 10.0, 5e-5
+# seconds over a mean threshold at the least: of steps as wide as the widest panel
+FEWEST = 5e-5
 WORTH_A_TRIAL = 0.02  # seconds from which a run is tried
 _STEP, _DRAW, _NODE = 1.7e-5, 1.3e-7, 7.5e-8
 _AT_RISK, _HEATED, _PULLED = 5e-7, 1e-6, 9e-6
