@@ -49,8 +49,8 @@ class Arrest(NamedTuple):
 def _threshold(
     rng: np.random.Generator, std: float, factor: float, least: float
 ) -> float:
-    """Draw a threshold beyond the stretching at birth; on a track so weak that none
-    is, one that holds nothing.
+    """Draw a threshold beyond the stretching at birth; on a track too weak for any, one
+    that holds nothing.
     """
     for _ in range(_TRIES):
         value: float = factor * (1.0 + std * rng.normal())
@@ -63,8 +63,8 @@ def _threshold(
 def _arc(
     velocity: float, force: float, stiffness: float, ratio: float, distance: float
 ) -> tuple[float, float, bool]:
-    """Distance and velocity where the slider has gone a distance `gap`, or where it
-    first stops, and whether it does.
+    """Distance and velocity of the slider after a distance `gap`, or where it first
+    stops; and whether it stops.
 
     Time in units of ``sqrt(M/K)``; unbalanced force and its loss per distance over the
     stiffness K of the driving spring, of which `ratio` is the damping ratio.
@@ -109,8 +109,8 @@ def _arc(
 def _attached_at_first(
     model: Arrest, rng: np.random.Generator, breaks_at: Floats
 ) -> Floats:
-    """Draw the positions of the slider at which contacts attached, each part of its
-    way to its threshold behind, and enter where they break.
+    """Draw where contacts attached before the start, each a part of its way to its
+    threshold behind, and enter where they break.
     """
     count = model.contacts
     attached_at = np.empty(count)

@@ -34,8 +34,8 @@ from .tournament import enter, smallest, tournaments, winner
 
 
 class BlockDraws(NamedTuple):
-    """Random numbers of each block in the order of use, shape (n, any); the delay of
-    all, or NaN to take the drawn.
+    """Random numbers of each block in the order of use, shape (n, any); one delay for
+    all, or NaN for drawn delays.
 
     Thresholds count `factor` times, shape (n,); with `tracks`, `advance_blocks` returns
     where a block stops after a break.
@@ -120,7 +120,7 @@ def make_state(
 
 @bare
 def _sum_again(state: BlocksState, j: int) -> None:
-    """Sum the birth positions of a block afresh: rounding cannot pile up."""
+    """Sum the birth positions of a block anew, so that rounding does not accumulate."""
     contacts = state.contacts
     N = state.contacts.birth.shape[1]
     total = 0.0
@@ -165,7 +165,7 @@ def next_delay(contacts: BlockContacts, j: int, draws: BlockDraws) -> float:
 
 @inlined
 def has_broken(contacts: BlockContacts, j: int) -> bool:
-    """Whether contacts of a block that stops have broken since it did so last."""
+    """Whether contacts of a block at rest have broken since it stopped."""
     last = contacts.breaks_at_stop[j]
     contacts.breaks_at_stop[j] = contacts.breaks[j]
     return bool(contacts.breaks[j] > last)
@@ -175,8 +175,8 @@ def has_broken(contacts: BlockContacts, j: int) -> bool:
 def break_contact(
     state: BlocksState, j: int, slot: int, time: float, force: float, delay: float
 ) -> float:
-    """A contact breaks and from now on slides with `force`; what the block's
-    friction force gains.
+    """Break a contact, which then slides with `force`; return the gain of the friction
+    force of its block.
     """
     contacts = state.contacts
     blocks = state.motion.blocks
@@ -211,8 +211,8 @@ def break_contact(
 def attach_contact(
     state: BlocksState, j: int, X: float, threshold: float, force: float
 ) -> float:
-    """The contact that is due, which slid with `force`, attaches unstretched; what
-    the block's friction force gains.
+    """Attach a contact that slid with `force`, unstretched; return the gain of the
+    friction force of its block.
     """
     contacts = state.contacts
     blocks = state.motion.blocks

@@ -49,7 +49,7 @@ which is read most often: memory is read faster without what is not asked for.
 
 
 class Reading(NamedTuple):
-    """Room for what the slider may break in a step, filled by `gather`."""
+    """Buffers for what the slider may break in a step, filled by `gather`."""
 
     active: Record  # shape (n,), of ACTIVE
     on_way: Record  # shape (n,), of ON_WAY
@@ -99,8 +99,8 @@ def _is_passed(
     low: float,
     high: float,
 ) -> bool:
-    """Whether some of a cohort come to be stretched further than ever, one after the
-    other.
+    """Whether contacts of a cohort come to be stretched further than ever, one after
+    the other.
     """
     sign = 1.0 if high > -low else -1.0
     first = np.inf
@@ -248,8 +248,8 @@ def gather(
     high: float,
     t: float,
 ) -> int:
-    """Nodes that may break from a time on while the slider is from `low` to `high`;
-    the others are added up.
+    """Collect the nodes that may break from a time on while the slider is between `low`
+    and `high`; sum the others.
     """
     m0 = m1 = m2 = 0.0
     count = 0
@@ -364,7 +364,7 @@ def force_at(
 def _force_on_the_way(
     reading: Reading, count: int, breaking: Breaking, y: float, k: int
 ) -> tuple[float, float, float, float, float, float]:
-    """`force_at`, of what may break by age or temperature."""
+    """`force_at` for contacts that may break by age or temperature."""
     active = reading.active
     way = reading.way
     A = breaking.width
@@ -587,8 +587,8 @@ def gauss_rule(x: Floats, weight: Floats, count: int = Q) -> tuple[Floats, Float
 
 
 def spread_out(cohorts: Record, spacing: float) -> Floats:
-    """Places, masses, reaches and clocks of all cohorts; those of whole panels at as
-    many places as they need.
+    """Positions, masses, reaches and clocks of all cohorts, those of whole panels at as
+    many points as they need.
 
     Shape (4, n).
     """

@@ -112,9 +112,7 @@ def _is_tabulated(breaking: Breaking) -> bool:
 
 @inlined
 def energy(breaking: Breaking, x: float) -> float:
-    """What counts for a clock in place of a stretching, or of a strength: itself, or
-    half its square.
-    """
+    """Argument of a clock for a stretching or strength: itself, or half its square."""
     return 0.5 * x * x if breaking.squared else x
 
 
@@ -131,9 +129,7 @@ def reach_at(growth: Growth, x: float, age: float) -> float:
 
 @inlined
 def begin_step(way: Floats, low: float, high: float) -> None:
-    """Note how far the slider may go in a step, of contacts that are still to be
-    noted.
-    """
+    """Record how far the slider may go in a step, for contacts that `note` adds."""
     step = way[STEP]
     step[LOW] = low
     step[HIGH] = high
@@ -144,8 +140,8 @@ def begin_step(way: Floats, low: float, high: float) -> None:
 
 @inlined
 def note(way: Floats, breaking: Breaking, b: float, age: float) -> tuple[float, float]:
-    """Note contacts at a place, of an age at the start of a step: the most that
-    their clock gains in it, and reach.
+    """Record contacts at a position, of an age at the start of a step: the largest gain
+    of their clock in it, and their reach.
     """
     step = way[STEP]
     step[LOWEST], step[HIGHEST], step[YOUNGEST] = (
@@ -346,8 +342,8 @@ def _gain(
 
 @bare
 def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> None:
-    """Note where the slider is at the nodes of a step, and what clocks gain up to
-    there.
+    """Record the positions of the slider at the nodes of a step, and what clocks gain
+    up to them.
     """
     for k in range(P + 1):
         way[X, k] = nodes[k].x

@@ -139,7 +139,7 @@ def contact_force(m: Record, N: float) -> float:
 
 @inlined
 def set_out(m: Record, drive: Quadratic, c: Constants) -> FlightLeg:
-    """Motion from here on, if nothing happened."""
+    """Motion from here on until the next event."""
     t = m.time
     X = m.position
     D, drive_v = drive_at(drive, t)
@@ -189,7 +189,7 @@ def balance(m: Record, drive: Quadratic, c: Constants) -> float:
 def sample(
     m: Record, row: Floats, leg: FlightLeg, part: float, a: float, c: Constants
 ) -> None:
-    """Fill a row with what the flight passes a time `part` after its beginning.
+    """Fill a row with the state of the flight a time `part` after its beginning.
 
     Position, velocity, friction force, attached fraction, energy stored in contacts,
     and, accumulated since the start, work of the drive, energy lost to damping and in
@@ -253,7 +253,7 @@ def sample_until(
 def fly(
     m: Record, leg: FlightLeg, h: float, y: float, u: float, a: float, c: Constants
 ) -> None:
-    """Make the end of the flight the state, but for its time."""
+    """Move the state to the end of the flight, but for its time."""
     if not c.rigid:
         work, squares = energies(leg.motion, h, y, u, leg.F_d, c.K, leg.drive_v, a)
         m.work += work
@@ -291,8 +291,8 @@ def count_in(m: Record, birth: float, k: float, c: Constants) -> None:
 
 @inlined
 def count_out(m: Record, birth: float, k: float, c: Constants) -> None:
-    """Count a contact of stiffness `k` that breaks: what it stored is lost, but for
-    what a detached one holds.
+    """Remove a contact of stiffness `k` that breaks: its energy is lost, but for what a
+    detached one holds.
     """
     x = m.position - birth
     m.broken += 0.5 * k * x * x * c.part - detached_energy(m, c)

@@ -185,8 +185,8 @@ def make_state(
 
 
 def boxed(state: ContactsState, rule: Rule, since: Floats, own: Floats) -> Boxes:
-    """Return the boxes of contacts that have attached at the times `since`; drawn as
-    soon as the state goes on.
+    """Return empty boxes for contacts that attached at the times `since`; the first
+    advance draws them.
     """
     N = state.size
     m = state.motion[0]
@@ -265,7 +265,9 @@ def _power_of_two(wanted: float, most: float) -> int:
 
 @inlined
 def _reach(state: ContactsState, place: int, boxes: Boxes | None) -> float:
-    """Stretching up to which the contact at a place is left alone."""
+    """Largest stretching for which the contact at a place needs no look: its box, or
+    its threshold.
+    """
     if boxes is None:
         return float(state.ahead.entries[place]["threshold"])
     return float(boxes.of[state.ahead.entries[place]["slot"]]["reach"])
@@ -273,8 +275,8 @@ def _reach(state: ContactsState, place: int, boxes: Boxes | None) -> float:
 
 @inlined
 def _first_behind(state: ContactsState) -> float:
-    """Minus the position of the slider from which on a contact behind may break or
-    leave its box.
+    """Minus the position of the slider at which a contact behind may break or leave its
+    box.
     """
     m = state.motion[0]
     return peek(state.behind) if m.keeps_behind else float(m.least)
@@ -282,7 +284,7 @@ def _first_behind(state: ContactsState) -> float:
 
 @bare
 def _keep_behind(state: ContactsState, boxes: Boxes | None) -> None:
-    """Fill the queue of those behind, and keep it from now on."""
+    """Fill the queue of the contacts behind, which is kept up to date from now on."""
     contacts = state.ahead.entries
     clear(state.behind, -state.motion[0].position)
     for place in range(used(state.ahead)):
@@ -297,8 +299,8 @@ def _keep_behind(state: ContactsState, boxes: Boxes | None) -> None:
 
 @bare
 def _look_again(state: ContactsState, boxes: Boxes | None) -> None:
-    """Sum afresh about the present position, so that rounding cannot pile up, and
-    bound; places may have changed.
+    """Sum stretchings anew about the present position, so that rounding does not
+    accumulate; places may change.
     """
     m = state.motion[0]
     contacts = state.ahead.entries
@@ -332,7 +334,7 @@ def _hold(
     draws: ContactDraws,
     boxes: Boxes | None,
 ) -> None:
-    """Enter a contact that is attached into the queues, up to its threshold or within
+    """Enter an attached contact into the queues: at its threshold, or at the edge of
     its next box.
     """
     m = state.motion[0]
@@ -397,8 +399,8 @@ def _variate(m: Record, draws: ContactDraws) -> float:
 
 @inlined
 def _rounding(m: Record) -> float:
-    """Rounding error of a stretching, far from the origin, and of a threshold that
-    grows, long after the start.
+    """Rounding error of a stretching far from the origin, and of a growing threshold
+    long after the start.
     """
     return float(_ULPS * (abs(m.position) + abs(m.velocity) * m.time))
 
@@ -415,7 +417,7 @@ def _enclose(
     times: Floats,
     N: int,
 ) -> float:
-    """Draw the next box of a contact; how far it reaches."""
+    """Draw the next box of a contact; return how far it reaches."""
     own = of[slot]
     box = box_of(
         rule,
@@ -443,9 +445,7 @@ def _enclose(
 def _breaks(
     state: ContactsState, place: int, draws: ContactDraws, boxes: Boxes
 ) -> bool:
-    """Whether the contact at a place breaks, that leaves its box or whose time has
-    come.
-    """
+    """Whether a contact that leaves its box, or whose time is up, breaks."""
     m = state.motion[0]
     contact = state.ahead.entries[place]
     own = boxes.of[contact["slot"]]
@@ -462,7 +462,7 @@ def _breaks(
 
 @inlined
 def _forget(state: ContactsState, slot: int, boxes: Boxes) -> None:
-    """No time is set for a contact any more."""
+    """Clear the time that is set for a contact."""
     if is_shared(boxes.rule):
         shared_clock.forget(boxes.clock, slot, state.size)
     else:
@@ -477,8 +477,8 @@ def _attach(
     boxes: Boxes | None,
     c: Constants,
 ) -> None:
-    """Attach a contact where the slider is, with the next threshold and the
-    stretching that goes with it.
+    """Attach a contact at the position of the slider, with the next threshold and its
+    stretching at birth.
     """
     m = state.motion[0]
     i = m.thresholds_used
@@ -551,7 +551,7 @@ def _break(
 def _leave(
     state: ContactsState, place: int, draws: ContactDraws, boxes: Boxes, c: Constants
 ) -> None:
-    """A contact leaves its box, or its time has come: it breaks or gets another box."""
+    """Break a contact that leaves its box or whose time is up, or give it a new box."""
     if is_shared(boxes.rule) or _breaks(state, place, draws, boxes):
         _break(state, place, draws, boxes, c)
         return
@@ -567,8 +567,8 @@ def _leave(
 def _strike(
     state: ContactsState, side: int, draws: ContactDraws, boxes: Boxes, c: Constants
 ) -> None:
-    """The clock ahead (0) or behind (1) proposes that a contact breaks: it does so,
-    or is proposed again later.
+    """Break the contact that the clock ahead (0) or behind (1) proposes, or let it be
+    proposed again later.
     """
     m = state.motion[0]
     slot = winner(boxes.clock.readings[side], state.size)
@@ -714,7 +714,7 @@ def _leaps(
 def _begin(
     m: Record, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants
 ) -> tuple[FlightLeg, _Edges]:
-    """Motion from here on, if nothing happened."""
+    """Motion from here on until the next event."""
     leg = motion.set_out(m, drive, c)
     if c.f_d > 0.0 and _element_turns(m, leg.motion, c):
         leg = motion.set_out(m, drive, c)
@@ -811,8 +811,8 @@ def _stops(m: Record) -> bool:
 
 @inlined
 def _due(state: ContactsState, boxes: Boxes) -> tuple[float, int]:
-    """When the first time of a contact comes: by one of the clocks that they share,
-    or (-1) of its own.
+    """Next time that is set for a contact, and whose: that of a shared clock, or of its
+    own (-1).
     """
     if not is_shared(boxes.rule):
         return smallest(boxes.times), -1
@@ -826,8 +826,8 @@ def _due(state: ContactsState, boxes: Boxes) -> tuple[float, int]:
 def _happens(
     state: ContactsState, by: int, draws: ContactDraws, boxes: Boxes, c: Constants
 ) -> None:
-    """The time of a contact has come, by a clock that they share or by its own; or
-    the window (-2) is over, which only needs laying anew.
+    """Handle the time that has come: of a contact by a shared clock or its own, or the
+    end of the window (-2).
     """
     if by >= 0:
         _strike(state, by, draws, boxes, c)
@@ -840,8 +840,8 @@ def _happens(
 def _winds(
     state: ContactsState, ahead: float, draws: ContactDraws, boxes: Boxes
 ) -> bool:
-    """Wind the clocks that contacts share, where that is due; False if there are too
-    few variates.
+    """Wind the shared clocks where that is due; return False if too few variates are
+    left.
     """
     m = state.motion[0]
     if shared_clock.runs_evenly(boxes.clock, m):
@@ -868,8 +868,8 @@ def _next_attachment(state: ContactsState, on_arrest: bool) -> float:
 def short_of(
     m: Record, draws: ContactDraws, boxes: Boxes | None
 ) -> tuple[bool, bool, bool]:
-    """Whether there are too few thresholds, delays and variates for any event that
-    may come next.
+    """Whether too few thresholds, delays or variates are left for the next event,
+    whichever it is.
     """
     thresholds = 1
     variates = False

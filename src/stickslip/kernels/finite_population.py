@@ -56,8 +56,8 @@ _COARSE = 0.02  # largest error of merging two cohorts, in units of the toleranc
 def deviation(
     work: Work, case: Case, t: float, row: Record, force: float, velocity: float
 ) -> None:
-    """Add what the deviation from the mean has done by a time to a row that is the
-    mean, of this force and velocity.
+    """Add to a row of means the deviation that has grown by a time, of a mean force and
+    velocity.
     """
     extra = work.fluctuation
     h = t - extra.time
@@ -119,8 +119,8 @@ def deviate(row: Record, t: float, end: Record, work: Work, case: Case) -> None:
 
 
 class _Broken(NamedTuple):
-    """Contacts that have broken in a step, and what more of them than on average had:
-    their number, force and energy.
+    """Contacts that broke in a step, and their excess over the mean: number, force and
+    energy.
     """
 
     total: float
@@ -182,8 +182,8 @@ def _draw_breaks(
 def _fluctuate(
     work: Work, case: Case, N: float, broken: _Broken, u: float, place: float, dt: float
 ) -> None:
-    """Note the deviation from the mean that the excess of broken contacts makes from a
-    part `u` of a step on.
+    """Record the deviation from the mean that an excess of broken contacts causes from
+    a part `u` of a step on.
     """
     nodes = work.nodes
     extra = work.fluctuation
@@ -215,8 +215,8 @@ def settle(
     dt: float,
     direction: float,
 ) -> None:
-    """Draw what breaks and re-attaches in a step that has been solved, and taken, for
-    the mean.
+    """Draw the breaks and re-attachments of a step that was solved and taken for the
+    mean.
 
     The cohorts are still those of its start.
     """
@@ -244,8 +244,8 @@ def settle(
 
 @bare
 def _go_on(state: PanelsState, case: Case, finite: FiniteNumber) -> float:
-    """Break what does not hold where the slider has come to lie, and leave out empty
-    nodes; how many broke.
+    """Break what does not hold at the new position of the slider, and remove empty
+    nodes; return how many broke.
     """
     cohorts = state.cohorts
     breaking = case.breaking
@@ -351,9 +351,7 @@ def _keep(
     dt: float,
     more: float,
 ) -> None:
-    """Enter what has broken in a step, or more of it, into the panel of the step, where
-    it waits to re-attach.
-    """
+    """Enter what broke in a step into its panel, where it waits to re-attach."""
     panels = state.panels
     nodes = work.nodes
     delays = case.delays

@@ -47,8 +47,8 @@ _SELDOM = 1e-6  # breaks that may be expected in a step that is not as fine
 
 
 class AgeingContacts(NamedTuple):
-    """Contacts one by one; those far from breaking sleep: nothing is done about them
-    until they must be looked at.
+    """Contacts one by one; those far from breaking sleep and are not updated until a
+    set time.
     """
 
     stretching: Floats  # shape (N,): less the position of the slider
@@ -214,8 +214,8 @@ def _live(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Stretching and threshold at the end of a step of which a time `left` is left,
-    whatever breaks in it.
+    """Stretching and threshold at the end of a step of which a time `left` remains,
+    after all breaks in it.
 
     Below 0, `left` says how long after the end a contact that has broken is attached
     again.
@@ -289,8 +289,8 @@ def _live_hot(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Follow a contact as `_live` does, at a temperature: its rate of breaking goes
-    with the noisy threshold of the moment.
+    """Follow a contact as `_live` does at a temperature, with a breaking rate for its
+    present noisy threshold.
 
     A contact breaks where the integral of the rate along its own path reaches a number
     drawn from ``exp(-E)``, or where it meets its threshold. It takes steps of its own:
@@ -343,7 +343,7 @@ def _live_hot(
 def _sleep(
     contacts: AgeingContacts, i: int, until: float, X: float, third: float
 ) -> None:
-    """Let a contact be until a time, while the slider stays within a third of its
+    """Let a contact sleep until a time, or until the slider has gone a third of its
     margin from `X`.
     """
     contacts.until[i] = until
@@ -384,8 +384,8 @@ def _step_one(
     delays: Floats,
     rng: np.random.Generator,
 ) -> tuple[float, float, float]:
-    """Stretching and threshold of a contact at the end of a step, see `_live`, in the
-    quickest of the ways that hold for it.
+    """Stretching and threshold of a contact at the end of a step, by the quickest
+    method that is exact for it; see `_live`.
     """
     mean = langevin.mean
     v = step.v
@@ -477,7 +477,7 @@ def _age(
 def awake(
     stretching: Floats, threshold: Floats, attach: Floats, time: float, X: float
 ) -> AgeingContacts:
-    """Return contacts of which nobody sleeps yet, with the slider at `X`."""
+    """Return contacts of which none sleeps, with the slider at `X`."""
     total, _ = attached_now(stretching, attach, time)
     waits = attach > time
     room = np.zeros((attach.size, 2))

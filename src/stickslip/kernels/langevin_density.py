@@ -68,7 +68,7 @@ class _Grid(NamedTuple):
 
 
 class _Work(NamedTuple):
-    """Room to calculate in."""
+    """Buffers of the calculation."""
 
     up: Floats  # rates from node i to i+1,
     down: Floats  # and to i-1

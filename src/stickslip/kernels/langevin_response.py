@@ -166,8 +166,8 @@ def _transform_weights(edges: Floats, p: complex, weight: Complexes) -> None:
 def _transform(
     known: Excursions, p: complex, real: Floats, imaginary: Floats
 ) -> tuple[complex, complex]:
-    """Transforms of the survivors and of their age; those of all that excursions
-    have, in real and imaginary parts.
+    """Transforms of the survivors and of their age; those of excursions as real and
+    imaginary parts.
     """
     edges = known.edges
     age = known.age

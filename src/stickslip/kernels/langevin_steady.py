@@ -1,5 +1,5 @@
-"""Ageing contacts at constant velocity, N to infinity: lifetimes are alike, and one
-life says all.
+"""Ageing contacts at constant velocity, N to infinity: all lives are alike, so one life
+gives all averages.
 """
 
 import numpy as np

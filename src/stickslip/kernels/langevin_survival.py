@@ -115,7 +115,7 @@ def interpolate(edges: Floats, k: int, age: float, row: Floats) -> None:
 def _kernels(
     levels: Floats, rise: float, lag: float, weight: float, kernel: Floats
 ) -> bool:
-    """Slope of ``Q`` in the lag, between two moments on the level, times a weight;
+    """Slope of ``Q`` in the lag between two moments on the level, times a weight; and
     whether any of it matters.
     """
     stay = math.exp(-lag)
@@ -146,8 +146,8 @@ def _remember(
     matrix: Floats,
     known: Floats,
 ) -> None:
-    """Add to the equations the thresholds that came above their level again, at an age
-    of panel `k` where the levels are `levels`.
+    """Add to the equations the thresholds that rose above their level again, at an age
+    of panel `k` with these `levels`.
 
     Of the panel itself it goes into the row `matrix` of the equations, shape (P + 1,
     n); of those before into `known`.

@@ -156,7 +156,7 @@ class PanelsState(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Room to calculate in."""
+    """Buffers of the calculation."""
 
     # AT_NODE, shape (P + 2,): start and nodes; then the start before it is changed
     nodes: Record

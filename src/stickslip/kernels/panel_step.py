@@ -302,7 +302,7 @@ def _pull(state: PanelsState, work: Work, case: Case, dt: float) -> None:
 
 @inlined
 def _gather(state: PanelsState, work: Work, case: Case, low: float, high: float) -> int:
-    """Read the cohorts for ways of the slider from `low` to `high`."""
+    """Collect the cohorts for motion of the slider between `low` and `high`."""
     motion = state.motion
     return gather(
         state.cohorts,
@@ -318,7 +318,7 @@ def _gather(state: PanelsState, work: Work, case: Case, low: float, high: float)
 
 @bare
 def _begin(state: PanelsState, work: Work, case: Case, dt: float) -> None:
-    """Guess where the slider is at the nodes: where it would go if nothing more broke.
+    """Guess the positions of the slider at the nodes, as if nothing more broke.
 
     A rigid one is put to where it is driven, and one without mass to where it went at
     the same velocity: as it breaks contacts it has next to no stiffness.

@@ -364,8 +364,8 @@ def _first_event(state: PanelsState, work: Work, case: Case) -> tuple[float, int
 
 @bare
 def _misled(state: PanelsState, work: Work, case: Case) -> float:
-    """Error of the force where newborns are stretched along the heading of a step
-    and the slider moves against it.
+    """Error of the force where newborns are stretched along the heading of a step but
+    the slider moves against it.
     """
     nodes = work.nodes
     direction = heading(state, work)
@@ -493,9 +493,7 @@ def _turn(
 
 @bare
 def _pass(state: PanelsState, work: Work, event: int) -> None:
-    """Forget the last two places where the slider turned, if a step has passed them:
-    at its end, or without notice.
-    """
+    """Remove the last two turning points of the slider, if a step has passed them."""
     motion = state.motion
     e = state.used.extremes
     if event == PASSES:

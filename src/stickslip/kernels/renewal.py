@@ -77,8 +77,8 @@ class RigidResponse(NamedTuple):
 
 
 def solve(contacts: RenewalContacts, distance: float, points: int) -> ReAttached:
-    """Solve for the contacts that break and re-attach from 0 to a distance, at so
-    many points and two finer grids.
+    """Solve for the contacts that break and re-attach from 0 to a distance, on a grid
+    of this number of points and two finer ones.
     """
     X = np.linspace(0.0, distance, points + 1)
     spacing = distance / points
@@ -161,9 +161,7 @@ def re_attaching(
 
 
 def _initial(contacts: RenewalContacts, X: Floats) -> RigidResponse:
-    """The contacts of the start: those still there, and those that break for the
-    first time.
-    """
+    """Initial contacts: those still attached, and those that break first."""
     known = contacts.reach[:, None]
     values = np.zeros((4, X.size))
     scale = (contacts.weight / contacts.excess(contacts.reach, 0))[:, None]
@@ -184,7 +182,7 @@ def _initial(contacts: RenewalContacts, X: Floats) -> RigidResponse:
 
 
 def _end(contacts: RenewalContacts) -> float:
-    """A stretching that no contact survives.
+    """Stretching beyond all thresholds.
 
     To stop there saves most of the evaluations of the distribution.
     """

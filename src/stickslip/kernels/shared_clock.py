@@ -153,8 +153,8 @@ def propose(
     m: Record,
     variates: Floats,
 ) -> None:
-    """Draw when a clock proposes a contact, if it is kept; where the window does not
-    do for it, it is laid anew.
+    """Draw when a clock proposes a contact that it keeps; reset a window that does not
+    contain it.
     """
     dial = clock.dials[side]
     if rest < dial.safe:
@@ -185,8 +185,8 @@ def wind(
     first_behind: float,
     variates: Floats,
 ) -> bool:
-    """Lay the window about the slider, and wind clocks where that is due; not if there
-    are too few variates.
+    """Set the window about the slider and wind the clocks where due; return False if
+    too few variates are left.
 
     `held` are the attached contacts; no threshold is met ahead before `first`, behind
     before `first_behind`, mirrored.

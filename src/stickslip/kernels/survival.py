@@ -140,7 +140,7 @@ def values_at(table: SurvivalTable, x: Floats) -> Floats:
 def widest(
     table: SurvivalTable, knots: Floats, tolerance: float, most: float, order: int
 ) -> float:
-    """Width of a window, up to `most`, of which nodes of Gauss give the mean of
+    """Width of a window, up to `most`, in which Gauss nodes give the mean of
     ``x**order`` times the function.
 
     To the tolerance, wherever the window lies between two knots.
