@@ -32,9 +32,9 @@ class Arrest(NamedTuple):
     """Contacts, standard deviation of their thresholds, residual stretching, stiffness
     K/N of the driving spring.
 
-    `damping_ratio` is that of the free slider on the driving spring; `track_scatter`
-    the standard deviation of the factor that the thresholds drawn in one slip have in
-    common.
+    `damping_ratio` is that of the free slider on the driving spring;
+    `slip_to_slip_scatter` the standard deviation of the factor that the thresholds
+    drawn in one slip have in common.
     """
 
     contacts: int
@@ -42,7 +42,7 @@ class Arrest(NamedTuple):
     residual: float
     stiffness: float
     damping_ratio: float
-    track_scatter: float
+    slip_to_slip_scatter: float
 
 
 @jit
@@ -159,7 +159,8 @@ def _slip(
     left = count
     loose = 0
     velocity = 0.0
-    while True:  # until it stops: each turn breaks one of the contacts
+    # ends: each turn breaks one of the contacts, until the slider stops
+    while True:
         contact = winner(breaks_at, count)
         enter(breaks_at, count, contact, np.inf)
         broken[loose] = contact
@@ -204,7 +205,7 @@ def slips(
     broken = np.empty(count, np.int64)
     total = attached_at.sum()
     # of the logarithm of the factor, whose mean is 1
-    track = math.sqrt(math.log1p(model.track_scatter**2))
+    track = math.sqrt(math.log1p(model.slip_to_slip_scatter**2))
     X = 0.0
     found = done = 0
     begun = False

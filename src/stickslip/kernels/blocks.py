@@ -249,6 +249,7 @@ def _drift(
     V = blocks.V[j]
     t = state.motion.now.time
     why = ON_THE_WAY
+    # ends: each turn is an event of the step, and uses up a draw
     while True:
         until_break = np.inf
         if V > 0.0:
@@ -312,6 +313,7 @@ def advance_blocks(
     n = blocks.X.size
     inverse_mass = 1.0 / network.mass
     last = now.spent + budget
+    # ends: each step of all blocks is spent
     while now.spent < last:
         if now.block < 0:
             why = begin_step(state.motion, network, piece, sampling, sliding)

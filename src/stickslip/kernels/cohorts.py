@@ -217,6 +217,7 @@ def _in_parts(
     place = _curve(cohort.place, _ONES)
     reach = _curve(cohort.reach, _ONES)
     density = _curve(cohort.mass, WEIGHT)
+    # ends: each cut lies 1e-9 of the panel behind the last
     while begin < 1.0:
         end = _next_cut(cohort, X, breaking.knots, begin)
         for j in range(Q):

@@ -33,6 +33,8 @@ from .survival import SurvivalTable, value_and_slope, value_at
 NEVER = -1e9  # the clock of a contact that was never tried
 CERTAIN = 3.7  # ``exp(-exp(CERTAIN))`` is less than rounding
 _SURE = 37.0  # and so is ``exp(-_SURE)``
+# panels of an interval of a clock: tens are usual, as they grow with what is small
+_MOST_PANELS = 100_000
 
 _THREE, _OF_THREE = gauss(3)
 _EIGHT, _OF_EIGHT = gauss(8)
@@ -193,6 +195,7 @@ def _beyond(breaking: Breaking, d: float, r: float, held: float) -> float:
     begin = 0.0
     size = 0.5
     end = max(d, 0.0) + _SURE
+    # ends: each panel is half an e-fold wide at least
     while begin < end:
         for k in range(_THREE.size):
             t = begin + size * _THREE[k]
@@ -304,7 +307,14 @@ def _gain(
     here = top
     left = 1.0
     size = 1.0
-    while left > 1e-14:
+    for turn in range(_MOST_PANELS + 1):
+        if not left > 1e-14:
+            break
+        if turn == _MOST_PANELS:
+            raise RuntimeError(
+                "effective_stretching: no end of steps: a fault of this package, "
+                "please report it"
+            )
         size = min(size, left)
         there = _exponent(way, piece, s + size * step)
         if abs(there - here) > 4.0 + 0.5 * (top - max(here, there)) and size > 1e-9:

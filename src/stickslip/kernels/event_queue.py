@@ -212,6 +212,7 @@ def _next_bin(queue: Queue) -> None:
         _free_chunks(queue, counts[BIN] & last)
     counts[FIRST] = counts[LAST] = 0
     empty_bins = 0
+    # ends: some entry waits, at most a turn of the wheel ahead
     while counts[LAST] == 0:
         if empty_bins > queue.newest.size:
             lowest = np.inf
@@ -257,6 +258,7 @@ def _load(queue: Queue) -> None:
     bin_ = counts[BIN]
     place = queue.newest[bin_ & (queue.newest.size - 1)]
     count = 0
+    # ends: a chain of chunks has a last one
     while place >= 0:
         chunk = place >> _SHIFT
         for here in range(place, chunk * _CHUNK - 1, -1):
@@ -276,6 +278,7 @@ def _free_chunks(queue: Queue, chain: int) -> None:
     """Free the chunks of a bin in which no entry is left."""
     place = queue.newest[chain]
     after = -1
+    # ends: a chain of chunks has a last one
     while place >= 0:
         chunk = place >> _SHIFT
         before = queue.before[chunk]
@@ -307,6 +310,7 @@ def _pack(queue: Queue) -> None:
     for chain in range(queue.newest.size):
         place = queue.newest[chain]
         queue.newest[chain] = -1
+        # ends: a chain of chunks has a last one
         while place >= 0:
             chunk = place >> _SHIFT
             count = 0
@@ -334,13 +338,16 @@ def _sort_front(queue: Queue) -> None:
         keys[i], keys[j] = keys[j], keys[i]
         places[i], places[j] = places[j], places[i]
     stride = 1
+    # ends: the stride trebles in each turn
     while stride < count // 9:
         stride = 3 * stride + 1
+    # ends: a third of the stride is left in each turn
     while stride > 0:  # Shell's sort: bins are short, and it needs no memory
         for i in range(stride, count):
             key = keys[i]
             place = places[i]
             j = i
+            # ends: each turn is a stride down
             while j >= stride and keys[j - stride] > key:
                 keys[j] = keys[j - stride]
                 places[j] = places[j - stride]

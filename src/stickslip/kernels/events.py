@@ -907,6 +907,7 @@ def advance_events(
         stiffest = boxes.stiffest
     c = motion.constants(slider, m.sliding_force, float(state.size), stiffest)
     to_go = budget
+    # ends: each turn takes one of the budget
     while True:
         thresholds, delays, variates = short_of(m, draws, boxes)
         if thresholds or delays or variates:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._jit import inlined, jit
+from .records import Floats
 
 BELL, PARABOLIC, BARRIER = range(3)
 
@@ -148,6 +149,20 @@ def longest_fold(
     return fine
 
 
+def taken_off(hazard: Hazard, x: Floats) -> tuple[Floats, Floats]:
+    """What a stretching takes off a barrier, in units of its width: its slope, and
+    itself.
+    """
+    return (x, 0.5 * x**2) if hazard.kind == PARABOLIC else (np.ones_like(x), x)
+
+
+def stretching_with(hazard: Hazard, taken: Floats, least: Floats) -> Floats:
+    """Stretching that takes so much off a barrier; the least one where that is none."""
+    if hazard.kind != PARABOLIC:
+        return taken
+    return np.sqrt(np.maximum(2.0 * taken, least**2))
+
+
 EXPONENTIAL, LOGARITHMIC = range(2)
 
 
@@ -196,6 +211,21 @@ def threshold_at(growth: Growth, strength: float, age: float) -> float:
     """Threshold of a contact of this strength and age."""
     factor, addend, _, _ = grown(growth, age)
     return float(strength * factor + addend)
+
+
+@inlined
+def growing_time(growth: Growth) -> float:
+    """Time of the growth of newborns, which is not none."""
+    return growth.second if growth.kind == LOGARITHMIC else 1.0 / growth.first
+
+
+def is_separable(hazard: Hazard, growth: Growth) -> bool:
+    """Whether the rate of a contact that grows is one of its stretching and age times
+    one of its strength.
+    """
+    if hazard.kind == PARABOLIC:
+        return growth.kind == LOGARITHMIC and growth.first == 0.0
+    return hazard.kind == BELL and growth.kind != EXPONENTIAL
 
 
 @inlined

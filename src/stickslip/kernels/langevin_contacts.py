@@ -32,6 +32,13 @@ from .time_steps import (
 # forgotten to exp(-FORGOTTEN/2).
 FORGOTTEN = 16.0
 
+# Breaks of a contact, or steps of its own, in one step of all. Newborns of a millionth
+# of the threshold break some ten thousand times.
+_MOST_TURNS = 10_000_000
+_TURNS_TOLD = (
+    "Contacts: a contact breaks more than 10,000,000 times in one step; give "
+    "Langevin.newborn = 0, or stronger ones"
+)
 # A contact sleeps while the slider goes a third of its margin, and for this fraction of
 # margin^2/noise: the other two thirds are then four standard deviations of its
 # threshold.
@@ -225,7 +232,9 @@ def _live(
     newborn = langevin.newborn
     square = langevin.rate * langevin.rate
     v = step.v
-    while left > 0.0:
+    for _ in range(_MOST_TURNS):
+        if not left > 0.0:
+            return x, f, left
         if left == step.dt:
             e = step.decay
             sigma = step.sigma
@@ -255,7 +264,7 @@ def _live(
             )
             x = v * age
             return x, abs(x) + margin, 0.0
-    return x, f, left
+    raise RuntimeError(_TURNS_TOLD)
 
 
 @inlined
@@ -266,6 +275,7 @@ def _at_once(
     square = langevin.rate * langevin.rate
     noise = 2.0 * square * langevin.std * langevin.std
     h = left
+    # ends: half a step no longer counts at the latest when it is 0
     while True:
         far = abs(x) + abs(v) * h
         low = f - 4.0 * math.sqrt(noise * h) - square * max(f - langevin.mean, 0.0) * h
@@ -301,7 +311,9 @@ def _live_hot(
     mean = langevin.mean
     std = langevin.std
     square = langevin.rate * langevin.rate
-    while left > 0.0:
+    for _ in range(_MOST_TURNS):
+        if not left > 0.0:
+            return x, f, min(left, 0.0)
         h = _at_once(hazard, langevin, x, f, v, left)
         decay = math.exp(-square * h)
         new_x = x + v * h
@@ -336,7 +348,7 @@ def _live_hot(
         left -= broken + delays[int(rng.random() * delays.size)]
         x = 0.0
         f = langevin.newborn
-    return x, f, min(left, 0.0)
+    raise RuntimeError(_TURNS_TOLD)
 
 
 @inlined

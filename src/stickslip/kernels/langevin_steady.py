@@ -230,6 +230,7 @@ def _integrals_by_age(life: Life, ages: Floats) -> tuple[Floats, Floats]:
         works[i] = works[i - 1]
         here = ages[i - 1]
         end = min(ages[i], edges[-1])
+        # ends: the next edge lies behind, or the end does
         while here < end:
             while edges[k + 1] <= here:
                 k += 1

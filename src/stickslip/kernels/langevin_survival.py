@@ -163,6 +163,7 @@ def _remember(
     for early in range(2 if 0.5 * age < _FORGOTTEN else 1):
         left = 0.0
         right = min(far, math.sqrt(edges[1]) if early else 2.0 / fastest)
+        # ends: each panel doubles the way
         while left < far:
             matters = False
             for q in range(_GAUSS.size):

@@ -13,9 +13,9 @@ import numpy as np
 
 from ._jit import inlined, jit
 from .hazard import (
-    LOGARITHMIC,
     Growth,
     Hazard,
+    growing_time,
     grown,
     log_rate,
     longest_fold,
@@ -128,9 +128,7 @@ def _panel(
         return h
     fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
     if growth.first != 0.0:
-        is_logarithmic = growth.kind == LOGARITHMIC
-        path = v * growth.second if is_logarithmic else v / growth.first
-        fine = min(fine, 0.5 * (here + path))
+        fine = min(fine, 0.5 * (here + v * growing_time(growth)))
     fine = min(fine, longest_fold(hazard, FOLDS, here, end, c))
     most = steepest(hazard, end, min(c, strength)) + abs(hard) * max(-pace, 0.0) / v
     quiet = -(np.log(hazard.attempts * end / v) + QUIET)
@@ -223,6 +221,11 @@ def march(
             h = min(longest, _panel(hazard, growth, xi, v, here, end, broken))
             if end - here - h < 1e-3 * h:
                 h = end - here
+            if here + h <= here:
+                raise RuntimeError(
+                    "lifetimes: a panel has no width: a fault of this package, please "
+                    "report it"
+                )
             if panels == room:
                 room *= 2
                 width = np.append(width, np.empty(panels))

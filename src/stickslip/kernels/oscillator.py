@@ -137,6 +137,7 @@ def _doublings(t: float, eta: float, w: float) -> int:
     """How often a time must be halved until a power series takes it."""
     doublings = 0
     size = t * (eta + math.sqrt(abs(w)))
+    # ends: it is halved in each turn
     while size > 0.5:
         size *= 0.5
         doublings += 1

@@ -392,6 +392,7 @@ def _step(
         planned = _first_step(state, case)
     event = SMOOTH
     stretched = case.newborn.stretching.size > 1 or case.newborn.stretching[0] != 0.0
+    # ends: a step that fails is cut, and the smallest one taken
     while True:
         dt = min(planned, most)
         if event == SMOOTH and dt < most < 1.6 * dt:
@@ -687,6 +688,7 @@ def advance_panels(
     wanted = Wanted(until, stop, times, rows)
     state.used.sampled = 0
     state.used.left = max_steps
+    # ends: each turn doubles the room, and memory ends
     while (
         reason := _run(state, _room_to_work(state, case.breaking), case, finite, wanted)
     ) == NO_ROOM:

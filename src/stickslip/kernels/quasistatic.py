@@ -243,6 +243,7 @@ def _break_there(
         else state.contacts.tree_behind[j]
     )
     why = drive.ON_THE_WAY
+    # ends: each turn breaks a contact that the slider has passed
     while smallest(tree) <= direction * X:
         delay = next_delay(state.contacts, j, draws)
         if math.isnan(delay):
@@ -268,6 +269,7 @@ def _attach_due(state: BlocksState, sliding: float, draws: BlockDraws) -> int:
     blocks = state.motion.blocks
     now = state.motion.now.time
     for j in range(blocks.X.size):
+        # ends: each turn attaches one of those that wait
         while state.contacts.next_attach[j] <= now:
             threshold = next_threshold(state.contacts, j, draws)
             if math.isnan(threshold):
@@ -350,6 +352,7 @@ def advance_quasistatic(
     now = state.motion.now
     n = blocks.X.size
     spent = now.spent
+    # ends: each event is spent
     while now.spent - spent <= budget:
         now.spent += n
         why = _attach_due(state, sliding, draws)

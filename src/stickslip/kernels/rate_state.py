@@ -29,6 +29,13 @@ _ERROR = np.array(
 # logarithm of the velocity over the first one beyond which the slider has run away
 _FASTEST = 60.0
 
+# steps from one time to the next: some 10 s
+_MOST_STEPS = 10_000_000
+_STEPS_TOLD = (
+    "more than 10,000,000 steps from one time to the next; give a softer spring, or "
+    "more times in between"
+)
+
 
 @jit
 def slide(
@@ -64,7 +71,11 @@ def slide(
         drive = pull[k] / v0
         if k == 0 or pull[k] != pull[k - 1]:
             h = min(h, 1e-4 * unit * a / (stiffness * distance + a))
-        while t < times[k + 1]:
+        for turn in range(_MOST_STEPS + 1):
+            if not t < times[k + 1]:
+                break
+            if turn == _MOST_STEPS:
+                raise RuntimeError(_STEPS_TOLD)
             last = h >= times[k + 1] - t
             if last:
                 h = times[k + 1] - t

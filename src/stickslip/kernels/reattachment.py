@@ -16,6 +16,7 @@ def _panel_at(state: PanelsState, t: float) -> int:
     """Panel of a time before now; the first one for all before it."""
     low = 0
     high = state.used.panels
+    # ends: half of the panels are left in each turn
     while high - low > 1:
         middle = (low + high) // 2
         if state.panels[middle, 0] <= t:

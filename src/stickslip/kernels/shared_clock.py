@@ -199,6 +199,7 @@ def wind(
     span = _SPAN[0] * width
     to_go = (first if onwards else first_behind) - m.direction * m.position
     reach = span
+    # ends: the reach doubles in each turn
     while reach < _SPAN[1] * width:
         if N * attempts * math.exp(
             (2.0 * reach - to_go) / width

@@ -66,6 +66,7 @@ def tabulate(
     pieces = np.zeros((128, DEGREE + 3))
     rough = np.arange(64)
     check = np.vander(_CHECK, DEGREE + 1, increasing=True).T
+    # ends: the count doubles in each turn, up to the most
     while True:
         count = len(pieces) // 2
         width = (top - low) / count
@@ -149,6 +150,7 @@ def widest(
     width = min(most, 0.5 * table.top)
     fine = (np.arange(8)[:, None] + GAUSS).ravel() / 8
     weights = np.tile(WEIGHT / 8, 8)
+    # ends: the width shrinks by a tenth in each turn
     while True:
         worst = 0.0
         for low, high in pairwise(edges.tolist()):

@@ -123,6 +123,7 @@ def box_of(
     sinks = growth.kind == EXPONENTIAL and threshold > strength
     if sinks:
         lowest = threshold_now(rule, strength, age + time)
+        # ends: the time is halved, down to rounding
         while lowest < 0.5 * (x + threshold):
             time *= 0.5
             if time <= 1e-13 * (1.0 + age):
@@ -170,6 +171,7 @@ def lifetimes(
     boxes = 0
     for i in range(strength.size):
         x = start[i]
+        # ends: each box uses up a variate
         while True:
             if used + 2 > variates.size:
                 return i, boxes

@@ -20,6 +20,7 @@ def tournaments(numbers: Floats) -> Floats:
     count, slots = numbers.shape
     above = 0
     level = 1
+    # ends: each level has eight times as many slots
     while level < slots:
         above += level
         level *= 8
@@ -62,6 +63,7 @@ def enter(tree: Floats, slots: int, slot: int, value: float) -> None:
     node = tree.size - slots + slot
     old = tree[node]
     tree[node] = value
+    # ends: each turn is a level up
     while node > 0 and value != old:
         node = (node - 1) // 8
         least = tree[node]

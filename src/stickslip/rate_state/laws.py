@@ -100,9 +100,12 @@ class RateAndState(Record):
         )
         k = number("stiffness", stiffness, above=0, hint="friction per displacement")
         kind = kernel.AGEING if self.law == "ageing" else kernel.SLIP
-        friction, speed, state = kernel.slide(
-            kind, self.a, self.b, self.distance, k, t, pull, 1e-11
-        )
+        try:
+            friction, speed, state = kernel.slide(
+                kind, self.a, self.b, self.distance, k, t, pull, 1e-11
+            )
+        except RuntimeError as error:
+            raise UndecidedError(f"{self}: {error}") from None
         if np.isnan(friction[-1]):
             gone = t[int(np.argmax(np.isnan(friction)))]
             raise UndecidedError(

@@ -26,6 +26,10 @@ from stickslip.kernels.hazard import (
     PARABOLIC,
     Growth,
     Hazard,
+    growing_time,
+    is_separable,
+    stretching_with,
+    taken_off,
 )
 from stickslip.kernels.lifetimes import INTEGRAL, NODE, NODES, Lifetimes, relax, rule
 from stickslip.loops import bounded
@@ -72,13 +76,10 @@ def _lifetimes(
     inner = [knot for knot in distribution.knots if low + 1e-9 < knot < high - 1e-9]
     growth = growth_of(ageing)
     hazard = hazard_of(activation)
-    separable = (hazard.kind == BELL and growth.kind != EXPONENTIAL) or (
-        hazard.kind == PARABOLIC and ageing is None
-    )
     # that e-folds the rate
-    width = hazard.width / float(_barrier(hazard, np.array(distribution.moment(1)))[0])
+    width = hazard.width / float(taken_off(hazard, np.array(distribution.moment(1)))[0])
     one_variable = activation is None or (
-        separable and distribution.standard_deviation() > 2.0 * width
+        is_separable(hazard, growth) and distribution.standard_deviation() > 2.0 * width
     )
     if one_variable and not inner and not distribution.single:
         return _cut_panels(_in_one(distribution, hazard, growth, velocity), longest)
@@ -262,24 +263,21 @@ def _in_one(
     zero = np.zeros_like(x)
     if hazard.attempts > 0:
         reached, shape, aged, decay = _reached(hazard, growth, v, width, x)
-        source, _ = _barrier(hazard, x)
+        source, _ = taken_off(hazard, x)
         bottom, top = (
-            (reached - _barrier(hazard, np.array(end))[1]) / A for end in (high, capped)
+            (reached - taken_off(hazard, np.array(end))[1]) / A
+            for end in (high, capped)
         )
         z, part = under_gumbel(np.maximum(bottom, -38.0), np.minimum(top, 4.0))
         xi = reached[:, None] - A * z
-        xi = (
-            np.sqrt(np.maximum(2.0 * xi, capped[:, None] ** 2))
-            if hazard.kind == PARABOLIC
-            else xi
-        )
+        xi = stretching_with(hazard, xi, capped[:, None])
         ended = np.exp(-np.exp(np.minimum(top, 4.0)))
         survival = distribution.survival(capped) * ended + np.sum(
             part * distribution.survival(xi), axis=1
         )
         broken = (
             A
-            * np.sum(part * distribution.density(xi) / _barrier(hazard, xi)[0], axis=1)
+            * np.sum(part * distribution.density(xi) / taken_off(hazard, xi)[0], axis=1)
             / shape
         )
         density = density * ended
@@ -308,13 +306,6 @@ def _in_one(
         cap,
         zero,
     )
-
-
-def _barrier(hazard: Hazard, x: Array) -> tuple[Array, Array]:
-    """What a stretching takes off a barrier, in units of its width: its slope, and
-    itself.
-    """
-    return (x, 0.5 * x**2) if hazard.kind == PARABOLIC else (np.ones_like(x), x)
 
 
 def _edges_in_one(
@@ -347,7 +338,7 @@ def _edges_in_one(
             float, kernel.rule(growth, np.array([x / v]))[:, 0]
         )
         strength = (x - addend) / factor
-        steep, height = map(float, _barrier(hazard, np.array(strength)))
+        steep, height = map(float, taken_off(hazard, np.array(strength)))
         if height > 40.0 * A or (strength < 0.0 and growth.first > _FOLLOWED * A):
             return math.inf
         return 2.5 * A / max(abs(steep - more / v), 0.4)
@@ -359,7 +350,7 @@ def _edges_in_one(
         # first set of panels.
         width, x, _ = _radau(panel_edges(distribution, 0.0, end, places, follow))
         reached = _reached(hazard, growth, v, width, x)[0]
-        knots = _barrier(hazard, np.array(distribution.knots))[1]
+        knots = taken_off(hazard, np.array(distribution.knots))[1]
         places += [
             (float(np.interp(knot, reached, x)), A)
             for knot in knots
@@ -375,7 +366,7 @@ def _edges_in_one(
     width, x, _ = _radau(edges)
     last = np.minimum(distribution.inverse_survival(math.exp(-kernel.QUIET)), high)
     broken = np.searchsorted(
-        _reached(hazard, growth, v, width, x)[0], _barrier(hazard, last)[1] + 4.0 * A
+        _reached(hazard, growth, v, width, x)[0], taken_off(hazard, last)[1] + 4.0 * A
     )
     return edges[: min(int(broken) // kernel.NODES + 3, edges.size)]
 
@@ -389,12 +380,10 @@ def _shortest(
         # The weakest, all but one in 1e8, break at a rate that hardly grows while it is
         # that of attempts.
         weakest = np.maximum(distribution.inverse_survival(1.0 - 1e-8), 0.0)
-        quiet = min(float(_barrier(hazard, weakest)[1]) / hazard.width, 40.0)
+        quiet = min(float(taken_off(hazard, weakest)[1]) / hazard.width, 40.0)
         lengths += [hazard.width, v / hazard.attempts * math.exp(quiet)]
     if growth.first > 0.0:
-        lengths.append(
-            v * growth.second if growth.kind == LOGARITHMIC else v / growth.first
-        )
+        lengths.append(v * growing_time(growth))
     return max(min(lengths), 1e-9)
 
 
@@ -419,7 +408,7 @@ def _reached(
     _, addend, _, slope = rule(growth, age)
     # Too sharp a fall of the rate at birth to be followed: weak contacts only, by the
     # time they are born.
-    steep, height = _barrier(hazard, x)
+    steep, height = taken_off(hazard, x)
     decay = np.maximum(
         (steep - slope / v) / A, -np.inf if growth.first < _FOLLOWED * A else 0.0
     )

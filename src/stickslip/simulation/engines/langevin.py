@@ -299,7 +299,12 @@ class LangevinContacts(Steps):
     def take(self, course: time_steps.Course) -> Array:
         """Follow a course, and return the samples."""
         model = self._constants, self._hazard, self._delays
-        return advance_contacts(self.state, self._contacts, course, *model, self._rng)
+        try:
+            return advance_contacts(
+                self.state, self._contacts, course, *model, self._rng
+            )
+        except RuntimeError as error:  # a contact breaks without end
+            raise InputError(str(error)) from None
 
 
 @solves(MasterEquation, Langevin)
