@@ -19,7 +19,9 @@ ERRORS = (errno.ENOSPC, errno.EIO)
 _CALLS = ("fsync", "fdatasync", "fchmod", "replace", "rename", "unlink", "write")
 """Calls of `os` that change files."""
 
-_INT, _SIZE, _ANY = ctypes.c_int, ctypes.c_ssize_t, ctypes.c_void_p
+_INT = ctypes.c_int
+_SIZE = ctypes.c_ssize_t
+_ANY = ctypes.c_void_p
 _SQLITE = {
     "open": (_INT, ctypes.c_char_p, _INT, _INT),
     "write": (_SIZE, _INT, _ANY, ctypes.c_size_t),

@@ -25,7 +25,9 @@ RIG = ss.Rig(
     method=ss.Contacts(20, seed=1),
 )
 MOST = 200  # calls of a test
-OLD, ALL = 2, 4  # cases of a store that was begun, and of the whole sweep
+# cases of a store that was begun, and of the whole sweep
+OLD = 2
+ALL = 4
 
 
 def _runs(state):

@@ -711,7 +711,8 @@ def test_a_number_without_unit_is_refused_by_a_rig_in_si_units():
 
 def test_a_record_in_the_units_of_a_rig_becomes_one_of_the_rig():
     for rig in _every_rig():
-        speed, force = rig.unit("velocity"), rig.unit("force")
+        speed = rig.unit("velocity")
+        force = rig.unit("force")
         given = ss.ramp(3.0 * speed, 5.0 * speed, 0.2 * rig.unit("time"))
         ends = given.until(ss.model.ForceAbove(0.7 * force))
         (piece,) = rig.replace(drive=rig.to_natural(ends)).drive.pieces

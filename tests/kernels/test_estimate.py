@@ -377,7 +377,8 @@ def ringing_rig(decade, seed):
     damping are of any; it rings for some hundred radians after the first slip.
     """
     rng = np.random.default_rng([decade + 20, seed])
-    low, high = (decade, -0.5, -1.5), (decade + 1, 0.7, -0.3)
+    low = (decade, -0.5, -1.5)
+    high = (decade + 1, 0.7, -0.3)
     mass, stiffness, std = 10 ** rng.uniform(low, high)
     ratio = [0.0, 10 ** rng.uniform(-3, -1), 10 ** rng.uniform(-1, 2)][seed % 3]
     omega = math.sqrt((stiffness + 1.0) / mass)

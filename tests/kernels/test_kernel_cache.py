@@ -183,7 +183,8 @@ def test_without_a_home_machine_code_is_kept_among_temporary_files(house, tmp_pa
             check=True,
         )
 
-    first, second = used(), used()
+    first = used()
+    second = used()
     place = Path(json.loads(first.stdout)[2])
     assert place.parent.parent == temporary
     assert place.parent.stat().st_mode & 0o777 == 0o700

@@ -272,7 +272,8 @@ class Findings:
         found = list[Band]()
         now = 0.0
         for episode in self.driven:
-            begin, end = episode.begin, episode.end
+            begin = episode.begin
+            end = episode.end
             # no drop here that would be more than a small oscillation
             found.append(Band(kind="smooth sliding", low=now, high=begin))
             found.append(Band(kind=episode.kind, low=begin, high=end))
@@ -292,7 +293,8 @@ class Findings:
         unit = self.rig.unit("velocity")
         edges = {end / unit for band in self.bands for end in band.ends}
         for piece in self.rig.drive.pieces:
-            start, rate = piece.start, piece.acceleration
+            start = piece.start
+            rate = piece.acceleration
             reached = [*edges, *(-edge for edge in edges)] if rate else []
             times = [(edge - start) / rate for edge in reached]
             cuts = sorted(time for time in times if 0.0 < time < piece.duration)

@@ -33,7 +33,9 @@ from stickslip.stability.modes import growth_rate
 
 # seconds that the root of a mode takes, and in one of a chain that is held at one end
 # also each block, and the bytes of that
-_ROOT, _SOFTEST, _SHAPE = 0.01, 2e-7, 8.0
+_ROOT = 0.01
+_SOFTEST = 2e-7
+_SHAPE = 8.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

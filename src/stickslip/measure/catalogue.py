@@ -142,7 +142,8 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     # the first slip after a gap
     beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))
     recurrence[beyond] = loading[beyond] = math.nan
-    before, after = trace.sign * found.before, trace.sign * found.after
+    before = trace.sign * found.before
+    after = trace.sign * found.after
     rate = f"{force or 1}/{time}" if time else ""
     columns: list[tuple[str, Array, str, str]] = [
         ("start", t[start], time, "time at which the slip starts"),
@@ -161,7 +162,8 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     ]
     if "mu" in data:  # by the load there
         per_force = (data["mu"] / data["spring_force"]).sel(time=t).values
-        before, after = before * per_force[start], after * per_force[end]
+        before = before * per_force[start]
+        after = after * per_force[end]
         drop = trace.sign * (before - after)
         columns += [
             ("mu_before", before, "1", f"{mu} before the slip (static)"),

@@ -262,9 +262,11 @@ class Window:
         long = ends > begins
         if np.count_nonzero(long) < FEWEST_CYCLES - 1:
             return Loading()
-        begins, ends = begins[long], ends[long]
+        begins = begins[long]
+        ends = ends[long]
         quarter = (ends - begins) // 4
-        first, last = begins + quarter, ends - quarter
+        first = begins + quarter
+        last = ends - quarter
         middle = (first + last) // 2
         late = _means(self.trace, middle, last)
         took, rise = late - _means(self.trace, first, middle)
@@ -341,8 +343,10 @@ class Window:
         """Logarithms of the drops of cycles, or of the scatter in eight parts, and
         when they are, in lengths of the window.
         """
-        trace, found = self.trace, self.found
-        sizes, times = found.drops, found.times
+        trace = self.trace
+        found = self.found
+        sizes = found.drops
+        times = found.times
         if not self.cycles or abs(found.size - self.cycles.count) > 1:
             forces = np.array_split(trace.force, 2 * FEWEST_CYCLES)
             sizes = np.array([part.std() for part in forces])

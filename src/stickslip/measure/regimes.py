@@ -395,7 +395,8 @@ def _end(part: Regime) -> str:
 def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     """Judge a window, whose drops may have been found before."""
     seen = look_past_waves(Window.of(trace, found))
-    kind, reason = OPEN, _find_fault(trace, seen)
+    kind = OPEN
+    reason = _find_fault(trace, seen)
     if not reason:
         kind, reason = decide(seen)
     notes = list[str]()

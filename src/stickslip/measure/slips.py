@@ -278,7 +278,8 @@ def pick(
     joined = [[int(peaks[0]), int(troughs[0])]]
     for i, (rise, swing) in enumerate(zip(rises, swings, strict=True), 1):
         first, lowest = joined[-1]
-        peak, trough = int(peaks[i]), int(troughs[i])
+        peak = int(peaks[i])
+        trough = int(troughs[i])
         if swing and rise < force[first] - force[lowest]:  # ringing decays
             joined[-1][1] = min(lowest, trough, key=force.__getitem__)
         else:

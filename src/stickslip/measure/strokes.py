@@ -31,7 +31,8 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
         for begin, end in itertools.pairwise(edges)
     ]
     levels = np.array([float(np.median(part.force)) for part in parts])
-    even, odd = float(np.median(levels[::2])), float(np.median(levels[1::2]))
+    even = float(np.median(levels[::2]))
+    odd = float(np.median(levels[1::2]))
     offset = 0.5 * (even + odd)
     strokes = []
     for part, level in zip(parts, levels, strict=True):
@@ -79,7 +80,8 @@ def _plateaus(force: Array) -> tuple[float, float] | None:
         above = force > 0.5 * (low + high)
         if above.all() or not above.any():
             return None
-        low, high = float(force[~above].mean()), float(force[above].mean())
+        low = float(force[~above].mean())
+        high = float(force[above].mean())
     rest = force - np.where(above, high, low)
     explained = float((rest**2).mean()) <= (1.0 - PLATEAUS) * float(force.var())
     return (low, high) if explained else None

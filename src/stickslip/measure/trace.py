@@ -84,12 +84,14 @@ def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
     time = data["time"] if "time" in data.coords else xr.DataArray(0)
     if time.ndim != 1 or time.size < 2:
         return data
-    times, attrs = time.values, time.attrs
+    times = time.values
+    attrs = time.attrs
     if time.dtype.kind in "mM":
         times = (times - times[0]) / np.timedelta64(1, "s")
         attrs = {"units": "s", "long_name": "time"}
     elif time.dtype.kind in "fiu" and "drive_velocity" not in data:
-        first, length = float(times[0]), float(times[-1]) - float(times[0])
+        first = float(times[0])
+        length = float(times[-1]) - float(times[0])
         if math.isfinite(first) and abs(first) > _FAR * length > 0.0:
             times = (times - times[0]).astype(float)
     return data.assign_coords(time=("time", times, attrs))

@@ -54,7 +54,8 @@ _STEP = 0.02
 # they lost in the step before. At 0.12 the force fluctuates as it does in the limit of
 # small steps, to some 5 %; of the kinetic equation, followed to second order, the step
 # may be longer.
-_OF_MEMORY, _OF_MEMORY_DENSITY = 0.12, 0.25
+_OF_MEMORY = 0.12
+_OF_MEMORY_DENSITY = 0.25
 _TAKEN, _ASLEEP, _LOOK, _HOT = 5e-7, 1.7e-9, 3e-8, (9e-6, 8e-6)
 """Seconds a step takes, a contact asleep in it, and a look at one; at a temperature
 a time of ageing, and a break.
