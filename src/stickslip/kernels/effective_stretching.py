@@ -35,6 +35,9 @@ CERTAIN = 3.7  # ``exp(-exp(CERTAIN))`` is less than rounding
 _SURE = 37.0  # and so is ``exp(-_SURE)``
 # panels of an interval of a clock: tens are usual, as they grow with what is small
 _MOST_PANELS = 100_000
+_NO_END = (
+    "effective_stretching: no end of steps: a fault of this package, please report it"
+)
 
 _THREE, _OF_THREE = gauss(3)
 _EIGHT, _OF_EIGHT = gauss(8)
@@ -307,14 +310,9 @@ def _gain(
     here = top
     left = 1.0
     size = 1.0
-    for turn in range(_MOST_PANELS + 1):
-        if not left > 1e-14:
+    for _ in range(_MOST_PANELS):
+        if left <= 1e-14:
             break
-        if turn == _MOST_PANELS:
-            raise RuntimeError(
-                "effective_stretching: no end of steps: a fault of this package, "
-                "please report it"
-            )
         size = min(size, left)
         there = _exponent(way, piece, s + size * step)
         if abs(there - here) > 4.0 + 0.5 * (top - max(here, there)) and size > 1e-9:
@@ -341,6 +339,8 @@ def _gain(
         if max(here, far) < top - _SURE:
             break
         size *= 2.0
+    else:
+        raise RuntimeError(_NO_END)
     total = max(moments[0], 1e-300)  # of a way that no step will take
     for i in range(many):
         moments[i] /= total

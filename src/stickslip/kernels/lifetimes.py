@@ -180,6 +180,18 @@ def _with_room(table: Floats, used: int, room: int) -> Floats:
     return larger
 
 
+@inlined
+def _up_to_the_end(h: float, here: float, end: float) -> float:
+    """Width of a panel, made longer where next to nothing would be left after it."""
+    if end - here - h < 1e-3 * h:
+        h = end - here
+    if here + h <= here:
+        raise RuntimeError(
+            "lifetimes: a panel has no width: a fault of this package, please report it"
+        )
+    return h
+
+
 @jit
 def march(
     hazard: Hazard,
@@ -217,15 +229,10 @@ def march(
         broken = 0.0
         late = 0.0
         pushed = 0.0
+        # ends: a panel without a width raises
         while here < end and broken < QUIET:
             h = min(longest, _panel(hazard, growth, xi, v, here, end, broken))
-            if end - here - h < 1e-3 * h:
-                h = end - here
-            if here + h <= here:
-                raise RuntimeError(
-                    "lifetimes: a panel has no width: a fault of this package, please "
-                    "report it"
-                )
+            h = _up_to_the_end(h, here, end)
             if panels == room:
                 room *= 2
                 width = np.append(width, np.empty(panels))
