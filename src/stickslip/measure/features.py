@@ -388,13 +388,15 @@ class Window:
 
     @cached_property
     def persists(self) -> bool:
-        """Whether a change of the amplitude by a factor 2 is excluded, less than its
-        root is seen, and the last drop is not long ago.
+        """Whether a change of the amplitude by a factor 2 is excluded (by its root in
+        a run without slips, which may linger where a branch has just ended), less than
+        its root is seen, and the last drop is not long ago.
         """
-        change = abs(self.change.value)
-        most = change + self.errors(ONE_IN_TWENTY) * self.change.error
-        excluded = change < 0.5 * LASTING and most < LASTING
-        return excluded and not self.pause > 1.0
+        seen = abs(self.change.value)
+        most = seen + self.errors(ONE_IN_TWENTY) * self.change.error
+        may_linger = not (self.trace.measured or self.are_slips)
+        excluded = most < (0.5 * LASTING if may_linger else LASTING)
+        return seen < 0.5 * LASTING and excluded and not self.pause > 1.0
 
     @cached_property
     def pause(self) -> float:
