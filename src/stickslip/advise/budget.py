@@ -177,7 +177,7 @@ class Budget:
     def theory(
         self, ask: Callable[..., Answer], rig: Rig, *given: Any, looks: float = 1.0
     ) -> Answer:
-        """Answer of linear theory about a rig, which takes so many looks at the
+        """Ask linear theory about a rig, at the cost of a number of looks at the
         response of its contacts.
         """
         key = ask, rig.interface, rig.slider, rig.natural.velocity, given

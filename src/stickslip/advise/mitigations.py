@@ -176,7 +176,7 @@ class Search:
     def _vary_each(
         self, group: Sequence[Parameter], seeds: int, report: Progress
     ) -> None:
-        """Vary each parameter of a group alone, up and down, as far as it is left."""
+        """Vary each parameter of a group that is left, alone, up and down."""
         known = self._known
         waiting = [
             each for each in group if any(side.left for side in known.get(each, ()))

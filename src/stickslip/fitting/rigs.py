@@ -39,7 +39,7 @@ class Fitted(Protocol):
 
     @property
     def known(self) -> Known:
-        """Known values besides."""
+        """Values that were given, not fitted."""
 
     @property
     def delays(self) -> Constraint | None:

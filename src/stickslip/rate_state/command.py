@@ -108,7 +108,7 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
 
 
 def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
-    """The verdict on a rig, plain and in words; an export is of words alone."""
+    """Return the verdict on a rig as numbers and words; an export has words alone."""
     rig = rig_files.read_rig(path)
     for option, needed in {
         "plot": "holds",

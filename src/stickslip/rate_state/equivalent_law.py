@@ -321,8 +321,8 @@ def _fitted(
 
 
 def _small(interface: Interface, velocity: float) -> LeastSquaresFit:
-    """Fit a small step, from the linear response of the contacts: the same for both
-    laws.
+    """Fit a small step by the linear response of the contacts, which is the same for
+    both laws.
     """
     slip = np.linspace(
         0.0, SLIP * interface.threshold_distribution.moment(1), _POINTS + 1

@@ -152,7 +152,7 @@ class Table:
 
 
 def _opened(path: Path | None, *, new: bool) -> sqlite3.Connection:
-    """Open a store, that in memory if it has no path; made only if it may be `new`."""
+    """Open a store, in memory if it has no path; make one only if it may be `new`."""
     place = ":memory:" if path is None else path.absolute()
     if isinstance(place, Path):
         if not (new or place.exists()):
