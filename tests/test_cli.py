@@ -225,7 +225,8 @@ def test_what_can_be_refused_is_refused_before_the_run(
     assert ".png" in refused(capsys, "simulate", rig, "--plot", tmp_path / "run.gif")
     assert ".html" in refused(capsys, "report", rig, "-o", tmp_path / "report.pdf")
     monkeypatch.setattr(
-        "stickslip.read_rig", lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0))
+        "stickslip.io.settings.read_rig",
+        lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)),
     )
     assert "cannot be written into a rig file" in refused(capsys, "simulate", rig)
 

@@ -16,7 +16,8 @@ from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
 from stickslip.advise.survey import Band, joined, scaled
 from stickslip.measure import Regime
-from stickslip.measure.episodes import REGULAR, Episode
+from stickslip.measure.episodes import Episode
+from stickslip.measure.periods import REGULAR
 from stickslip.model.parameters import PARAMETERS, UNITS_OF_A_RIG
 from stickslip.model.rig import Rig
 from stickslip.simulation import Recording

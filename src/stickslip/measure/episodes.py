@@ -11,13 +11,11 @@ import xarray as xr
 
 from stickslip.arrays import Array
 from stickslip.measure.catalogue import drops
+from stickslip.measure.periods import REGULAR
 from stickslip.measure.slips import SLIP_VELOCITY
 
 _CHANCE = 0.05  # probability that one of the waits of an episode is taken for its end
 _FEWEST = 3  # drops that make an episode: two waits between them can be compared
-REGULAR = 0.3
-"""Coefficient of variation of the waits above which a motion has no frequency: the
-spectrum of such a renewal process has no peak at it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,10 +11,16 @@ import xarray as xr
 from stickslip.answers import Answer
 from stickslip.errors import InputError, whole
 from stickslip.measure.headings import ratio
-from stickslip.measure.periods import find_cycles
+from stickslip.measure.periods import REGULAR, find_cycles
 from stickslip.measure.sensor import white_noise
 from stickslip.measure.slips import EDGE, find_slips, weighted_median
-from stickslip.measure.trace import RESTS, Array, Trace, mean_and_std
+from stickslip.measure.trace import (
+    FEWEST_CYCLES,
+    RESTS,
+    Array,
+    Trace,
+    mean_and_std,
+)
 from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
 from stickslip.words import engineering
@@ -283,10 +289,12 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
         / _EDGES
     )
     cycles = find_cycles(trace.t, pace)
+    is_regular = found.size > FEWEST_CYCLES and of_waits < REGULAR
+    period = cycles.period if cycles.periodic else wait
     words = {
         "sticks and slips": stuck >= HALF and swing >= HALF,
         "moves evenly": swing < RESTS,
-        "oscillates": cycles.periodic,
+        "oscillates": cycles.periodic or is_regular,
         "stops and goes, without a period": stuck > RESTS,
         "moves unevenly, without stops": True,
     }
@@ -301,7 +309,7 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
         stuck=stuck,
         swing=swing,
         correlation=cycles.correlation,
-        period=second * cycles.period if word == "oscillates" else math.nan,
+        period=second * period if word == "oscillates" else math.nan,
         slips=found.size,
         recurrence=second * wait,
         recurrence_variation=of_waits,

@@ -27,6 +27,12 @@ _HALF = 0.5
 _TOGETHER = 0.7
 
 
+REGULAR = 0.3
+"""Coefficient of variation of waits above which a motion has no frequency: the spectrum
+of such a renewal process has no peak at it.
+"""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Cycles:
     """The cycles of a force."""
@@ -69,7 +75,9 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     lag, correlation = _autocorrelation_peak(t, force)
     starts = np.zeros(1, dtype=int)
     if correlation:
-        firsts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag))
+        # half a sample earlier, so that rounding decides about none
+        half = 0.5 * (t[-1] - t[0]) / (t.size - 1)
+        firsts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag) - half)
         if firsts.size >= FEWEST_CYCLES and np.diff(firsts).all():
             starts = firsts
     # Of each cycle: one that is larger than the others says nothing.
