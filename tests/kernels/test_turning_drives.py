@@ -280,7 +280,7 @@ def test_ageing_contacts_hold_an_overdamped_slider_as_springs_do(
     fastest relaxation.
     """
     interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.02),
+        thresholds=ss.Gaussian(mean=1.0, std=0.1),
         initial=ss.Gaussian(mean=0.0, std=1e-9),
         ageing=ageing,
     )
