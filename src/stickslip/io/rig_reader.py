@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial, reduce
 from typing import Any
 
-from stickslip.errors import InputError, shown
+from stickslip.errors import InputError, refused, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Either, Key, natural_unit_of, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
@@ -61,10 +61,6 @@ def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
     if rig is None:
         raise reader.file.in_one_line(place)
     return rig
-
-
-def _refused(place: str, value: object, what: str) -> InputError:
-    return InputError(f"{place} = {shown(value)}: {what}", place)
 
 
 def _made(
@@ -234,7 +230,7 @@ class _Reader:
         key = TABLES["interface"].get(name) or keys_of(Areas)[name]
         example = toml(key.example)
         if not isinstance(content, Mapping):
-            raise _refused(place, content, f"must be a table, such as {example}")
+            raise refused(place, content, f"must be a table, such as {example}")
         named = content.get(word, {"delay": "random", "areas": ""}.get(name))
         if not isinstance(named, str) or named not in kinds:
             known = (
@@ -319,7 +315,7 @@ class _Reader:
         content = values.get("pieces")
         if content is not None:
             if not isinstance(content, list) or not content:
-                raise _refused(place, content, "must be a list of at least one table")
+                raise refused(place, content, "must be a list of at least one table")
             read = [
                 self.file.whole(piece, rig_keys.PIECE, f"{place}[{i}]")
                 for i, piece in enumerate(content)
@@ -354,14 +350,14 @@ class _Reader:
             if low < high:
                 return math.sqrt(low * high), {"between": (low, high)}
         if isinstance(content, (list, Mapping)):
-            raise _refused(place, content, f"must be speeds, as in {_SPEEDS}")
+            raise refused(place, content, f"must be speeds, as in {_SPEEDS}")
         return content, {}
 
     def _start(self, content: Any, blocks: int) -> Any:
         if not isinstance(content, Mapping):
             return FromSliding() if content == "sliding" else FromRest()
         if self.body == "slider":
-            raise _refused(
+            raise refused(
                 _START,
                 content,
                 (
@@ -381,7 +377,7 @@ class _Reader:
                 for i, run in enumerate(runs)
             ]
             if (total := sum(run["blocks"] for run in runs)) != blocks:
-                raise _refused(
+                raise refused(
                     place,
                     profile,
                     f"is of {total} blocks, but there are {blocks}; give one for each",
@@ -484,7 +480,7 @@ class _Reader:
                 if value == ""
                 else "is no number"
             )
-            raise _refused(
+            raise refused(
                 place, between, f"{path} {other}, or say in words how to measure it"
             )
         key = Key(value if unit else 1.0, unit=unit, sign="above 0")
@@ -493,7 +489,7 @@ class _Reader:
             for each in (value, *between)
         )
         if len(limits) != 2 or limits[0] >= limits[1]:
-            raise _refused(place, between, "must be two values, the lowest first")
+            raise refused(place, between, "must be two values, the lowest first")
         return Assumption(
             self._value_at(path),
             "",
