@@ -328,3 +328,17 @@ def test_waves_are_told_on_the_strip():
     assert {mark for mark in "*:|" if mark in strip} == {"*", ":", "|"}
     assert legend == "  * unstable by theory  : stable by theory  | now"
     assert more == screen.MORE
+
+
+def test_a_drive_there_and_back_keeps_the_strip_of_speeds(found):
+    there = ss.constant(1.0, 30.0)
+    for back, at in (
+        (ss.constant(-1.0, 30.0), "at 1"),
+        (ss.ramp(1.0, -2.0, 30.0), " - 2 x_s"),
+    ):
+        drive = there.then(back)
+        answer = ss.predict(replace(found.rig, scales=None, drive=drive), fast=True)
+        title, _, strip, *_ = str(answer).splitlines()
+        assert at in title
+        assert answer.driven is None
+        assert "x_s/time" in strip

@@ -22,6 +22,7 @@ from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
 from stickslip.simulation import Recording, record
+from stickslip.simulation.estimates import way_of
 from stickslip.stability import contact_noise, growth_rate
 
 Answer = TypeVar("Answer")
@@ -133,10 +134,7 @@ def is_expensive(rig: Rig) -> bool:
 def runs_of(rig: Rig) -> float:
     """Number of usual runs as which a run counts, by the lives of its contacts."""
     natural = rig.natural
-    travel = sum(
-        0.5 * abs(piece.start + piece.end) * piece.duration
-        for piece in natural.drive.pieces
-    )
+    travel = sum(map(way_of, natural.drive.pieces))
     lives = travel / rig.interface.threshold_distribution.moment(1)
     contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
     return max(contacts * lives / _LIVES[is_expensive(rig)], _LEAST)

@@ -255,8 +255,7 @@ class Findings:
         """The range of speeds at which the rig works, in its own units: as given, or
         those its drive goes through.
         """
-        pieces = self.rig.drive.pieces
-        through = [abs(end) for piece in pieces for end in (piece.start, piece.end)]
+        through = [abs(velocity) for velocity in self.rig.drive.velocities]
         ends = self.rig.operation.between or through
         low, high = (end(ends) * self.rig.unit("velocity") for end in (min, max))
         return None if low == high else (max(low, self.speeds_searched[0]), high)

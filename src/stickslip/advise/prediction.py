@@ -303,9 +303,11 @@ def _first_run(rig: Rig, progress: Progress) -> Recording:
 
 
 def _goes_through_speeds(rig: Rig) -> bool:
-    """Whether the drive has more than one speed."""
-    pieces = rig.drive.pieces
-    return len({speed for piece in pieces for speed in (piece.start, piece.end)}) > 1
+    """Whether the drive has more than one speed, all in one direction: the drops of
+    a run are those of the force that pulls one way.
+    """
+    velocities = rig.drive.velocities
+    return len(velocities) > 1 and min(velocities) >= 0.0
 
 
 def _episodes(rig: Rig, budget: Budget, smallest: float) -> tuple[Episode, ...]:

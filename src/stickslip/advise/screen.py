@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeGuard
 
 from stickslip.advise.doubt import WIDEST
 from stickslip.advise.findings import Findings, WaveFindings
@@ -59,18 +58,16 @@ def strip(found: Findings | WaveFindings, count: int) -> list[str]:
     """Kinds of motion, as in `MARKS`, in so many cells of the strip of speeds, and
     "now" between them; nothing where nothing is known.
     """
-    if getattr(found, "driven", None) is not None:
+    if _is_in_time(found):
         return _in_time(found, count)
     if found.theory_note and {band.kind for band in found.bands} <= {"unknown"}:
         return []
     cells = ["unknown" if isinstance(found, Findings) else "stable"] * count
     # the narrow ones last, so that each is seen
     for band in sorted(found.bands, key=lambda band: band.low / band.high):
-        first, last = (round(count * place(found, end)) for end in band.ends)
-        first = min(first, count - 1)
-        last = max(last, first + 1)
         kind = "bistable" if band.bistable else band.kind
-        cells[first:last] = [kind if kind in MARKS else "unknown"] * (last - first)
+        places = [place(found, end) for end in band.ends]
+        _fill(cells, places, kind if kind in MARKS else "unknown")
     # the speeds at which the rig works, or the ends of these
     several = [speed for speed, _ in getattr(found, "at_speeds", ())]
     marked = getattr(found, "between", None) or several or [found.rig.velocity]
@@ -79,24 +76,33 @@ def strip(found: Findings | WaveFindings, count: int) -> list[str]:
     return cells
 
 
-def _in_time(found: Any, count: int) -> list[str]:
-    """Kinds of motion in so many cells of the time of its drive."""
+def _fill(cells: list[str], places: Sequence[float], kind: str) -> None:
+    """Set the cells between two places, from 0 to 1; one where these are close."""
+    first, last = (round(len(cells) * place) for place in places)
+    first = min(first, len(cells) - 1)
+    last = max(last, first + 1)
+    cells[first:last] = [kind] * (last - first)
+
+
+def _is_in_time(found: Findings | WaveFindings) -> TypeGuard[Findings]:
+    """Whether the strip is that of a drive through speeds, by its own run."""
+    return isinstance(found, Findings) and found.driven is not None
+
+
+def _in_time(found: Findings, count: int) -> list[str]:
+    """Kinds of motion in a number of cells of the time of its drive."""
     last = found.along_drive[-1].high
     cells = ["smooth sliding"] * count
     for band in found.along_drive:
         if band.kind != "smooth sliding":
-            begin, end = (round(count * time / last) for time in band.ends)
-            begin = min(begin, count - 1)
-            end = max(end, begin + 1)  # the shortest is seen, too
-            cells[begin:end] = [band.kind] * (end - begin)
+            _fill(cells, [time / last for time in band.ends], band.kind)
     return cells
 
 
 def ends(found: Findings | WaveFindings) -> list[str]:
     """The ends of the strip: speeds, or times of a drive that goes through speeds."""
-    if getattr(found, "driven", None) is not None:
-        times: Any = found
-        end = times.along_drive[-1].high
+    if _is_in_time(found):
+        end = found.along_drive[-1].high
         return [quantity(found.rig, time, "time", 3) for time in (0.0, end)]
     return ends_of_speeds(found)
 
@@ -108,10 +114,8 @@ def ends_of_speeds(found: Findings | WaveFindings) -> list[str]:
 
 def title(rig: Rig) -> str:
     """Its name, and the speeds of its drive, in turn."""
-    pieces = rig.drive.pieces
-    through = [speed for piece in pieces for speed in (piece.start, piece.end)]
-    speeds = [rig.in_units(abs(speed), "velocity") for speed, _ in groupby(through)]
-    moving = f"at {speeds[0]}" if len(speeds) == 1 else " - ".join(speeds)
+    speeds = [rig.in_units(abs(each), "velocity") for each in rig.drive.velocities]
+    moving = f"at {speeds[0]}" if len(set(speeds)) == 1 else " - ".join(speeds)
     return f"{rig.name}, {moving}"
 
 

@@ -93,6 +93,8 @@ def _episode(
     waits = np.diff(begin)
     is_regular = np.std(waits, ddof=1) < REGULAR * np.mean(waits)
     largest = int(np.argmax(size))
+    with np.errstate(divide="ignore"):
+        over_drive = fastest / drive  # infinite where the drive stands
     return Episode(
         begin=float(begin[0]),
         end=float(end[-1]),
@@ -101,5 +103,5 @@ def _episode(
         worst=float(size[largest] / 2.0),
         worst_time=float(begin[largest]),
         worst_velocity=float(drive[largest]),
-        peak=float(np.median(fastest / drive)),
+        peak=float(np.median(over_drive)),
     )

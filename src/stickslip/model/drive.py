@@ -10,7 +10,7 @@ Drives are values: comparable, printable, joined by `Drive.then`.
 """
 
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, groupby
 from typing import Annotated, Self
 
 from stickslip.errors import InputError, instance, number
@@ -100,6 +100,12 @@ class Drive:
         # in order, as a run adds them up
         *_, total = accumulate(piece.duration for piece in self.pieces)
         return total
+
+    @property
+    def velocities(self) -> list[float]:
+        """Velocities at the ends of the pieces, in turn; each once where it stays."""
+        through = [end for piece in self.pieces for end in (piece.start, piece.end)]
+        return [velocity for velocity, _ in groupby(through)]
 
     def then(self, other: "Drive") -> "Drive":
         """Return this drive followed by another."""
