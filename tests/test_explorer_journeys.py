@@ -158,6 +158,7 @@ def test_the_first_minute_a_softer_spring_and_a_kept_trace(bench):
 
 
 def test_every_preset_runs_after_another_and_every_quantity_is_explained(bench):
+    heights = set()  # a text that moved the fields would move them under the pointer
     for each in documents.presets():
         choose(bench, each["title"])
         assert bench.locator(".complaint:visible").count() == 0
@@ -172,6 +173,8 @@ def test_every_preset_runs_after_another_and_every_quantity_is_explained(bench):
         for i in range(fields.count()):
             fields.nth(i).focus()
             assert len(bench.text_content("#help")) > 25
+            heights.add(bench.evaluate("document.querySelector('#help').offsetHeight"))
+    assert len(heights) == 1
     bench.click("#glossary-open")
     assert bench.locator("#glossary dt").count() >= 25
     bench.click("#glossary-close")
