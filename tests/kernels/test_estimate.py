@@ -316,11 +316,17 @@ ON_PANELS = {
     "growth": {"interface": replace(INTERFACE, ageing=GROWTH)},
     "heat": {
         "interface": replace(INTERFACE, activation=BELL),
-        "drive": ss.constant(1.0, 20.0),
+        "drive": ss.ramp(0.5, 1.5, 10.0),
     },
     "counted": {
         "method": ss.Population(1_000_000, rtol=1e-3),
         "drive": ss.ramp(0.5, 1.5, 40.0),
+    },
+    "jumps": {
+        "slider": ss.Slider(stiffness=1.4, mass=1e-6, damping=200.0),
+        "drive": ss.model.Drive(
+            (ss.constant(0.5, 0.1).pieces + ss.constant(1.5, 0.1).pieces) * 40
+        ),
     },
 }
 
@@ -331,25 +337,26 @@ def begun(rig):
     return engine_of(rig.interface, rig.method)(beginning, rig.method)
 
 
-def advanced(engine, rig):
-    """Take 20 steps of a run; their seconds by count, and if there are more."""
-    before = engine.state.used
-    (piece,) = rig.drive.pieces
-    motion = Quadratic(0.0, 0.0, piece.start, piece.acceleration)
-    engine.steps = 20
-    over = engine.advance(Leg(motion, piece.duration, np.empty(0), Stop())).over
-    return seconds_since(before, engine), not over
+def steps_along(rig):
+    """Follow a run, 20 steps at a time; yield the engine and their seconds by count."""
+    engine = begun(rig)
+    position = 0.0
+    for piece in rig.drive.pieces:
+        begin = engine.here()[0]
+        motion = Quadratic(begin, position, piece.start, piece.acceleration)
+        leg = Leg(motion, begin + piece.duration, np.empty(0), Stop())
+        over = False
+        while not over:
+            before = engine.state.used
+            engine.steps = 20
+            over = engine.advance(leg).over
+            yield engine, seconds_since(before, engine)
+        position = float(leg.drive_position(np.asarray(leg.end)))
 
 
 def seconds_by_count(rig):
     """Seconds of all steps of a run, by their number and cohorts."""
-    engine = begun(rig)
-    took = 0.0
-    more = True
-    while more:
-        seconds, more = advanced(engine, rig)
-        took += seconds
-    return took
+    return sum(seconds for _, seconds in steps_along(rig))
 
 
 def said_of_cohorts(rig):
@@ -386,10 +393,9 @@ def ringing_rig(decade, seed):
     interface = ss.Interface(thresholds=ss.LogNormal(mean=1.0, std=std))
     method = ss.MasterEquation(rtol=10 ** rng.uniform(-4.0, -3.0))
     rig = ss.Rig(interface, slider, ss.constant(1.0, 20.0), method=method)
-    engine = begun(rig)
-    more = True
-    while more and engine.state.motion.broken < 0.5:
-        _, more = advanced(engine, rig)
+    engine = next(
+        engine for engine, _ in steps_along(rig) if engine.state.motion.broken >= 0.5
+    )
     slip = float(engine.state.motion.time)
     return rig.replace(drive=ss.constant(1.0, min(20.0, slip + 6e2 / omega)))
 

@@ -15,7 +15,7 @@ from stickslip.model.interface import Interface
 
 
 def stretching_nodes(
-    distribution: Distribution, thresholds: Distribution, finer: int = 1
+    distribution: Distribution, thresholds: Distribution, finer: float = 1.0
 ) -> tuple[Array, Array]:
     """Quadrature nodes of stretchings below the largest threshold, between jumps, and
     their weights of sum 1.

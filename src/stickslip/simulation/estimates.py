@@ -12,6 +12,7 @@ True
 import logging
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -158,7 +159,9 @@ def course_of(rig: Rig) -> Course:
     if isinstance(rig.start, FromSliding):
         largest = float(np.max(np.abs(rig.start.perturbation))) * abs(pieces[0].start)
         shaken = largest / (mean * frequency) * min(turns, rings)
-    slips = 1.0 + distance * min(slider.stiffness, 1.0)
+    # as does a drive that jumps to another velocity
+    jumps = sum(a.end != b.start for a, b in pairwise(pieces))
+    slips = 1.0 + jumps + distance * min(slider.stiffness, 1.0)
     return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips))
 
 

@@ -223,7 +223,7 @@ class Engine(Protocol):
     """
     smooth: ClassVar[bool] = False
     """Whether thresholds must have a density."""
-    piece: ClassVar[float] = 1e-4
+    piece: ClassVar[float] = 2e-4
     """Seconds that it takes to begin a piece of the drive, or a look."""
     slider: SliderConstants | ElasticBody
 

@@ -43,7 +43,13 @@ from stickslip.simulation.engines.start import (
     generators,
     lifetimes_in,
 )
-from stickslip.simulation.estimates import Course, Part, breaking, oscillation
+from stickslip.simulation.estimates import (
+    Course,
+    Part,
+    breaking,
+    oscillation,
+    way_of,
+)
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.lifetimes import hazard_of
 
@@ -66,6 +72,7 @@ _POOL = 65_536
 # seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4;
 # of second order
 _AGED = 9.6e-3
+_CELL = 3.5e-8  # and a cell of a cohort in a step, where that is less
 # steps of a contact in an advance; with temperature each is a step of many
 _BUDGET = 500_000
 _HOT_BUDGET = 25_000
@@ -100,6 +107,24 @@ def _remembered(rig: Rig, part: float) -> float:
         piece.duration / _longest(constants, part, piece.start, piece.end)
         for piece in rig.natural.drive.pieces
     )
+
+
+def _cohorts(rig: Rig, step: float) -> float:
+    """Cohorts of the density in a step, on average over the pieces of the drive: as
+    many as there are steps of the slider in the life of a contact.
+    """
+    constants = ageing_constants(rig.natural.interface)
+    steps = 0.0
+    cohorts = 0.0
+    for piece in rig.natural.drive.pieces:
+        speed = max(abs(piece.start), abs(piece.end))
+        memory = _memory(constants, speed)
+        way = min(speed * memory / constants.mean, 1.0) if memory < math.inf else 1.0
+        free = piece.duration / (_OF_MEMORY_DENSITY * memory)
+        taken = max(free, way_of(piece) / (step * constants.mean))
+        steps += taken
+        cohorts += taken * (1.0 + way / step)
+    return cohorts / steps if steps else 1.0
 
 
 class Steps(Engine, Protocol):
@@ -187,17 +212,27 @@ def _start(beginning: Beginning, rate: float) -> float:
     )
 
 
+def _settling(rig: Rig) -> float:
+    """How long a run slides rigidly before it begins."""
+    assert isinstance(rig.interface.ageing, Langevin)
+    case = rig.natural
+    beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
+    return -_start(beginning, rig.interface.ageing.rate)
+
+
+def _way_settled(rig: Rig) -> float:
+    """How far it does, in mean thresholds."""
+    mean = rig.natural.interface.threshold_distribution.moment(1)
+    return abs(rig.natural.velocity) * _settling(rig) / mean
+
+
 def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]:
     """Return the work of a run, by part; a time of ageing takes the seconds `aged`,
     at rest as in motion.
     """
     assert isinstance(rig.interface.ageing, Langevin)
-    case = rig.natural
     rate = rig.interface.ageing.rate
-    begin = _start(
-        Beginning(case.interface, case.slider, case.velocity, case.start), rate
-    )
-    ages = (rig.drive.duration - begin) * rate**2
+    ages = (rig.drive.duration + _settling(rig)) * rate**2
     ageing = Part(
         "interface.ageing.time",
         rate**-2,
@@ -268,6 +303,7 @@ class LangevinContacts(Steps):
         # margins uniform up to the mean, those too small for sleep. Larger ones sleep
         # for a time that goes as their square: as many looks again.
         moved = max((course.distance + course.shaken) / _STEP, remembered)
+        moved += _way_settled(rig) / _STEP
         step = _TAKEN + count * _ASLEEP
         awake = (
             math.sqrt(2.0 * _STEP / SLEEP)
@@ -356,18 +392,23 @@ class LangevinDensity(Steps):
     def cost(rig: Rig, method: MasterEquation, course: Course) -> tuple[Part, ...]:
         """Return the work of a run, by part."""
         path = course.distance + course.shaken + 0.01 * course.rung
+        settled = _way_settled(rig)
         aged = _AGED * 1e-4 / method.rtol
         step = 4.0 / _cells_of_density(method.rtol)
         steps = path / step
         remembered = _remembered(rig, _OF_MEMORY_DENSITY)
+        taken = max(steps, remembered) + settled / step
+        constants = ageing_constants(rig.natural.interface)
+        cells = density_nodes(constants, _cells_of_density(method.rtol) / 40.0).size
+        each = _CELL * cells * (_cohorts(rig, step) + 0.5)
         # A step of way is as the root of rtol, one of the memory does not change.
         part = Part(
             "simulation.rtol",
             method.rtol,
             None,
             -1.0 if steps > remembered else -0.5,
-            f"{max(steps, remembered):.2g} steps of cohorts",
-            aged * step * max(steps, remembered),
+            f"{taken:.2g} steps of cohorts",
+            min(aged * step, each) * taken,
         )
         return _cost(rig, course, aged, part)
 

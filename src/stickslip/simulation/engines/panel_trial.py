@@ -3,6 +3,8 @@ tried: no theory says how often a rig slips, nor how finely it rings.
 """
 
 import math
+from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,9 +14,10 @@ from stickslip.kernels.effective_stretching import energy, is_fixed
 from stickslip.kernels.quadrature import Q
 from stickslip.kernels.records import Record
 from stickslip.model import Interface
+from stickslip.model.drive import Piece
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Leg, advances
-from stickslip.simulation.estimates import LONGEST, Course
+from stickslip.simulation.estimates import LONGEST, Course, way_of
 
 if TYPE_CHECKING:
     from stickslip.simulation.engines.panels import Panels
@@ -31,9 +34,10 @@ _AT_RISK, _HEATED, _PULLED = 5e-7, 1e-6, 9e-6
 Newton's method a node, and so much more where thresholds have knots or grow, or, at a
 temperature, it may break; and where it is pulled too fast for heat to break it.
 """
+_SQUARED = 1.7  # times that where the barrier is the energy: each takes roots
 _AT_ONCE = 20  # steps between two looks at the work of a trial
 _LEAST, _SHARE, _MOST = 0.1, 0.05, 2.0
-"""A trial takes these seconds, or this part of the whole run if that is more, and never
+"""Trials take these seconds, or this part of the whole run if that is more, and never
 more than the last number of seconds.
 """
 _HOPELESS = 100.0  # what takes as many times too long is refused, if told badly, too
@@ -44,6 +48,8 @@ _DIES = 10.0
 """Times of decay in which the steps of a slider that rings come back to those of one
 that does not: they grow as the 6th root of what is left of an error of 1e-4.
 """
+_SECTIONS = 8  # of a drive, at most, but for parts of ramps
+_OF_RAMP = 4  # parts of a ramp that are
 _SETTLED = 0.4  # part of a trial in which the first slips are past: others follow
 
 
@@ -70,7 +76,8 @@ def seconds_since(before: Record, engine: "Panels") -> float:
         # where `survival` is an integral
         excess = (cohorts.clock - energy(breaking, cohorts.reach)) / breaking.width
         pulled = (np.abs(excess + 16.0) < 20.0) & (bottom < cohorts.reach)
-        sweep += _HEATED * may_break.sum() + _PULLED * pulled.sum()
+        heated = _HEATED * may_break.sum() + _PULLED * pulled.sum()
+        sweep += heated * (_SQUARED if breaking.squared else 1.0)
     elif not is_fixed(breaking) or (breaking.knots.size and not counted):
         sweep += _AT_RISK * (bottom <= cohorts.reach).sum()
     step = _STEP + _DRAW * nodes * counted
@@ -79,39 +86,66 @@ def seconds_since(before: Record, engine: "Panels") -> float:
     return float(steps * step + sweeps * sweep)
 
 
-def seconds_of_run(engine: "Panels", drive: Quadratic, rig: Rig) -> float:
-    """Seconds of a run along a drive, from a first part of it that the engine takes.
+def seconds_of_run(engine: "Panels", position: float, rig: Rig) -> float:
+    """Seconds of a run from a position of the drive on, from first parts of its
+    sections that the engine takes, one after the other.
 
-    The part reaches beyond the first slip, and some radians of the oscillation that it
-    leaves, unless that takes too long by itself.
+    Each part reaches beyond the first slip, and some radians of the oscillation that
+    it leaves, unless that takes too long by itself.
     """
-    trial = _Trial(rig, drive.velocity)
-    before = engine.state.used
-    engine.steps = _AT_ONCE
-    for _ in advances(engine, Leg(drive, trial.end, np.empty(0), Stop())):
-        trial.times.append(engine.here()[0])
-        trial.spent.append(trial.spent[-1] + seconds_since(before, engine))
-        if engine.state.motion.broken > _BROKEN:
-            trial.slip = min(trial.slip, trial.times[-1])
-        if trial.is_enough():
-            break
-        before = engine.state.used
-        engine.steps = _AT_ONCE
-    return trial.whole()
+    sections = _sections(rig.drive.pieces)
+    seconds = 0.0
+    for pieces in sections:
+        trial = _Trial(rig, pieces, engine.here()[0], len(sections))
+        position = trial.follow(engine, position)
+        seconds += trial.whole()
+    return seconds
+
+
+def _sections(pieces: tuple[Piece, ...]) -> list[list[Piece]]:
+    """Cut a drive in some sections that are tried each: pieces by themselves, if they
+    are few, and ramps in some, as their first part tells little of the others.
+    """
+    count = min(len(pieces), _SECTIONS)
+    ends = [len(pieces) * i // count for i in range(count + 1)]
+    if len(pieces) > _SECTIONS:
+        return [[*map(_shortened, pieces[a:b])] for a, b in pairwise(ends)]
+    return [[part] for piece in pieces for part in _parts(_shortened(piece))]
+
+
+def _shortened(piece: Piece) -> Piece:
+    """Return a piece that ends where its condition may end it."""
+    whole = way_of(replace(piece, until=None))
+    share = way_of(piece) / whole if whole else 1.0
+    return replace(piece, duration=piece.duration * share, until=None)
+
+
+def _parts(piece: Piece) -> list[Piece]:
+    """Cut a ramp in parts."""
+    count = 1 if piece.start == piece.end else _OF_RAMP
+    speeds = np.linspace(piece.start, piece.end, count + 1)
+    return [
+        Piece(start=float(start), end=float(end), duration=piece.duration / count)
+        for start, end in pairwise(speeds)
+    ]
 
 
 class _Trial:
-    """Times that a trial has come to, the seconds spent up to each, and when it
-    slipped.
+    """Times since its begin that a trial of a section, one of some, has come to, the
+    seconds spent up to each, and when it slipped.
     """
 
-    def __init__(self, rig: Rig, velocity: float) -> None:
+    def __init__(self, rig: Rig, pieces: list[Piece], begin: float, some: int) -> None:
         slider = rig.slider
         mean = rig.interface.threshold_distribution.moment(1)
-        self.end = rig.drive.duration
+        self.begin = begin
+        self.some = some
+        self.pieces = pieces
+        self.end = sum(piece.duration for piece in pieces)
         self.times = [0.0]
         self.spent = [0.0]
         self.slip = math.inf
+        velocity = sum(map(way_of, pieces)) / self.end
         life = mean / velocity if velocity else math.inf
         # a contact loaded to its threshold through the spring
         self.cycle: float = life * (1.0 + 1.0 / slider.stiffness)
@@ -122,6 +156,35 @@ class _Trial:
         delay = rig.interface.delay.moment(1)
         self.least = _RINGS * radian + (delay if math.isfinite(delay) else 0.0)
 
+    def follow(self, engine: "Panels", position: float) -> float:
+        """Go along the pieces until the rest can be told; return where the drive is
+        then.
+        """
+        for piece in self.pieces:
+            begin = engine.here()[0]
+            motion = Quadratic(begin, position, piece.start, piece.acceleration)
+            leg = Leg(motion, begin + piece.duration, np.empty(0), Stop())
+            is_enough = self._follow_leg(engine, leg)
+            position = float(leg.drive_position(np.asarray(engine.here()[0])))
+            if is_enough:
+                break
+        return position
+
+    def _follow_leg(self, engine: "Panels", leg: Leg) -> bool:
+        """Go along a leg; return whether the rest can be told."""
+        before = engine.state.used
+        engine.steps = _AT_ONCE
+        for _ in advances(engine, leg):
+            self.times.append(engine.here()[0] - self.begin)
+            self.spent.append(self.spent[-1] + seconds_since(before, engine))
+            if engine.state.motion.broken > _BROKEN:
+                self.slip = min(self.slip, self.times[-1])
+            if self.is_enough():
+                return True
+            before = engine.state.used
+            engine.steps = _AT_ONCE
+        return False
+
     @property
     def ring(self) -> float:
         """How long the slider rings after a slip."""
@@ -129,10 +192,10 @@ class _Trial:
 
     def is_enough(self) -> bool:
         """Whether the rest can be told, or has cost too much to go on."""
-        seconds = self.spent[-1]
+        seconds = self.some * self.spent[-1]
         now = self.times[-1]
         rung = now - self.slip
-        whole = self.whole()
+        whole = self.some * self.whole()
         hopeless = seconds > _LEAST and whole > _HOPELESS * LONGEST
         if seconds > _MOST or hopeless:
             return True

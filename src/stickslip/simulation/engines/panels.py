@@ -14,7 +14,7 @@ import numpy as np
 from stickslip.errors import InputError, UndecidedError
 from stickslip.kernels import panel_state as kernel
 from stickslip.kernels.cohorts import gauss_rule, spread_out
-from stickslip.kernels.drive import PAUSED, UNSOLVED, Quadratic
+from stickslip.kernels.drive import PAUSED, UNSOLVED
 from stickslip.kernels.effective_stretching import (
     NEVER,
     Breaking,
@@ -74,7 +74,7 @@ from stickslip.simulation.engines.start import (
     end_and_knots,
     survival_of,
 )
-from stickslip.simulation.estimates import Course, Part, course_of
+from stickslip.simulation.estimates import Course, Part
 
 _SAFETY = 1e-4, 0.87
 """Tolerance of a step for an error of 1e-4, and the power by which it falls: errors
@@ -118,7 +118,7 @@ class Panels(Engine):
     angle = 0.1
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "activation"})
     smooth = True
-    piece = 2.5e-4
+    piece = 3.5e-4
     steps: int = 20
     """Number of steps in the next advance, which is to take the time `_LASTS`."""
 
@@ -193,7 +193,14 @@ class Panels(Engine):
         """Return the work of a run: no theory says how many slips there are, so one
         worth it is tried for a while.
         """
-        seconds = seconds_of_path(rig.interface, course)
+        interface = rig.interface
+        newborn = _newborn(
+            hashable(interface.threshold_distribution),
+            hashable(interface.newborn),
+            method.rtol,
+        )
+        # cohorts begin from each
+        seconds = seconds_of_path(interface, course) * newborn.stretching.size
         if seconds > WORTH_A_TRIAL:
             # a heavy slider may still be at rest where the trial ends
             moved = course.distance * min(course.turns**2 / 6.0, 1.0)
@@ -305,15 +312,13 @@ class Panels(Engine):
 
 @lru_cache(maxsize=256)
 def _tried(rig: Rig) -> float:
-    """Seconds of a run at the mean velocity of its drive, tried for a while."""
+    """Seconds of a run, tried for a while."""
     method = rig.method
     assert isinstance(method, MasterEquation | Population)
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
     engine = Panels(beginning, method)
-    begin = beginning.drive_position(engine.contact_force())
-    mean = rig.interface.threshold_distribution.moment(1)
-    velocity = course_of(rig).distance * mean / rig.drive.duration
-    return seconds_of_run(engine, Quadratic(0.0, begin, velocity, 0.0), rig)
+    position = beginning.drive_position(engine.contact_force())
+    return seconds_of_run(engine, position, rig)
 
 
 def _stretched(old: kernel.Delays, new: kernel.Delays) -> float:
@@ -429,6 +434,11 @@ def _newborn(
             break
         nodes, part = gauss_rule(x, weight, count)
         if np.abs(pulled(nodes, part) - exact).max() < tolerance:
+            return Newborn(nodes, part, 1.0)
+    # thresholds much narrower than newborns
+    for finer in (0.25, 0.5, 1.0, 2.0):
+        nodes, part = stretching_nodes(newborn, thresholds, finer)
+        if nodes.size and np.abs(pulled(nodes, part) - exact).max() < tolerance:
             return Newborn(nodes, part, 1.0)
     return Newborn(x, weight, 1.0)
 
