@@ -513,12 +513,56 @@ def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):
 # ------------------------------------ which wavelength slips first, and at which speeds
 
 
-def test_predict_tells_which_wave_grows_and_at_which_speeds():
+@pytest.fixture(scope="module")
+def predicted():
+    """The answer for a bar of which three modes grow."""
+    rig = sliding(blocks=32, coupling=20.0, leaf=1.0)
+    return ss.predict(replace(rig, method=ss.Contacts(20, seed=1)))
+
+
+def test_a_bar_is_stable_after_each_change_and_not_much_before(predicted):
+    assert {each.parameter for each in predicted.mitigations} | {
+        *predicted.attempts
+    } == {"velocity", "leaf", "coupling", "damping", "mass", "delay", "std"}
+    for each in predicted.mitigations:
+        for value, stable in (
+            (each.to, True),
+            (each.to * (each.now / each.to) ** 0.2, False),
+        ):
+            there = predicted.rig.with_values(**{each.parameter: value})
+            assert (elastic.modes(there)["growth"].max() < 0) == stable, each
+
+
+def test_a_bar_slips_first_when_and_as_far_as_its_picture_shows():
+    chain = {"blocks": 12, "mass": 4.0, "damping": 0.1, "side": 4.0}
+    rig = replace(
+        bar(0.25, std=0.05, sliding=0.425, delay=ss.Delay(2.0), **chain),
+        drive=ss.constant(2e-3, duration=1e4),
+        method=ss.QuasiStatic(20, seed=1),
+    )
+    found = ss.predict(rig)
+    ax = ss.plot.precursors(ss.simulate(rig))
+    shown = {line.get_label(): line for line in ax.get_lines()}
+    some = shown["precursor, with the block it reaches"].get_xdata()
+    whole = shown["slip of all blocks"].get_xdata()
+    assert (found.partial.start, found.whole.start) == (min(some), min(whole))
+    lengths = {text.get_text(): text.xy[0] for text in ax.texts}
+    assert lengths[str(found.partial.blocks)] == found.partial.start
+    words = " ".join(str(found).split())
+    assert found.headline.endswith(", but a run from rest slips")
+    assert (
+        f"first precursor after {rig.in_units(found.partial.start, 'time', 3)}, "
+        f"{found.partial.blocks} of 12 blocks; first slip of all blocks after "
+        f"{rig.in_units(found.whole.start, 'time', 3)}"
+    ) in words
+
+
+def test_predict_tells_which_wave_grows_and_at_which_speeds(predicted):
     """All modes meet the same contacts, so at the end of a wave's range of speeds
     its stiffness is the critical one.
     """
-    rig = sliding(blocks=32, coupling=20.0, leaf=1.0)
-    found = ss.predict(rig)
+    found = predicted
+    rig = found.rig
     table = elastic.modes(rig)
     assert found.growing == int((table["growth"] > 0).sum()) == 3
     assert [wave.wavelength for wave in found.waves] == table["wavelength"].values[

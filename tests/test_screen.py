@@ -324,7 +324,7 @@ def test_waves_are_told_on_the_strip():
     found = ss.predict(ss.Rig(interface, chain, ss.constant(velocity=1.5)))
     title, verdict, strip, legend, *_, more = str(found).splitlines()
     assert title == "rig, at 1.5 x_s/time"
-    assert verdict.startswith("  SMOOTH SLIDING IS UNSTABLE   ")
+    assert verdict.startswith("  SMOOTH SLIDING IS UNSTABLE   from 0.824 to ")
     assert {mark for mark in "*:|" if mark in strip} == {"*", ":", "|"}
     assert legend == "  * unstable by theory  : stable by theory  | now"
     assert more == screen.MORE

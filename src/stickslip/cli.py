@@ -395,14 +395,14 @@ def predict(
     details
         Print all: evidence, margins, what was tried.
     """
-    from stickslip.advise import Prediction, complete, predict
+    from stickslip.advise import complete, predict
     from stickslip.advise.sections import ARROWS
 
     _check_outputs(picture=plot, read=rig)
     described = _rig_with(rig, settings)
     with console.working("predicting") as progress:
         found = predict(described, fast=True, smooth=smooth, progress=progress)
-    if not fast and isinstance(found, Prediction):
+    if not fast:
         if sys.stderr.isatty():
             print(f"{found.headline}\n... looking for mitigations", file=sys.stderr)
         with console.working("predicting") as progress:

@@ -339,10 +339,19 @@ class WaveAnswer:
     speeds: tuple[tuple[float, float], ...]  #: ranges of speed in which it grows
 
 
+@dataclass(frozen=True, kw_only=True)
+class Slip:
+    """A slip of several blocks of a bar; in the rig's own units."""
+
+    start: float
+    blocks: int  #: up to which block, from 1, contacts broke
+    drop: float  #: of the spring force
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class WaveFindings:
-    """What is found for an elastic slider, by linear theory; every number in the
-    rig's own units.
+    """What is found for an elastic slider, by linear theory and in a run from rest;
+    every number in the rig's own units.
     """
 
     rig: Rig
@@ -352,6 +361,16 @@ class WaveFindings:
     critical: CriticalLength | None = None
     theory_note: str = ""  #: why the theory has nothing to say, or nothing
     speeds_searched: tuple[float, float]
+
+    simulated: float = 0.0  #: how long a run of the bar was; 0 without one
+    #: in that run the first slip of three blocks or more that is not one of all, and
+    #: the first of all
+    partial: Slip | None = None
+    whole: Slip | None = None
+    #: changes of one parameter that make smooth sliding linearly stable, the smallest
+    #: first; and parameters that do not, with the range searched
+    mitigations: tuple[Mitigation, ...] = ()
+    attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def bands(self) -> tuple[Band, ...]:

@@ -76,7 +76,7 @@ class Mitigation:
     @property
     def size(self) -> float:
         """How far the parameter must be varied: the logarithm of the factor."""
-        return abs(math.log(self.to / self.now))
+        return abs(math.log(self.to / self.now)) if self.now else math.inf
 
 
 def _changed(rig: Rig, factor: float, turn: Turn) -> Mitigation:

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
 from itertools import groupby
 from typing import Any
 
 from stickslip.advise import survey as by_theory
 from stickslip.advise.answer import ElasticPrediction, Prediction
+from stickslip.advise.bars import complete_waves, predict_waves
 from stickslip.advise.budget import (
     OSCILLATES,
     Budget,
@@ -25,7 +25,7 @@ from stickslip.advise.budget import (
     trial,
 )
 from stickslip.advise.doubt import Doubt
-from stickslip.advise.findings import SEEN, Margin, WaveAnswer
+from stickslip.advise.findings import SEEN, Margin
 from stickslip.advise.mitigations import (
     TURNABLE,
     Search,
@@ -36,7 +36,7 @@ from stickslip.advise.survey import Band, Survey, scaled, stability_along, theor
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.episodes import Episode, episodes
-from stickslip.model import Chain, Delay, ElasticBody, OnArrest, Slider
+from stickslip.model import Delay, ElasticBody, OnArrest
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import (
@@ -65,10 +65,6 @@ _SMALL = 0.05
 # most are shorter
 _FIRST = 15.0
 _FEWEST_CYCLES = 3.3
-# of an elastic slider, the softest: that are counted; that are told of, of different
-# stiffness
-_MODES = 64
-_WAVES = 5
 # tried where a rig names no mechanism, in breaking displacements over the speed
 _DELAYS = (0.01, 10.0)
 
@@ -130,8 +126,12 @@ def predict(
     with reporting(progress, "predict") as report:
         if isinstance(rig.natural.slider, ElasticBody):
             check_body(rig)
-            return _predict_waves(rig, report)
-        found = _verdict(rig, report if fast else part(report, 0.0, 0.3))
+            waves = part(report, 0.0, 1.0 if fast else 0.4)
+            found: Prediction | ElasticPrediction = predict_waves(
+                rig, _speeds_searched(rig), waves
+            )
+        else:
+            found = _verdict(rig, report if fast else part(report, 0.0, 0.3))
         if fast:
             return found
         return complete(
@@ -223,16 +223,18 @@ def _shown(
 
 
 def complete(
-    found: Prediction,
+    found: Prediction | ElasticPrediction,
     *,
     thorough: bool = False,
     pairs: bool = False,
     progress: Progress | None = None,
-) -> Prediction:
+) -> Prediction | ElasticPrediction:
     """Go on from a verdict to what `predict` finds without ``fast``: speeds from
     rest, margins, mitigations.
     """
     report = progress or (lambda _done: None)
+    if isinstance(found, ElasticPrediction):
+        return complete_waves(found, report)
     rig = found.rig
     if not found.has_verdict or (
         found.theory_note and not isinstance(rig.interface.delay, OnArrest)
@@ -391,65 +393,3 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
         quiet, _ = halved(is_seen, 1.0, limit.to / limit.now, width)
         return limit.parameter, quiet * limit.now
     return None
-
-
-def _predict_waves(rig: Rig, report: Progress) -> ElasticPrediction:
-    """Say which waves of an elastic slider grow at the speed of its drive, and at
-    which speeds.
-    """
-    # slow to load
-    from stickslip.elastic.modes import critical_length, length_in_words, sliders_of
-
-    low, high = _speeds_searched(rig)
-    found = ElasticPrediction(
-        rig=rig, speeds_searched=(low * rig.velocity, high * rig.velocity)
-    )
-    if respond(rig.interface).inert:
-        return replace(found, theory_note=by_theory.CANNOT_GROW)
-    drive = constant(rig.natural.velocity)
-    grows = cache(lambda there: count_unstable(there) > 0)
-    waves: dict[Slider, WaveAnswer] = {}
-    growing = 0
-    critical = None
-    try:
-        for *numbers, slider in zip(*sliders_of(rig.slider, _MODES), strict=True):
-            stiffness, coupling, wavelength = map(float, numbers)
-            there = replace(rig, slider=slider, drive=drive)
-            growing += grows(there)
-            if slider in waves or len(waves) == _WAVES:
-                continue  # modes come in pairs of one stiffness
-            growth, frequency = by_theory.fastest_mode(there)
-            bands = stability_along(there, VELOCITY, low, high)
-            length = length_in_words(rig, wavelength, 3)
-            waves[slider] = WaveAnswer(
-                name=_name(wavelength, coupling, rig.slider, length),
-                wavelength=wavelength,
-                stiffness=stiffness * rig.unit("k"),
-                growth=growth,
-                frequency=frequency,
-                speeds=tuple(
-                    band.ends
-                    for band in scaled(bands, rig.velocity)
-                    if band.kind == "unstable"
-                ),
-            )
-            report(len(waves) / (_WAVES + 1))
-        if isinstance(rig.slider, Chain):
-            critical = critical_length(rig)
-    except UndecidedError as reason:
-        return replace(found, theory_note=str(reason))
-    report(1.0)
-    found_waves = tuple(waves.values())
-    return replace(found, growing=growing, waves=found_waves, critical=critical)
-
-
-def _name(wavelength: float, coupling: float, body: ElasticBody, length: str) -> str:
-    if math.isnan(wavelength):
-        return "a mode localised at the driven end"
-    if math.isinf(wavelength):
-        return "the uniform mode" if coupling == 0.0 else "waves across the drive"
-    # No wave is longer than what carries it.
-    if not isinstance(body, Chain) or wavelength <= body.size:
-        return f"waves of {length}"
-    whole = wavelength > 3.0 * body.size
-    return "the bar nearly as a whole" if whole else "half a wave along the bar"

@@ -20,7 +20,9 @@ from stickslip.advise.sections import (
     changes_in_words,
     lengths,
     motion,
+    motion_of_waves,
     quantity,
+    slips,
 )
 from stickslip.model.rig import Rig
 
@@ -131,9 +133,17 @@ def verdict(told: Motion) -> str:
     return f"{told.kind.upper()}   {told.rest.lstrip(',;: ')}".rstrip()
 
 
-def lines_of_waves(found: WaveFindings, _signs: Signs = ASCII) -> Iterator[str]:
+def lines_of_waves(found: WaveFindings, signs: Signs = ASCII) -> Iterator[str | Line]:
     """What stands beneath verdict and strip of an elastic slider."""
-    yield from map("  {}".format, lengths(found))
+    more = motion_of_waves(found).more
+    yield from map("  {}".format, filter(None, (*slips(found), more, *lengths(found))))
+    if found.mitigations:
+        yield ""
+        yield Line("", "What would make smooth sliding stable, each alone, by theory")
+        yield from table(found.rig, found.mitigations[:_ROWS], signs)
+    elif found.attempts:
+        yield ""
+        yield "No single change within the ranges searched makes smooth sliding stable."
     yield from ("", MORE)
 
 

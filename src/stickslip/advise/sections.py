@@ -15,6 +15,7 @@ from stickslip.advise.findings import SEEN, Findings, WaveFindings, frequency_un
 from stickslip.advise.mitigations import Mitigation, has
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.errors import UndecidedError
+from stickslip.measure.fronts import blocks_in_words
 from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import DELAY, parameter_named
 from stickslip.model.rig import Rig
@@ -54,6 +55,7 @@ ARROWS = (
     "\N{DIVISION SIGN}",
 )
 _ALONG = "along its drive: "
+_BY_THEORY = ", each alone, that make smooth sliding stable (linear stability)"
 _SPELLS = 3  # times of oscillation along a drive that are listed
 _BISTABLE = "from this start, although smooth sliding, once reached, is linearly stable"
 # what is said of a range beside its motion
@@ -71,6 +73,9 @@ _LABELS = {
     "load": "contact strength",
     "friction": "friction level",
     "contact_stiffness": "contact stiffness",
+    "side": "side spring",
+    "leaf": "spring of each block",
+    "coupling": "coupling of blocks",
 }
 
 
@@ -397,8 +402,8 @@ def rewritten(rig: Rig, changes: Sequence[Mitigation]) -> list[tuple[str, str, s
 def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
     """Values that a file gives of parameters, and what others may change with them."""
     ratio = {}
-    if rig.slider.damping_ratio > 0:
-        ratio = {"damping ratio": number(rig.slider.damping_ratio, 3)}
+    if (damping := getattr(rig.slider, "damping_ratio", 0.0)) > 0:
+        ratio = {"damping ratio": number(damping, 3)}
     strength = {"contact strength": rig.in_units(1.0, "force")}
     told = dict[str, str]()
     for name in names:
@@ -433,9 +438,8 @@ def change_rows(
     arrow, times, over = signs
     for change in changes:
         (label, now, then), *others = rewritten(rig, [change])
-        factor = change.to / change.now
-        sign = times if factor > 1 else over
-        size = f"{sign} {number(max(factor, 1 / factor), 2)}"
+        sign = times if change.to > change.now else over
+        size = f"{sign} {number(math.exp(change.size), 2)}" if change.now else ""
         also = ", ".join(f"{label} {value}" for label, _, value in others)
         yield label, now, arrow, then, size, also
 
@@ -458,17 +462,54 @@ def attempts(found: Findings) -> Iterator[str]:
 
 
 def motion_of_waves(found: WaveFindings) -> Motion:
-    """What linear theory says at the rig's own speed."""
+    """The motion at the rig's own speed: by linear theory, and as its run shows."""
     if found.theory_note:
         return Motion("undecided", f": {found.theory_note}")
     at = f"at {_speed(found.rig, found.rig.velocity)}: "
+    slipped = bool(found.partial or found.whole)
     if not found.growing:
-        return Motion("smooth sliding is linearly stable at every wavelength", at=at)
+        but = ", but a run from rest slips" * slipped
+        return Motion(
+            "smooth sliding is linearly stable", f" at every wavelength{but}", at=at
+        )
     grown = [
         (wave.growth, wave.name) for wave in found.waves if wave.growth is not None
     ]
-    rest = f", {found.growing} growing modes, fastest: {max(grown)[1]}"
-    return Motion("smooth sliding is unstable", rest, at=at)
+    plural = "s" * (found.growing != 1)
+    more = f"{found.growing} growing mode{plural}, fastest: {max(grown)[1]}"
+    unstable = "smooth sliding is unstable"
+    where = f" {_around(found)}".rstrip()
+    if slipped:
+        return Motion("stick-slip expected", f": {unstable}{where}", more, at)
+    return Motion(unstable, where, more, at)
+
+
+def _around(found: WaveFindings) -> str:
+    """The range of speeds about the rig's own in which a mode grows, in words."""
+    if found.speeds == (found.speeds_searched,):
+        low, high = (_speed(found.rig, end) for end in found.speeds_searched)
+        return f"at every speed from {low} to {high}"
+    here = (band for band in found.bands if found.rig.velocity in band)
+    return "".join(_span(found, *band.ends) for band in here)
+
+
+def slips(found: WaveFindings) -> Iterator[str]:
+    """The first slips in the run of a bar from rest."""
+    rig = found.rig
+    first = "precursor" if rig.natural.slider.side > 0 else "slip"
+    told = list[str]()
+    for slip, name in ((found.partial, first), (found.whole, "slip of all blocks")):
+        if slip is not None:
+            after = quantity(rig, slip.start, "time", 3)
+            told.append(f"first {name} after {after}")
+            drop = quantity(rig, slip.drop, "force", 3)
+            over = blocks_in_words(rig, slip.blocks)
+            told[-1] += f", force drop {drop}" if slip is found.whole else f", {over}"
+    if told:
+        yield f"in a run from rest: {'; '.join(told)}"
+    elif found.simulated:
+        lasts = quantity(rig, found.simulated, "time", 3)
+        yield f"in a run from rest of {lasts}: no slip of 3 blocks or more"
 
 
 def _unstable(found: WaveFindings, spans: Iterable[tuple[float, float]]) -> str:
@@ -478,7 +519,10 @@ def _unstable(found: WaveFindings, spans: Iterable[tuple[float, float]]) -> str:
 def sections_of_waves(found: WaveFindings) -> list[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
     rig = found.rig
-    unstable = f"linearly unstable {_unstable(found, found.speeds)}"
+    unstable = [f"linearly unstable {_unstable(found, found.speeds)}"]
+    # else the headline tells
+    if found.theory_note or (len(found.speeds) == 1 and _around(found)):
+        unstable = []
     waves = [("wave", "stiffness", "growth rate", "unstable")] if found.waves else []
     for wave in found.waves:
         rate = "no exponential decay"
@@ -487,12 +531,27 @@ def sections_of_waves(found: WaveFindings) -> list[Section]:
         stiffness = quantity(rig, wave.stiffness, "stiffness")
         waves.append((wave.name, stiffness, rate, _unstable(found, wave.speeds)))
     about = ", the softest first (linear stability)"
+    more = motion_of_waves(found).more
+    changes = [*change_rows(rig, found.mitigations)]
+    head = [("parameter", "now", "", "to", "factor", "and")] if changes else []
     return [
-        Section("speeds", [] if found.theory_note else [unstable], "Speeds"),
+        Section("here", [more] if more else [], "At this speed"),
+        Section("slips", [*slips(found)], "From rest"),
+        Section("speeds", unstable, "Speeds"),
         Section("waves", waves, "By wavelength", about),
         Section("lengths", [*lengths(found)], "Lengths"),
+        Section("mitigations", head + changes, "Changes", _BY_THEORY),
+        Section("attempts", [*_tried_in_vain(found)], "Tried", ", in doublings"),
         *_origins(rig),
     ]
+
+
+def _tried_in_vain(found: WaveFindings) -> Iterator[str]:
+    """Parameters of which no value makes smooth sliding stable, in their ranges."""
+    for name, ends in found.attempts.items():
+        low, high = (amount(found.rig, name, value) for value in ends)
+        title = parameter_named(name).title
+        yield f"{title}: from {low} to {high} smooth sliding is unstable"
 
 
 def lengths(found: WaveFindings) -> Iterator[str]:
@@ -502,6 +561,8 @@ def lengths(found: WaveFindings) -> Iterator[str]:
         stiffness = quantity(rig, found.critical.stiffness, "stiffness")
         yield f"critical stiffness {stiffness} at this speed: {found.critical}"
     if (distance := distance_to_the_first_break(rig)) is not None:
-        what = "slip precursors start" if rig.slider.side > 0 else "blocks break loose"
         length = rig.in_units(distance, "length", 3)
-        yield f"from rest, {what} when the drive has gone about {length}"
+        yield (
+            f"from rest, the first block breaks loose when the drive has gone about "
+            f"{length}"
+        )

@@ -136,15 +136,16 @@ def factor_on(*turns: Turn) -> Parameter:
 
 
 def stability_along(
-    rig: Rig, parameter: Parameter, low: float, high: float
+    rig: Rig, parameter: Parameter, low: float, high: float, *, density: int = 0
 ) -> tuple[Band, ...]:
     """Ranges of the factor on a parameter, rising, in which smooth sliding is stable
     throughout, or not.
 
-    Stable ranges narrower than a sixteenth of a decade may be missed.
+    Stable ranges narrower than a sixteenth of a decade may be missed, or than one part
+    of `density`.
     """
     factor = factor_on((parameter, 1))
-    density = _PER_DECADE[is_expensive(rig)]
+    density = density or _PER_DECADE[is_expensive(rig)]
     try:
         found = search(factor, rig.natural, low, high, density=density, edges_only=True)
     except (InputError, UndecidedError):  # at some value the theory cannot tell
@@ -154,7 +155,7 @@ def stability_along(
             return (Band(kind="unknown", low=low, high=high),)
         middle = math.sqrt(low * high)
         lower, upper = (
-            stability_along(rig, parameter, *ends)
+            stability_along(rig, parameter, *ends, density=density)
             for ends in ((low, middle), (middle, high))
         )
         return joined(lower + upper)

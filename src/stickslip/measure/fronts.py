@@ -3,7 +3,7 @@ how fast that went on.
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from stickslip.errors import InputError, instance
 from stickslip.measure.trace import Array, check_numbers, slope
-from stickslip.model import Chain
+from stickslip.model import Chain, Rig
 from stickslip.simulation import labelled, rig_of
 from stickslip.words import engineering
 
@@ -309,49 +309,93 @@ def in_words(run: xr.Dataset) -> list[str]:
     """
     if "first_break" not in run:
         return []
-    from stickslip.elastic.precursors import distance_to_the_first_break
-
     rig = rig_of(run)
+    large = large_events(run)
+    return [*_fronts_in_words(run, rig, large), _events_in_words(run, rig, large)]
+
+
+def _fronts_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> Iterator[str]:
+    """The fronts of a chain; contacts that first broke in several events are none."""
+    body = rig.natural.slider
+    if not isinstance(body, Chain):
+        return
     unit = str(run["time"].attrs.get("units", ""))
     last = run.sizes["block"] - 1
-    said = []
-    body = rig.natural.slider
-    for row in (
-        rows(fronts(run), "front", most=_TOLD) if isinstance(body, Chain) else []
-    ):
-        if np.isfinite(natural := row["front_speed"] / rig.unit("1/time")):
-            stop = "arrested there" if 0 < row["last_block"] < last else "the end"
-            speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
-            if body.spacing is not None:
-                speed = (
-                    f"{rig.in_units(natural * body.spacing, 'velocity', 3)} ({speed})"
-                )
-            said.append(
-                f"front from t = {engineering(row['start'], unit)}: blocks "
-                f"{row['first_block']} to {row['last_block']}"
-                f", {stop}; {speed}, {natural / body.sound_speed:.3g} of the speed of "
-                "sound"
+    for row in rows(fronts(run), "front", most=_TOLD):
+        natural = row["front_speed"] / rig.unit("1/time")
+        during = (large["start"] >= row["start"]) & (large["start"] <= row["end"])
+        if not np.isfinite(natural) or during.sum() > 1:
+            continue
+        stop = "arrested there" if 0 < row["last_block"] < last else "the end"
+        speed = f"{row['front_speed']:.3g} blocks/{unit or 'time'}"
+        if body.spacing is not None:
+            speed = f"{rig.in_units(natural * body.spacing, 'velocity', 3)} ({speed})"
+        yield (
+            f"front from t = {engineering(row['start'], unit)}: blocks "
+            f"{row['first_block']} to {row['last_block']}"
+            f", {stop}; {speed}, {natural / body.sound_speed:.3g} of the speed of "
+            "sound"
+        )
+
+
+def _events_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> str:
+    """How many events there are, the first of some blocks, and the first of all."""
+    from stickslip.elastic.precursors import distance_to_the_first_break
+
+    count = large.sizes["event"]
+    text = f"{count} event{'s' * (count != 1)} of at least {_LARGE} blocks"
+    if count == 0:
+        if (distance := distance_to_the_first_break(rig)) is not None:
+            text += (
+                "; the first block breaks loose when the drive has gone about "
+                f"{rig.in_units(distance, 'length', 3)}"
             )
-    large = [
-        row
-        for row in rows(events(run), "event", most=run.sizes["time"])
-        if row["blocks"] >= _LARGE
-    ]
-    text = f"{len(large)} event{'s' * (len(large) != 1)} of at least {_LARGE} blocks"
-    if large:
-        longest = max(large, key=lambda row: float(row["blocks"]))
-        text += (
-            f"; the longest of {longest['blocks']} of {last + 1} blocks at t = "
-            f"{engineering(longest['start'], unit)}, "
-            "force drop "
-            f"{engineering(longest['drop'], run['spring_force'].attrs.get('units', ''), 3)}"  # noqa: E501
-        )
-    elif (distance := distance_to_the_first_break(rig)) is not None:
-        text += (
-            "; the first block breaks loose when the drive has gone about "
-            f"{rig.in_units(distance, 'length', 3)}"
-        )
-    return [*said, text]
+        return text
+    size = run.sizes["block"]
+    time, force = (
+        str(run[name].attrs.get("units", "")) for name in ("time", "spring_force")
+    )
+    is_whole = large["blocks"].values >= size
+    if (some := large.isel(event=~is_whole)).sizes["event"]:
+        start = engineering(float(some["start"][0]), time)
+        reach = blocks_in_words(rig, int(some["reach"][0]))
+        text += f"; the first of some, at t = {start}, over {reach}"
+    if (whole := large.isel(event=is_whole)).sizes["event"]:
+        start = engineering(float(whole["start"][0]), time)
+        drop = engineering(float(whole["drop"].max()), force, 3)
+        text += f"; {whole.sizes['event']} of all {size}, the first at t = {start}"
+        text += f", largest force drop {drop}"
+    return text
+
+
+def blocks_in_words(rig: Rig, count: int) -> str:
+    """A number of blocks of an elastic slider, with their length where it is known."""
+    body = rig.natural.slider
+    words = f"{count} of {body.size} blocks"
+    if body.spacing is None:
+        return words
+    return f"{words} ({rig.in_units(count * body.spacing, 'length', 3)})"
+
+
+def large_events(run: xr.Dataset) -> xr.Dataset:
+    """Events of three blocks or more; `reach`: up to which block of a bar, from 1,
+    contacts broke; `force_before` it.
+    """
+    found = events(run)
+    found = found.isel(event=np.flatnonzero(found["blocks"].values >= _LARGE))
+    before = np.interp(found["start"], run["time"], run["spring_force"])
+    reach = found["blocks"]
+    if is_of_a_chain(run, "broken"):
+        broke = gone(on_blocks(run, "broken", "events"), found) >= 0.5
+        reach = (broke * (np.arange(run.sizes["block"]) + 1)).max("block")
+    return found.assign(reach=reach, force_before=("event", before))
+
+
+def gone(values: xr.DataArray, events: xr.Dataset) -> xr.DataArray:
+    """How much larger the values of the blocks are after each event than before."""
+    return values.sel(time=events["end"], method="nearest") - values.sel(
+        time=events["start"], method="nearest"
+    )
 
 
 def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:

@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from stickslip import measure
 from stickslip.elastic import Front, front_speed, front_threshold, precursor_force
 from stickslip.errors import InputError
-from stickslip.measure.fronts import on_blocks, pixels
+from stickslip.measure.fronts import gone, large_events, on_blocks, pixels
 from stickslip.model import Chain, Delay, Gaussian, Prestressed, Rig
 from stickslip.plot import style
 from stickslip.plot.palette import (
@@ -39,7 +39,6 @@ from stickslip.plot.style import (
     label,
     legend_above,
     panel,
-    variable,
 )
 from stickslip.simulation import rig_of
 
@@ -47,7 +46,6 @@ What = Literal["attached", "velocity", "force"]
 
 _MOST_ROWS = 1200
 _APART = 0.02  # of the time of a run: how close together two numbers may stand
-_FEWEST = 3  # blocks of the smallest event that is drawn
 _DECADES = 4.0  # of slip velocity in a picture, below the largest
 
 
@@ -220,10 +218,10 @@ def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     with the blocks that it reaches.
     """
     ax, _ = along_time(run, "spring_force", ax, 2.6, color=GREY, linewidth=0.9)
-    found = _events(run).sortby("reach", ascending=False)
+    found = large_events(run).sortby("reach", ascending=False)
     whole = found["blocks"] >= run.sizes["block"]
     for kind, colour, text in (
-        (~whole, BLUE, "precursor, with its length"),
+        (~whole, BLUE, "precursor, with the block it reaches"),
         (whole, VERMILLION, "slip of all blocks"),
     ):
         if kind.any():
@@ -260,7 +258,7 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     The run is of a `Chain` pulled at one end, the curve that of a first slow pull, all
     thresholds at their mean and without re-attachment.
     """
-    found = _events(run)
+    found = large_events(run)
     rig = rig_of(run)
     ax = given_or_new(ax)
     ax.plot(
@@ -303,41 +301,20 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     and late events bright.
     """
     moved = on_blocks(run, "displacement", "plot")
-    found = _events(run)
+    found = large_events(run)
     if found.sizes["event"] == 0:
         raise InputError(
-            f"slip_profiles: the run holds no event of {_FEWEST} blocks or more; run "
+            "slip_profiles: the run holds no event of 3 blocks or more; run "
             "it for longer"
         )
     ax = given_or_new(ax)
     titled = moved.attrs | {"long_name": "slip in an event"}
-    slips = _gone(moved, found).assign_attrs(titled)
+    slips = gone(moved, found).assign_attrs(titled)
     colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, slips.sizes["event"]))
     for slip, colour in zip(slips, colours, strict=True):
         ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
     panel(ax, "", "block", slips, xlim=(0, run.sizes["block"] - 1), ylim=(0, None))
     return ax
-
-
-def _gone(values: xr.DataArray, events: xr.Dataset) -> xr.DataArray:
-    """How much larger the values of the blocks are after each event than before."""
-    return values.sel(time=events["end"], method="nearest") - values.sel(
-        time=events["start"], method="nearest"
-    )
-
-
-def _events(run: xr.Dataset) -> xr.Dataset:
-    """Events of some blocks; `reach`: up to which block, from 1, contacts broke;
-    `force_before` it.
-    """
-    found = measure.events(run)
-    found = found.isel(event=np.flatnonzero(found["blocks"].values >= _FEWEST))
-    broken = on_blocks(run, "broken", "plot")
-    reach = ((_gone(broken, found) >= 0.5) * (np.arange(run.sizes["block"]) + 1)).max(
-        "block"
-    )
-    before = np.interp(found["start"], run["time"], variable(run, "spring_force"))
-    return found.assign(reach=reach, force_before=("event", before))
 
 
 def _dress_speed(ax: Axes, rig: Rig) -> None:

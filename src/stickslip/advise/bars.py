@@ -1,0 +1,230 @@
+"""What is found for an elastic slider: which waves grow in smooth sliding, what a run
+from rest shows, and which change of one parameter makes smooth sliding stable.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+from itertools import count, takewhile
+from typing import Any
+
+from stickslip.advise import survey as by_theory
+from stickslip.advise.answer import ElasticPrediction
+from stickslip.advise.findings import Slip, WaveAnswer
+from stickslip.advise.mitigations import Mitigation, has, reach
+from stickslip.advise.survey import PRECISION, factor_on, scaled, stability_along
+from stickslip.cycles.edges import halved
+from stickslip.elastic.modes import (
+    CriticalLength,
+    critical_length,
+    length_in_words,
+    sliders_of,
+)
+from stickslip.errors import InputError, UndecidedError
+from stickslip.measure.fronts import large_events
+from stickslip.model import Chain, ElasticBody, Slider, parameters
+from stickslip.model.drive import constant
+from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
+from stickslip.model.rig import Rig
+from stickslip.progress import Progress, part
+from stickslip.simulation import estimate, record
+from stickslip.sliding import respond
+from stickslip.stability import count_unstable
+
+# of the softest modes: that are counted; that are told of, of different stiffness
+_MODES = 64
+_WAVES = 5
+# points a decade at which modes of a wave are counted
+_DENSITY = 6
+# what may be changed, one at a time
+_CHANGES = (
+    VELOCITY,
+    parameter_named("side"),
+    parameter_named("leaf"),
+    parameter_named("coupling"),
+    parameters.DAMPING,
+    parameters.MASS,
+    parameters.DELAY,
+    parameters.STD,
+    parameters.AGEING,
+)
+# seconds, as counted from the work of a run: a longer one is left to `simulate`
+_LONGEST_RUN = 60.0
+
+
+def predict_waves(
+    rig: Rig, speeds: tuple[float, float], report: Progress
+) -> ElasticPrediction:
+    """Say which waves of an elastic slider grow at the speed of its drive, and at which
+    speeds, given as factors.
+    """
+    searched = (speeds[0] * rig.velocity, speeds[1] * rig.velocity)
+    found = ElasticPrediction(rig=rig, speeds_searched=searched)
+    if respond(rig.interface).inert:
+        return replace(found, theory_note=by_theory.CANNOT_GROW)
+    grows = cache(_grows)
+    waves: dict[Slider, WaveAnswer] = {}
+    growing = 0
+    critical = None
+    try:
+        for *numbers, slider in zip(*sliders_of(rig.slider, _MODES), strict=True):
+            stiffness, coupling, wavelength = map(float, numbers)
+            there = replace(rig, slider=slider, drive=constant(rig.natural.velocity))
+            growing += grows(there)
+            if slider in waves or len(waves) == _WAVES:
+                continue  # modes come in pairs of one stiffness
+            growth, frequency = by_theory.fastest_mode(there)
+            bands = stability_along(there, VELOCITY, *speeds, density=_DENSITY)
+            length = length_in_words(rig, wavelength, 3)
+            waves[slider] = WaveAnswer(
+                name=_name(wavelength, coupling, rig.slider, length),
+                wavelength=wavelength,
+                stiffness=stiffness * rig.unit("k"),
+                growth=growth,
+                frequency=frequency,
+                speeds=tuple(
+                    band.ends
+                    for band in scaled(bands, rig.velocity)
+                    if band.kind == "unstable"
+                ),
+            )
+            report(len(waves) / (_WAVES + 1))
+        if isinstance(rig.slider, Chain):
+            critical = critical_length(rig)
+    except UndecidedError as reason:
+        return replace(found, theory_note=str(reason))
+    report(1.0)
+    found_waves = tuple(waves.values())
+    return replace(found, growing=growing, waves=found_waves, critical=critical)
+
+
+def complete_waves(found: ElasticPrediction, report: Progress) -> ElasticPrediction:
+    """Go on to what a bar does from rest, and to what would make its smooth sliding
+    stable.
+    """
+    if found.theory_note or not isinstance(found.rig.slider, Chain):
+        return found
+    if found.growing:
+        changes = _changes(found.rig, found.critical, part(report, 0.0, 0.3))
+        found = replace(found, **changes)
+    return replace(found, **_slips(found.rig, part(report, 0.3, 1.0)))
+
+
+def _name(wavelength: float, coupling: float, body: ElasticBody, length: str) -> str:
+    """A mode in words."""
+    if math.isnan(wavelength):
+        return "a mode localised at the driven end"
+    if math.isinf(wavelength):
+        return "the uniform mode" if coupling == 0.0 else "waves across the drive"
+    # No wave is longer than what carries it.
+    if not isinstance(body, Chain) or wavelength <= body.size:
+        return f"waves of {length}"
+    whole = wavelength > 3.0 * body.size
+    return "the bar nearly as a whole" if whole else "half a wave along the bar"
+
+
+def _grows(rig: Rig) -> bool:
+    """Whether a mode of a rigid slider grows."""
+    return count_unstable(rig) > 0
+
+
+def _is_stable(rig: Rig) -> bool:
+    """Whether linear theory shows that no mode of a bar grows at the speed of its
+    drive, among the softest.
+    """
+    drive = constant(rig.natural.velocity)
+    try:
+        modes = dict.fromkeys(sliders_of(rig.slider, _MODES)[-1])
+        return not any(
+            _grows(replace(rig, slider=slider, drive=drive)) for slider in modes
+        )
+    except (InputError, UndecidedError):
+        return False
+
+
+def _changes(
+    rig: Rig, critical: CriticalLength | None, report: Progress
+) -> dict[str, Any]:
+    """The smallest change of each parameter that makes smooth sliding stable, the
+    smallest first, and the ranges in which others do not, as fields of the answer.
+    """
+    found = list[Mitigation]()
+    tried = dict[str, tuple[float, float]]()
+    for i, parameter in enumerate(_CHANGES):
+        report(i / len(_CHANGES))
+        if has(rig, parameter):
+            now = rig.value(parameter)
+            low, high = reach(rig, parameter)
+            up = _smallest(rig, parameter, 1, high)
+            down = _smallest(rig, parameter, -1, 1.0 / low)
+            if math.isinf(min(up, down)):
+                tried[parameter.name] = now * low, now * high
+                continue
+            to = now * up if up <= down else now / down
+            found.append(Mitigation(parameter=parameter.name, now=now, to=to))
+    # the softest mode of a bar without leaf springs lacks what the critical one has
+    if critical is not None and rig.natural.slider.leaf == 0:
+        to = critical.stiffness * (1.0 + PRECISION)
+        if _is_stable(rig.with_values(leaf=to)):
+            found.append(Mitigation(parameter="leaf", now=0.0, to=to))
+    found.sort(key=lambda each: each.size)
+    return {"mitigations": tuple(found), "attempts": tried}
+
+
+def _smallest(rig: Rig, parameter: Parameter, side: int, furthest: float) -> float:
+    """The smallest factor on a parameter, up or down, from which on smooth sliding is
+    stable, to `PRECISION`; infinite if none of its doublings is.
+    """
+    change = factor_on((parameter, side))
+
+    def stable(factor: float) -> bool:
+        return _is_stable(change.set(rig, factor))
+
+    doubled = takewhile(lambda step: step < furthest, (2.0**k for k in count(1)))
+    last = 1.0
+    for step in (*doubled, furthest):
+        if step > last and stable(step):
+            edge = halved(stable, last, step, math.log1p(PRECISION))[1]
+            beyond = min(edge * (1.0 + PRECISION), step)
+            return beyond if stable(beyond) else step
+        last = step
+    return math.inf
+
+
+def _slips(rig: Rig, report: Progress) -> dict[str, Any]:
+    """The first slip of some blocks and the first of all in the run of a bar, as fields
+    of the answer; nothing if that would take long.
+
+    A drive at one speed goes on no further than where its springs hold all contacts,
+    and the bar is compressed as far as they can.
+    """
+    natural = rig.natural
+    body = natural.slider
+    mean = natural.interface.threshold_distribution.moment(1)
+    pull = float(body.pulled.sum())
+    if len(natural.drive.pieces) == 1 and pull > 0:
+        compressed = 0.5 * body.size**2 / body.coupling if body.side > 0 else 0.0
+        furthest = mean * (body.size / pull + 1.0 + compressed)
+        lasts = min(furthest / abs(natural.velocity), natural.drive.duration)
+        rig = replace(rig, drive=constant(natural.velocity, lasts))
+    try:
+        if estimate(rig).seconds > _LONGEST_RUN:
+            return {}
+        seen = large_events(record(rig, progress=report).dataset())
+    except InputError:  # such a bar has no steady sliding, or cannot be simulated
+        return {}
+    first = dict[bool, Slip]()
+    for start, blocks, far, drop in zip(
+        *(seen[name].values.tolist() for name in ("start", "blocks", "reach", "drop")),
+        strict=True,
+    ):
+        whole = blocks >= body.size
+        slip = Slip(start=start, blocks=body.size if whole else int(far), drop=drop)
+        first.setdefault(whole, slip)
+    return {
+        "simulated": rig.drive.duration * rig.unit("time"),
+        "partial": first.get(False),
+        "whole": first.get(True),
+    }
