@@ -87,6 +87,7 @@ def test_runs_have_no_length_or_time_of_their_own(method, length, time):
         {"sliding_force": 0.3},
         {"activation": ss.Bell(width=0.02, attempts=1e4)},
         {"ageing": ss.LogarithmicGrowth(slope=0.02, time=1e-3)},
+        {"ageing": ss.model.TabulatedGrowth((0.01, 1.0), (0.7, 1.0))},
         {"ageing": ss.Langevin(rate=1.0), "delay": ss.Delay(0.0)},
     ],
 )

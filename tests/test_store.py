@@ -34,6 +34,7 @@ CASES = [
     ss.Langevin(rate=1.5),
     ss.ExponentialGrowth(rate=2.0, newborn=0.1),
     ss.LogarithmicGrowth(slope=0.05, time=1e-3),
+    KINDS["TabulatedGrowth"](ages=(0.1, 1.0), strengths=(0.5, 1.0)),
     KINDS["Parabolic"](temperature=0.01, attempts=1e6),
     ss.Barrier(height=100.0, attempts=1e6, power=2.0, kramers=True),
     ss.Interface(

@@ -17,6 +17,7 @@ from stickslip.model import (
     LogarithmicGrowth,
     RandomDelay,
     Slider,
+    TabulatedGrowth,
 )
 from stickslip.model.distributions import Gaussian, Uniform
 from stickslip.paper.cases import FIG4, FIG7
@@ -102,7 +103,11 @@ def test_friction_of_growing_thresholds_has_the_limits_of_its_distributions():
     )
     aged = kinetic_friction(interface, 0.5)
     # Growth that has ended before anything happens, and growth that never begins.
-    for ageing in (ExponentialGrowth(rate=1e6), LogarithmicGrowth(slope=0.0, time=1.0)):
+    for ageing in (
+        ExponentialGrowth(rate=1e6),
+        LogarithmicGrowth(slope=0.0, time=1.0),
+        TabulatedGrowth((1e-9, 1e-8), (0.5, 1.0)),
+    ):
         assert kinetic_friction(
             replace(interface, ageing=ageing), 0.5
         ) == pytest.approx(aged, rel=1e-3)

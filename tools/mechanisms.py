@@ -14,6 +14,7 @@ DELAY = ss.Delay(0.2)
 LANGEVIN = ss.Langevin(rate=1.5, newborn=0.3)
 LOGARITHMIC = ss.LogarithmicGrowth(slope=0.05, time=0.01)
 EXPONENTIAL = ss.ExponentialGrowth(rate=2.0, newborn=0.3)
+TABULATED = ss.model.TabulatedGrowth((0.01, 0.1, 1.0), (0.5, 0.9, 1.0))
 KEPT = ss.Areas(TENTH, kept=True)
 STRETCHED = ss.Uniform(low=-0.1, high=0.3)
 
@@ -44,6 +45,7 @@ MECHANISMS: dict[str, dict[str, object]] = {
     },
     "logarithmic growth, newborns": {"ageing": LOGARITHMIC, "newborn": STRETCHED},
     "exponential growth, delay": {"ageing": EXPONENTIAL, "delay": DELAY},
+    "tabulated growth, delay": {"ageing": TABULATED, "delay": DELAY},
     "Bell, logarithmic growth": {"activation": BELL, "ageing": LOGARITHMIC},
     "barrier, exponential growth": {"activation": BARRIER, "ageing": EXPONENTIAL},
     "Langevin": {"ageing": LANGEVIN},

@@ -268,6 +268,7 @@ def test_a_box_reaches_half_of_the_way_to_a_threshold(
     [
         {"ageing": ss.LogarithmicGrowth(slope=0.01, time=1.0)},
         {"ageing": ss.ExponentialGrowth(rate=0.5, newborn=0.1)},
+        {"ageing": ss.model.TabulatedGrowth((0.1, 0.5, 2.0), (0.6, 1.0, 0.8))},
         {"activation": ss.model.Parabolic(temperature=0.01, attempts=1e3)},
     ],
 )

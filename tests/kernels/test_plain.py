@@ -112,6 +112,7 @@ def small_cases():
     for growth, delay in (
         (ss.ExponentialGrowth(rate=2.0, newborn=0.1), ss.Delay(0.0)),
         (ss.LogarithmicGrowth(slope=0.1, time=0.1), ss.Delay(0.1)),
+        (ss.model.TabulatedGrowth((0.1, 0.3, 1.0), (0.5, 1.0, 0.9)), ss.Delay(0.0)),
     ):
         growing = ss.Interface(thresholds=TENTH, ageing=growth, delay=delay)
         cases[f"{growth}, {delay}"] = partial(run, growing, few)

@@ -121,7 +121,7 @@ class _Writer:
             if is_dataclass(value):
                 found[name] = self._named(name, value)
             elif isinstance(value, tuple):
-                found[name] = [self._number(item) for item in value]
+                found[name] = [self.quantity(item, key.unit or "1") for item in value]
             elif name == "time" and rig_keys.by_time(type(record)):
                 read_back = lambda si: (  # noqa: E731
                     converted(record.with_time(si), self.scales.natural) == record

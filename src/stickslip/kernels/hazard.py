@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._jit import inlined, jit
+from ._jit import bare, inlined
 from .records import Floats
 
 BELL, PARABOLIC, BARRIER = range(3)
@@ -163,7 +163,13 @@ def stretching_with(hazard: Hazard, taken: Floats, least: Floats) -> Floats:
     return np.sqrt(np.maximum(2.0 * taken, least**2))
 
 
-EXPONENTIAL, LOGARITHMIC = range(2)
+EXPONENTIAL, LOGARITHMIC, TABULATED = range(3)
+LOG_AGE, LOG_FACTOR, POWER, LOWEST = range(4)
+"""Rows of a table of growth, by node: logarithms of the age and of the factor there,
+the slope of the second in the first, and the lowest factor of all later nodes.
+"""
+_AT_NODE = 1e-9  # of an age: nearer to a node than that is beyond it
+_NO_TABLE = np.empty((4, 0))
 
 
 class Growth(NamedTuple):
@@ -171,18 +177,60 @@ class Growth(NamedTuple):
 
     `kind` `EXPONENTIAL`: from a newborn's threshold to the strength,
     ``f = s - (s - second) exp(-first age)``; `LOGARITHMIC`: from the strength,
-    ``f = s + first ln(1 + age/second)``. With `first` 0 thresholds do not grow.
+    ``f = s + first ln(1 + age/second)``; `TABULATED`: ``f = s g(age)`` by the `table`,
+    between the ages `second` and `first`, constant beyond. With `first` 0 thresholds do
+    not grow.
     """
 
     kind: int
     first: float
     second: float
+    table: Floats = _NO_TABLE
 
 
 FIXED = Growth(LOGARITHMIC, 0.0, 1.0)  # thresholds that do not grow
 
 
-@jit
+@inlined
+def _node_before(table: Floats, log_age: float) -> int:
+    """Last node of a table that is no older; -1 if all are."""
+    low = -1
+    high = table.shape[1]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[LOG_AGE, middle] <= log_age:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@bare
+def _factor(growth: Growth, age: float) -> tuple[float, float]:
+    """Factor of a tabulated threshold at an age, and its slope: a cubic between two
+    nodes, with their values and slopes.
+    """
+    table = growth.table
+    if age <= growth.second:
+        return math.exp(table[LOG_FACTOR, 0]), 0.0
+    if age >= growth.first:
+        return math.exp(table[LOG_FACTOR, table.shape[1] - 1]), 0.0
+    at = math.log(age)
+    # an age next to the last node may round to it
+    i = min(max(_node_before(table, at), 0), table.shape[1] - 2)
+    span = table[LOG_AGE, i + 1] - table[LOG_AGE, i]
+    u = (at - table[LOG_AGE, i]) / span
+    rise = table[LOG_FACTOR, i + 1] - table[LOG_FACTOR, i]
+    begin = span * table[POWER, i]
+    end = span * table[POWER, i + 1]
+    second = 3.0 * rise - 2.0 * begin - end
+    third = begin + end - 2.0 * rise
+    factor = math.exp(table[LOG_FACTOR, i] + u * (begin + u * (second + u * third)))
+    power = (begin + u * (2.0 * second + 3.0 * u * third)) / span
+    return factor, factor * power / age
+
+
+@bare
 def grown(growth: Growth, age: float) -> tuple[float, float, float, float]:
     """Factor and addend of a growing threshold,
     ``f(age) = strength factor + addend``, and the slopes of the two.
@@ -198,6 +246,9 @@ def grown(growth: Growth, age: float) -> tuple[float, float, float, float]:
         )
     if growth.first == 0.0:
         return 1.0, 0.0, 0.0, 0.0
+    if growth.kind == TABULATED:
+        factor, faster = _factor(growth, age)
+        return factor, 0.0, faster, 0.0
     return (
         1.0,
         growth.first * np.log1p(age / growth.second),
@@ -216,7 +267,7 @@ def threshold_at(growth: Growth, strength: float, age: float) -> float:
 @inlined
 def growing_time(growth: Growth) -> float:
     """Time of the growth of newborns, which is not none."""
-    return growth.second if growth.kind == LOGARITHMIC else 1.0 / growth.first
+    return 1.0 / growth.first if growth.kind == EXPONENTIAL else growth.second
 
 
 def is_separable(hazard: Hazard, growth: Growth) -> bool:
@@ -225,12 +276,36 @@ def is_separable(hazard: Hazard, growth: Growth) -> bool:
     """
     if hazard.kind == PARABOLIC:
         return growth.kind == LOGARITHMIC and growth.first == 0.0
-    return hazard.kind == BELL and growth.kind != EXPONENTIAL
+    return hazard.kind == BELL and growth.kind == LOGARITHMIC
 
 
 @inlined
 def ageing_time(growth: Growth, age: float) -> float:
-    """Time in which a threshold does not grow much more."""
+    """Time in which a threshold does not grow much more; by a table it only rises, or
+    only sinks, meanwhile.
+    """
     if growth.kind == EXPONENTIAL:
         return 0.25 / growth.first
+    if growth.kind == TABULATED:
+        if age <= growth.second * (1.0 - _AT_NODE):
+            return growth.second - age
+        if age >= growth.first * (1.0 - _AT_NODE):
+            return math.inf
+        i = _node_before(growth.table, math.log(age) + _AT_NODE)
+        i = min(i, growth.table.shape[1] - 2)
+        return math.exp(growth.table[LOG_AGE, i + 1]) - age
     return math.inf if growth.first == 0.0 else age + growth.second
+
+
+@inlined
+def sinks(growth: Growth, strength: float, age: float, threshold: float) -> bool:
+    """Whether a threshold that is known at this age is lower at a later one."""
+    if growth.kind == EXPONENTIAL:
+        return threshold > strength
+    if growth.kind != TABULATED or age >= growth.first * (1.0 - _AT_NODE):
+        return False
+    i = -1
+    if age > growth.second:
+        i = _node_before(growth.table, math.log(age) + _AT_NODE)
+    lowest = growth.table[LOWEST, max(i, 0)]
+    return strength * math.exp(lowest) < threshold * (1.0 - _AT_NODE)

@@ -13,8 +13,10 @@ import numpy as np
 
 from ._jit import inlined, jit
 from .hazard import (
+    TABULATED,
     Growth,
     Hazard,
+    ageing_time,
     growing_time,
     grown,
     log_rate,
@@ -129,6 +131,8 @@ def _panel(
     fine = FOLDS / (abs(steep) + abs(hard) * abs(pace) / v)
     if growth.first != 0.0:
         fine = min(fine, 0.5 * (here + v * growing_time(growth)))
+    if growth.kind == TABULATED:  # smooth between its nodes only
+        fine = min(fine, v * ageing_time(growth, here / v))
     fine = min(fine, longest_fold(hazard, FOLDS, here, end, c))
     most = steepest(hazard, end, min(c, strength)) + abs(hard) * max(-pace, 0.0) / v
     quiet = -(np.log(hazard.attempts * end / v) + QUIET)

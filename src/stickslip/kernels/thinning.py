@@ -29,6 +29,7 @@ from .hazard import (
     height,
     largest_rate,
     rate,
+    sinks,
     stretching_at,
     threshold_at,
 )
@@ -120,17 +121,17 @@ def box_of(
         return Box(x, 0.0, 0.0)
     time = ageing_time(growth, age)
     lowest = threshold
-    sinks = growth.kind == EXPONENTIAL and threshold > strength
-    if sinks:
-        lowest = threshold_now(rule, strength, age + time)
+    sinking = sinks(growth, strength, age, threshold)
+    if sinking:
+        lowest = min(threshold, threshold_now(rule, strength, age + time))
         # ends: the time is halved, down to rounding
         while lowest < 0.5 * (x + threshold):
             time *= 0.5
             if time <= 1e-13 * (1.0 + age):
                 return Box(x, 0.0, 0.0)
-            lowest = threshold_now(rule, strength, age + time)
+            lowest = min(threshold, threshold_now(rule, strength, age + time))
     if hazard.attempts == 0.0:
-        return Box(lowest, time if sinks else math.inf, 0.0)
+        return Box(lowest, time if sinking else math.inf, 0.0)
     # the rate grows by a factor of e
     finest = left = max(height(hazard, x, lowest) - 1.0, 0.0)
     reach = stretching_at(hazard, left, lowest)
@@ -148,7 +149,7 @@ def box_of(
     )
     # then the rate only falls with age, and a longer time does where a proposal is
     # unlikely
-    if not sinks:
+    if not sinking:
         time = max(time, CHANCE / most)
     return Box(reach, time, most)
 

@@ -13,6 +13,7 @@ from stickslip.model.ageing import (
     FixedGrowth,
     Langevin,
     LogarithmicGrowth,
+    TabulatedGrowth,
 )
 from stickslip.model.body import Chain, ElasticBody, Sheet, Slider
 from stickslip.model.delays import (
@@ -108,6 +109,7 @@ __all__ = [
     "Slider",
     "Start",
     "SteadyState",
+    "TabulatedGrowth",
     "Travel",
     "Uniform",
     "Weibull",

@@ -1,9 +1,13 @@
 """How the thresholds of contacts grow with their age."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Annotated, Any, Self
 
-from stickslip.errors import InputError
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import InputError, shown
 from stickslip.model.delays import DelayModel
 from stickslip.model.distribution import Distribution
 from stickslip.model.records import Number, Record, registry
@@ -122,5 +126,92 @@ class LogarithmicGrowth(AgeingModel):
     time: Annotated[float, Number("time", above=0)]
 
 
-FixedGrowth = ExponentialGrowth | LogarithmicGrowth
+@register("tabulated")
+@dataclass(frozen=True)
+class TabulatedGrowth(AgeingModel):
+    """Thresholds that grow as ``f(t) = s g(t)`` by a table: the growth behind a
+    measured friction curve (`friction_curve`).
+
+    ``s`` is drawn from the interface's distribution of thresholds at birth. Between two
+    ages ``ln g`` is a cubic in ``ln t`` that keeps its shape (Fritsch and Carlson, SIAM
+    J. Numer. Anal. 17, 238, 1980); ``g`` is constant before the first age and after the
+    last. No contact can be stretched at birth (`Interface.newborn`).
+
+    Parameters
+    ----------
+    ages : tuple of float
+        Ages that rise, at least two, above 0, in time.
+    strengths : tuple of float
+        ``g`` there, above 0. It rises less steeply than the age, so that a contact in
+        steady sliding meets its threshold once.
+
+    Raises
+    ------
+    InputError
+        If ages do not rise, there is not a strength for each, or these rise as steeply
+        as the ages.
+
+    Examples
+    --------
+    >>> growth = ss.model.TabulatedGrowth(ages=(0.1, 1, 10), strengths=(0.6, 0.9, 1))
+    >>> interface = ss.Interface(thresholds=ss.Gaussian(1.0, 0.1), ageing=growth)
+    >>> print(f"{ss.kinetic_friction(interface, velocity=1.0):.4f}")
+    0.4493
+    """
+
+    ages: Annotated[tuple[float, ...], Number("time", above=0)]
+    strengths: Annotated[tuple[float, ...], Number(above=0)]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given = f"TabulatedGrowth.ages = {shown(self.ages)}"
+        if len(self.ages) < 2 or np.any(np.diff(self.ages) <= 0.0):
+            raise InputError(f"{given}: must be two ages or more that rise")
+        if len(self.strengths) != len(self.ages):
+            raise InputError(
+                f"{given}: are {len(self.ages)}, but there are {len(self.strengths)} "
+                "strengths; give one for each age"
+            )
+        steep = np.flatnonzero(_steepest(self.table) >= 1.0)
+        if steep.size:
+            at = int(steep[0])
+            raise InputError(
+                f"TabulatedGrowth.strengths = {shown(self.strengths)}: rise as steeply "
+                f"as the ages between {self.ages[at]:g} and {self.ages[at + 1]:g}, so "
+                "that a contact would meet its threshold more than once; give smaller "
+                "steps"
+            )
+
+    @property
+    def table(self) -> Array:
+        """Logarithms of ages and strengths, slopes of these, and lowest later
+        strengths, shape (4, n): `stickslip.kernels.hazard.Growth`.
+        """
+        return _table(self.ages, self.strengths)
+
+
+@lru_cache(maxsize=128)
+def _table(ages: tuple[float, ...], strengths: tuple[float, ...]) -> Array:
+    from scipy.interpolate import PchipInterpolator  # half a second
+
+    log_age, log_strength = np.log([ages, strengths])
+    slope = PchipInterpolator(log_age, log_strength).derivative()(log_age)
+    lowest = np.minimum.accumulate(log_strength[::-1])[::-1]
+    return np.stack([log_age, log_strength, slope, np.append(lowest[1:], lowest[-1])])
+
+
+def _steepest(table: Array) -> Array:
+    """Largest slope of the cubics between the nodes of a table, shape (n - 1,)."""
+    secant = np.diff(table[1]) / np.diff(table[0])
+    begin = table[2, :-1]
+    end = table[2, 1:]
+    # The slope is a parabola of u, of which the ends and the vertex matter.
+    bend = 3.0 * (begin + end - 2.0 * secant)
+    tilt = 2.0 * (3.0 * secant - 2.0 * begin - end)
+    vertex = np.clip(-tilt / (2.0 * np.where(bend < 0.0, bend, -np.inf)), 0.0, 1.0)
+    within = begin + vertex * (tilt + bend * vertex)
+    return np.asarray(np.maximum(np.maximum(begin, end), within))
+
+
+FixedGrowth = ExponentialGrowth | LogarithmicGrowth | TabulatedGrowth
 """Thresholds that are known from the birth of a contact on."""

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from stickslip.errors import InputError
 from stickslip.model.activation import Activation, ActivationModel, Barrier
-from stickslip.model.ageing import AgeingModel, FixedGrowth
+from stickslip.model.ageing import AgeingModel, FixedGrowth, TabulatedGrowth
 from stickslip.model.delays import Delay, DelayModel, OnArrest
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, Part, Record
@@ -178,6 +178,12 @@ class Interface(Record):
                     f"Interface.areas = {self.areas!r}: not available with {name} = "
                     f"{given}; leave one of them out"
                 )
+        if self.newborn is not None and isinstance(self.ageing, TabulatedGrowth):
+            raise InputError(
+                f"Interface.newborn = {self.newborn}: not available with ageing = "
+                f"{self.ageing}; leave one of them out",
+                "Interface.newborn",
+            )
         strongest = self.threshold_distribution.support[1]
         largest = strongest if self.areas is None else math.sqrt(strongest)
         for name in ("initial", "newborn"):

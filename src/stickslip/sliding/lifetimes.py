@@ -21,9 +21,11 @@ from stickslip.kernels.hazard import (
     BELL,
     EXPONENTIAL,
     FIXED,
+    LOG_AGE,
     LOGARITHMIC,
     NONE,
     PARABOLIC,
+    TABULATED,
     Growth,
     Hazard,
     growing_time,
@@ -41,6 +43,7 @@ from stickslip.model import (
     Interface,
     LogarithmicGrowth,
     Parabolic,
+    TabulatedGrowth,
 )
 from stickslip.model.activation import ActivationModel
 from stickslip.model.distribution import Distribution, nodes_between
@@ -82,7 +85,7 @@ def _lifetimes(
         is_separable(hazard, growth) and distribution.standard_deviation() > 2.0 * width
     )
     if one_variable and not inner and not distribution.single:
-        return _cut_panels(_in_one(distribution, hazard, growth, velocity), longest)
+        return _cut_panels(_in_one(distribution, hazard, ageing, velocity), longest)
     if high > 1e3 * distribution.moment(1) and activation is not None:
         longest = math.inf if longest == 1.0 else longest
     bends = []
@@ -177,6 +180,8 @@ def growth_of(ageing: AgeingModel | None) -> Growth:
             return Growth(EXPONENTIAL, rate, newborn)
         case LogarithmicGrowth(slope=slope, time=time):
             return Growth(LOGARITHMIC, slope, time)
+        case TabulatedGrowth(ages=ages):
+            return Growth(TABULATED, ages[-1], ages[0], ageing.table)
     return FIXED
 
 
@@ -239,7 +244,7 @@ _FOLLOWED = 60.0
 
 @lru_cache(maxsize=128)
 def _in_one(
-    distribution: Distribution, hazard: Hazard, growth: Growth, v: float
+    distribution: Distribution, hazard: Hazard, ageing: AgeingModel | None, v: float
 ) -> Lifetimes:
     """Lives of all contacts at once: of a barrier that falls linearly or as a parabola,
     or without temperature.
@@ -248,6 +253,7 @@ def _in_one(
     depends on ``G`` alone. By a parabola ``xi**2/2`` stands for ``xi``, and the
     temperature for ``A``.
     """
+    growth = growth_of(ageing)
     low, high = distribution.support
     A = hazard.width
     # even the strongest break as soon as they attach: there are no lifetimes
@@ -324,11 +330,10 @@ def _edges_in_one(
         strengths = panel_edges(
             distribution, weakest, high, [(weakest, shortest)]
         ).tolist()
-        return np.array(
-            sorted(
-                {0.0, *(kernel.reach(growth, strength, v) for strength in strengths)}
-            )
-        )
+        met = {0.0, *(kernel.reach(growth, strength, v) for strength in strengths)}
+        # a table is smooth between its nodes only
+        nodes = v * np.exp(growth.table[LOG_AGE])
+        return np.array(sorted({*met, *nodes[nodes < max(met)].tolist()}))
 
     def follow(x: float) -> float:
         """Longest panel where the rate at birth is not yet forgotten: what decays

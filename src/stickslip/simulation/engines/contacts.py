@@ -28,6 +28,7 @@ from stickslip.model import (
     ExponentialGrowth,
     Interface,
     OnArrest,
+    TabulatedGrowth,
 )
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import (
@@ -216,10 +217,8 @@ class EventByEvent(Engine):
         keeps = interface.keeps_areas
         if self._rule is None or not beginning.sliding:
             # Growth towards a strength has come to its end; growth without end begins.
-            since = np.full(
-                count,
-                -math.inf if isinstance(interface.ageing, ExponentialGrowth) else 0.0,
-            )
+            ended = isinstance(interface.ageing, ExponentialGrowth | TabulatedGrowth)
+            since = np.full(count, -math.inf if ended else 0.0)
             return *first_contacts(beginning, count, rng, self._factor), since
         drawn = count if keeps else 4 * count + 1000
         start, strength = newborns(interface, drawn, self._factor, rng, rng)

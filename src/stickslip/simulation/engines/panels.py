@@ -45,6 +45,7 @@ from stickslip.model import (
     Parabolic,
     Population,
     Slider,
+    TabulatedGrowth,
 )
 from stickslip.model.distributions import Distribution
 from stickslip.model.newborn import mean_life, stretching_nodes
@@ -102,10 +103,10 @@ _FINE = 2.5e-3  # distance of the stretchings shown, in ``x_s``
 
 
 @solves(MasterEquation, type(None), LogarithmicGrowth, activation=(type(None), Bell))
-@solves(MasterEquation, ExponentialGrowth)
+@solves(MasterEquation, ExponentialGrowth, TabulatedGrowth)
 @solves(MasterEquation, activation=(Parabolic,))
 @solves(Population, type(None), LogarithmicGrowth, activation=(type(None), Bell))
-@solves(Population, ExponentialGrowth)
+@solves(Population, ExponentialGrowth, TabulatedGrowth)
 @solves(Population, activation=(Parabolic,))
 class Panels(Engine):
     """Cohorts of contacts that attached in the same step: fractions of infinitely
@@ -162,7 +163,7 @@ class Panels(Engine):
         else:
             x, fraction = _nodes(interface.initial, distribution, self.case.accuracy)
             # it has come to its end
-            if isinstance(interface.ageing, ExponentialGrowth):
+            if isinstance(interface.ageing, ExponentialGrowth | TabulatedGrowth):
                 lives = np.full(x.shape, NEVER), np.abs(x), np.full(x.shape, math.inf)
         self.state = kernel.initial_state(
             breaking,
