@@ -652,6 +652,27 @@ def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
     assert Budget(300.0).regime(trial(rig)).kind == "smooth sliding"
 
 
+@pytest.mark.takes(5)  # a search by runs
+def test_what_one_run_cannot_decide_is_judged_by_eight():
+    rig = make(
+        stiffness=0.36,
+        mass=1.5e-3,
+        damping=12.0,
+        drive=ss.constant(5.0),
+        delay=ss.OnArrest(),
+        slip_to_slip_scatter=0.1,
+        contacts=30,
+        seed=0,
+    )
+    runs = (trial(rig, other=other) for other in range(1, 9))
+    kinds = [ss.regime(ss.simulate(run)).kind for run in runs]
+    found = ss.predict(rig)
+    assert found.lasting == (kinds.count("stick-slip"), 8)
+    assert found.regime.kind == "smooth sliding"
+    assert not found.smooth
+    assert found.mitigations
+
+
 @pytest.mark.slow
 def test_contacts_that_attach_on_arrest_are_judged_by_runs():
     light = {

@@ -409,6 +409,7 @@ def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):
     """
     rig = found.rig()
     assert "its own run drops" in rig.source
+    assert rig.source.endswith("; lasts in 8 of 8 runs")
     residual = rig.interface.newborn.mean
     assert rig.interface.sliding_force == pytest.approx(residual, rel=1e-12)
     i = int(

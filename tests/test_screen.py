@@ -104,6 +104,27 @@ def test_any_verdict_is_in_capitals(kind, said, found):
     assert screen.verdict(here.told) == said
 
 
+@pytest.mark.parametrize(
+    ("kind", "lasting", "said", "mitigated"),
+    [
+        ("stick-slip", (2, 8), "; lasts in 2 of 8 runs", True),
+        ("smooth sliding", (2, 8), "an oscillation lasts in 2 of 8 runs", True),
+        ("smooth sliding", (0, 8), None, False),
+        ("stick-slip", None, None, True),
+    ],
+)
+def test_a_verdict_that_other_contacts_may_deny_counts_them(
+    kind, lasting, said, mitigated, found
+):
+    regime = replace(found.regime, kind=kind)
+    here = replace(found, regime=regime, lasting=lasting, unstable_modes=0)
+    here = replace(here, bands=bands_of(here, "smooth sliding"))
+    words = " ".join(str(here).split())
+    assert said in words if said else "lasts in" not in words
+    assert here.needs_mitigation == mitigated
+    assert here.smooth == (not mitigated)
+
+
 @pytest.mark.parametrize("count", [7, 40, 60])
 @pytest.mark.parametrize("kinds", [KINDS, ("- stick-slip", *KINDS), KINDS[::-1]])
 def test_marks_of_the_strip_agree_with_the_bands(count, kinds, found):

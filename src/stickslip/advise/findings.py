@@ -122,6 +122,10 @@ class Findings:
     #: what it would do with other values of what the rig's file calls assumed
     doubt: Doubt | None = None
 
+    #: Where one run decides little, of few contacts or some that wait for an arrest:
+    #: how many of how many runs with other contacts oscillate on.
+    lasting: tuple[int, int] | None = None
+
     #: Where the rig names no mechanism by which contacts strengthen: what it would do
     #: with which delay.
     delays: tuple[Band, ...] = ()
@@ -172,7 +176,7 @@ class Findings:
         """
         if self.regime.kind == "undecided" or not self.has_verdict:
             return None
-        return not (self.oscillates or self.unstable_modes)
+        return not (self.oscillates or self.unstable_modes or self._some_last)
 
     @property
     def bistable(self) -> bool:
@@ -188,8 +192,13 @@ class Findings:
         rig works.
         """
         return self.has_verdict and bool(
-            self.unstable_modes or self.oscillates or self.trouble
+            self.unstable_modes or self.oscillates or self._some_last or self.trouble
         )
+
+    @property
+    def _some_last(self) -> bool:
+        """Whether a run with other contacts oscillates on."""
+        return self.lasting is not None and self.lasting[0] > 0
 
     @property
     def trouble(self) -> tuple[Band, ...]:

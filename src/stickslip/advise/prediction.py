@@ -14,6 +14,7 @@ from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.bars import complete_waves, predict_waves
 from stickslip.advise.budget import (
     OSCILLATES,
+    SEEDS,
     Budget,
     BudgetExhausted,
     cycle_of,
@@ -61,6 +62,8 @@ _FOR_SPEEDS = 0.5
 _FOR_DOUBT = 0.2
 # an oscillation is small below this part of static friction, peak to peak: a convention
 _SMALL = 0.05
+# contacts that are few: where one run of them decides little, by convention
+_FEW = 300
 # the first run counts as so many at most, but lasts for so many of its longest cycles;
 # most are shorter
 _FIRST = 15.0
@@ -244,6 +247,7 @@ def complete(
     if found.regime.kind == "undecided":
         shown = _shown(rig, found.unstable_modes, budget, found.recording)
         found = replace(found, **shown)
+    found = replace(found, lasting=_lasting(found, budget))
     bands = scaled(found.bands, 1.0 / rig.velocity)
     ends = _speeds_searched(rig)
     if not found.theory_note and bands[0].ends == ends and bands[0].kind == "unknown":
@@ -271,6 +275,23 @@ def complete(
         bands=scaled(survey.bands(), rig.velocity),
         not_searched=(*found.not_searched, *missed),
     )
+
+
+def _lasting(found: Prediction, budget: Budget) -> tuple[int, int] | None:
+    """Of the runs with other contacts, from rest, how many oscillate on, and how many
+    were made: where one run decides little, as contacts are few, or wait for an arrest
+    that may not come.
+    """
+    rig = found.rig
+    count = getattr(rig.method, "count", math.inf)
+    waits = isinstance(rig.interface.delay, OnArrest)
+    if found.driven is not None or not (waits or count < _FEW):
+        return None
+    kinds = list[str]()
+    with suppress(BudgetExhausted, InputError):
+        for other in range(1, SEEDS + 1):
+            kinds.append(budget.regime(trial(rig, other=other)).kind)
+    return sum(kind in OSCILLATES for kind in kinds), len(kinds)
 
 
 def _speeds_searched(rig: Rig) -> tuple[float, float]:

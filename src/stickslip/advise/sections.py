@@ -195,13 +195,19 @@ def _own_motion(found: Findings) -> tuple[str, str, str]:
         return kind, theory * (modes is not None), found.regime.reason
     if kind == "smooth sliding" and modes:
         return "linearly unstable", ", but smooth in this run", more
+    often = ""
+    if found.lasting is not None:
+        often = "{} in {} of {} runs".format(
+            "lasts" if found.oscillates else "an oscillation lasts", *found.lasting
+        )
     if kind == "smooth sliding":
-        return kind, "", ""
+        return kind, "", often * (found.smooth is False)
     rest = f", force ±{quantity(found.rig, found.amplitude, 'force', 3)}"
     rest = f", {_how_often(found)}{rest}" if found.cycles_per_time else rest
     if kind == "sustained oscillation":
         part = percent(found.amplitude / found.static_friction)
         rest += f" ({part} of static friction)"
+    rest += f"; {often}" * bool(often)
     if found.bistable:
         return kind, f"{rest}; bistable", _BISTABLE
     left = f"no mode grows, but {contacts} leave smooth sliding by their noise"

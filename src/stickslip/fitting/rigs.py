@@ -22,8 +22,9 @@ from stickslip.fitting.bench import Constraint, Known, drawn, in_si, newtons, se
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.model import KEYS as PARAMETERS
 from stickslip.io.rig_files import from_document, to_document
+from stickslip.measure import regime
 from stickslip.measure.trace import Array
-from stickslip.model import Gaussian, Output, Rig, constant
+from stickslip.model import Contacts, Gaussian, Output, Rig, constant
 from stickslip.model.quantities import read_value
 from stickslip.simulation import simulate
 from stickslip.sliding.rigid_motion import friction_ratios, thresholds_of
@@ -73,6 +74,7 @@ DRAWS_KEPT = 100
 _LIGHTEST = 0.01
 _TRIED = 60  # draws run, at most
 _SLIPS = 60  # slips of a run
+_RUNS = 8  # runs with other contacts: `advise` judges by as many
 _SETTLED = 5  # slips before these, in which a run settles
 _NINETY = 1.645  # standard errors in half a 90 % interval
 _NO_DELAY = (
@@ -162,7 +164,8 @@ def rig_of(found: Fitted, name: str) -> Rig:
             )
             agrees = False
         if agrees:
-            return replace(rig, source=f"{rig.source}; {words}")
+            lasting = _lasting(rig, found.events)
+            return replace(rig, source=f"{rig.source}; {words}; {lasting}")
         nearest = nearest or words
     raise InputError(
         f"fit: no rig is written: runs of {len(order)} draws all miss the drops or the "
@@ -219,14 +222,30 @@ def _at(document: Mapping[str, Any], values: Mapping[str, float], place: str) ->
     return from_document(full, place)
 
 
-def remade(rig: Rig, events: Events, known: Known) -> Events:
-    """The slips of a rig's own run, recorded and picked as those of a trace were."""
+def _own_run(rig: Rig, events: Events) -> xr.Dataset:
+    """A rig's own run, of as many slips as those of a trace, and sampled as these."""
     lasts = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence
-    second = seconds(events)
-    unit = rig.unit("time") / second
+    unit = rig.unit("time") / seconds(events)
     drive = constant(rig.natural.velocity, lasts / unit)
     output = Output(interval=events.step / unit)
-    run = simulate(replace(rig, drive=drive, output=output))
+    return simulate(replace(rig, drive=drive, output=output))
+
+
+def _lasting(rig: Rig, events: Events) -> str:
+    """In how many runs with other contacts stick-slip does not end, in words."""
+    count = getattr(rig.method, "count", 1)
+    runs = (
+        _own_run(rig.replace(method=Contacts(count, seed=seed)), events)
+        for seed in range(1, _RUNS + 1)
+    )
+    lasts = sum(regime(run).kind == "stick-slip" for run in runs)
+    return f"lasts in {lasts} of {_RUNS} runs"
+
+
+def remade(rig: Rig, events: Events, known: Known) -> Events:
+    """The slips of a rig's own run, recorded and picked as those of a trace were."""
+    second = seconds(events)
+    run = _own_run(rig, events)
     values = run["spring_force"].values / newtons(events, known)
     values = values + events.noise * np.random.default_rng(1).standard_normal(
         values.size
