@@ -214,6 +214,7 @@ def test_a_band_ends_at_a_fold_the_boundary_or_the_range(
     assert 0.5 * (band.low.value + band.high.value) in answer
     assert 1.01 * band.high.value not in answer
     assert "both smooth sliding and stick-slip persist" in str(answer)
+    assert str(answer).endswith("from rest, or of few contacts, it may decay before")
 
 
 def test_a_band_apart_from_any_linear_boundary():

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from stickslip.advise.budget import OSCILLATES
 from stickslip.advise.findings import SEEN, Findings, WaveFindings, frequency_unit
 from stickslip.advise.mitigations import Mitigation, has
+from stickslip.advise.survey import PRECISION
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.errors import UndecidedError
 from stickslip.measure.fronts import blocks_in_words
@@ -281,12 +282,13 @@ def sections(found: Findings) -> list[Section]:
         " of smooth sliding, one parameter varied at a time (linear stability, "
         "without noise)"
     )
+    within = f" (runs from rest; limits within {percent(PRECISION)})" * found.complete
     of_changes = ", each alone (8 of 8 runs slide smoothly, even from rest)"
     changes = [*change_rows(rig, found.mitigations)]
     head = [("parameter", "now", "", "to", "factor", "and")] if changes else []
     return [
         Section("here", [more] if more else [], "At this speed"),
-        Section("speeds", [*speeds(found)], "Speeds"),
+        Section("speeds", [*speeds(found)], "Speeds", within),
         Section("regime", str(found.regime).splitlines() * found.has_verdict),
         Section("numbers", [*numbers(found)]),
         Section("margins", [*margins(found)], "Margins", of_margins),

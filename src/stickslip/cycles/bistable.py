@@ -36,7 +36,8 @@ class BistableRange(Intervals):
         if self.bands:
             found = (
                 f"{self.where}, both smooth sliding and stick-slip persist "
-                f"{' and '.join(map(str, self))}"
+                f"{' and '.join(map(str, self))}; the cycle is followed without noise: "
+                "from rest, or of few contacts, it may decay before"
             )
         return "\n".join([found, *self.notes])
 
