@@ -97,3 +97,115 @@ def test_no_contact_that_grows_by_a_table_is_born_stretched():
     stretched = ss.Uniform(low=0.0, high=0.2)
     with pytest.raises(ss.InputError, match=r"newborn = Uniform.*not available"):
         replace(contacts(ageing=TABLE), newborn=stretched)
+
+
+# ---------------------------------------------------------------- from a measured curve
+
+
+def stribeck(power):
+    return 0.3 + 0.2 * np.exp(-(SPEEDS**power))
+
+
+@pytest.mark.parametrize("std", [0.02, 0.2, 0.5])
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
+def test_a_curve_goes_through_its_points(power, std):
+    force = stribeck(power)
+    curve = ss.friction_curve(
+        zip(SPEEDS, force, strict=True), thresholds=ss.Gaussian(1.0, std)
+    )
+    found = ss.kinetic_friction(curve.interface, SPEEDS)
+    np.testing.assert_allclose(found, force, rtol=1e-6)
+    assert curve.viscosity == 0.0
+    assert curve.delayed is None
+    # strengths hardly sink anywhere, and between the points friction is near
+    assert np.diff(curve.interface.ageing.strengths).min() > -0.03
+    between = np.sqrt(SPEEDS[1:] * SPEEDS[:-1])
+    near = 0.3 + 0.2 * np.exp(-(between**power))
+    np.testing.assert_allclose(
+        ss.kinetic_friction(curve.interface, between), near, rtol=0.01
+    )
+
+
+def test_contacts_that_are_alike_grow_as_their_friction_falls():
+    force = stribeck(1.0)
+    points = zip(SPEEDS, force, strict=True)
+    found = ss.friction_curve(points, thresholds=ss.Gaussian(1.0, 0.0))
+    growth = found.interface.ageing
+    np.testing.assert_allclose(growth.strengths, 2.0 * force[::-1], rtol=1e-9)
+    np.testing.assert_allclose(growth.ages, (2.0 * force / SPEEDS)[::-1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("sliding_force", [0.0, 0.2])
+def test_the_curve_of_a_delay_is_known_as_one(sliding_force):
+    known = contacts(delay=ss.Delay(0.7), sliding_force=sliding_force)
+    speeds = SPEEDS[::3]
+    force = ss.kinetic_friction(known, speeds)
+    found = ss.friction_curve(zip(speeds, force, strict=True))
+    assert found.delayed.delay.time == pytest.approx(0.7, rel=1e-4)
+    assert found.delayed.sliding_force == pytest.approx(sliding_force, abs=1e-5)
+    np.testing.assert_allclose(
+        ss.kinetic_friction(found.delayed, SPEEDS),
+        ss.kinetic_friction(known, SPEEDS),
+        rtol=1e-5,
+    )
+    assert "a hold or a velocity step decides" in str(found)
+
+
+def test_a_rise_after_the_fall_is_a_viscous_force():
+    # with errors the least viscosity is within them of the true one
+    force = stribeck(1.0) + 0.02 * SPEEDS
+    rough = force + 0.003 * np.random.default_rng(1).standard_normal(13)
+    exact = ss.friction_curve(zip(SPEEDS, force, strict=True))
+    assert exact.viscosity == pytest.approx(0.02, rel=1e-3)
+    np.testing.assert_allclose(exact.friction(SPEEDS), force, rtol=1e-6)
+    points = zip(SPEEDS, rough, [0.003] * 13, strict=True)
+    found = ss.friction_curve(points)
+    assert found.viscosity == pytest.approx(0.02, abs=0.003 / 10.0)
+    np.testing.assert_allclose(
+        found.friction(SPEEDS) + found.residual, rough, rtol=1e-12
+    )
+    assert np.sum((np.array(found.residual) / 0.003) ** 2) < 13
+    assert len(found.plot().axes) == 2
+
+
+def test_the_curve_of_a_rule_of_growth_is_as_stable_as_the_rule():
+    known = contacts(ageing=RULE)
+    speeds = np.geomspace(0.15, 0.7, 20)
+    force = ss.kinetic_friction(known, speeds)
+    found = ss.friction_curve(zip(speeds, force, strict=True)).interface
+    slider = ss.Slider(stiffness=0.3, mass=1e-2, damping=1.0)
+    rigs = [ss.Rig(each, slider, ss.constant(0.35)) for each in (found, known)]
+    one, other = (ss.stability.growth_rate(rig) for rig in rigs)
+    assert one == pytest.approx(other, rel=0.01)
+    limits = [ss.critical(rig, "damping", between=(0.1, 1000.0)) for rig in rigs]
+    one, other = (limit.edges[0].value for limit in limits)
+    assert one == pytest.approx(other, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([(1, 0.5)], "at two speeds or more"),
+        ([(1, 0.5), (1, 0.4)], "each once"),
+        ([(1, 0.5), (2,)], r"points\[1\] = \(2,\): must be one of points"),
+        ([(1, 0.5), (2, -0.1)], r"forces\[1\] = -0.1"),
+        (
+            [(0.1, 0.401), (0.2, 0.5), (1, 0.4), (10, 0.3)],
+            "rises from 0.401 to 0.5 between the velocities 0.1 and 0.2; no viscous",
+        ),
+        (
+            [(1, 0.901), (1.01, 0.5), (1.5, 0.49)],
+            "no growth of .* gives 0.5",
+        ),
+    ],
+)
+def test_curves_that_no_contacts_give(points, message):
+    with pytest.raises(ss.InputError, match=message):
+        ss.friction_curve(points)
+
+
+def test_rounding_is_the_error_of_points_without_one():
+    rounded = ss.friction_curve([(0.1, 0.45), (1, 0.31), (3, 0.3), (10, 0.31)])
+    assert rounded.measured.errors == pytest.approx([0.005] * 4)
+    # no more than rounding makes
+    assert rounded.viscosity == 0.0

@@ -58,6 +58,7 @@ from .simulation import rerun as rerun
 from .simulation import simulate as simulate
 from .simulation import slide_hold_slide as slide_hold_slide
 from .simulation import velocity_step as velocity_step
+from .sliding import friction_curve as friction_curve
 from .sliding import kinetic_friction as kinetic_friction
 from .stability import contact_noise as contact_noise
 from .stability import critical as critical

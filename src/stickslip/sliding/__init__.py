@@ -5,6 +5,7 @@ response.
 linear response `respond` carries the stability of smooth sliding, and rate and state.
 """
 
+from stickslip.sliding.friction_curve import FrictionCurve, friction_curve
 from stickslip.sliding.law import (
     TurningVelocity,
     friction_slope,
@@ -15,8 +16,10 @@ from stickslip.sliding.response import Response
 from stickslip.sliding.steady import respond, sliding_of
 
 __all__ = [
+    "FrictionCurve",
     "Response",
     "TurningVelocity",
+    "friction_curve",
     "friction_slope",
     "kinetic_friction",
     "respond",

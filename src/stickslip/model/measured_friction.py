@@ -1,0 +1,60 @@
+"""A measured friction curve: friction at several speeds, with errors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Annotated, Any, Self
+
+import numpy as np
+
+from stickslip.errors import InputError, number, refused, sequence, shown
+from stickslip.model.records import Number, Record
+
+_POINT = "points (velocity, friction), or (velocity, friction, error)"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredFriction(Record):
+    """Friction at several speeds that rise, at least two, each with its standard
+    error.
+    """
+
+    velocities: Annotated[tuple[float, ...], Number("x_s/time", above=0)]
+    forces: Annotated[tuple[float, ...], Number("f_s", above=0)]
+    errors: Annotated[tuple[float, ...], Number("f_s", at_least=0)]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.velocities) < 2 or np.any(np.diff(self.velocities) <= 0.0):
+            raise InputError(
+                f"friction = {shown(self.velocities)}: must be at two speeds or more, "
+                "each once"
+            )
+
+    @classmethod
+    def of_points(cls, points: Any, place: str = "points") -> Self:
+        """Take points in any order; an error that is not given is that of rounding to
+        the last digit of any.
+        """
+        rows = []
+        for i, point in enumerate(sequence(place, points, _POINT)):
+            row = sequence(f"{place}[{i}]", point, f"one of {_POINT}")
+            if len(row) not in (2, 3):
+                raise refused(f"{place}[{i}]", point, f"must be one of {_POINT}")
+            numbers = (
+                number(f"{place}[{i}]", value, at_least=0 if j == 2 else None)
+                for j, value in enumerate(row)
+            )
+            rows.append([*numbers])
+        rounding = rounding_error([row[1] for row in rows]) if rows else 0.0
+        rows = sorted([*row, rounding][:3] for row in rows)
+        velocities, forces, errors = zip(*rows, strict=True) if rows else ((), (), ())
+        return cls(velocities=velocities, forces=forces, errors=errors)
+
+
+def rounding_error(values: Sequence[float]) -> float:
+    """Return what rounding to the last digit of any of some numbers may be, as their
+    error.
+    """
+    digits = (Decimal(repr(value)).normalize().as_tuple() for value in values)
+    return float(0.5 * 10.0 ** min(int(each.exponent) for each in digits))
