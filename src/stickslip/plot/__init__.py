@@ -39,7 +39,13 @@ from stickslip.plot.elastic import (
     spacetime,
 )
 from stickslip.plot.film import contacts, sound
-from stickslip.plot.fits import fitted, peaks_after_holds, slips, velocity_step
+from stickslip.plot.fits import (
+    fitted,
+    peaks_after_holds,
+    slips,
+    steps_and_holds,
+    velocity_step,
+)
 from stickslip.plot.maps import chart, sweep_picture
 from stickslip.plot.palette import (
     BLACK,
@@ -122,6 +128,7 @@ __all__ = [
     "slips",
     "sound",
     "spacetime",
+    "steps_and_holds",
     "sweep_picture",
     "unit_text",
     "velocity",

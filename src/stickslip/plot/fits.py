@@ -182,6 +182,57 @@ def velocity_step(
 
 
 @house_style()
+def steps_and_holds(found: Fit) -> Figure:
+    """Draw what `fit_record` returns: the record with its steps and holds marked, each
+    step with its fit, and the peaks after holds over their times.
+    """
+    length, clock, unit = found.record.units
+    panels = [*found.steps[: _SHOWN - 1]] + [None] * bool(found.holds)
+    rows = -(-len(panels) // 3)
+    figure = new_figure(PAGE, 2.2 + 1.9 * rows)
+    grid = figure.add_gridspec(1 + rows, 3)
+    trace = figure.add_subplot(grid[0, :])
+    time = found.record.time
+    trace.plot(*envelope(time, found.record.friction), color=GREY, linewidth=0.6)
+    for one in (*found.steps, *found.refused):
+        colour = VERMILLION if one in found.refused else BLUE
+        trace.axvline(float(one.at), color=colour, linewidth=0.8)
+    for one in found.holds:
+        trace.axvspan(one.at, one.at + one.hold, color=SKY, alpha=0.4, linewidth=0)
+    friction = f"friction ({unit})" if unit else "friction"
+    panel(trace, "record: steps (lines), holds (bands)", f"time ({clock})", friction)
+    for k, fit in enumerate(panels):
+        ax = figure.add_subplot(grid[1 + k // 3, k % 3])
+        if fit is None:
+            _draw_healing(ax, found, f"hold ({clock})")
+            continue
+        step = fit.step
+        x = step.displacement
+        ax.plot(x, step.friction, ".", color=GREY, markersize=1.5)
+        ax.plot(x, fit.friction(x), color=BLUE)
+        title = f"{step.before:.3g} to {step.after:.3g} {length}/{clock}"
+        panel(ax, title, f"displacement ({length})", None)
+    return figure
+
+
+def _draw_healing(ax: Axes, found: Fit, across: str) -> None:
+    """Peaks after holds with their errors, and the line of the healing."""
+    hold = np.array([one.hold for one in found.holds])
+    peak = np.array([float(one.peak) for one in found.holds])
+    errors = [one.peak.error for one in found.holds]
+    ax.errorbar(hold, peak, errors, fmt="o", color=BLACK, markersize=3)
+    ax.set_xscale("log")
+    if found.healing is not None:
+        decades = np.log10(hold)
+        weights = 1.0 / np.maximum(errors, 1e-12) ** 2
+        middle, level = np.average([decades, peak], axis=1, weights=weights)
+        ends = np.array([decades.min(), decades.max()])
+        line = level + float(found.healing) * (ends - middle)
+        ax.plot(10.0**ends, line, color=BLUE)
+    panel(ax, "peak after the hold", across, None)
+
+
+@house_style()
 def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figure:
     """Draw how far the force of a `slide_hold_slide` run peaks after holds, and relaxes
     in them, over their times.

@@ -17,18 +17,23 @@ from stickslip.rate_state.measured import (
     fit_contacts,
     fit_rate_and_state,
 )
+from stickslip.rate_state.record import Hold, RecordFit, RefusedStep, fit_record
 
 __all__ = [
     "ContactsFit",
     "Healing",
+    "Hold",
     "RateAndState",
     "RateAndStateFit",
+    "RecordFit",
+    "RefusedStep",
     "Step",
     "StepFit",
     "export_rate_and_state",
     "finite_step",
     "fit_contacts",
     "fit_rate_and_state",
+    "fit_record",
     "healing",
     "rate_and_state",
     "small_step",

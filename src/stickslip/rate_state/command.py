@@ -13,10 +13,12 @@ from stickslip.errors import InputError, shown
 from stickslip.io import rig_files
 from stickslip.measure import read_trace
 from stickslip.model.quantities import read_value
+from stickslip.progress import Progress, bar
 from stickslip.rate_state.equivalent_law import rate_and_state
-from stickslip.rate_state.experiments import healing, velocity_step_in
+from stickslip.rate_state.experiments import healing
 from stickslip.rate_state.exports import Program, export_rate_and_state
 from stickslip.rate_state.measured import StepFit, fit_rate_and_state
+from stickslip.rate_state.record import RecordFit, fit_record
 from stickslip.simulation.steps_and_holds import slide_hold_slide
 
 Text = str | None
@@ -46,21 +48,25 @@ class Options:
     output
         Write the export to a file.
     step_at
-        Of a trace: about when the step came, '68.7 s'.
+        Of a trace: the one step that is nearest to this time, '68.7 s'.
     from_
-        Of a trace: velocity before it, '3 um/s'.
+        Of a trace: velocity before it, where no displacement shows it: '3 um/s'.
     to
         Of a trace: velocity after the step.
     span
-        Of a trace: displacement about it, '5 um, 120 um'.
+        Of a trace: displacement about each step, '5 um, 120 um'.
     trend
         Of a trace: fit a linear trend in displacement besides.
     stiffness
         Of a trace: '0.006 1/um'; fitted by default.
     json
         Print JSON for a machine to read.
+    displacement
+        Of a trace: column of the displacement, by name or number.
+    force
+        Of a trace: column of the friction, by name or number.
     plot
-        Draw the fit of a trace, or peaks after holds.
+        Draw a trace with its steps and holds and each fit, or peaks after holds.
     """
 
     law: Literal["best", "ageing", "slip"] = "best"
@@ -78,12 +84,14 @@ class Options:
     trend: bool = True
     stiffness: Text = None
     json: Annotated[bool, Parameter(negative="")] = False
+    displacement: Text = None
+    force: Text = None
     plot: Path | None = None
 
 
 def rsf(data: Path, *, given: Options = Options()) -> None:
-    """Say whether a rig is rate-and-state-like, or fit rate and state to a measured
-    velocity step.
+    """Say whether a rig is rate-and-state-like, or fit rate and state to the velocity
+    steps of a measured trace, and read its holds.
 
     Exit code 2 and the number that fails, if the interface is not rate-and-state-like.
 
@@ -96,7 +104,8 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
     if given.step_at is None and (data.suffix == ".toml" or named):
         content, words = _judged(data, given)
     elif given.holds is None:
-        found = _fitted(data, given)
+        with bar(f"rsf {data.name}", first=10.0, every=10.0) as report:
+            found = _fitted(data, given, report)
         content = found.to_dict()
         words = f"{found}\n"
     else:
@@ -177,22 +186,16 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     return content, words
 
 
-def _fitted(path: Path, given: Options) -> StepFit:
-    """The fit of a measured step, in the units of the trace."""
-    if given.step_at is None or given.from_ is None or given.to is None:
-        raise InputError(
-            f"{path}: of a measured trace say --step-at '68.7 s' --from '3 um/s' --to "
-            "'10 um/s'"
-        )
-    trace = read_trace(path)
+def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit:
+    """The fit of all steps of a trace, or of one, in the units of the trace."""
+    trace = read_trace(path, force=given.force, displacement=given.displacement)
+    units = [
+        str(trace[name].attrs.get("units", "")) if name in trace else ""
+        for name in ("measured_displacement", "time", "spring_force")
+    ]
+    length, clock, force = units
+    length = length or "m"
     span = None
-    spring = None
-    clock = str(trace["time"].attrs.get("units", "s"))
-    length = (
-        str(trace["measured_displacement"].attrs["units"])
-        if "measured_displacement" in trace
-        else "m"
-    )
     if given.span is not None:
         ends = [
             read_value("--span", end, length, "5 um, 120 um")
@@ -204,26 +207,36 @@ def _fitted(path: Path, given: Options) -> StepFit:
                 "120 um'"
             )
         span = (ends[0], ends[1])
-    step = velocity_step_in(
-        trace,
-        at=read_value(
-            "--step-at", given.step_at, clock, "68.7 s", bare=True, above=None
-        ),
-        before=read_value("--from", given.from_, f"{length}/{clock}", "3 um/s"),
-        after=read_value("--to", given.to, f"{length}/{clock}", "10 um/s"),
-        span=span,
-    )
+    spring = None
     if given.stiffness is not None:
-        unit = f"{step.friction_unit or 1}/{length}"
+        unit = f"{1 if 'mu' in trace else force}/{length}"
         spring = read_value("--stiffness", given.stiffness, unit, f"0.006 {unit}")
-    fit = fit_rate_and_state(
-        replace(step, length_unit=length),
-        law=given.law,
-        stiffness=spring,
-        trend=given.trend,
-    )
+    how: dict[str, Any] = {
+        "law": given.law,
+        "stiffness": spring,
+        "span": span,
+        "trend": given.trend,
+    }
+    if given.step_at is None:
+        if given.from_ or given.to:
+            raise InputError("--from, --to: need --step-at, about when the step came")
+        record = fit_record(trace, progress=report, **how)
+        if given.plot is not None:
+            from stickslip import plot
+
+            plot.save(plot.steps_and_holds(record), given.plot)
+        return record
+    speeds = [
+        None
+        if value is None
+        else read_value(option, value, f"{length}/{clock}", "3 um/s")
+        for option, value in (("--from", given.from_), ("--to", given.to))
+    ]
+    at = read_value("--step-at", given.step_at, clock, "68.7 s", bare=True, above=None)
+    fit = fit_rate_and_state(trace, at=at, before=speeds[0], after=speeds[1], **how)
+    fit = replace(fit, step=replace(fit.step, length_unit=length))
     if given.plot is not None:
         from stickslip import plot
 
-        plot.save(plot.velocity_step(step, [fit], length=length), given.plot)
+        plot.save(plot.velocity_step(fit.step, [fit], length=length), given.plot)
     return fit

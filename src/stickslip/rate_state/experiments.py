@@ -4,6 +4,8 @@ and healing after holds.
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -11,10 +13,14 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number, whole
-from stickslip.measure.trace import Array
+from stickslip.measure.headings import ratio
+from stickslip.measure.trace import ERRORS, Array
+from stickslip.rate_state.fitting import Estimate
+from stickslip.rate_state.pieces import Piece, find_pieces
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 """Variables that may hold the friction, in the order in which they are looked for."""
+_FEWEST = 30  # samples after a step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +33,8 @@ class Step:
     friction: Array
     before: float  #: velocity of the load point before the step
     after: float  #: and after it
-    at: float = 0.0  #: time at which it was expected
+    at: float = 0.0  #: time at which lines of the displacement cross, or a given one
+    at_error: float = 0.0  #: of that crossing; 0 of a time that is only expected
     #: whether the displacement was measured; else it is the velocities times the time
     measured: bool = True
     length_unit: str = ""  #: of the data; empty where it has none
@@ -69,12 +76,119 @@ class Step:
         return float(np.median(before) if before.size else self.friction[0])
 
 
+class Record(NamedTuple):
+    """Friction of a run or a trace over time, and the pieces of constant speed of its
+    displacement, if it holds one.
+    """
+
+    time: Array
+    friction: Array
+    place: Array | None  #: displacement of the load point, without its noise
+    pieces: list[Piece]
+    names: tuple[str | None, str, str]  #: variables of displacement, time, friction
+    units: tuple[str, str, str]  #: of these; "" without one
+
+    @classmethod
+    def of(cls, data: xr.Dataset) -> Self:
+        """Take friction and displacement out of a Dataset; `InputError` if it holds no
+        friction.
+        """
+        instance("data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
+        name = next((one for one in _FRICTIONS if one in data), None)
+        if name is None or "time" not in data.coords:
+            raise InputError(
+                "data: holds no friction along a time; it must have one of "
+                f"{', '.join(_FRICTIONS)}"
+            )
+        # Of a run the displacement is that of its slider, which is not the load point.
+        places = ("measured_displacement", "drive_velocity", "displacement", "velocity")
+        skipped = ("displacement",) if "velocity" in data else ()
+        along = next(
+            (one for one in places if one in data and one not in skipped), None
+        )
+        rows = pd.DataFrame(
+            {one: data[one].values.astype(float) for one in (name, along) if one},
+            index=data["time"].values.astype(float),
+        )
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if len(rows) < _FEWEST:
+            raise InputError(
+                f"data: {len(rows)} samples; there must be at least {_FEWEST}"
+            )
+        time = rows.index.to_numpy()
+        names = (along, "time", name)
+        length, clock, unit = (
+            str(data[one].attrs.get("units", "")) if one else "" for one in names
+        )
+        place = None
+        pieces = list[Piece]()
+        if along is not None:
+            place = rows[along].to_numpy()
+            if "velocity" in along:
+                speed, length = length, length.partition("/")[0]
+                scale = ratio(speed, f"{length}/{clock}") or 1.0
+                way = 0.5 * (place[1:] + place[:-1]) * np.diff(time)
+                place = scale * np.append(0.0, np.cumsum(way))
+            pieces, place = find_pieces(time, place)
+        units = (length, clock, unit.removeprefix("1"))
+        return cls(time, rows[name].to_numpy(), place, pieces, names, units)
+
+    def steps(self) -> list[tuple[Piece, Piece]]:
+        """The pieces before and after each velocity step."""
+        return [pair for pair in pairwise(self.pieces) if pair[0].steps_to(pair[1])]
+
+    def cut(
+        self,
+        before: Piece,
+        after: Piece,
+        span: tuple[float, float] | None = None,
+        bins: int = 800,
+    ) -> Step:
+        """Cut out the step between two pieces, in bins of displacement."""
+        at = after.begin
+        speeds = [abs(float(one.velocity)) for one in (before, after)]
+        if self.place is None:
+            x = np.where(self.time < at, *speeds) * (self.time - at)
+            back = 0.1 * float(x.max())
+        else:
+            x = (self.place - after.place) * math.copysign(1.0, after.velocity)
+            # The first half of the time before may still show the step before that.
+            back = 0.5 * speeds[0] * (before.end - before.begin)
+        back, forth = span or (back, float(x.max()))
+        inside = (x >= -back) & (x <= forth)
+        inside &= (self.time >= before.begin) & (self.time <= after.end)
+        # These may lie on either side of the step.
+        inside &= np.abs(self.time - at) >= ERRORS * after.begin_error
+        rows = pd.DataFrame({"x": x[inside], "friction": self.friction[inside]})
+        if (later := int((rows.x > 0).sum())) < _FEWEST:
+            raise InputError(
+                f"at = {at:g}: {later} samples after the step; there must be at least "
+                f"{_FEWEST}"
+            )
+        width = float(np.ptp(rows.x)) / min(bins, len(rows))
+        # No bin has readings of both sides of the step.
+        held = rows.groupby(np.floor(rows.x / width)).mean()
+        length, clock, unit = self.units
+        return Step(
+            displacement=held.x.values,
+            friction=held.friction.values,
+            before=speeds[0],
+            after=speeds[1],
+            at=at,
+            at_error=after.begin_error,
+            measured=self.place is not None,
+            length_unit=length,
+            time_unit=clock,
+            friction_unit=unit,
+        )
+
+
 def velocity_step_in(
     data: xr.Dataset,
     *,
     at: float | None,
-    before: float | None,
-    after: float | None,
+    before: float | None = None,
+    after: float | None = None,
     span: tuple[float, float] | None = None,
     bins: int = 800,
 ) -> Step:
@@ -88,19 +202,24 @@ def velocity_step_in(
         ``measured_displacement`` or ``displacement`` (of a run that is the slider's,
         and is not used), else the velocities times the time.
     at : float
-        Time of the step, in the unit of time of the data.
-    before, after : float
-        Velocities of the load point, in displacement per time of the data.
+        Time of the step, in the unit of time of the data. Where the displacement shows
+        steps, the one that is nearest to it is cut out, and its time and place are
+        those at which lines through both sides cross.
+    before, after : float, optional
+        Velocities of the load point, in displacement per time of the data; by default
+        those of its displacement.
     span : (float, float), optional
-        How much displacement before and after the step; by default all there is after
-        it, and a tenth of that before.
+        How much displacement before and after the step, no farther than the next ones;
+        by default all there is after it, and half of what is before, or a tenth of that
+        after it without a displacement.
     bins : int
         Into how many bins of equal displacement the data is averaged, at most.
 
     Raises
     ------
     InputError
-        If there is no such variable, or less than 30 samples after the step.
+        If there is no such variable, or less than 30 samples after the step, or the
+        displacement shows another one.
 
     Examples
     --------
@@ -113,68 +232,55 @@ def velocity_step_in(
     >>> float(step.displacement.max()), step.measured
     (60.0, False)
     """
-    instance(
-        "velocity_step_in: data",
-        data,
-        xr.Dataset,
-        "a Dataset, as read_trace() returns it",
-    )
-    name = next((one for one in _FRICTIONS if one in data), None)
-    if name is None or "time" not in data.coords:
-        raise InputError(
-            "data: holds no friction along a time; it must have one of "
-            f"{', '.join(_FRICTIONS)}"
+    record = Record.of(data)
+    whole("bins", bins, at_least=_FEWEST, at_most=100_000)
+    return record.cut(*step_near(record, at, before, after), span, bins)
+
+
+def step_near(
+    record: Record,
+    at: float | None,
+    before: float | None = None,
+    after: float | None = None,
+) -> tuple[Piece, Piece]:
+    """The pieces before and after the step nearest to a time: those of the
+    displacement, or of the velocities that are given where it shows none.
+    """
+    first, last = record.time[[0, -1]].tolist()
+    at = number("at", at, at_least=first, at_most=last, hint="time of the step")
+    given = [
+        None if value is None else Estimate(number(name, value, above=0, hint=hint))
+        for name, value, hint in (
+            ("before", before, "velocity before the step"),
+            ("after", after, "velocity after the step"),
         )
-    time = data["time"].values.astype(float)
-    at = number(
-        "at",
-        at,
-        at_least=float(time[0]),
-        at_most=float(time[-1]),
-        hint="time of the step",
-    )
-    before = number("before", before, above=0, hint="velocity before the step")
-    after = number("after", after, above=0, hint="velocity after the step")
-    if before == after:
+    ]
+    if before is not None and before == after:
         raise InputError(
             f"after = {after:g}: equals the velocity before the step; give another one"
         )
-    names = (
-        ("measured_displacement",)
-        if "velocity" in data
-        else ("measured_displacement", "displacement")
-    )
-    along = next((one for one in names if one in data), None)
-    if along is None:
-        x = np.where(time < at, before, after) * (time - at)
-    else:
-        place = data[along].values.astype(float)
-        x = place - float(np.interp(at, time, place))
-    rows = pd.DataFrame({"x": x, "friction": data[name].values.astype(float)})
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    back, forth = span or (0.1 * float(rows.x.max()), float(rows.x.max()))
-    rows = rows[rows.x.between(-back, forth)]
-    if (later := int((rows.x > 0).sum())) < 30:
-        raise InputError(
-            f"at = {at:g}: {later} samples after the step; there must be at least 30"
+    if steps := record.steps():
+        early, late = min(steps, key=lambda pair: abs(pair[1].begin - at))
+        if before and after:
+            rises = abs(late.velocity) > abs(early.velocity)
+            if rises != (after > before):
+                raise InputError(
+                    f"before = {before:g}, after = {after:g}: swapped? At "
+                    f"{late.begin:.6g} the velocity of the displacement steps from "
+                    f"{abs(early.velocity):.4g} to {abs(late.velocity):.4g}"
+                )
+        return early._replace(velocity=given[0] or early.velocity), late._replace(
+            velocity=given[1] or late.velocity
         )
-    count = min(whole("bins", bins, at_least=30, at_most=100_000), len(rows))
-    held = rows.groupby(pd.cut(rows.x, count, right=False, labels=False)).mean()
-    length, clock, unit = (
-        str(data[one].attrs.get("units", "")) if one else ""
-        for one in (along, "time", name)
-    )
-    return Step(
-        displacement=held.x.values,
-        friction=held.friction.values,
-        before=before,
-        after=after,
-        at=at,
-        measured=along is not None,
-        length_unit=length,
-        time_unit=clock,
-        friction_unit=unit.removeprefix("1"),
-    )
+    if given[0] is None or given[1] is None:
+        raise InputError(
+            "before, after: must both be given, since no displacement shows a step"
+        )
+    place = 0.0
+    if record.place is not None:
+        place = float(np.interp(at, record.time, record.place))
+    early = Piece(first, at, given[0], place)
+    return early, Piece(at, last, given[1], place)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

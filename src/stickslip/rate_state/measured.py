@@ -3,8 +3,10 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import product
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -17,10 +19,14 @@ from stickslip.measure.trace import Array, memory
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import ROUGH, finite_step, small_step
-from stickslip.rate_state.experiments import Step, velocity_step_in
+from stickslip.rate_state.experiments import Record, Step, step_near
 from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
+from stickslip.rate_state.pieces import Piece
 from stickslip.sliding import kinetic_friction
+
+# Distances D after which a step is forgotten: exp(-20) of it is left.
+_REACH = 20.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -30,7 +36,7 @@ class FittedStep(Answer, ABC):
     step: Step  #: what was fitted
     #: of whatever is between load point and sliding surface, friction per displacement
     stiffness: Estimate
-    late: float  #: how much displacement after the given time the step came
+    late: float = 0.0  #: how much displacement after the given time the step came
     at: Estimate = Estimate(0.0)  #: time of the step
     level: float = 0.0  #: friction before the step
     trend: float = 0.0  #: its slope in displacement
@@ -93,24 +99,49 @@ class StepFit(FittedStep):
     distance: Estimate  #: ``D``, over which the state evolves
     #: its error is that of the difference: a and b err together
     a_minus_b: Estimate = Estimate(0.0)
+    with_trend: bool = True  #: whether a linear trend was fitted besides
+    #: a, b, a - b and D of the fit without a trend, or with one if this has none;
+    #: None if that identifies none
+    other: tuple[float, float, float, float] | None = None
 
     @property
     def parameters(self) -> RateAndState:
         """The law and its parameters, to slide with."""
         return RateAndState(law=self.law, a=self.a, b=self.b, distance=self.distance)
 
-    def _rise(self, since: Array) -> Array:
-        return self.parameters.step(since, self.step.ratio, stiffness=self.stiffness)
-
-    def __str__(self) -> str:
+    @property
+    def estimates(self) -> dict[str, tuple[Estimate, str]]:
+        """a, b, a - b and D, with their units."""
         unit = self.step.friction_unit
-        estimates = {
+        return {
             "a": (self.a, unit),
             "b": (self.b, unit),
             "a - b": (self.a_minus_b, unit),
             "D": (self.distance, self.step.length_unit),
         }
-        return f"{self.law} law: {self._words(estimates)}"
+
+    @property
+    def moved(self) -> str:
+        """What the trend moves by more than its quoted error, in words; or nothing."""
+        how = f"with{'out' * self.with_trend} a linear trend"
+        if self.other is None:
+            return f"not identified {how}"
+        far = [
+            f"{name} = {Estimate(value).words(unit)}, "
+            f"{abs(value - found) / found.error:.2g} of its errors off"
+            for (name, (found, unit)), value in zip(
+                self.estimates.items(), self.other, strict=True
+            )
+            if abs(value - found) > found.error
+        ]
+        return f"{how}: {'; '.join(far)}" if far else ""
+
+    def _rise(self, since: Array) -> Array:
+        return self.parameters.step(since, self.step.ratio, stiffness=self.stiffness)
+
+    def __str__(self) -> str:
+        moved = f"\n{self.moved}" if self.moved else ""
+        return f"{self.law} law: {self._words(self.estimates)}{moved}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -188,20 +219,20 @@ def _fitted(
     """Fit a step of some kind beside a line, and when it came; and the covariance of
     what was fitted.
 
-    Fields of the kind are given, or fitted within their `ranges`; how late the step
-    came follows these in `starts`. With the fields that are `quick` it is nearly the
+    Fields of the kind are given, or fitted within their `ranges`, in the order of
+    `starts`. With the fields that are `quick` it is nearly the
     same: derivatives are taken of that.
     """
-    low, high = np.array([*ranges.values(), (-step.near, step.near)]).T
+    low, high = np.array([*ranges.values()]).T
     lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
     of_line = np.linalg.pinv(lines)
 
     @lru_cache(maxsize=16)  # that of the best values is asked for again
     def above(quickly: bool, *value: float) -> Array:
-        *found, late = value
-        fields: dict[str, Any] = dict(zip(ranges, found, strict=True))
+        fields: dict[str, Any] = dict(zip(ranges, value, strict=True))
         own = quick if quickly and quick else given
-        return kind(step=step, late=late, **own, **fields)._rise(step.since(late))
+        like_it = kind(step=step, **own, **fields)
+        return like_it._rise(step.since(like_it.late))
 
     def beside_a_line(value: Array, quickly: bool = False) -> Array:
         up = above(quickly, *value.tolist())
@@ -216,21 +247,21 @@ def _fitted(
     count = step.friction.size
     alike = memory(step.friction - fit.curve)
     inflation = math.sqrt(count / max(count * (1.0 - alike) / (1.0 + alike), low.size))
-    *found, late = fit.estimates(inflation)
-    values = dict(zip(ranges, found, strict=True))
+    values = dict(zip(ranges, fit.estimates(inflation), strict=True))
     if not fit.converged:
         raise _unidentified(
             "the fit did not converge; give a longer record, or less noise"
         )
     for name, (least, largest) in ranges.items():
         value = values[name]
-        if name == "stiffness":
+        if name in ("stiffness", "late"):
             continue
         found_as = f"{name} = {value.words()}"
         if not value.error < value:
             raise _unidentified(f"{found_as}, an error as large as the value")
         if not least * (1 + 1e-6) < value < largest * (1 - 1e-6):
             raise _unidentified(f"{found_as} is at the end of the range that was tried")
+    late = values.pop("late", Estimate(0.0))
     if abs(late) > 0.999 * step.near > 1e-6 * step.displacement.max():
         raise _unidentified(
             f"no step as near the time {step.at:g} that was given as data is kept; "
@@ -239,7 +270,8 @@ def _fitted(
     beside = of_line @ (step.friction - above(False, *fit.value.tolist()))
     line = dict(zip(("level", "trend"), beside.tolist(), strict=False))
     velocity = step.before if step.measured and late > 0 else step.after
-    at = Estimate(step.at + late / velocity, late.error / velocity)
+    error = math.hypot(step.at_error, late.error / velocity)
+    at = Estimate(step.at + float(late) / velocity, error)
     record = kind(
         step=step,
         late=float(late),
@@ -254,9 +286,7 @@ def _fitted(
 
 
 def _unidentified(doubt: str) -> UndecidedError:
-    return UndecidedError(
-        f"not identified: {doubt} (or are the velocities, --from and --to, swapped?)"
-    )
+    return UndecidedError(f"not identified: {doubt}")
 
 
 def fit_rate_and_state(
@@ -311,87 +341,165 @@ def fit_rate_and_state(
     >>> fit.law, round(fit.distance, 1)
     ('slip', 5.0)
     """
-    step = (
-        data
-        if isinstance(data, Step)
-        else velocity_step_in(data, at=at, before=before, after=after, span=span)
-    )
     spring = (
         None
         if stiffness is None
         else number("stiffness", stiffness, above=0, hint="friction per displacement")
     )
-    found = []
-    failed = []
-    for one in LAWS if law == "best" else (law,):
-        try:
-            found.append(_fit_law(step, one, spring, trend=trend))
-        except UndecidedError as error:
-            failed.append(error)
-    if not found:
-        raise failed[0]
-    return min(found, key=lambda one: one.rms)
+    laws = LAWS if law == "best" else (law,)
+    if isinstance(data, Step):
+        return best_law(fit_laws(data, laws, spring, trend=trend))
+    record = Record.of(data)
+    pieces = step_near(record, at, before, after)
+    step = record.cut(*pieces, span) if span else nearby(record, *pieces)
+    return best_law(fit_laws(step, laws, spring, trend=trend))
 
 
-def _guess(step: Step, late: float = 0.0) -> Array:
-    """About a, b and D: the largest rise, what is left of it, and where it has
-    fallen to 1/e.
+def nearby(record: Record, before: Piece, after: Piece) -> Step:
+    """Cut out of a step what its state remembers: farther off, friction is hardly a
+    line.
     """
-    x = step.since(late)
-    after = x[x > 0]
-    rise = (step.friction[x > 0] - step.level(late)) / math.log(step.ratio)
-    end = float(np.mean(rise[-max(rise.size // 5, 1) :]))
-    smooth = np.convolve(rise, np.ones(5) / 5, mode="same") if rise.size > 20 else rise
-    top = int(np.argmax(smooth[: max(rise.size // 2, 1)]))
-    direct = max(float(smooth[top]), 0.2 * float(np.ptp(rise)))
-    fallen = np.flatnonzero(smooth[top:] < end + 0.37 * (smooth[top] - end))
-    distance = (
-        after[min(top + fallen[0], after.size - 1)] - after[top]
-        if fallen.size
-        else 0.1 * after[-1]
-    )
-    return np.array(
-        [
-            direct,
-            max(direct - end, 0.1 * direct),
-            max(distance, after[min(2, after.size - 1)]),
-        ]
-    )
+    step = record.cut(before, after)
+    back = -float(step.displacement[0])
+    while True:
+        x = step.displacement
+        try:
+            forth = _REACH * float(_rough(step, "slip")[2])
+        except UndecidedError:  # it may lie within a few bins
+            forth = 0.05 * float(x[-1])
+        if forth > 0.5 * x[-1]:
+            return step
+        try:
+            step = record.cut(before, after, (min(back, forth), forth))
+        except InputError:  # too few readings
+            return step
 
 
-def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> StepFit:
+def fit_laws(
+    step: Step, laws: Sequence[Law], stiffness: float | None, *, trend: bool
+) -> dict[Law, StepFit | UndecidedError]:
+    """Fit each of the laws to a step; the reason where one is not identified."""
+    found: dict[Law, StepFit | UndecidedError] = {}
+    for law in laws:
+        try:
+            found[law] = _fit_law(step, law, stiffness, trend=trend)
+        except UndecidedError as error:
+            found[law] = error
+    return found
+
+
+def best_law(fits: Mapping[Law, StepFit | UndecidedError]) -> StepFit:
+    """The fit with the smallest residuals; `UndecidedError` if there is none.
+
+    Where nothing but the velocities that were given shows which is the larger, they
+    may be swapped: then the fit to swapped ones is identified.
+    """
+    found = [one for one in fits.values() if isinstance(one, StepFit)]
+    if found:
+        return min(found, key=lambda one: one.rms)
+    error = next(one for one in fits.values() if isinstance(one, UndecidedError))
+    raise error
+
+
+def _rough(step: Step, law: Law) -> Array:
+    """About a, b, D, the displacement over which friction rises, and how late the step
+    came: those of a rigid slider behind a lag, by linear least squares on a grid.
+    """
+    x = step.displacement
+    fine = float(np.median(np.diff(x)))
+    size = math.log(step.ratio)
+    lates = [0.0]
+    if not step.at_error:
+        lates += np.linspace(-0.9 * step.near, 0.9 * step.near, 20).tolist()
+    best = np.array([math.inf])
+    for late, D, part in product(
+        lates, np.geomspace(2.0 * fine, 0.5 * x[-1], 12), (0.0, 0.1, 0.3, 1.0)
+    ):
+        since = np.maximum(step.since(late), 0.0)
+        lag = max(part * D, 0.3 * fine)
+        left = np.exp(-since / D)
+        state = (
+            np.log1p(np.expm1(size) * left) - size
+            if law == "ageing"
+            else size * (left - 1.0)
+        )
+        risen = -np.expm1(-since / lag)
+        shapes = np.array([np.ones(x.size), x, size * risen, state * risen]).T
+        (_, _, a, b), rest, rank, _ = np.linalg.lstsq(shapes, step.friction)
+        if rank == 4 and a > 0 and b > 0 and rest[0] < best[0]:
+            best = np.array([rest[0], a, b, D, lag, late])
+    if best.size == 1:
+        raise _unidentified(
+            "friction does not rise with the velocity and fall back with the "
+            "displacement after the step"
+        )
+    return best[1:]
+
+
+def _fit_law(
+    step: Step,
+    law: Law,
+    stiffness: float | None,
+    *,
+    trend: bool,
+    start: Array | None = None,
+) -> StepFit:
     # means of bins round
     if not np.ptp(step.friction) > 1e-12 * np.abs(step.friction).max():
         raise UndecidedError(
             f"the friction is {step.friction[0]:g} throughout: there is no step in it"
         )
-    a = _guess(step)[0]
+    alone = start is not None
+    if start is None:
+        a, b, D, lag, late = _rough(step, law)
+        start = np.array([a, b, D, a / lag, late])
+    a = start[0]
     reach = float(step.displacement.max())
     fine = float(np.median(np.diff(step.displacement)))
+    # A rise that takes less than a tenth of a bin cannot be told from a sudden one,
+    # and would take as many more steps of the integrator.
     ranges = {
         "a": (1e-3 * a, 1e2 * a),
         "b": (1e-3 * a, 1e2 * a),
         "distance": (0.1 * fine, 10.0 * reach),
     }
+    stiffest = 10.0 * a / fine
     given: dict[str, Any] = {"law": law}
+    kept = [0, 1, 2]
     if stiffness is None:
-        ranges["stiffness"] = (1e-3 * a / reach, 1e2 * a / fine)
+        ranges["stiffness"] = (1e-3 * a / reach, stiffest)
+        kept.append(3)
     else:
-        given["stiffness"] = Estimate(stiffness)
-
-    def start(late: float, *wide: float) -> Array:
-        a, b, distance = (wide or 1.0) * _guess(step, late)
-        return np.append([a, b, distance, 2.0 * a / distance][: len(ranges)], late)
-
-    starts = [start(0.0), start(0.0, 1.5, 1.5, 0.5), start(0.0, 1.2, 1.2, 2.0)]
-    tried = [start(late) for late in np.linspace(-0.9 * step.near, 0.9 * step.near, 61)]
+        given["stiffness"] = Estimate(stiffness, getattr(stiffness, "error", 0.0))
+    if not step.at_error:
+        ranges["late"] = (-step.near, step.near)
+        kept.append(4)
     found, covariance = _fitted(
-        StepFit, step, given, ranges, starts, trend=trend, tried=tried
+        StepFit, step, given, ranges, [start[kept]], trend=trend
     )
     apart = math.sqrt(
         max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0)
     )
-    return replace(found, a_minus_b=Estimate(found.a - found.b, apart))
+    found = replace(
+        found, a_minus_b=Estimate(found.a - found.b, apart), with_trend=trend
+    )
+    if alone:
+        return found
+    start = np.array([found.a, found.b, found.distance, found.stiffness, found.late])
+    again = partial(_fit_law, step, law, start=start)
+    if not found.stiffness.error < found.stiffness:
+        # A machine as stiff as can be told is rigid, where that is within an error.
+        with suppress(UndecidedError):
+            limit = Estimate(stiffest, math.inf)
+            rigid = again(limit, trend=trend)
+            if step.friction.size * ((rigid.rms / found.rms) ** 2 - 1.0) < 1.0:
+                found = rigid
+                stiffness = limit
+    with suppress(UndecidedError):
+        other = again(stiffness, trend=not trend)
+        a, b = float(other.a), float(other.b)
+        return replace(found, other=(a, b, a - b, float(other.distance)))
+    return found
 
 
 def fit_contacts(
@@ -444,9 +552,10 @@ def fit_contacts(
         "breaking_displacement": (0.2 * D, 20 * D),
         "stiffness": (0.1 * spring, 10 * spring),
     }
-    tried = [
-        np.array([a, 0.8 * a, wide * D, spring, rough.late]) for wide in (1.5, 3.0)
-    ]
+    late = [rough.late] * (not step.at_error)
+    if late:
+        ranges["late"] = (-step.near, step.near)
+    tried = [np.array([a, 0.8 * a, wide * D, spring, *late]) for wide in (1.5, 3.0)]
     quick = {"thresholds": thresholds, "linear": True}
     # no finer than what is fitted
     how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4 if linear else ROUGH.rtol}
@@ -454,7 +563,7 @@ def fit_contacts(
         ContactsFit, step, quick, ranges, [], tried=tried, most=50, **how
     )
     if not linear:
-        start = np.array([*(getattr(found, name) for name in ranges), found.late])
+        start = np.array([getattr(found, name) for name in ranges])
         found, _ = _fitted(
             ContactsFit,
             step,
