@@ -195,10 +195,8 @@ def unusable(tmp_path, monkeypatch):
         ("rsf warm.toml --area '1 cm^2'", "--area 1 cm^2: needs --export"),
         ("rsf warm.toml --export qdyn", "--export qdyn: needs --load"),
         ("rsf rig.toml", "; add [interface.activation]"),
-        *(
-            (f"rsf trace.csv{speeds}", "of a measured trace say --step-at")
-            for speeds in ("", " --from 3um/s")
-        ),
+        *((f"rsf trace.csv{given}", "--step-at") for given in ("", " --from 3um/s")),
+        ("rsf trace.csv --step-at 9", "must both be given (--from, --to)"),
         (
             "rsf trace.csv --step-at '9 s' --from '3 um/s' --to '9 um/s' --holds '1 s'",
             "--holds: is for a rig",

@@ -617,7 +617,8 @@ def test_a_measured_step_on_basalt():
     assert [ageing.a, ageing.b, ageing.distance] == pytest.approx(
         [0.00933, 0.00904, 5.8], rel=0.05
     )
-    assert max(slip.rms, ageing.rms) < 5.1e-4
+    # of bins of a displacement without its noise, .14 um; 5.0e-4 with it
+    assert max(slip.rms, ageing.rms) < 5.5e-4
     assert_drawn(
         ss.plot.velocity_step(step, [slip, ageing], ["slip law", "ageing law"]),
         "velocity_step",

@@ -252,6 +252,7 @@ ROOMS = (
     ss.stability.turning_velocities,
     ss.rate_state.finite_step,
     ss.rate_state.fit_rate_and_state,
+    ss.rate_state.fit_record,
     ss.rate_state.healing,
     ss.rate_state.velocity_step_in,
     ss.measure.fronts,

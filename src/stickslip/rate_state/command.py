@@ -189,12 +189,13 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
 def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit:
     """The fit of all steps of a trace, or of one, in the units of the trace."""
     trace = read_trace(path, force=given.force, displacement=given.displacement)
-    units = [
+    along, clock, force = (
         str(trace[name].attrs.get("units", "")) if name in trace else ""
         for name in ("measured_displacement", "time", "spring_force")
-    ]
-    length, clock, force = units
-    length = length or "m"
+    )
+    if "measured_velocity" in trace:
+        along = along or str(trace["measured_velocity"].attrs.get("units", ""))
+    length = along.partition("/")[0] or "m"
     span = None
     if given.span is not None:
         ends = [

@@ -101,7 +101,8 @@ class Record(NamedTuple):
                 f"{', '.join(_FRICTIONS)}"
             )
         # Of a run the displacement is that of its slider, which is not the load point.
-        places = ("measured_displacement", "drive_velocity", "displacement", "velocity")
+        measured = ("measured_displacement", "measured_velocity")
+        places = (*measured, "drive_velocity", "displacement", "velocity")
         skipped = ("displacement",) if "velocity" in data else ()
         along = next(
             (one for one in places if one in data and one not in skipped), None
@@ -132,6 +133,15 @@ class Record(NamedTuple):
             pieces, place = find_pieces(time, place)
         units = (length, clock, unit.removeprefix("1"))
         return cls(time, rows[name].to_numpy(), place, pieces, names, units)
+
+    def described(self) -> str:
+        """Which variables are read, in words."""
+        along, _, friction = self.names
+        length, clock, unit = self.units
+        return (
+            f"friction: {friction} ({unit or 1}); steps: {along} ({length or 1}) over "
+            f"time ({clock or 1})"
+        )
 
     def steps(self) -> list[tuple[Piece, Piece]]:
         """The pieces before and after each velocity step."""
@@ -274,7 +284,8 @@ def step_near(
         )
     if given[0] is None or given[1] is None:
         raise InputError(
-            "before, after: must both be given, since no displacement shows a step"
+            "before, after: must both be given (--from, --to), since no displacement "
+            "shows a step"
         )
     place = 0.0
     if record.place is not None:

@@ -350,9 +350,24 @@ def fit_rate_and_state(
     if isinstance(data, Step):
         return best_law(fit_laws(data, laws, spring, trend=trend))
     record = Record.of(data)
-    pieces = step_near(record, at, before, after)
-    step = record.cut(*pieces, span) if span else nearby(record, *pieces)
-    return best_law(fit_laws(step, laws, spring, trend=trend))
+    early, late = step_near(record, at, before, after)
+    step = record.cut(early, late, span) if span else nearby(record, early, late)
+    try:
+        return best_law(fit_laws(step, laws, spring, trend=trend))
+    except UndecidedError as error:
+        if step.at_error:  # the displacement shows both velocities
+            raise
+        early, late = (
+            one._replace(velocity=other.velocity)
+            for one, other in ((early, late), (late, early))
+        )
+        swapped = fit_laws(record.cut(early, late, span), laws, spring, trend=trend)
+        if not any(isinstance(one, StepFit) for one in swapped.values()):
+            raise
+        raise UndecidedError(
+            f"{error}; with the velocities swapped it is: --from {step.after:g} --to "
+            f"{step.before:g}"
+        ) from None
 
 
 def nearby(record: Record, before: Piece, after: Piece) -> Step:
@@ -389,11 +404,7 @@ def fit_laws(
 
 
 def best_law(fits: Mapping[Law, StepFit | UndecidedError]) -> StepFit:
-    """The fit with the smallest residuals; `UndecidedError` if there is none.
-
-    Where nothing but the velocities that were given shows which is the larger, they
-    may be swapped: then the fit to swapped ones is identified.
-    """
+    """The fit with the smallest residuals; `UndecidedError` if there is none."""
     found = [one for one in fits.values() if isinstance(one, StepFit)]
     if found:
         return min(found, key=lambda one: one.rms)

@@ -69,20 +69,24 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
         values[: count * size].reshape(count, size).mean(axis=1)
         for values in (time - time[0], place - place[0])
     )
-    noise = _noise(t, x)
+    single, noise = _noise(t, x)
     lines = [
         _line(t, x, first, end, noise) for first, end in pairwise(_edges(t, x, noise))
     ]
     clean = np.concatenate([line.at(t[line.first : line.end]) for line in lines])
     long = [line for line in lines if line.end - line.first >= _FEWEST_POINTS]
     runs = _alike(t, x, [[line] for line in long], noise)
-    crossings = [_crossing(a[-1], b[0], t) for a, b in pairwise(runs)]
+    crossings = [_crossing(a[-1], b[0], t, noise) for a, b in pairwise(runs)]
     for crossing, (a, b) in zip(crossings, pairwise(runs), strict=True):
         if a[-1].end == b[0].first:
             # Noise shifts where the lines part by some points, not where they cross.
             part = slice(a[-1].first, b[0].end)
             early = t[part] < float(crossing)
             clean[part] = np.where(early, a[-1].at(t[part]), b[0].at(t[part]))
+    # What the noise of single readings does not explain, the load point did.
+    rest = x - clean
+    moved = max(1.0 - single**2 / max(float(rest.var()), 1e-300), 0.0)
+    clean += moved * rest
     smooth = place[0] + np.interp(time - time[0], t, clean)
     if not runs:
         return [], smooth
@@ -106,10 +110,10 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
     return found, smooth
 
 
-def _noise(t: Array, x: Array) -> float:
-    """Standard deviation of the displacement about lines, as independent points would
-    scatter: the largest of groups of several sizes, since noise with a memory
-    scatters more in larger ones.
+def _noise(t: Array, x: Array) -> tuple[float, float]:
+    """Standard deviations of the displacement about lines, as independent points would
+    scatter: by single points, and the largest of groups of several sizes, since what
+    has a memory scatters more in larger ones.
     """
     steps = np.abs(np.diff(x))
     resolution = float(np.min(steps, where=steps > 0, initial=math.inf))
@@ -117,6 +121,7 @@ def _noise(t: Array, x: Array) -> float:
     found = 1e-5 * float(np.ptp(x))
     if math.isfinite(resolution):
         found = max(found, resolution / math.sqrt(12.0))
+    single = found
     size = 1
     while t.size // size >= min(_FEWEST_GROUPS, t.size):
         count = t.size // size
@@ -127,9 +132,12 @@ def _noise(t: Array, x: Array) -> float:
         part = (when[1:-1] - when[:-2]) / (when[2:] - when[:-2])
         off = where[1:-1] - (1.0 - part) * where[:-2] - part * where[2:]
         off /= np.sqrt(1.0 + part**2 + (1.0 - part) ** 2)
-        found = max(found, 1.4826 * float(np.median(np.abs(off))) * math.sqrt(size))
+        scatter = 1.4826 * float(np.median(np.abs(off))) * math.sqrt(size)
+        if size == 1:
+            single = max(single, scatter)
+        found = max(found, scatter)
         size *= 2
-    return found
+    return single, found
 
 
 def _edges(t: Array, x: Array, noise: float) -> list[int]:
@@ -198,12 +206,14 @@ def _difference(one: Estimate, other: Estimate) -> float:
     return abs(math.log(one / other)) if one * other > 0.0 else math.inf
 
 
-def _crossing(before: _Line, after: _Line, t: Array) -> Estimate:
+def _crossing(before: _Line, after: _Line, t: Array, noise: float) -> Estimate:
     """When two lines cross, or the middle between them if they cross elsewhere."""
     last = float(t[before.end - 1])
     first = float(t[after.first])
-    beyond = max(first - last, float(t[1] - t[0]) * _FEWEST_POINTS)
     steeper = float(after.slope - before.slope)
+    # Until the lines are that far apart, noise may shift where they part.
+    apart = ERRORS * noise / abs(steeper) if steeper else 0.0
+    beyond = max(first - last, float(t[1] - t[0]) * _FEWEST_POINTS, apart)
     gap = float(before.at(0.0) - after.at(0.0))
     crossing = gap / steeper if steeper else math.nan
     if not last - beyond <= crossing <= first + beyond:

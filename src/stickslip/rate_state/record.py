@@ -55,6 +55,7 @@ class RecordFit(Answer):
 
     record: Record  #: what was fitted
     source: str  #: name of the file
+    read: str  #: which columns, or variables, hold what
     law: Law | None  #: None if no step is identified
     steps: tuple[StepFit, ...]
     refused: tuple[RefusedStep, ...]
@@ -92,10 +93,9 @@ class RecordFit(Answer):
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
         length, clock, unit = self.record.units
-        along, time, friction = self.record.names
         return {
             "source": self.source,
-            "columns": {"friction": friction, "time": time, "displacement": along},
+            "read": self.read,
             "length_unit": length,
             "time_unit": clock,
             "friction_unit": unit,
@@ -110,15 +110,12 @@ class RecordFit(Answer):
         }
 
     def __str__(self) -> str:
-        length, clock, unit = self.record.units
-        along, _, friction = self.record.names
         many = len(self.steps) + len(self.refused)
         law = f", {self.law} law" if self.law else ""
         lines = [
             f"{self.source or 'record'}: {_counted(many, 'velocity step')}{law}; "
             f"{_counted(len(self.holds), 'hold')}",
-            f"friction: {friction} ({unit or 'coefficient'}); steps found in: {along} "
-            f"({length}) over time ({clock})",
+            self.read,
         ]
         if many:
             lines += ["", *self._step_lines()]
@@ -242,8 +239,9 @@ def fit_record(
     record = Record.of(data)
     if record.place is None:
         raise InputError(
-            "data: holds no displacement and no velocity to find steps in; name its "
-            "column, or give the time of the step and both velocities"
+            "no displacement and no velocity shows steps: name its column "
+            "(displacement=, --displacement), or give the time of one step and both "
+            "velocities (at=, before= and after=; --step-at, --from and --to)"
         )
     spring = stiffness and number("stiffness", stiffness, above=0)
     pieces = record.pieces
@@ -256,8 +254,9 @@ def fit_record(
     if not steps and not holds:
         speeds = ", then ".join(f"{one.velocity:.4g}" for one in pieces)
         raise InputError(
-            f"data: {record.names[0]} shows no velocity step and no hold: its velocity "
-            f"is {speeds}; give the time of a step and both velocities"
+            f"{record.names[0]} shows no velocity step and no hold: its velocity is "
+            f"{speeds}; give the time of a step and both velocities (at=, before= and "
+            "after=; --step-at, --from and --to)"
         )
     laws = LAWS if law == "best" else (law,)
     fits: dict[Law, list[StepFit | UndecidedError]] = {one: [] for one in laws}
@@ -289,6 +288,7 @@ def fit_record(
     return RecordFit(
         record=record,
         source=str(data.attrs.get("source", "")),
+        read=str(data.attrs.get("read") or record.described()),
         law=best if identified else None,
         steps=identified,
         refused=tuple(refused),
