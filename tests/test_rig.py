@@ -663,6 +663,30 @@ def test_a_rig_says_itself_in_its_own_units():
     assert "20 mm/s" in str(read)
     assert ">Brake pad, creep groan</b>" in read._repr_html_()
     assert ">30 MN/m</td>" in read._repr_html_()
+    text = str(read)
+    for name, value in (
+        ("contact strength N f_s", "2.4 kN"),
+        ("breaking displacement x_s", "20 um"),
+    ):
+        assert re.search(f"^{name} +{value}$", text, re.MULTILINE)
+    with_load = read.replace(operation=ss.model.Operation(normal_load=2.0))
+    assert re.search(r"^normal load +4\.8 kN$", str(with_load), re.MULTILINE)
+    bar = ss.example("pmma_bar")
+    assert "contact strength N f_s of a block" in str(bar)
+
+
+@pytest.mark.parametrize(
+    ("part", "cells"),
+    [
+        ("slider", ("Slider, in natural units", ">stiffness<", ">0.25 k<")),
+        ("interface", ("Interface, in natural units", ">delay<", ">Delay(time=1.0)<")),
+        ("drive", ("Drive, in natural units", ">for (time)<", ">200<")),
+    ],
+)
+def test_parts_of_a_rig_are_cards_with_their_units(part, cells):
+    shown = getattr(ss.example("brake_pad"), part)._repr_html_()
+    for cell in cells:
+        assert cell in shown
 
 
 def _every_rig():

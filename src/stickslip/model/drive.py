@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import accumulate, groupby
 from typing import Annotated, Self
 
+from stickslip.answers import card, table
 from stickslip.errors import InputError, instance, number
 from stickslip.model.records import Number, Part, Record, converted
 
@@ -93,6 +94,15 @@ class Drive:
                 "Drive.pieces: must hold at least one piece; make one with constant() "
                 "or ramp()"
             )
+
+    def _repr_html_(self) -> str:
+        """A card for a notebook: each piece, with its natural units."""
+        rows = [("from (x_s/time)", "to (x_s/time)", "for (time)")]
+        for piece in self.pieces:
+            numbers = piece.start, piece.end, piece.duration
+            first, last, duration = map("{:.4g}".format, numbers)
+            rows.append((first, last, duration))
+        return card("Drive, in natural units", table(rows))
 
     @property
     def duration(self) -> float:

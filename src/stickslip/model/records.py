@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 from numbers import Real
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
+from stickslip.answers import card, table
 from stickslip.errors import (
     InputError,
     instance,
@@ -32,6 +33,18 @@ class Record:
     def __post_init__(self) -> None:
         """Check the fields."""
         check(self)
+
+    def _repr_html_(self) -> str:
+        """A card for a notebook: each field that is given, with its natural unit."""
+        record_type: Any = type(self)
+        rows = list[tuple[str, str]]()
+        for name, (_, mark) in declared(record_type).items():
+            value = getattr(self, name)
+            unit = getattr(mark, "unit", "1")
+            words = f"{value:.4g}" if isinstance(value, float) else str(value)
+            if value is not None:
+                rows.append((name, words if unit == "1" else f"{words} {unit}"))
+        return card(f"{record_type.__name__}, in natural units", table(rows))
 
 
 @dataclass(frozen=True)
@@ -202,8 +215,8 @@ def registry(
     The decorator raises `InputError` if the class is no frozen dataclass, or if another
     class has the name.
     """
-    table: dict[str, type] = {}
-    return table, lambda name: partial(_enter, table, f"{what} {shown(name)}", name)
+    known: dict[str, type] = {}
+    return known, lambda name: partial(_enter, known, f"{what} {shown(name)}", name)
 
 
 def _enter(table: dict[str, type], place: str, name: str, kind: Kind) -> Kind:

@@ -4,6 +4,7 @@ numbers.
 
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Self
@@ -22,7 +23,7 @@ from stickslip.model.methods import (
     Start,
     check_start,
 )
-from stickslip.model.parameters import PARAMETERS, Parameter, parameter_named
+from stickslip.model.parameters import LOAD, PARAMETERS, Parameter, parameter_named
 from stickslip.model.quantities import read_number, read_value
 from stickslip.model.records import AnyRecord, Number, Part, Record, check, converted
 from stickslip.model.units import Scales, in_si, in_words, natural_unit, si_unit
@@ -375,18 +376,20 @@ class Rig(Answer):
 
     def __str__(self) -> str:
         """The rig in words, in its own units."""
-        lines = [self.name]
+        rows = list[tuple[str, str]]()
         for parameter in PARAMETERS:
-            try:
-                value = parameter.get(self.natural)
-            except InputError:  # the rig has no such parameter
-                continue
-            lines.append(
-                f"{parameter.title or parameter.name:<48}{self.in_units(value, parameter.unit)}"  # noqa: E501
-            )
-        lines.append(f"{'thresholds':<48}{self.interface.thresholds}")
-        lines.append(f"{'method':<48}{self.method}")
-        return "\n".join(lines)
+            with suppress(InputError):  # a rig that has no such parameter
+                value = self.in_units(parameter.get(self.natural), parameter.unit)
+                rows.append((parameter.title or parameter.name, value))
+        if self.scales is not None:
+            if self.operation.normal_load:
+                rows.append(("normal load", self.in_units(LOAD.get(self), "force")))
+            block = " of a block" * isinstance(self.slider, ElasticBody)
+            rows.append((f"contact strength N f_s{block}", self.in_units(1.0, "force")))
+            rows.append(("breaking displacement x_s", self.in_units(1.0, "length")))
+        rows.append(("thresholds", str(self.interface.thresholds)))
+        rows.append(("method", str(self.method)))
+        return "\n".join([self.name, *(f"{name:<48}{value}" for name, value in rows)])
 
     def in_its_units(self, result: "xr.Dataset") -> "xr.Dataset":
         """Return a result in natural units in the rig's own."""

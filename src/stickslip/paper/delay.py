@@ -481,7 +481,7 @@ def _drawing_6(picture: Picture, data: xr.Dataset) -> None:
         title,
         data["velocity"],
         delay,
-        "lower left",
+        "upper right",
         xscale="log",
         yscale="log",
     )

@@ -142,11 +142,8 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
     largest = float(np.nanmax(values, initial=0.0))
     if log:
         (axis.axes.set_yscale if upright else axis.axes.set_xscale)("log")
-        axis.set_major_locator(
-            LogLocator(
-                subs=(1.0,) if largest > 3000 * np.nanmin(values) else (1.0, 2.0, 5.0)
-            )
-        )
+        subs = (1.0,) if largest > 3000 * np.nanmin(values) else (1.0, 2.0, 5.0)
+        axis.set_major_locator(LogLocator(subs=subs))
         axis.set_minor_formatter(NullFormatter())
         # over decades the middle decides
         largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))
@@ -163,6 +160,9 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
     )
     if log or factor != 1.0:
         axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
+
+
+_FEW_DECADES = 30.0  # an axis of equal ratios up to it is numbered without powers
 
 
 def legend_above(ax: Axes, *, columns: int = 4) -> None:
@@ -196,6 +196,12 @@ def panel(
             axis.set_label_text(named)
         elif named is not None:
             dress(axis, named)
+        low, high = axis.get_view_interval()
+        if axis.get_scale() == "log" and high < _FEW_DECADES * low:
+            # else such as 6 x 10^-2
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value)))
+            axis.set_minor_formatter(NullFormatter())
     if legend == "above":
         legend_above(ax)
     elif legend is not None:
