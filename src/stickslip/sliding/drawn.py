@@ -39,7 +39,8 @@ from stickslip.sliding.response import (
 _FINEST = 25.0
 # longest life over the standard deviation: seconds to compute, once for an interface
 _NARROWEST = 150.0
-_PHASE = 10.0  # that a wave may turn on a panel of sixteen nodes
+_NODES = 16  # of a panel
+_PHASE = 10.0  # that a wave may turn on one
 
 
 class Lives(NamedTuple):
@@ -103,7 +104,7 @@ def lives_of(interface: Interface) -> Lives:
         )
     even = np.linspace(0.0, end, math.ceil(end * highest / _PHASE) + 1)
     edges = np.union1d(even, breaks[breaks < end])
-    x, weight = (each.ravel() for each in nodes_between(edges[:-1], edges[1:]))
+    x, weight = (each.ravel() for each in nodes_between(edges[:-1], edges[1:], _NODES))
     begin = np.stack(left(np.array([0.0, step := 1e-6 * std])), axis=1)
     newborn_too = np.stack([begin[0], (begin[1] - begin[0]) / step])
     return Lives(weight[:, None] * np.stack(left(x), axis=1), newborn_too, x, highest)
@@ -112,9 +113,24 @@ def lives_of(interface: Interface) -> Lives:
 def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
     """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6)."""
     parts = np.array_split(q, q.size // 128 + 1)  # no more in memory at once
-    return np.concatenate(
-        [np.exp(-np.multiply.outer(part, lives.x)) @ lives.held for part in parts]
-    )
+    panels = lives.x.reshape(-1, _NODES)
+    starts = panels[:, 0]
+    offsets = panels - starts[:, None]
+    if np.ptp(offsets, axis=0).max() > 1e-12 * lives.x[-1]:  # cut at knots
+        return np.concatenate(
+            [np.exp(-np.multiply.outer(part, lives.x)) @ lives.held for part in parts]
+        )
+    # panels alike: exp(-q x) is a product of the panel and of the node in it
+    held = lives.held.reshape(starts.size, -1).astype(complex)
+    sums = []
+    for part in parts:
+        before = np.exp(-np.multiply.outer(part, starts))
+        # without the threads of a matrix product, which wait for one another
+        of_nodes = np.einsum("qp,pk->qk", before, held)
+        inside = np.exp(-np.multiply.outer(part, offsets[0]))
+        each = of_nodes.reshape(*inside.shape, -1)
+        sums.append((inside[..., None] * each).sum(axis=1))
+    return np.concatenate(sums)
 
 
 def response_of_areas(interface: Interface) -> "DrawnResponse":
