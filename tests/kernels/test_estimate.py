@@ -12,7 +12,7 @@ import pytest
 
 import stickslip as ss
 from stickslip import cli
-from stickslip.cycles import cycle_branch
+from stickslip.cycles import cycle_branch, is_sustained
 from stickslip.errors import LONGEST_MESSAGE
 from stickslip.io import rig_files
 from stickslip.kernels.drive import Quadratic, Stop
@@ -492,3 +492,16 @@ def test_a_search_on_a_slider_that_hardly_starts_is_refused():
     """Its cycle takes 1e15 times the way that a first part of a run shows."""
     with pytest.raises(ss.InputError, match=r"\d+ runs, .* would take about"):
         ss.sustained(RIG.replace(mass=1e30), "velocity", between=(0.5, 2.0), points=12)
+
+
+def test_a_cycle_that_is_not_complete_in_reach_ends_in_one_line(monkeypatch):
+    """Contacts with so heavy a tail load on for ever: each look is twice as long, and
+    nothing said so before.
+    """
+    monkeypatch.setattr("stickslip.cycles.cycle_run._LONG", 0.05)
+    thresholds = ss.LogNormal(mean=1.0, std=50.0)
+    rig = RIG.replace(interface=replace(INTERFACE, thresholds=thresholds))
+    with pytest.raises(
+        ss.UndecidedError, match=r"no cycle is complete at t = .*; give"
+    ):
+        is_sustained(rig)

@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import InputError, instance, number
+from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.measure.features import TINY
 from stickslip.measure.periods import rises
@@ -24,6 +24,7 @@ from stickslip.model import (
 )
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
+from stickslip.progress import in_time
 from stickslip.simulation import (
     Beginning,
     Leg,
@@ -32,6 +33,7 @@ from stickslip.simulation import (
     estimate,
     follow_leg,
 )
+from stickslip.simulation.engines.panel_trial import seconds_since
 from stickslip.simulation.estimates import Work
 
 # the largest error that keeps the settled numbers; see `stickslip.cycles`
@@ -43,6 +45,7 @@ MOST_TURNS = 1e11
 MOST_SAMPLES = 100_000
 LOOK = 3.0  # cycles, by their expected length, between two looks at the amplitude
 
+_LONG = 20.0  # seconds from which a look is compared with the whole run by estimate
 _LOOKS = 7  # that a run takes, about: five steps that shrink, and where it begins
 
 
@@ -85,6 +88,36 @@ def work_of_run(rig: Rig, start: Start) -> Work:
     output = Output(interval=_interval(rig, cycle))
     natural = replace(rig.natural, start=start, method=METHOD, output=output)
     return estimate(replace(natural, drive=constant(velocity, duration)))
+
+
+class _Meter:
+    """Seconds by count that an engine takes from now on for a look of a rig; called
+    after each advance.
+    """
+
+    def __init__(self, rig: Rig, engine: Panels) -> None:
+        self.rig = rig
+        self.engine = engine
+        self.before = engine.state.used
+        self.spent = 0.0
+        self.most = _LONG
+
+    def __call__(self, _: float) -> None:
+        """Raise `UndecidedError` once a look has taken longer than the run by estimate:
+        what it waits for is not in reach.
+        """
+        self.spent += seconds_since(self.before, self.engine)
+        self.before = self.engine.state.used
+        if self.spent > self.most:
+            told = work_of_run(self.rig, FromRest()).seconds
+            if self.spent > max(told, _LONG):
+                now = self.rig.in_units(self.engine.here()[0], "time")
+                raise UndecidedError(
+                    f"{self.rig.interface.threshold_distribution}: no cycle is "
+                    f"complete at t = {now}, and a look at more takes longer than "
+                    f"{in_time(self.spent)}; give a narrower distribution, or simulate"
+                )
+            self.most = told
 
 
 class Look(NamedTuple):
@@ -186,7 +219,7 @@ class CycleRun:
         count = math.ceil(duration / _interval(self.rig, each))
         times = begin + duration * np.arange(1, count + 1) / count
         leg = Leg(self.drive, begin + duration, times, Stop())
-        samples, _ = follow_leg(engine, leg)
+        samples, _ = follow_leg(engine, leg, _Meter(self.rig, engine))
         return np.stack(
             [
                 times,
