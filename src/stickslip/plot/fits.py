@@ -194,9 +194,10 @@ def steps_and_holds(found: Fit) -> Figure:
     trace = figure.add_subplot(grid[0, :])
     time = found.record.time
     trace.plot(*envelope(time, found.record.friction), color=GREY, linewidth=0.6)
-    for one in (*found.steps, *found.refused):
-        colour = VERMILLION if one in found.refused else BLUE
-        trace.axvline(float(one.at), color=colour, linewidth=0.8)
+    for one in found.steps:
+        trace.axvline(float(one.at), color=BLUE, linewidth=0.8)
+    for at, _ in found.refused:
+        trace.axvline(at, color=VERMILLION, linewidth=0.8)
     for one in found.holds:
         trace.axvspan(one.at, one.at + one.hold, color=SKY, alpha=0.4, linewidth=0)
     friction = f"friction ({unit})" if unit else "friction"
@@ -216,19 +217,17 @@ def steps_and_holds(found: Fit) -> Figure:
 
 
 def _draw_healing(ax: Axes, found: Fit, across: str) -> None:
-    """Peaks after holds with their errors, and the line of the healing."""
+    """Peaks after holds with their errors, and a line of the slope of the healing
+    through their mean.
+    """
     hold = np.array([one.hold for one in found.holds])
     peak = np.array([float(one.peak) for one in found.holds])
     errors = [one.peak.error for one in found.holds]
     ax.errorbar(hold, peak, errors, fmt="o", color=BLACK, markersize=3)
     ax.set_xscale("log")
     if found.healing is not None:
-        decades = np.log10(hold)
-        weights = 1.0 / np.maximum(errors, 1e-12) ** 2
-        middle, level = np.average([decades, peak], axis=1, weights=weights)
-        ends = np.array([decades.min(), decades.max()])
-        line = level + float(found.healing) * (ends - middle)
-        ax.plot(10.0**ends, line, color=BLUE)
+        decades = np.log10(hold) - np.log10(hold).mean()
+        ax.plot(hold, peak.mean() + float(found.healing) * decades, color=BLUE)
     panel(ax, "peak after the hold", across, None)
 
 

@@ -17,7 +17,7 @@ from stickslip.rate_state.measured import (
     fit_contacts,
     fit_rate_and_state,
 )
-from stickslip.rate_state.record import Hold, RecordFit, RefusedStep, fit_record
+from stickslip.rate_state.record import Hold, RecordFit, fit_record
 
 __all__ = [
     "ContactsFit",
@@ -26,7 +26,6 @@ __all__ = [
     "RateAndState",
     "RateAndStateFit",
     "RecordFit",
-    "RefusedStep",
     "Step",
     "StepFit",
     "export_rate_and_state",

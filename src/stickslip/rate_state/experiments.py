@@ -134,15 +134,6 @@ class Record(NamedTuple):
         units = (length, clock, unit.removeprefix("1"))
         return cls(time, rows[name].to_numpy(), place, pieces, names, units)
 
-    def described(self) -> str:
-        """Which variables are read, in words."""
-        along, _, friction = self.names
-        length, clock, unit = self.units
-        return (
-            f"friction: {friction} ({unit or 1}); steps: {along} ({length or 1}) over "
-            f"time ({clock or 1})"
-        )
-
     def steps(self) -> list[tuple[Piece, Piece]]:
         """The pieces before and after each velocity step."""
         return [pair for pair in pairwise(self.pieces) if pair[0].steps_to(pair[1])]

@@ -110,15 +110,10 @@ class StepFit(FittedStep):
         return RateAndState(law=self.law, a=self.a, b=self.b, distance=self.distance)
 
     @property
-    def estimates(self) -> dict[str, tuple[Estimate, str]]:
-        """a, b, a - b and D, with their units."""
-        unit = self.step.friction_unit
-        return {
-            "a": (self.a, unit),
-            "b": (self.b, unit),
-            "a - b": (self.a_minus_b, unit),
-            "D": (self.distance, self.step.length_unit),
-        }
+    def values(self) -> dict[str, Estimate]:
+        """a, b, a - b and D."""
+        found = (self.a, self.b, self.a_minus_b, self.distance)
+        return dict(zip(("a", "b", "a - b", "D"), found, strict=True))
 
     @property
     def moved(self) -> str:
@@ -127,10 +122,9 @@ class StepFit(FittedStep):
         if self.other is None:
             return f"not identified {how}"
         far = [
-            f"{name} = {Estimate(value).words(unit)}, "
-            f"{abs(value - found) / found.error:.2g} of its errors off"
-            for (name, (found, unit)), value in zip(
-                self.estimates.items(), self.other, strict=True
+            f"{name} = {value:.4g}, {abs(value - found) / found.error:.2g} errors off"
+            for (name, found), value in zip(
+                self.values.items(), self.other, strict=True
             )
             if abs(value - found) > found.error
         ]
@@ -141,7 +135,10 @@ class StepFit(FittedStep):
 
     def __str__(self) -> str:
         moved = f"\n{self.moved}" if self.moved else ""
-        return f"{self.law} law: {self._words(self.estimates)}{moved}"
+        units = dict.fromkeys(self.values, self.step.friction_unit)
+        units["D"] = self.step.length_unit
+        estimates = {name: (one, units[name]) for name, one in self.values.items()}
+        return f"{self.law} law: {self._words(estimates)}{moved}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -8,7 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.measure.trace import CHANCE, CONSTANT_DRIVE, ERRORS, RESTS, Array
+from stickslip.measure.trace import (
+    CHANCE,
+    CONSTANT_DRIVE,
+    ERRORS,
+    RESTS,
+    Array,
+    memory,
+)
 from stickslip.rate_state.fitting import Estimate
 
 # Means of neighbouring readings that are searched, at most: one that is never still
@@ -49,7 +56,6 @@ class _Line(NamedTuple):
     time: float  # mean
     place: float
     slope: Estimate
-    error: float  # of its mean
 
     def at(self, time: Array | float) -> Array:
         return np.asarray(self.place + self.slope * (np.asarray(time) - self.time))
@@ -64,12 +70,9 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
     are one piece: so much a drive fluctuates by itself.
     """
     size = -(-time.size // _MOST_POINTS)
-    count = time.size // size
-    t, x = (
-        values[: count * size].reshape(count, size).mean(axis=1)
-        for values in (time - time[0], place - place[0])
-    )
-    single, noise = _noise(t, x)
+    t = _means(time - time[0], size)
+    x = _means(place - place[0], size)
+    noise = _noise(t, x)
     lines = [
         _line(t, x, first, end, noise) for first, end in pairwise(_edges(t, x, noise))
     ]
@@ -83,61 +86,61 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
             part = slice(a[-1].first, b[0].end)
             early = t[part] < float(crossing)
             clean[part] = np.where(early, a[-1].at(t[part]), b[0].at(t[part]))
-    # What the noise of single readings does not explain, the load point did.
-    rest = x - clean
-    moved = max(1.0 - single**2 / max(float(rest.var()), 1e-300), 0.0)
-    clean += moved * rest
+    # What is alike from reading to reading is no noise: the load point moved so.
+    clean += memory(x - clean) * (x - clean)
     smooth = place[0] + np.interp(time - time[0], t, clean)
     if not runs:
         return [], smooth
-    begins = [Estimate(0.0), *crossings]
-    ends = [*map(float, crossings), float(t[-1])]
     found = list[Piece]()
-    for begin, end, run in zip(begins, ends, runs, strict=True):
+    fastest = 0.0
+    for begin, end, run in zip(
+        (Estimate(0.0), *crossings), (*crossings, t[-1]), runs, strict=True
+    ):
         velocity = _joined(t, x, run, noise).slope
-        fastest = max((abs(one.velocity) for one in found[-1:]), default=0.0)
-        if abs(velocity) < max(ERRORS * velocity.error, CONSTANT_DRIVE * fastest):
+        rest = max(ERRORS * velocity.error, CONSTANT_DRIVE * fastest)
+        fastest = abs(velocity)
+        if fastest < rest:
             velocity = Estimate(0.0, velocity.error)
-        found.append(
-            Piece(
-                begin=float(time[0]) + float(begin),
-                end=float(time[0] + end),
-                velocity=velocity,
-                place=float(place[0] + run[0].at(float(begin))),
-                begin_error=begin.error,
-            )
+        piece = Piece(
+            begin=float(time[0]) + float(begin),
+            end=float(time[0]) + float(end),
+            velocity=velocity,
+            place=float(place[0] + run[0].at(float(begin))),
+            begin_error=begin.error,
         )
+        found.append(piece)
     return found, smooth
 
 
-def _noise(t: Array, x: Array) -> tuple[float, float]:
-    """Standard deviations of the displacement about lines, as independent points would
-    scatter: by single points, and the largest of groups of several sizes, since what
-    has a memory scatters more in larger ones.
+def _noise(t: Array, x: Array) -> float:
+    """Standard deviation of the displacement about lines, as independent points would
+    scatter: the largest of groups of several sizes, since what has a memory scatters
+    more in larger ones.
     """
-    steps = np.abs(np.diff(x))
-    resolution = float(np.min(steps, where=steps > 0, initial=math.inf))
+    resolution = np.diff(np.unique(x)).min(initial=math.inf)
     # What sums of squares leave of exact lines, and of rounding.
-    found = 1e-5 * float(np.ptp(x))
-    if math.isfinite(resolution):
-        found = max(found, resolution / math.sqrt(12.0))
-    single = found
+    found = [1e-5 * float(np.ptp(x))]
+    if resolution < math.inf:
+        found.append(float(resolution) / math.sqrt(12.0))
     size = 1
     while t.size // size >= min(_FEWEST_GROUPS, t.size):
-        count = t.size // size
-        when, where = (
-            values[: count * size].reshape(count, size).mean(axis=1)
-            for values in (t, x)
-        )
-        part = (when[1:-1] - when[:-2]) / (when[2:] - when[:-2])
-        off = where[1:-1] - (1.0 - part) * where[:-2] - part * where[2:]
-        off /= np.sqrt(1.0 + part**2 + (1.0 - part) ** 2)
-        scatter = 1.4826 * float(np.median(np.abs(off))) * math.sqrt(size)
-        if size == 1:
-            single = max(single, scatter)
-        found = max(found, scatter)
+        when = _means(t, size)
+        where = _means(x, size)
+        # off the line between the neighbours
+        late = (when[1:-1] - when[:-2]) / (when[2:] - when[:-2])
+        early = 1.0 - late
+        off = where[1:-1] - early * where[:-2] - late * where[2:]
+        off /= np.sqrt(1.0 + early**2 + late**2)
+        scatter = 1.4826 * float(np.median(np.abs(off)))
+        found.append(scatter * math.sqrt(size))
         size *= 2
-    return single, found
+    return max(found)
+
+
+def _means(values: Array, size: int) -> Array:
+    """Means of groups of neighbours."""
+    count = values.size // size
+    return np.asarray(values[: count * size].reshape(count, size).mean(axis=1))
 
 
 def _edges(t: Array, x: Array, noise: float) -> list[int]:
@@ -145,7 +148,8 @@ def _edges(t: Array, x: Array, noise: float) -> list[int]:
     last one ends: optimal partitioning, pruned (Killick, Fearnhead and Eckley 2012).
     """
     sums = np.array([np.ones(t.size), t, x, t * t, t * x, x * x])
-    sums = np.pad(sums, ((0, 0), (1, 0))).cumsum(axis=1)
+    sums = np.pad(sums, ((0, 0), (1, 0)))
+    sums = sums.cumsum(axis=1)
     # A line that is none takes off so much by chance (chi squared with two degrees).
     price = 2.0 * noise**2 * math.log(t.size / CHANCE)
     least = np.full(t.size + 1, -price)
@@ -154,14 +158,17 @@ def _edges(t: Array, x: Array, noise: float) -> list[int]:
     for end in range(1, t.size + 1):
         n, t1, x1, tt, tx, xx = sums[:, end, None] - sums[:, tried]
         spread = np.maximum(tt - t1 * t1 / n, 1e-300)
-        rest = xx - x1 * x1 / n - (tx - t1 * x1 / n) ** 2 / spread
-        rest = np.where(n < _FEWEST_POINTS, 0.0, np.maximum(rest, 0.0))
+        along = tx - t1 * x1 / n
+        rest = xx - x1 * x1 / n - along**2 / spread
+        rest = np.maximum(rest, 0.0)
+        rest[n < _FEWEST_POINTS] = 0.0
         costs = least[tried] + rest + price
         best = int(np.argmin(costs))
         least[end] = costs[best]
         begin[end] = tried[best]
         # What a later end could not take off either is not tried again.
-        tried = np.append(tried[costs - price <= least[end]], end)
+        tried = tried[costs - price <= least[end]]
+        tried = np.append(tried, end)
     edges = [t.size]
     while edges[-1] > 0:
         edges.append(int(begin[edges[-1]]))
@@ -170,13 +177,17 @@ def _edges(t: Array, x: Array, noise: float) -> list[int]:
 
 def _line(t: Array, x: Array, first: int, end: int, noise: float) -> _Line:
     when = t[first:end]
+    where = x[first:end]
     middle = float(when.mean())
-    level = float(x[first:end].mean())
-    square = float(((when - middle) ** 2).sum())
-    slope = float(((when - middle) * (x[first:end] - level)).sum()) / (square or 1.0)
-    error = noise / math.sqrt(square) if square > 0 else math.inf
-    mean_error = noise / math.sqrt(end - first)
-    return _Line(first, end, middle, level, Estimate(slope, error), mean_error)
+    level = float(where.mean())
+    away = when - middle
+    square = float(away @ away)
+    error = math.inf
+    slope = 0.0
+    if square > 0.0:
+        slope = float(away @ (where - level)) / square
+        error = noise / math.sqrt(square)
+    return _Line(first, end, middle, level, Estimate(slope, error))
 
 
 def _joined(t: Array, x: Array, run: list[_Line], noise: float) -> _Line:
@@ -218,9 +229,6 @@ def _crossing(before: _Line, after: _Line, t: Array, noise: float) -> Estimate:
     crossing = gap / steeper if steeper else math.nan
     if not last - beyond <= crossing <= first + beyond:
         return Estimate(0.5 * (last + first), beyond)
-    errors = [
-        error
-        for line in (before, after)
-        for error in (line.error, line.slope.error * (crossing - line.time))
-    ]
-    return Estimate(crossing, math.hypot(*errors) / abs(steeper))
+    # The end of a line through n points errs by 2/sqrt(n) of their noise.
+    parts = [4.0 / (line.end - line.first) for line in (before, after)]
+    return Estimate(crossing, noise * math.sqrt(sum(parts)) / abs(steeper))

@@ -4,11 +4,13 @@ healing in its holds.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from scipy.signal import savgol_filter
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, number
@@ -21,16 +23,6 @@ from stickslip.rate_state.measured import StepFit, fit_laws, nearby
 from stickslip.rate_state.pieces import Piece
 
 _FEWEST_HOLDS = 3  # a line goes through two, whatever their peaks are
-
-
-@dataclass(frozen=True, kw_only=True)
-class RefusedStep:
-    """A velocity step that was found and does not identify rate and state."""
-
-    at: float  #: time
-    before: float  #: velocities
-    after: float
-    reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,142 +45,96 @@ class RecordFit(Answer):
     One law is fitted to all steps: the one that most identify, then the likelier.
     """
 
-    record: Record  #: what was fitted
+    record: Any  #: what was fitted, a `Record`
     source: str  #: name of the file
     read: str  #: which columns, or variables, hold what
     law: Law | None  #: None if no step is identified
     steps: tuple[StepFit, ...]
-    refused: tuple[RefusedStep, ...]
+    #: times of the steps that do not identify it, and why
+    refused: tuple[tuple[float, str], ...]
     holds: tuple[Hold, ...]
     #: growth of the peak for each factor of ten in the hold; None for less than three
     healing: Estimate | None
 
     @property
     def mean(self) -> dict[str, Estimate]:
-        """Means of a, b, a - b and D over the steps, each with its standard error by
-        the spread.
+        """Means of a, b, a - b and D over two steps or more, each with the standard
+        deviation between the steps as its error.
         """
-        count = math.sqrt(max(len(self.steps), 1))
+        if len(self.steps) < 2:
+            return {}
+        table = pd.DataFrame([one.values for one in self.steps])
         return {
-            name: Estimate(float(np.mean(values)), self.spread[name] / count)
-            for name, values in self._values().items()
-        }
-
-    @property
-    def spread(self) -> dict[str, float]:
-        """Standard deviations of a, b, a - b and D between the steps; NaN for fewer
-        than two.
-        """
-        return {
-            name: float(np.std(values, ddof=1)) if len(values) > 1 else math.nan
-            for name, values in self._values().items()
-        }
-
-    def _values(self) -> dict[str, list[float]]:
-        names = ("a", "b", "a_minus_b", "distance") if self.steps else ()
-        return {
-            name: [float(getattr(one, name)) for one in self.steps] for name in names
+            name: Estimate(*pair)
+            for name, pair in table.agg(["mean", "std"]).to_dict("list").items()
         }
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values, each estimate with its error."""
-        length, clock, unit = self.record.units
+        units = ("length_unit", "time_unit", "friction_unit")
+        found = plain(replace(self, record=None, steps=()))
+        del found["record"]
         return {
-            "source": self.source,
-            "read": self.read,
-            "length_unit": length,
-            "time_unit": clock,
-            "friction_unit": unit,
-            "law": self.law,
+            **found,
+            **dict(zip(units, self.record.units, strict=True)),
             "steps": [one.to_dict() for one in self.steps],
-            "refused": plain(self.refused),
             "mean": plain(self.mean),
-            "spread": plain(self.spread),
-            "holds": plain(self.holds),
-            "healing_per_decade": plain(self.healing),
-            "healing_per_decade_error": getattr(self.healing, "error", None),
+            "spread": {name: one.error for name, one in self.mean.items()},
         }
 
     def __str__(self) -> str:
-        many = len(self.steps) + len(self.refused)
         law = f", {self.law} law" if self.law else ""
+        many = len(self.steps) + len(self.refused)
         lines = [
-            f"{self.source or 'record'}: {_counted(many, 'velocity step')}{law}; "
-            f"{_counted(len(self.holds), 'hold')}",
+            f"{self.source or 'record'}: velocity steps: {many}{law}; holds: "
+            f"{len(self.holds)}",
             self.read,
         ]
-        if many:
-            lines += ["", *self._step_lines()]
+        length, clock, unit = self.record.units
+        if self.steps:
+            speed = f"{length}/{clock}".strip("/")
+            columns = {
+                ("time", clock): [one.at.words() for one in self.steps],
+                ("from", speed): [f"{one.step.before:.4g}" for one in self.steps],
+                ("to", speed): [f"{one.step.after:.4g}" for one in self.steps],
+            }
+            for name in self.steps[0].values:
+                cells = [one.values[name].words() for one in self.steps]
+                columns[name, length if name == "D" else unit] = cells
+            if self.mean:
+                ends = [
+                    "mean ± spread",
+                    "",
+                    "",
+                    *map(Estimate.words, self.mean.values()),
+                ]
+                for cells, end in zip(columns.values(), ends, strict=True):
+                    cells.append(end)
+            lines += ["", _table(columns)]
+        lines += [
+            f"step at {one.at:.7g}: {one.moved}" for one in self.steps if one.moved
+        ]
         if self.holds:
-            lines += ["", *self._hold_lines()]
+            columns = {
+                ("hold at", clock): [f"{one.at:.7g}" for one in self.holds],
+                ("lasts", clock): [f"{one.hold:.4g}" for one in self.holds],
+                ("relaxation", unit): [one.relaxation.words() for one in self.holds],
+                ("peak", unit): [one.peak.words() for one in self.holds],
+                ("slip to peak", length): [
+                    f"{one.slip_to_peak:.3g}" for one in self.holds
+                ],
+            }
+            lines += ["", _table(columns), self._healing_words(unit)]
         return "\n".join(lines)
 
-    def _step_lines(self) -> list[str]:
-        length, clock, unit = self.record.units
-        speed = _in_unit("", f"{length}/{clock}")
-        head = [
-            _in_unit("time", clock),
-            f"from{speed}",
-            f"to{speed}",
-            *(_in_unit(name, unit) for name in ("a", "b", "a - b")),
-            _in_unit("D", length),
-        ]
-        rows = [
-            (
-                float(one.at),
-                [
-                    one.at.words(),
-                    f"{one.step.before:.4g}",
-                    f"{one.step.after:.4g}",
-                    *(value.words() for value, _ in one.estimates.values()),
-                ],
-            )
-            for one in self.steps
-        ]
-        rows += [
-            (one.at, [f"{one.at:.7g}", f"{one.before:.4g}", f"{one.after:.4g}"])
-            for one in self.refused
-        ]
-        table = [row for _, row in sorted(rows)]
-        if len(self.steps) > 1:
-            means = [value.words() for value in self.mean.values()]
-            spreads = [f"{value:.2g}" for value in self.spread.values()]
-            table += [["mean", "", "", *means], ["spread", "", "", *spreads]]
-        lines = _table([head, *table])
-        lines += [f"step at {one.at:.7g}: {one.reason}" for one in self.refused]
-        lines += [
-            f"step at {float(one.at):.7g}: {one.moved}"
-            for one in self.steps
-            if one.moved
-        ]
-        return lines
-
-    def _hold_lines(self) -> list[str]:
-        length, clock, unit = self.record.units
-        head = [
-            _in_unit("hold at", clock),
-            _in_unit("lasts", clock),
-            *(_in_unit(name, unit) for name in ("relaxation", "peak")),
-            _in_unit("slip to peak", length),
-        ]
-        rows = [
-            [
-                f"{one.at:.7g}",
-                f"{one.hold:.4g}",
-                one.relaxation.words(),
-                one.peak.words(),
-                f"{one.slip_to_peak:.3g}",
-            ]
-            for one in self.holds
-        ]
-        lines = _table([head, *rows])
+    def _healing_words(self, unit: str) -> str:
         if self.healing is None:
-            return [*lines, "healing: takes three holds of different times"]
+            return "healing: takes three holds of different times"
         words = f"healing: {self.healing.words(unit)} per decade of hold time"
-        if self.steps:
-            b = self.mean["b"] * math.log(10.0)
-            words += f"; the steps say b ln 10 = {b.words(unit)}"
-        return [*lines, words]
+        if not self.steps:
+            return words
+        expected = math.log(10.0) * np.mean([float(one.b) for one in self.steps])
+        return f"{words}; the steps say b ln 10 = {expected:.4g} {unit}".rstrip()
 
 
 def fit_record(
@@ -272,26 +218,18 @@ def fit_record(
                 report((k + j / len(laws)) / len(steps))
                 fits[one] += fit_laws(step, (one,), spring, trend=trend).values()
     best = min(laws, key=lambda one: _unlikely(fits[one]))
-    refused = []
-    for (before, after), fit in zip(steps, fits[best], strict=True):
-        if not isinstance(fit, StepFit):
-            speeds_of = [abs(float(one.velocity)) for one in (before, after)]
-            refused.append(
-                RefusedStep(
-                    at=after.begin,
-                    before=speeds_of[0],
-                    after=speeds_of[1],
-                    reason=str(fit),
-                )
-            )
     identified = tuple(fit for fit in fits[best] if isinstance(fit, StepFit))
     return RecordFit(
         record=record,
         source=str(data.attrs.get("source", "")),
-        read=str(data.attrs.get("read") or record.described()),
+        read=str(data.attrs.get("read", ", ".join(filter(None, record.names)))),
         law=best if identified else None,
         steps=identified,
-        refused=tuple(refused),
+        refused=tuple(
+            (after.begin, f"{before.velocity:.4g} to {after.velocity:.4g}: {fit}")
+            for (before, after), fit in zip(steps, fits[best], strict=True)
+            if not isinstance(fit, StepFit)
+        ),
         holds=tuple(holds),
         healing=_healing(holds),
     )
@@ -326,7 +264,7 @@ def _hold(record: Record, before: Piece, rest: Piece, after: Piece) -> Hold:
         hold=rest.end - rest.begin,
         relaxation=Estimate(low - float(level), math.hypot(low.error, level.error)),
         peak=Estimate(peak - float(level), math.hypot(peak.error, level.error)),
-        slip_to_peak=abs(after.velocity) * (when - rest.end),
+        slip_to_peak=abs(float(after.velocity)) * (when - rest.end),
     )
 
 
@@ -345,29 +283,20 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
     """When friction is largest, and how large: the vertex of the widest parabola about
     it that leaves no more than the noise.
     """
-    top = int(np.argmax(friction))
     noise = 1.4826 * float(np.median(np.abs(np.diff(friction, 2)))) / math.sqrt(6.0)
-    best = (float(time[top]), Estimate(float(friction[top]), noise))
+    best = (float(time[friction.argmax()]), Estimate(float(friction.max()), noise))
     size = 5
-    while noise > 0 and size <= friction.size:
-        smooth = np.convolve(friction, np.ones(size) / size, mode="valid")
-        first = int(np.argmax(smooth))
-        part = slice(first, first + size)
-        at = np.linspace(-1.0, 1.0, size)
-        shapes = np.vander(at, 3)
-        inverse = np.linalg.inv(shapes.T @ shapes)
-        curve = inverse @ (shapes.T @ friction[part])
-        rest = friction[part] - shapes @ curve
-        free = size - 3
-        # Chi squared has a standard deviation of sqrt(2 free).
-        if float(rest @ rest) > noise**2 * (free + math.sqrt(2.0 * free)):
+    while size <= friction.size:
+        smooth = savgol_filter(friction, size, 2)
+        top = int(smooth.argmax())
+        rest = (friction - smooth)[max(top - size // 2, 0) : top + size // 2 + 1]
+        # Chi squared has a standard deviation of sqrt(2 size).
+        if float(rest @ rest) > noise**2 * (size + math.sqrt(2.0 * size)):
             break
-        vertex = np.clip(-0.5 * curve[1] / min(curve[0], -1e-300), -1.0, 1.0)
-        shape = np.array([vertex**2, vertex, 1.0])
-        error = noise * math.sqrt(float(shape @ inverse @ shape))
-        when = float(np.interp(vertex, at, time[part]))
-        best = (when, Estimate(float(shape @ curve), error))
-        size += size // 4 + 1
+        # The middle of a parabola through m points errs by sqrt(9/(4 m)) of theirs.
+        error = 1.5 * noise / math.sqrt(size)
+        best = (float(time[top]), Estimate(float(smooth[top]), error))
+        size = 2 * (5 * size // 8) + 1
     return best
 
 
@@ -378,32 +307,17 @@ def _healing(holds: Sequence[Hold]) -> Estimate | None:
     decades = np.array([math.log10(one.hold) for one in holds])
     if np.unique(decades.round(2)).size < _FEWEST_HOLDS:
         return None
-    peaks = np.array([float(one.peak) for one in holds])
-    errors = np.array([one.peak.error for one in holds])
-    weights = 1.0 / np.maximum(errors, 1e-9 * np.abs(peaks).max()) ** 2
-    middle = float(weights @ decades / weights.sum())
-    square = float(weights @ (decades - middle) ** 2)
-    slope = float((weights * (decades - middle)) @ peaks) / square
-    rest = peaks - slope * (decades - middle)
-    rest -= weights @ rest / weights.sum()
-    excess = max(float(weights @ rest**2) / (len(holds) - 2), 1.0)
-    return Estimate(slope, math.sqrt(excess / square))
+    peaks = [float(one.peak) for one in holds]
+    weights = [1.0 / max(one.peak.error, 1e-9 * abs(one.peak)) for one in holds]
+    (slope, _), by_errors = np.polyfit(decades, peaks, 1, w=weights, cov="unscaled")
+    _, by_scatter = np.polyfit(decades, peaks, 1, w=weights, cov=True)
+    return Estimate(slope, math.sqrt(max(by_errors[0, 0], by_scatter[0, 0])))
 
 
-def _in_unit(name: str, unit: str) -> str:
-    return f"{name} ({unit})" if unit.strip("/") else name
-
-
-def _counted(count: int, name: str) -> str:
-    return f"{count or 'no'} {name}{'s' * (count != 1)}"
-
-
-def _table(rows: list[list[str]]) -> list[str]:
-    """Lines of a table, cells to the right of their columns."""
-    widths = [
-        max(len(row[k]) for row in rows if k < len(row)) for k in range(len(rows[0]))
-    ]
-    return [
-        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=False))
-        for row in rows
-    ]
+def _table(columns: dict[tuple[str, str], list[str]]) -> str:
+    """A table of cells under names with their units."""
+    named = {}
+    for (name, unit), cells in columns.items():
+        head = f" {name} ({unit})" if unit else f" {name}"
+        named[head] = [f" {cell}" for cell in cells]
+    return str(pd.DataFrame(named).to_string(index=False))
