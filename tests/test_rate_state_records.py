@@ -162,7 +162,7 @@ def test_healing_in_the_holds_of_a_record():
     peaks = [float(clean.sel(time=slice(t, t + 30.0)).max()) - 0.6 for t in rests]
     healing = np.polyfit(np.log10(HOLDS), peaks, 1)[0]
     off = []
-    for seed in range(1, 11):
+    for seed in range(1, 6):
         found = fit_record(holds_record(seed, noise=5e-4))
         assert [one.hold for one in found.holds] == pytest.approx(HOLDS, abs=0.05)
         off += [

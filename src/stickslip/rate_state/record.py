@@ -111,9 +111,8 @@ class RecordFit(Answer):
                 for cells, end in zip(columns.values(), ends, strict=True):
                     cells.append(end)
             lines += ["", _table(columns)]
-        lines += [
-            f"step at {one.at:.7g}: {one.moved}" for one in self.steps if one.moved
-        ]
+        moved = [(one.at, one.moved) for one in self.steps if one.moved]
+        lines += [f"step at {at:.7g}: {how}" for at, how in (*self.refused, *moved)]
         if self.holds:
             columns = {
                 ("hold at", clock): [f"{one.at:.7g}" for one in self.holds],
