@@ -5,7 +5,7 @@ response.
 linear response `respond` carries the stability of smooth sliding, and rate and state.
 """
 
-from stickslip.sliding.friction_curve import FrictionCurve, friction_curve
+from stickslip.sliding.curve import FrictionCurve, friction_curve
 from stickslip.sliding.law import (
     TurningVelocity,
     friction_slope,
