@@ -1,12 +1,15 @@
 """Growth of thresholds by a table, and the growth behind a measured friction curve."""
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import tomli_w
 from scipy.interpolate import PchipInterpolator
 
 import stickslip as ss
+from stickslip.io.rig_files import to_toml
 from stickslip.model import TabulatedGrowth
 
 SPEEDS = np.geomspace(0.03, 30.0, 13)
@@ -139,13 +142,14 @@ def test_contacts_that_are_alike_grow_as_their_friction_falls():
 def test_the_curve_of_a_delay_is_known_as_one(sliding_force):
     known = contacts(delay=ss.Delay(0.7), sliding_force=sliding_force)
     speeds = SPEEDS[::3]
-    force = ss.kinetic_friction(known, speeds)
+    force = 2.0 * ss.kinetic_friction(known, speeds)
     found = ss.friction_curve(zip(speeds, force, strict=True))
     assert found.delayed.delay.time == pytest.approx(0.7, rel=1e-4)
     assert found.delayed.sliding_force == pytest.approx(sliding_force, abs=1e-5)
+    assert found.delayed_strength == pytest.approx(2.0, rel=1e-4)
     np.testing.assert_allclose(
-        ss.kinetic_friction(found.delayed, SPEEDS),
-        ss.kinetic_friction(known, SPEEDS),
+        found.delayed_strength * ss.kinetic_friction(found.delayed, SPEEDS),
+        2.0 * ss.kinetic_friction(known, SPEEDS),
         rtol=1e-5,
     )
     assert "a hold or a velocity step decides" in str(found)
@@ -209,3 +213,114 @@ def test_rounding_is_the_error_of_points_without_one():
     assert rounded.measured.errors == pytest.approx([0.005] * 4)
     # no more than rounding makes
     assert rounded.viscosity == 0.0
+
+
+# ------------------------------------------------------------------------- in rig files
+
+STAGE = {
+    "slider": {"mass": "3 kg", "stiffness": "1 MN/m", "damping_ratio": 0.05},
+    "interface": {
+        "normal_load": "100 N",
+        "friction": [["0.1 mm/s", 0.3], ["1 mm/s", 0.27], ["10 mm/s", 0.205]],
+        "breaking_displacement": "20 um",
+        "mu_s": 0.33,
+    },
+    "drive": {"velocity": "1 mm/s"},
+}
+
+
+def stage(**interface):
+    return ss.read_rig(STAGE | {"interface": STAGE["interface"] | interface})
+
+
+def friction_of(rig, speed):
+    velocity = rig.scales.natural(speed, "x_s/time")
+    drag = rig.slider.mass * rig.slider.damping * velocity
+    return rig.scales.si(ss.kinetic_friction(rig.interface, velocity), "f_s"), drag
+
+
+def test_a_rig_file_takes_a_curve_of_coefficients():
+    rig = stage()
+    for speed, mu in ((1e-4, 0.3), (1e-3, 0.27), (1e-2, 0.205)):
+        assert friction_of(rig, speed)[0] == pytest.approx(100.0 * mu, rel=1e-6)
+    # fully aged contacts are those of the distribution
+    assert rig.interface.ageing.strengths[-1] == 1.0
+    by_peak = ss.read_rig(
+        {
+            **STAGE,
+            "interface": {
+                "normal_load": "100 N",
+                "mu_s": 0.33,
+                "mu_k": 0.3,
+                "breaking_displacement": "20 um",
+            },
+        }
+    )
+    assert rig.interface.thresholds == by_peak.interface.thresholds
+    assert rig.slider.damping_ratio == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_rig_of_a_curve_is_written_and_read_again(own):
+    rig = stage()
+    again = ss.read_rig(tomllib.loads(to_toml(rig, own=own)))
+    near = {"rel": 1e-3 if own else 1e-12}
+    assert again.interface.thresholds.std == pytest.approx(
+        rig.interface.thresholds.std, **near
+    )
+    one, other = again.interface.ageing, rig.interface.ageing
+    assert one.ages == pytest.approx(other.ages, **near)
+    assert one.strengths == pytest.approx(other.strengths, **near)
+    assert own == ("[interface.ageing]" not in to_toml(rig, own=own))
+
+
+def test_forces_in_a_file_beside_it_and_a_rise(tmp_path):
+    """The same curve, as forces in a CSV file; its rise is a damping of the slider."""
+    (tmp_path / "mu.csv").write_text(
+        "# of a bench\nspeed (mm/s),friction force (N),std (N)\n"
+        "0.1,30,0.1\n1,27,0.1\n10,20.5,0.1\n30,21.5,0.1\n100,25,0.1\n"
+    )
+    text = to_toml(stage(), own=False)
+    document = tomllib.loads(text)
+    document["interface"] = {
+        **STAGE["interface"],
+        "friction": "mu.csv",
+    }
+    (tmp_path / "rig.toml").write_text(tomli_w.dumps(document))
+    rig = ss.read_rig(tmp_path / "rig.toml")
+    for speed, force in ((1e-4, 30.0), (1e-2, 20.5), (0.1, 25.0)):
+        friction, _ = friction_of(rig, speed)
+        viscous = (rig.value("damping") - stage().value("damping")) * 3.0 * speed
+        assert friction + viscous == pytest.approx(force, abs=0.4)
+    assert viscous == pytest.approx(5.0, rel=0.1)
+
+
+def test_friction_without_weakening():
+    even = stage(friction=[["1 mm/s", 0.3], ["10 mm/s", 0.3]], mu_s=0.3)
+    assert even.interface.thresholds == ss.Exponential(mean=1.0)
+    assert friction_of(even, 5e-3)[0] == pytest.approx(30.0)
+
+
+def test_viscosity_is_a_damping_of_its_own():
+    plain, viscous = stage(), stage(viscosity="30 N*s/m")
+    more = viscous.value("damping") - plain.value("damping")
+    assert more == pytest.approx(10.0)
+    # and is taken off the curve
+    assert friction_of(viscous, 1e-2)[0] == pytest.approx(20.2)
+
+
+@pytest.mark.parametrize(
+    ("interface", "message"),
+    [
+        ({"contact_strength": "40 N"}, "give friction or contact_strength"),
+        ({"delay": "1 ms"}, "give friction or delay"),
+        ({"friction": [["1 mm/s"]]}, r"friction\[0\] = .*must be a point, such as"),
+        ({"friction": [["1 mm/s", 0.3]]}, "at two speeds or more"),
+        ({"friction": "mu.csv"}, "beside a rig file only"),
+        ({"friction": [["1 m", 0.3], ["2 mm/s", 0.2]]}, r"friction\[0\] = '1 m'"),
+        ({"mu_s": 0.2}, r"mu_s: mu_s/mu_k = 0.6667: must be between"),
+    ],
+)
+def test_curves_that_a_rig_file_cannot_have(interface, message):
+    with pytest.raises(ss.InputError, match=message):
+        stage(**interface)

@@ -153,6 +153,12 @@ FILES = {
         "velocity",
         "contacts",
     ),
+    "slider by friction curve": (
+        "mass stiffness damping",
+        "normal_load friction mu_s viscosity",
+        "velocity",
+        "contacts",
+    ),
     "chain": (
         f"blocks coupling mass {SPRINGS}",
         "thresholds sliding_force ageing",
@@ -557,7 +563,7 @@ def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
 
 @pytest.mark.parametrize(
     ("mu_s", "mu_k"),
-    [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.35, 0.35)],
+    [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.355, 0.35)],
 )
 def test_two_coefficients_of_friction_are_those_of_the_rig_or_refused_with_their_range(
     document, mu_s, mu_k

@@ -61,6 +61,8 @@ class Key:
             if isinstance(value, Mapping)
             else "list"
             if isinstance(value, list)
+            else "text"
+            if isinstance(value, str)
             else ""
         )
         return self.is_table or kind in self.also or value in self.also

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError, instance, shortened
+from stickslip.io.curve_files import friction_points
 from stickslip.io.files import FileName
 from stickslip.io.rig_reader import from_document as from_document
 from stickslip.io.rig_writer import Document
@@ -92,11 +93,15 @@ def content_of(
     path: Path, kind: str = "rig file", example: str = "`stickslip new pmma_slider`"
 ) -> Document:
     """Read the content of a file, or of the example of that name where there is no
-    such file.
+    such file; a friction curve that it names is read, too.
     """
     if not path.suffix and not path.exists():
         path = example_file(str(path))
-    return read_toml(path, kind, example)
+    content = read_toml(path, kind, example)
+    interface = content.get("interface")
+    if isinstance(interface, dict) and isinstance(interface.get("friction"), str):
+        interface["friction"] = friction_points(path.parent / interface["friction"])
+    return content
 
 
 def to_toml(rig: Rig, *, own: bool = False) -> str:

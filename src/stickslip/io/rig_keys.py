@@ -57,6 +57,11 @@ RULES: Mapping[str, tuple[Either, ...]] = {
         Either("newborn", "mu_s mu_k"),
         Either("areas", "v_half"),
     ),
+    "friction": (
+        Either("thresholds", "mu_s", needed=True),
+        Either("friction", "contact_strength", "mu_k", "areas", "ageing"),
+        Either("friction", "delay", "v_half", "newborn", "activation"),
+    ),
     "drive": (
         Either("velocity", "pieces", needed=True),
         Either("distance", "duration", "pieces"),

@@ -14,9 +14,9 @@ from typing import Any
 
 from stickslip.errors import InputError, refused, shown
 from stickslip.io import rig_keys
-from stickslip.io.keys import Either, Key, natural_unit_of, toml
+from stickslip.io.keys import Either, Key, Sign, natural_unit_of, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
-from stickslip.io.tables import NotedError, Tables, Values, at
+from stickslip.io.tables import MissingError, NotedError, Tables, Values, at
 from stickslip.model import (
     Areas,
     Delay,
@@ -26,10 +26,12 @@ from stickslip.model import (
     Output,
     Prestressed,
     Slider,
+    TabulatedGrowth,
 )
 from stickslip.model.body import BODIES
 from stickslip.model.delays import DelayModel, OnArrest
 from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
+from stickslip.model.measured_friction import MeasuredFriction
 from stickslip.model.methods import METHODS, check_start
 from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import BY_NAME, converted_ranges
@@ -93,6 +95,7 @@ class _Reader:
             "slider",
         )
         self.length = 1.0  # of the breaking displacement, in the units of the file
+        self.viscosity = 0.0  # of a block, in the units of the file
 
     def rig(self) -> Rig:
         """Return the rig that the file describes."""
@@ -116,6 +119,7 @@ class _Reader:
             interface[name] = file.part(
                 partial(self._record, interface[name], f"interface.{name}")
             )
+        measured = file.part(partial(self._measured, interface))
         driven = file.part(partial(self._drive, drive))
         feasible = self._feasible(top.get("feasible", {}))
         assumed = self._assumed(top.get("assumed", {}))
@@ -129,6 +133,7 @@ class _Reader:
             check_start(start, body)
         # forces are those of all blocks in SI files only
         blocks = 1 if file.natural else blocks
+        measured = self._by_curve(interface, measured, blocks)
         scales = self._scales(interface, pulled, blocks)
         interface["sliding_force"] /= blocks
         speeds |= {
@@ -147,6 +152,7 @@ class _Reader:
             "simulation",
             {"count": "contacts"},
         )
+        speeds["friction"] = measured
         speeds["feasible"] = converted_ranges(feasible, scales.natural)
         operation = _made(Operation, speeds, "drive")
         output = _made(Output, simulation, "simulation")
@@ -165,7 +171,7 @@ class _Reader:
                 fitted=fitted,
                 given=tuple(
                     f"interface.{name}"
-                    for name in ("mu_s", "mu_k", "v_half")
+                    for name in ("mu_s", "mu_k", "v_half", "friction")
                     if name in interface
                 ),
                 **{name: top[name] for name in ("name", "source")},
@@ -181,6 +187,19 @@ class _Reader:
             with at("slider"):
                 damping = 2.0 * values["damping_ratio"] * rig.slider.frequency
                 rig = replace(rig, slider=replace(rig.slider, damping=damping))
+        if self.viscosity > 0.0:
+            slider = rig.slider
+            if not slider.mass > 0.0:
+                raise InputError(
+                    "slider.mass: is 0, and a viscous force is a damping of a mass; "
+                    "give one above 0",
+                    "slider.mass",
+                )
+            viscous = scales.natural(self.viscosity, "f_s time/x_s") / slider.mass
+            # By way of SI units, so that a file in them can hold exactly this damping.
+            damping = scales.si(slider.damping + viscous, "1/time")
+            slider = replace(slider, damping=scales.natural(damping, "1/time"))
+            rig = replace(rig, slider=slider)
         if "v_half" in values:
             with at("interface.v_half"):
                 path = half_distance(rig.interface)
@@ -211,11 +230,15 @@ class _Reader:
             keys = rig_keys.keys_of_simulation(
                 content.get("method", keys["method"].default)
             )
+        rules = RULES.get(name, ())
+        given = rig_keys.within({name: content}, name)
+        if name == "interface" and "friction" in given and "ageing" not in given:
+            rules = RULES["friction"]
         if name == "interface" and self.file.natural:
             keys = {key: each for key, each in keys.items() if key not in SCALES}
         if name == self.body and not self.file.natural:
             content = _damping_over_mass(content)
-        return self.file.table(content, keys, name, RULES.get(name, ()))
+        return self.file.table(content, keys, name, rules)
 
     def _record(self, content: Any, place: str) -> Any:
         """Make the record that a table names; a delay may be a time or a word."""
@@ -387,6 +410,85 @@ class _Reader:
             )
         return _made(Prestressed, values, _START)
 
+    def _measured(self, interface: Values) -> MeasuredFriction | None:
+        """Read the points of a friction curve, in the units of the file and without the
+        viscous force; coefficients of friction are of the normal load.
+        """
+        if "friction" not in interface:
+            return None
+        place = "interface.friction"
+        velocity = replace(TABLES["drive"]["velocity"], sign="above 0", also=())
+        force = TABLES["interface"]["contact_strength"]
+        points = interface["friction"]
+        signs: tuple[Sign, Sign] = ("above 0", "at least 0")
+        if isinstance(points, str):
+            raise refused(place, points, "a file is read beside a rig file only")
+        load = interface.get("normal_load", 1.0)
+        found = []
+        for i, point in enumerate(points):
+            where = f"{place}[{i}]"
+            if not isinstance(point, list) or len(point) not in (2, 3):
+                example = toml(TABLES["interface"]["friction"].example[0])
+                raise refused(where, point, f"must be a point, such as {example}")
+            row = [velocity.read(point[0], where, natural=self.file.natural)]
+            for value, sign in zip(point[1:], signs, strict=False):
+                if isinstance(value, str):
+                    key = replace(force, sign=sign)
+                    row.append(key.read(value, where, natural=self.file.natural))
+                elif "normal_load" not in interface and not self.file.natural:
+                    raise MissingError(
+                        "interface.normal_load",
+                        TABLES["interface"]["normal_load"].example,
+                    )
+                else:
+                    row.append(value)
+            found.append(row)
+        measured = MeasuredFriction.of_points(found, place)
+        if not isinstance(points[0][1], str):
+            measured = measured.scaled(load)
+        return measured.without(interface.get("viscosity", 0.0))
+
+    def _by_curve(
+        self, interface: Values, measured: MeasuredFriction | None, blocks: int
+    ) -> MeasuredFriction | None:
+        """Fill in thresholds, growth and strength of contacts that have a friction
+        curve, and return that of a block without a viscous force.
+        """
+        self.viscosity = interface.get("viscosity", 0.0) / blocks
+        if measured is None or "ageing" in interface:
+            return None if measured is None else measured.scaled(1.0 / blocks)
+        from stickslip.sliding.curve import curve_of
+        from stickslip.sliding.rigid_motion import thresholds_or_even
+
+        # natural files have no scale but 1
+        unit = 1.0 if self.file.natural else max(measured.forces)
+        if "thresholds" not in interface:
+            static = interface["mu_s"] * interface["normal_load"]
+            with at("interface.mu_s"):
+                interface["thresholds"], _ = thresholds_or_even(
+                    static, measured.forces[0], interface["initial"]
+                )
+        with at("interface.friction"):
+            curve = curve_of(
+                replace(
+                    measured.scaled(1.0 / unit),
+                    velocities=tuple(v / self.length for v in measured.velocities),
+                ),
+                interface["thresholds"],
+            )
+        growth = curve.interface.ageing
+        assert isinstance(growth, TabulatedGrowth)
+        # of fully aged contacts, which are those of the distribution
+        oldest = 1.0 if self.file.natural else growth.strengths[-1]
+        interface["ageing"] = TabulatedGrowth(
+            tuple(age / oldest for age in growth.ages),
+            tuple(strength / oldest for strength in growth.strengths),
+        )
+        interface["contact_strength"] = oldest * unit
+        viscosity = curve.viscosity * unit / self.length
+        self.viscosity += viscosity / blocks
+        return measured.without(viscosity).scaled(1.0 / blocks)
+
     def _scales(self, interface: Values, drive: Drive, blocks: int) -> Scales:
         """Return the scales of the rig, forces per contact of a block; of coefficients
         of friction the thresholds, too.
@@ -395,10 +497,10 @@ class _Reader:
             return Scales(force=1.0, stretching=1.0)
         strength = interface.get("contact_strength")
         if strength is None:
-            from stickslip.sliding.rigid_motion import thresholds_of
+            from stickslip.sliding.rigid_motion import thresholds_or_even
 
             with at("interface.mu_s"):
-                found = thresholds_of(
+                found = thresholds_or_even(
                     interface["mu_s"], interface["mu_k"], interface["initial"]
                 )
             interface["thresholds"], strength = (
@@ -454,7 +556,8 @@ class _Reader:
         }
         given = rig_keys.within(self.document, "interface")
         for name, key in TABLES["interface"].items():
-            here = name in given or (name == "delay" and "v_half" in given)
+            others = given.keys() & {"v_half", "friction"}
+            here = name in given or (name == "delay" and others)
             path = f"interface.{name}"
             if key.measure and not here and path not in found:
                 is_quantity = key.unit and not self.file.natural

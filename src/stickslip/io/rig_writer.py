@@ -8,6 +8,8 @@ from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Key
@@ -23,6 +25,7 @@ from stickslip.model import (
 from stickslip.model.body import BODIES
 from stickslip.model.delays import OnArrest
 from stickslip.model.drive import USUAL_DISTANCE
+from stickslip.model.measured_friction import MeasuredFriction
 from stickslip.model.methods import METHODS
 from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import parameter_named
@@ -187,6 +190,8 @@ class _Writer:
         if force := interface.sliding_force:
             read_back = lambda si: si / blocks / scales.force == force  # noqa: E731
             found["sliding_force"] = self.quantity(blocks * force, "f_s", read_back)
+        if (measured := self.rig.operation.friction) is not None:
+            found["friction"] = self._points(measured)
         return found
 
     def in_own_keys(self) -> Document:
@@ -195,7 +200,11 @@ class _Writer:
         found = self.interface()
         contacts = rig.interface
         by_friction = self._coefficients() if "interface.mu_s" in rig.given else {}
-        if by_friction:
+        by_curve = "interface.friction" in rig.given and bool(contacts.ageing)
+        if by_curve and rig.operation.friction is not None:
+            del found["contact_strength"], found["ageing"], found["delay"]
+            found["friction"] = self._points(self._present(rig.operation.friction))
+        elif by_friction:
             del found["contact_strength"], found["thresholds"]
             found |= by_friction
         delay = contacts.delay
@@ -210,6 +219,24 @@ class _Writer:
                 found["v_half"] = self.quantity(half, "x_s/time")
                 del found["delay"]
         return found
+
+    def _points(self, measured: MeasuredFriction) -> list[list[Any]]:
+        blocks = 1 if self.natural else getattr(self.rig.slider, "size", 1)
+        whole = measured.scaled(blocks)
+        points = zip(whole.velocities, whole.forces, whole.errors, strict=True)
+        return [
+            [self.quantity(v, "x_s/time"), *(self.quantity(f, "f_s") for f in forces)]
+            for v, *forces in points
+        ]
+
+    def _present(self, measured: MeasuredFriction) -> MeasuredFriction:
+        """Friction of the contacts as they are now, at the speeds at which it was
+        measured.
+        """
+        from stickslip.sliding import kinetic_friction
+
+        forces = kinetic_friction(self.rig.interface, np.array(measured.velocities))
+        return replace(measured, forces=tuple(forces.tolist()))
 
     def _coefficients(self) -> Document:
         """Coefficients of friction from which thresholds and strength follow; none

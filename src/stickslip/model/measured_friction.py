@@ -1,7 +1,7 @@
 """A measured friction curve: friction at several speeds, with errors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Annotated, Any, Self
 
@@ -50,6 +50,19 @@ class MeasuredFriction(Record):
         rows = sorted([*row, rounding][:3] for row in rows)
         velocities, forces, errors = zip(*rows, strict=True) if rows else ((), (), ())
         return cls(velocities=velocities, forces=forces, errors=errors)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the curve with all forces times a factor."""
+        return replace(
+            self,
+            forces=tuple(factor * force for force in self.forces),
+            errors=tuple(factor * error for error in self.errors),
+        )
+
+    def without(self, viscosity: float) -> Self:
+        """Return the curve less a viscous force, per velocity."""
+        each = zip(self.velocities, self.forces, strict=True)
+        return replace(self, forces=tuple(f - viscosity * v for v, f in each))
 
 
 def rounding_error(values: Sequence[float]) -> float:

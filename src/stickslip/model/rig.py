@@ -14,6 +14,7 @@ from stickslip.errors import InputError, instance, number, pair
 from stickslip.model.body import ElasticBody
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
+from stickslip.model.measured_friction import MeasuredFriction
 from stickslip.model.methods import (
     METHODS,
     FromRest,
@@ -58,6 +59,10 @@ class Operation(Record):
     between: _Speeds | None = None  #: in place of single speeds, a range of them
     #: if it is known; `load` is that then
     normal_load: Annotated[float | None, Number("f_s", above=0)] = None
+    #: friction measured at several speeds, of which the growth of thresholds was made
+    friction: Annotated[
+        MeasuredFriction | None, Part("a MeasuredFriction, or None")
+    ] = field(default=None, compare=False)
     #: parameters, each with the range that could be built or set
     feasible: tuple[tuple[str, float, float], ...] = ()
 

@@ -21,7 +21,7 @@ from stickslip.errors import InputError, instance
 from stickslip.model import Delay, Gaussian, Interface, TabulatedGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.model.measured_friction import MeasuredFriction
-from stickslip.model.records import converted, hashable
+from stickslip.model.records import hashable
 from stickslip.sliding.law import kinetic_friction
 from stickslip.words import number
 
@@ -54,6 +54,8 @@ class FrictionCurve(Answer):
     #: contacts that are detached for a while after they break, ``f_d + (F_0 - f_d)/(1 +
     #: v/v_half)``, if these fit within the errors
     delayed: Interface | None
+    #: force of these contacts, over `kinetic_friction` of `delayed`: their strength
+    delayed_strength: float
 
     def friction(self, velocity: Array) -> Array:
         """Return the friction of `interface` and the viscous force at a velocity."""
@@ -72,9 +74,10 @@ class FrictionCurve(Answer):
             lines.append(f"  viscous force     {number(self.viscosity)} per velocity")
         if self.delayed is not None:
             lines.append(
-                f"  a delay fits too  {number(self.delayed.delay.moment(1))}, force of "
-                f"detached contacts {number(self.delayed.sliding_force)} f_s: a hold "
-                "or a velocity step decides"
+                f"  a delay fits too  {number(self.delayed.delay.moment(1))}, contacts "
+                f"of {number(self.delayed_strength)} f_s, detached of "
+                f"{number(self.delayed_strength * self.delayed.sliding_force)} f_s: a "
+                "hold or a velocity step decides"
             )
         return "\n".join(lines)
 
@@ -91,8 +94,8 @@ class FrictionCurve(Answer):
             law, rest = figure.subplots(2, sharex=True, height_ratios=(3, 1))
             law.plot(v, self.friction(v), label="thresholds that grow")
             if self.delayed is not None:
-                other = _friction(self.delayed, self.viscosity, v)
-                law.plot(v, other, "--", label="delay")
+                other = self.delayed_strength * kinetic_friction(self.delayed, v)
+                law.plot(v, other + self.viscosity * v, "--", label="delay")
             bars: Any = {"yerr": measured.errors, "fmt": "o", "markersize": 3}
             law.errorbar(measured.velocities, measured.forces, **bars, label="measured")
             law.legend()
@@ -164,12 +167,14 @@ def curve_of(measured: MeasuredFriction, thresholds: Distribution) -> FrictionCu
         thresholds=thresholds, ageing=_growth(v, fall, error, thresholds)
     )
     residual = force - _friction(interface, viscosity, v)
+    delayed, strength = _delayed(v, force - viscosity * v, error, thresholds)
     return FrictionCurve(
         measured=measured,
         interface=interface,
         viscosity=viscosity,
         residual=tuple(residual.tolist()),
-        delayed=_delayed(v, force - viscosity * v, error, thresholds),
+        delayed=delayed,
+        delayed_strength=strength,
     )
 
 
@@ -328,8 +333,10 @@ def _slopes(growth: TabulatedGrowth, nodes: tuple[Array, Array], v: Array) -> Ar
 
 def _delayed(
     v: Array, force: Array, error: Array, thresholds: Distribution
-) -> Interface | None:
-    """Contacts with a delay that give a curve within its errors, if some do."""
+) -> tuple[Interface | None, float]:
+    """Contacts with a delay that give a curve within its errors, if some do, and their
+    strength.
+    """
     from scipy.optimize import minimize_scalar
 
     error = np.maximum(error, _SMALLEST * force)
@@ -356,16 +363,13 @@ def _delayed(
     ).x
     (sliding, above), residual = parts(float(log_half))
     if above <= 0.0 or residual @ residual > v.size:
-        return None
-    slow = sliding + above
+        return None, 1.0
     positive = Interface(thresholds=thresholds).threshold_distribution
-    factor = slow * 2.0 * positive.moment(1) / positive.moment(2)
-    scaled = converted(
-        thresholds, lambda value, unit: value * factor if unit == "x_s" else value
+    m1, m2 = positive.moment(1), positive.moment(2)
+    strength = float((sliding + above) * 2.0 * m1 / m2)
+    delayed = Interface(
+        thresholds=thresholds,
+        delay=Delay(m1 / float(np.exp(log_half))),
+        sliding_force=float(sliding) / strength,
     )
-    mean = Interface(thresholds=scaled).threshold_distribution.moment(1)
-    return Interface(
-        thresholds=scaled,
-        delay=Delay(mean / float(np.exp(log_half))),
-        sliding_force=float(sliding),
-    )
+    return delayed, strength

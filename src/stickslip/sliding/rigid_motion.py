@@ -14,7 +14,7 @@ from scipy import optimize
 from stickslip.arrays import Array
 from stickslip.errors import InputError, instance
 from stickslip.kernels import renewal
-from stickslip.model import Gaussian, Interface, Renewal
+from stickslip.model import Exponential, Gaussian, Interface, Renewal
 from stickslip.model.distribution import check_density
 from stickslip.model.distributions import Distribution, excess
 from stickslip.model.newborn import stretching_nodes
@@ -188,3 +188,15 @@ def thresholds_of(
     )
     found = Gaussian(1.0, float(std))
     return found, kinetic / slow_friction(found, initial)[1]
+
+
+def thresholds_or_even(
+    static: float, kinetic: float, initial: Distribution
+) -> tuple[Distribution, float]:
+    """Return what `thresholds_of` does; of equal friction exponential thresholds, which
+    make no peak: as many contacts break as attach from the first moment on.
+    """
+    if not math.isclose(static, kinetic, rel_tol=1e-9):
+        return thresholds_of(static, kinetic, initial)
+    even = Exponential(1.0)
+    return even, kinetic / kinetic_friction(Interface(thresholds=even))
