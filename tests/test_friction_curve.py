@@ -9,6 +9,8 @@ import tomli_w
 from scipy.interpolate import PchipInterpolator
 
 import stickslip as ss
+from stickslip.advise.budget import Budget
+from stickslip.advise.doubt import Doubt
 from stickslip.io.rig_files import to_toml
 from stickslip.model import TabulatedGrowth
 
@@ -324,3 +326,24 @@ def test_viscosity_is_a_damping_of_its_own():
 def test_curves_that_a_rig_file_cannot_have(interface, message):
     with pytest.raises(ss.InputError, match=message):
         stage(**interface)
+
+
+DELAYED = [
+    [f"{speed} mm/s", round(0.17 + 0.13 / (1.0 + speed / 3.0), 3)]
+    for speed in (0.1, 0.3, 1, 3, 10, 100)
+]
+
+
+def test_where_a_delay_fits_too_the_doubt_has_both_verdicts():
+    thresholds = {"distribution": "gaussian", "std": 0.2}
+    interface = {**STAGE["interface"], "friction": DELAYED, "thresholds": thresholds}
+    del interface["mu_s"]
+    rig = ss.read_rig({**STAGE, "interface": interface}).replace(velocity="4 mm/s")
+    assert str(Doubt.of(rig, Budget(100.0))) == (
+        "A delay of 6.668 ms gives the measured friction as well as growth: the rig "
+        "oscillates with growth, and oscillates with the delay, too; a hold decides "
+        "(growth: the longer, the higher the peak), or a velocity step."
+    )
+    # whose shape no delay has
+    steep = [[f"{v} mm/s", mu] for v, mu in ((1, 0.3), (2, 0.29), (4, 0.21), (9, 0.2))]
+    assert Doubt.of(stage(friction=steep), Budget(100.0)) is None

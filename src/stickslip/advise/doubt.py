@@ -22,6 +22,7 @@ from stickslip.errors import InputError
 from stickslip.model import Contacts, parameters
 from stickslip.model.parameters import Parameter
 from stickslip.model.rig import Rig
+from stickslip.sliding.curve import delay_of
 from stickslip.sliding.rigid_motion import slow_friction, thresholds_of
 from stickslip.words import number, percent
 
@@ -107,6 +108,8 @@ class Doubt(Answer):
     left: tuple[str, ...] = ()  #: those of the file that cannot be varied by a number
     #: whether the runs that are allowed were spent before all was told
     ended: bool = False
+    #: what contacts with a delay do where they fit the measured friction as well
+    delay: str = ""
 
     @classmethod
     def of(cls, rig: Rig, budget: Budget) -> Self | None:
@@ -123,8 +126,13 @@ class Doubt(Answer):
             if key in _VARIED and key not in fitted and has(rig, _VARIED[key][0])
         ]
         keys = [*fitted, *assumed]
-        if not keys:
+        delay = _with_delay(rig, budget)
+        if not keys and not delay:
             return None
+        if not keys:
+            return cls(
+                oscillates=math.nan, undecided=0.0, draws=0, matters=(), delay=delay
+            )
         count = min([_DRAWS, *map(len, fitted.values())])
         rigs = [rig] * count
         if fitted:
@@ -157,6 +165,7 @@ class Doubt(Answer):
             ranges=any(rig.assumed[key].factors for key in assumed),
             left=tuple(key for key in own if key not in keys),
             ended=ended,
+            delay=delay,
         )
 
     def __str__(self) -> str:
@@ -164,6 +173,10 @@ class Doubt(Answer):
 
     def short(self) -> Iterator[str]:
         """How many of the rigs that were drawn oscillate, and what to measure first."""
+        if self.delay:
+            yield self.delay
+        if not self.draws:
+            return
         among = f"{self.draws} draws of the fit"
         if len(self.matters) == len(self.assumed):
             ranges = " (or the range of the file)" if self.ranges else ""
@@ -193,6 +206,45 @@ class Doubt(Answer):
             yield f"Varied together, what matters most first: {keys}"
         if self.left:
             yield f"Not varied, as no number of the rig does: {', '.join(self.left)}"
+
+
+def _with_delay(rig: Rig, budget: Budget) -> str:
+    """What the rig does with growing contacts, and with delayed ones of which the
+    measured friction curve is, too; nothing where no delay fits it.
+    """
+    measured = rig.operation.friction
+    thresholds = rig.interface.thresholds
+    if measured is None or thresholds is None or rig.interface.ageing is None:
+        return ""
+    delayed, strength = delay_of(measured, thresholds)
+    if delayed is None:
+        return ""
+    delay = delayed.delay
+    there = replace(
+        rig.natural,
+        interface=replace(
+            rig.interface, ageing=None, delay=delay, sliding_force=delayed.sliding_force
+        ),
+    )
+    there = parameters.LOAD.set(there, strength * parameters.LOAD.get(there))
+    words = []
+    for each in (rig.natural, there):
+        try:
+            oscillates = _oscillates(each, budget)
+        except (BudgetExhausted, InputError):
+            oscillates = math.nan
+        words.append(_DOES.get(oscillates, "stays undecided"))
+    grown, late = words
+    alike = ", too" if grown == late else ""
+    return (
+        f"A delay of {rig.in_units(delay.moment(1), 'time')} gives the measured "
+        f"friction as well as growth: the rig {grown} with growth, and {late} with the "
+        f"delay{alike}; a hold decides (growth: the longer, the higher the peak), or a "
+        "velocity step."
+    )
+
+
+_DOES = {1.0: "oscillates", 0.0: "slides smoothly"}
 
 
 def _factors(rig: Rig, keys: Sequence[str], count: int) -> Array:

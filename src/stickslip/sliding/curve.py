@@ -167,7 +167,7 @@ def curve_of(measured: MeasuredFriction, thresholds: Distribution) -> FrictionCu
         thresholds=thresholds, ageing=_growth(v, fall, error, thresholds)
     )
     residual = force - _friction(interface, viscosity, v)
-    delayed, strength = _delayed(v, force - viscosity * v, error, thresholds)
+    delayed, strength = delay_of(measured.without(viscosity), thresholds)
     return FrictionCurve(
         measured=measured,
         interface=interface,
@@ -331,14 +331,15 @@ def _slopes(growth: TabulatedGrowth, nodes: tuple[Array, Array], v: Array) -> Ar
     return found
 
 
-def _delayed(
-    v: Array, force: Array, error: Array, thresholds: Distribution
+def delay_of(
+    measured: MeasuredFriction, thresholds: Distribution
 ) -> tuple[Interface | None, float]:
     """Contacts with a delay that give a curve within its errors, if some do, and their
     strength.
     """
     from scipy.optimize import minimize_scalar
 
+    v, force, error = np.array([measured.velocities, measured.forces, measured.errors])
     error = np.maximum(error, _SMALLEST * force)
 
     def parts(log_half: float) -> tuple[Array, Array]:
