@@ -217,7 +217,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         with console.stoppable():
             result = app(arguments, exit_on_error=False, print_error=False)
     except (InputError, UndecidedError) as error:
-        return _fail(str(error))
+        code = _fail(str(error))
+        for note in getattr(error, "__notes__", ()):  # a table that helps to choose
+            print(note, file=sys.stderr)
+        return code
     except CycloptsError as error:
         dashed = isinstance(error, MissingArgumentError)
         hint = (

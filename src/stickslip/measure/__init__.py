@@ -8,7 +8,7 @@ a driven slider creeps at ``v K/(K + k N_c)`` between slips.
 """
 
 from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics
-from stickslip.measure.column_names import Column, columns
+from stickslip.measure.column_choice import Column, columns
 from stickslip.measure.features import Criterion
 from stickslip.measure.fronts import events, fronts, on_blocks, pixels, rows
 from stickslip.measure.kinematics import Kinematics, kinematics, motion

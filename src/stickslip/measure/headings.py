@@ -11,7 +11,17 @@ from typing import Literal, NamedTuple, Self
 from stickslip.model.quantities import unit_size
 from stickslip.words import PREFIXES
 
-Quantity = Literal["force", "load", "coefficient", "time", "displacement", "other", ""]
+Quantity = Literal[
+    "force",
+    "load",
+    "coefficient",
+    "time",
+    "displacement",
+    "velocity",
+    "part",
+    "other",
+    "",
+]
 
 _TABLES = tomllib.loads(Path(__file__).with_name("headings.toml").read_text("utf-8"))
 _UNITS = {
@@ -24,6 +34,12 @@ _NAMED: dict[str, Quantity] = {
     for quantity, names in _TABLES["names"].items()
     for name in names.split(", ")
 }
+WEIGHTS: dict[str, str] = _TABLES["weights"]
+_MOST_ROWS = 3  # lines above a table that may name its columns
+_MOST_WORDS = max(name.count(" ") for name in _NAMED) + 1
+_LABELS = frozenset(_TABLES["labels"]["rows"].split(", "))
+_TORQUES = frozenset(_TABLES["labels"]["torques"].split(", "))
+_TIMES = " *·.-"  # between the units of a product: N m, N·m, ft-lb
 
 _BRACKET = re.compile(r"(?P<name>.+?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]")
 _TAIL = re.compile(r"(?P<name>.*?[^\W_])\s*(?:[/,_]|\s+in\b|\s)\s*(?P<unit>[^\s/,_]+)")
@@ -34,18 +50,37 @@ def unit_named(text: str) -> tuple[str, float] | None:
     if it is not one of these.
     """
     plain = text.strip()
+    # Nm is no nanometre, but Newton and MIN are what they are in small letters
+    return (
+        _simple_unit(plain)
+        or _torque(plain)
+        or (_simple_unit(plain.lower()) if len(plain) > 1 else None)
+    )
+
+
+def _simple_unit(plain: str) -> tuple[str, float] | None:
+    """A unit as it is written, and no product."""
     if plain.lower() in _UNITS:
         return _UNITS[plain.lower()]
     prefix = plain[:-1]
     if plain[-1:] in ("V", "A") and prefix in ("", *PREFIXES):
         return "signal", float(f"1e{PREFIXES[prefix][1]}") if prefix else 1.0
-    # Newton, MIN, but no "S"
-    found = unit_size(plain) or (unit_size(plain.lower()) if len(plain) > 1 else None)
+    found = unit_size(plain)
     if found is None or plain == "d":  # which names a displacement rather than days
         return None
     for kind, si in _TABLES["si"].items():
         if unit_size(si) == (1.0, found[1]):
             return kind, found[0]
+    return None
+
+
+def _torque(plain: str) -> tuple[str, float] | None:
+    """A force times a length, whatever stands between them."""
+    for cut in range(1, len(plain)):
+        pair = plain[:cut].rstrip(_TIMES), plain[cut:].lstrip(_TIMES)
+        sizes = dict(found for each in pair if (found := _simple_unit(each)))
+        if {*sizes} == {"force", "length"}:
+            return "torque", sizes["force"] * sizes["length"]
     return None
 
 
@@ -65,7 +100,29 @@ def simple(name: str) -> str:
         .replace("\N{GREEK SMALL LETTER MU}", "mu")
         .lower()
     )
-    return " ".join(re.split(r"[\s_.\-:]+", plain)).strip()
+    return " ".join(re.split(r"[\s_.\-:/]+", plain)).strip()
+
+
+def _named(name: str) -> Quantity:
+    """The quantity that a name tells: the whole, or the longest known one in it, the
+    last of equally long ones; of "torque of the motor" what stands before.
+
+    A single letter tells something only where it stands alone, or behind the name of
+    an instrument: ``DAQ.F``.
+    """
+    plain = simple(name)
+    if plain in _NAMED:
+        return _NAMED[plain]
+    last = re.split(r"[./:]", name.strip())[-1]
+    if simple(last) in _NAMED:
+        return _NAMED[simple(last)]
+    words = plain.partition(" of the ")[0].split()
+    for count in range(min(len(words), _MOST_WORDS), 0, -1):
+        for first in range(len(words) - count, -1, -1):
+            part = " ".join(words[first : first + count])
+            if part in _NAMED and len(part) > 1:
+                return _NAMED[part]
+    return ""
 
 
 class Heading(NamedTuple):
@@ -86,7 +143,7 @@ class Heading(NamedTuple):
         # F_N is the normal force, and no force in N
         if tail and _NAMED.get(simple(cell)) != "load":
             unit = unit_named(tail["unit"])
-            named = _NAMED.get(simple(tail["name"]), "")
+            named = _named(tail["name"])
             if unit and unit[0] in _TABLES["kinds"].get(named, ()):
                 return cls(**tail.groupdict())
         return cls(cell)
@@ -96,40 +153,78 @@ class Heading(NamedTuple):
         """What the column holds, by its name and, where that says nothing, by its
         unit; empty if neither tells.
         """
+        unit = unit_named(self.unit)
+        named = _named(self.name)
+        if unit is None or unit[0] == "signal":
+            return named
+        kind = unit[0]
+        if named in ("force", "coefficient") and kind in ("number", "percentage"):
+            return "coefficient"
+        fits = kind in _TABLES["kinds"].get(named, ())
+        told: Quantity = _TABLES["without_a_name"].get(kind, "")
+        return named if fits else "other" if named else told
+
+    @property
+    def is_told_by_name(self) -> bool:
+        """Whether the name says what the column holds, rather than its unit alone."""
+        return bool(_named(self.name))
+
+    @property
+    def is_torque(self) -> bool:
+        """Whether a column of friction holds a torque."""
         kind = (unit_named(self.unit) or ("",))[0]
-        named = _NAMED.get(simple(self.name), "")
-        told: Quantity
-        if kind in ("temperature", "frequency", "angle", "velocity"):
-            told = "other"
-        elif named in ("force", "coefficient"):
-            told = _TABLES["of_friction"].get(kind, named)
-        else:
-            told = named or _TABLES["without_a_name"].get(kind, "")
-        return told
+        words = {*simple(self.name).split()}
+        return kind == "torque" or (not kind and bool(words & _TORQUES))
 
     def __str__(self) -> str:
         return self.name + (f" ({self.unit})" if self.unit else "")
 
 
 def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
-    """Names and units of so many columns, from lines above them; the last may hold
-    the units of the names before.
+    """Names and units of so many columns, from lines above them: the last that holds
+    names, and the units in the line below it or above it.
+
+    Lines of dashes, and what labels a line ("Unit"), are left out.
     """
-    names = rows[-1] if rows else [""] * width
-    units = [""] * width
-    cells = [cell.strip(' "[]()') for cell in names]
-    filled = [cell for cell in cells if cell]
-    known = [found[0] for cell in filled if (found := unit_named(cell))]
-    least = 0.5 * len(filled) if len(rows) > 1 else len(filled)
-    if {"force", "time", "length", "stress", "signal"} & {*known} and len(
-        known
-    ) >= least:
-        names = rows[-2] if len(rows) > 1 else [""] * width
-        units = cells
+    plain = [[_told(cell) for cell in row] for row in rows]
+    plain = [row for row in plain[-_MOST_ROWS:] if any(row)]
+    holds = [_are_units(row, alone=len(plain) == 1) for row in plain]
+    names = next((k for k in range(len(plain) - 1, -1, -1) if not holds[k]), None)
+    units = next((k for k in range(len(plain) - 1, -1, -1) if holds[k]), None)
+    empty = [""] * width
     return [
-        Heading(each.name, unit or each.unit)
-        for each, unit in zip(map(Heading.read, names), units, strict=True)
+        _joined(name, unit)
+        for name, unit in zip(
+            empty if names is None else plain[names],
+            empty if units is None else plain[units],
+            strict=True,
+        )
     ]
+
+
+def _told(cell: str) -> str:
+    """What a cell above a column says; nothing, if it underlines, or labels its row."""
+    text = cell.strip(' "\t')
+    return "" if simple(text) in _LABELS or not re.search(r"[^-=_*~\s]", text) else text
+
+
+def _are_units(row: Sequence[str], *, alone: bool) -> bool:
+    """Whether half of what a line says is units, or all of it where no other stands
+    beside it.
+    """
+    cells = [cell.strip("[]()") for cell in row if cell]
+    kinds = [found[0] for cell in cells if (found := unit_named(cell))]
+    tells = {"force", "torque", "time", "length", "stress", "signal"} & {*kinds}
+    return bool(tells) and len(kinds) >= (1.0 if alone else 0.5) * len(cells)
+
+
+def _joined(name: str, unit: str) -> Heading:
+    """A name and what stands in the line of units: that may be a second name."""
+    heading = Heading.read(name)
+    plain = unit.strip("[]()")
+    if plain and unit_named(plain) is None and _named(plain):
+        return heading._replace(name=f"{heading.name} {plain}".strip())
+    return Heading(heading.name, plain or heading.unit)
 
 
 def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:

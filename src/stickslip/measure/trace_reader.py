@@ -2,17 +2,19 @@
 
 import re
 from collections.abc import Mapping
-from itertools import combinations
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import NDArray
 
-from stickslip.errors import InputError, shortened, shown
+from stickslip import words
+from stickslip.errors import InputError, refused, shortened
 from stickslip.io import files
-from stickslip.measure.headings import Heading, ratio, simple
+from stickslip.measure.column_choice import Choice, choose
+from stickslip.measure.headings import WEIGHTS, ratio, unit_named
 from stickslip.measure.sensor import far_outside, spikes
 from stickslip.measure.tables import Table, read_cell, read_table
 from stickslip.measure.trace import FEWEST_READINGS, Array
@@ -31,21 +33,26 @@ def read_trace(
     time: str | int | None = None,
     displacement: str | int | None = None,
     load: str | int | None = None,
+    velocity: str | int | None = None,
+    scale: str | None = None,
     step: float | str | None = None,
     flip: bool = False,
     delimiter: str | None = None,
     decimal: Literal[".", ","] | None = None,
 ) -> xr.Dataset:
-    r"""Read a measured force trace from a table: text, .xlsx (with openpyxl) or .tdms
-    (with npTDMS).
+    r"""Read a measured force trace from a table: text, .xlsx (with openpyxl), .tdms
+    (with npTDMS), .mat, .npy or .wav.
 
     Columns of a text may be separated by tabs, semicolons, commas or blanks. There may
-    be text before the table, names with units in brackets or in a line below, comments
-    (``#``, ``%``, ``//``, ``!``), and one unit in the cells (``0.04 N``). Where rows
-    cannot be read, and at spikes of a single sample, six standard deviations off, the
-    force is interpolated linearly in time, and that is reported; more than 3 unreadable
-    rows, and more than 1 %, are an error, those aside that hold one value far outside
-    the others, which stands for no reading: -9999.
+    be text before the table, names with units in brackets or in a line above or below,
+    comments (``#``, ``%``, ``//``, ``!``), and one unit in the cells (``0.04 N``).
+    Where rows cannot be read, and at spikes of a single sample, six standard deviations
+    off, the force is interpolated linearly in time, and that is reported; more than 3
+    unreadable rows, and more than 1 %, are an error, those aside that hold one value
+    far outside the others, which stands for no reading: -9999. More than 16 rows
+    without a reading are a gap, and left out.
+
+    A clock that restarts begins another test: tests stand behind one another, in parts.
 
     Raises `InputError` if there is no such file, or it is no table of numbers, or no
     such column; if the choice of the columns or a unit is not clear; if times do not
@@ -55,10 +62,14 @@ def read_trace(
     ----------
     path : path
         The file; at most 100 MB.
-    force, time, displacement, load : str or int, optional
-        Columns by name or by number, from 1. By default those whose names or units say
-        so; the only column of numbers besides, or the coefficient of friction, is the
-        force. The normal load may be a quantity, too: ``"20 N"``.
+    force, time, displacement, load, velocity : str or int, optional
+        Columns by name or by number, from 1, a unit behind a colon where the file has
+        none: ``"3:mN"``. By default those whose names or units say so; the only column
+        of numbers besides, or the coefficient of friction, is the force; a torque is
+        one, too; a column without a name that rises evenly is the time. The normal load
+        may be a quantity: ``"20 N"``.
+    scale : str, optional
+        What a reading of the force stands for: ``"2.5 N/V"``, ``"3 mN"``.
     step : float or str, optional
         Sampling interval, if the table has no time column: in s, or ``"0.5 ms"``.
     flip : bool
@@ -74,9 +85,11 @@ def read_trace(
     Dataset
         Along `time`: `spring_force` (of the unit 1 if it is a coefficient), `filled`,
         true where it was interpolated, and, where known, `measured_displacement`,
-        `load` and `mu`, the force over the load. Units are those of the file; N and s
-        where it says nothing. Attributes ``source``, ``rows``, ``flipped``, ``spikes``
-        and ``note``: what was filled in and what was assumed, in words.
+        `load` and `mu`, the force over the load, `measured_velocity`, and `part`, the
+        number of the test or of its step. Units are those of the file; N and s where it
+        says nothing. Attributes ``source``, ``read``: which columns, in words,
+        ``rows``, ``flipped``, ``spikes`` and ``note``: what was filled in and what was
+        assumed.
 
     Examples
     --------
@@ -117,32 +130,66 @@ def read_trace(
             "time": time,
             "displacement": displacement,
             "load": None if constant else load,
+            "velocity": velocity,
         }
-        chosen = _choose(table, asked, seconds or table.step)
+        step_told = seconds or table.step or 0.0
+        chosen, taken = choose(table, asked, timed=bool(step_told))
         if seconds:
             chosen.pop("time", None)
-        units = {"time": "s", "load": "N"}
-        units |= {name: table.headings[i].unit for name, i in chosen.items()}
-        if table.headings[chosen["force"]].quantity == "coefficient":
-            units["force"] = "1"
-        values, notes = _rows(table, chosen, seconds or table.step or 0.0)
-        notes = [*table.notes, *notes]
+        values, notes = _rows(table, chosen, step_told)
+        notes = [*table.notes, *taken, *notes]
         del table
+        force_unit = chosen["force"].heading.unit
+        if scale is not None:
+            size, force_unit = _scale(scale, force_unit)
+            values["force"] *= size
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        told = InputError(f"{path}: {error}")
+        for note in getattr(error, "__notes__", ()):
+            told.add_note(note)
+        raise told from None
+    units = {"time": "s", "load": "N", "part": "1"}
+    units |= {name: each.heading.unit for name, each in chosen.items()}
+    units["force"] = force_unit
+    if chosen["force"].heading.quantity == "coefficient" and scale is None:
+        units["force"] = "1"
     if constant:
         values["load"] = np.full_like(values["force"], constant)
-    return _dataset(units, values, notes, flip).assign_attrs(source=Path(path).name)
+    data = _dataset(units, values, notes, flip, chosen["force"].heading.is_torque)
+    return data.assign_attrs(source=Path(path).name, read=_described(data, chosen))
+
+
+def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
+    """Which columns hold what, and how often the force was read, in words."""
+    told = [f"{name}: {each}" for name, each in chosen.items() if name != "part"]
+    steps = np.diff(data["time"].values)
+    usual = words.engineering(float(np.median(steps)), data["time"].attrs["units"])
+    return "; ".join([*told, f"{data.sizes['time']} readings, one each {usual}"])
+
+
+def _scale(text: str, unit: str) -> tuple[float, str]:
+    """Factor to a force, and its unit, of a text such as 2.5 N/V."""
+    match = re.fullmatch(r"\s*([-+.\deE]+)\s*([^/]+?)(?:\s*/\s*(\S+))?\s*", text)
+    size = read_cell(match[1])[0] if match else None
+    kind = (unit_named(match[2]) or ("",))[0] if match else ""
+    of = match[3] if match else ""
+    fits = ratio(unit, of) if unit and of else 1.0
+    if match is None or not size or kind not in ("force", "torque") or fits is None:
+        here = f", of a column in {unit}" if unit else ""
+        raise refused(
+            "scale", text, f"must be what a reading stands for{here}: 2.5 N/V, 3 mN"
+        )
+    return size * fits, match[2]
 
 
 def _rows(
-    table: Table, chosen: Mapping[str, int], step: float
+    table: Table, chosen: Mapping[str, Choice], step: float
 ) -> tuple[dict[str, Array], list[str]]:
     """The columns that were chosen, with times, and a note of rows that cannot be
     read; `InputError` if many cannot.
     """
-    columns, lines = table.read(chosen.values())
-    values = {name: columns[i] for name, i in chosen.items()}
+    columns, lines = table.read(each.place for each in chosen.values())
+    values = {name: columns[each.place] for name, each in chosen.items()}
     force = values["force"]
     outside = far_outside(force)
     # What a logger writes for no reading is one value, however often it comes; before
@@ -167,11 +214,38 @@ def _rows(
             f"{left} readings are too few to judge; at least {FEWEST_READINGS} are "
             "needed"
         )
+    notes = _put_in_turn(table, values, lines)
+    if not bad:
+        return values, notes
+    if len(bad) > 5:
+        told.append(f"and {len(bad) - 5} more")
+    text = (
+        "rows could not be read; the force there is interpolated in time "
+        f"({'; '.join(told)})"
+    )
+    return values, [*notes, f"{len(bad)} of {lines.size} {text}"]
+
+
+def _put_in_turn(
+    table: Table, values: dict[str, Array], lines: NDArray[np.int64]
+) -> list[str]:
+    """Put tests, whose clock begins anew, behind one another, and number them and
+    their steps; `InputError` if times fall otherwise.
+    """
+    times = values["time"]
     known = np.flatnonzero(np.isfinite(times))
     back = known[1:][np.diff(times[known]) <= 0]
-    if back.size:
-        line = lines[back[0]]
-        is_clock = ":" in table.line(line)
+    begins = np.array([0, *back, times.size])
+    firsts = [times[known[known >= begin][0]] for begin in begins[:-1]]
+    restarts = all(
+        times[at] - first < 0.5 * (times[at - 1] - first)
+        for first, at in zip(firsts, back, strict=False)
+    )
+    line = lines[back[0]] if back.size else 0
+    is_clock = ":" in table.line(line)
+    if back.size and (
+        is_clock or not restarts or np.diff(begins).min() < FEWEST_READINGS
+    ):
         remedy = (
             "where a clock was set back, write times with their offset from UTC"
             if is_clock
@@ -182,15 +256,22 @@ def _rows(
             f"before; times must rise: {remedy}, or give the step instead (--step, or "
             "step=)"
         )
-    if not bad:
-        return values, []
-    if len(bad) > 5:
-        told.append(f"and {len(bad) - 5} more")
-    text = (
-        "rows could not be read; the force there is interpolated in time "
-        f"({'; '.join(told)})"
-    )
-    return values, [f"{len(bad)} of {lines.size} {text}"]
+    usual = float(np.nanmedian(np.diff(times)))
+    for at in back:
+        times[at:] += float(np.nanmax(times[:at])) + usual - times[at]
+    steps = values.pop("part", np.zeros(times.size))
+    # a number that changes with each few rows counts something else
+    turns = np.flatnonzero(np.diff(steps)) + 1
+    if np.diff([0, *turns, times.size]).min() < FEWEST_READINGS:
+        turns = turns[:0]
+    edges = np.zeros(times.size)
+    edges[[*turns, *back]] = 1.0
+    if edges.any():
+        values["part"] = 1.0 + np.cumsum(edges)
+    if not back.size:
+        return []
+    many = f"{back.size + 1} tests, put behind one another"
+    return [f"the clock restarts at line {line}: {many}"]
 
 
 _TEXTS = {
@@ -198,13 +279,19 @@ _TEXTS = {
     "displacement": ("measured_displacement", "displacement, as measured"),
     "load": ("load", "normal load"),
     "mu": ("mu", "coefficient of friction"),
+    "velocity": ("measured_velocity", "velocity, as measured"),
+    "part": ("part", "number of the test, or of its step"),
     "filled": ("filled", "row was unreadable, or a spike; force interpolated"),
 }
 """What is kept of a trace: the name of each variable, and its title."""
 
 
 def _dataset(
-    units: dict[str, str], values: dict[str, Array], notes: list[str], flip: bool
+    units: dict[str, str],
+    values: dict[str, Array],
+    notes: list[str],
+    flip: bool,
+    is_torque: bool,
 ) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
     rows = pd.DataFrame(values)
@@ -216,15 +303,22 @@ def _dataset(
     rows.loc[spiky, "force"] = np.nan
     known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
+    rows = rows[~_in_a_gap(rows["force"].isna())]
     missing = rows["force"].isna()
     rows = rows.interpolate("index", limit_direction="both")
     rows["force"] *= -1.0 if flip else 1.0
-    for name, usual in (("force", "N"), ("time", "s")):
+    for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:
             units[name] = usual
             notes.append(f"the file names no unit of the {name}: {usual} assumed")
     texts = dict(_TEXTS)
+    if is_torque:
+        texts["force"] = ("spring_force", "torque")
     units["load"] = units["load"] or units["force"]
+    for name in ("force", "load"):
+        if weight := WEIGHTS.get(units[name].lower()):
+            notes.append(f"{units[name]} of the {name} is read as {weight}, a weight")
+            units[name] = weight
     if units["force"] == "1":
         texts["force"] = ("spring_force", "coefficient of friction")
     elif "load" in rows:
@@ -251,57 +345,8 @@ def _dataset(
     return xr.Dataset(found, {"time": time}, attrs)
 
 
-def _choose(
-    table: Table, asked: Mapping[str, str | int | None], step: float | None
-) -> dict[str, int]:
-    """Columns that were asked for, and those that the headings tell; the times may
-    be told by a step.
-    """
-    chosen = {
-        name: _column(table, name, wanted)
-        for name, wanted in asked.items()
-        if wanted is not None
-    }
-    for one, other in combinations(chosen, 2):
-        if chosen[one] == chosen[other]:
-            raise InputError(
-                f"column {chosen[one] + 1} cannot be both {one} and {other}; there are "
-                f"{table.listed()}"
-            )
-    for name in ("time", "force", "displacement", "load"):
-        if name in chosen:
-            continue
-        free = [i for i in table.numeric if i not in chosen.values()]
-        kinds: list[tuple[str, ...]] = [(name,)]
-        if name == "force":
-            # the only column of numbers is the force, whatever it is called
-            kinds += [("coefficient",), ("load", "") if len(free) == 1 else ()]
-        found: list[int] = []
-        for kind in kinds:
-            found = found or [i for i in free if table.headings[i].quantity in kind]
-        if len(found) == 1:
-            chosen[name] = found[0]
-        elif name == "force" or (name == "time" and not step):
-            given = f"Name it (--{name} on the command line, {name}= in Python)"
-            given += ", or give the step (--step, or step=)" if name == "time" else ""
-            raise InputError(
-                f"which column is the {name}? {given}; there are {table.listed()}"
-            )
-    return chosen
-
-
-def _column(table: Table, name: str, wanted: str | int) -> int:
-    """Index of a column given by name or number."""
-    text = str(wanted)
-    names = {simple(text), simple(Heading.read(text).name)} - {""}
-    found = [
-        i for i, heading in enumerate(table.headings) if simple(heading.name) in names
-    ]
-    if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", text):
-        found = [int(text) - 1]
-    if len(found) != 1 or found[0] not in table.numeric:
-        raise InputError(
-            f"{name} = {shown(wanted)}: no such column of numbers, or several of this "
-            f"name; counted from 1, there are {table.listed()}"
-        )
-    return found[0]
+def _in_a_gap(missing: "pd.Series[bool]") -> NDArray[np.bool_]:
+    """Rows without a reading that are too many in turn to be interpolated."""
+    run = (missing != missing.shift()).cumsum()
+    many = missing.groupby(run).transform("size") > FEWEST_READINGS
+    return np.asarray(missing & many)

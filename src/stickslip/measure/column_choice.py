@@ -1,0 +1,215 @@
+"""Which column of a measured table holds what: by its name, its unit, and what its
+numbers do.
+"""
+
+import re
+from collections.abc import Mapping
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip import words
+from stickslip.errors import InputError, printable, shown
+from stickslip.measure.headings import Heading, Quantity, simple, unit_named
+from stickslip.measure.tables import Table, read_table
+from stickslip.measure.trace import Array
+
+_MOST_SHOWN = 20  # columns of a table that asks for one
+_LONGEST_NAME = 28  # characters of a name in it
+# The largest difference between two steps of a column that rises evenly, in steps: a
+# time is often written with so few digits that a step of three becomes two or four.
+_UNEVEN = 0.5
+
+
+class Column(NamedTuple):
+    """A column of numbers."""
+
+    #: what `stickslip.read_trace` takes for it: its name or, where others share that,
+    #: its number from 1
+    key: str
+    heading: str  #: its number and its heading
+
+
+class Choice(NamedTuple):
+    """A column that was chosen, and what it holds."""
+
+    place: int  # from 0
+    heading: Heading
+
+    def __str__(self) -> str:
+        name, unit = self.heading
+        told = f' "{printable(name)}"' if name else ""
+        return f"column {self.place + 1}{told}{f' ({printable(unit)})' if unit else ''}"
+
+
+def columns(content: bytes) -> list[Column]:
+    r"""Return the columns of numbers of a table, from the bytes of its file.
+
+    Raises `InputError` if there is no table in it.
+
+    Examples
+    --------
+    >>> from stickslip.measure import columns
+    >>> columns(b"time [s],force [N]\n0.0,1.0\n0.1,2.0\n")[1]
+    Column(key='force', heading='2: force (N)')
+    """
+    headings, numeric = read_table(content)[:2]
+    names = [simple(heading.name) for heading in headings]
+    found = []
+    for i in numeric:
+        is_alone = bool(names[i]) and names.count(names[i]) == 1
+        key = headings[i].name if is_alone else str(i + 1)
+        found.append(Column(key or str(i + 1), f"{i + 1}: {headings[i]}".strip(": ")))
+    return found
+
+
+def choose(
+    table: Table, asked: Mapping[str, str | int | None], *, timed: bool
+) -> tuple[dict[str, Choice], list[str]]:
+    """Columns that were asked for, and those that names, units and numbers tell; and
+    what was taken for granted. Times may be told by a step.
+
+    Raises `InputError` where two columns could be the force or the time, or none; its
+    note is a table of all columns.
+    """
+    chosen = {
+        name: _asked_for(table, name, wanted)
+        for name, wanted in asked.items()
+        if wanted is not None
+    }
+    for one, other in combinations(chosen, 2):
+        if chosen[one].place == chosen[other].place:
+            raise InputError(
+                f"{chosen[one]} cannot be both {one} and {other}; there are "
+                f"{table.listed()}"
+            )
+    notes = list[str]()
+    for name in ("time", "force", "displacement", "load", "velocity", "part"):
+        if name in chosen or (name == "time" and timed):
+            continue
+        taken = [each.place for each in chosen.values()]
+        free = [i for i in table.numeric if i not in taken]
+        found = _told(table, free, name)
+        if name == "time" and len(found) != 1:
+            found, note = _rising_evenly(table, found or _unnamed(table, free))
+            notes += note
+        if len(found) == 1:
+            chosen[name] = Choice(found[0], table.headings[found[0]])
+        elif name in ("time", "force"):
+            raise _question(table, name, found)
+    return chosen, notes
+
+
+def _told(table: Table, free: list[int], name: str) -> list[int]:
+    """Columns whose headings say that they hold a quantity: by their names or, where
+    none does, by their units; the only column besides is the force.
+    """
+    tells = {i: table.headings[i].quantity for i in free}
+    ways: list[tuple[Quantity, ...]] = [(name,)]  # type: ignore[list-item]
+    if name == "force":
+        ways += [("coefficient",), ("load", "") if len(free) == 1 else ()]
+    for kinds in ways:
+        found = [i for i in free if tells[i] in kinds]
+        named = [i for i in found if table.headings[i].is_told_by_name]
+        if found:
+            return named or found
+    return []
+
+
+def _unnamed(table: Table, free: list[int]) -> list[int]:
+    return [i for i in free if not table.headings[i].quantity]
+
+
+def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list[str]]:
+    """The one of some columns that rises evenly, as a time does, or the first of
+    several that are the same; none, where one just counts the rows.
+    """
+    values = table.read(candidates)[0] if candidates else {}
+    even = [i for i in candidates if rises_evenly(values[i])]
+    first = values[even[0]] if even else np.zeros(1)
+    alike = all(np.array_equal(values[i], first, equal_nan=True) for i in even)
+    if (
+        not even
+        or not alike
+        or np.ptp(np.diff(first[np.isfinite(first)]))
+        == 0.0
+        == (first[1] - first[0] - 1.0)
+    ):
+        return candidates if len(even) > 1 else [], []
+    told = Choice(even[0], table.headings[even[0]])
+    return even[:1], [f"{told} rises evenly and is taken for the time"]
+
+
+def rises_evenly(values: Array) -> bool:
+    """Whether numbers rise by steps of one size, within the rounding of a file."""
+    steps = np.diff(values[np.isfinite(values)])
+    if not steps.size or np.any(steps <= 0.0):
+        return False
+    return bool(np.ptp(steps) <= _UNEVEN * np.median(steps))
+
+
+def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
+    """A column given by name or number, and its unit behind a colon: ``3:mN``."""
+    text = str(wanted)
+    before, _, unit = text.rpartition(":")
+    for key, given in ((text, ""), (before, unit.strip())):
+        if given and unit_named(given) is None:
+            continue
+        names = {simple(key), simple(Heading.read(key).name)} - {""}
+        found = [
+            i
+            for i, heading in enumerate(table.headings)
+            if simple(heading.name) in names
+        ]
+        if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", key):
+            found = [int(key) - 1]
+        if len(found) == 1 and found[0] in table.numeric:
+            heading = table.headings[found[0]]
+            return Choice(found[0], heading._replace(unit=given or heading.unit))
+    raise InputError(
+        f"{name} = {shown(wanted)}: no such column of numbers, or several of this "
+        f"name; counted from 1, there are {table.listed()}"
+    )
+
+
+def _question(table: Table, name: str, found: list[int]) -> InputError:
+    """Ask which column it is; below it, a table of all."""
+    first, *others = [f"--{name} {i + 1}" for i in found] or [f"--{name}"]
+    ways = " or ".join([first, *others[:1]])
+    step = ", or give the step (--step, or step=)" if name == "time" else ""
+    error = InputError(
+        f"which column is the {name}? Name it ({ways} on the command line, {name}= in "
+        f"Python){step}; there are {table.listed()}"
+    )
+    error.add_note(_preview(table))
+    return error
+
+
+def _preview(table: Table) -> str:
+    """All columns of numbers: number, heading, range, first values, what they do."""
+    shown_ones = table.numeric[:_MOST_SHOWN]
+    values = table.read(shown_ones)[0]
+    rows = [("column", "heading", "from", "to", "first values", "")]
+    for i in shown_ones:
+        known = values[i][np.isfinite(values[i])]
+        if not known.size:
+            continue
+        rows.append(
+            (
+                str(i + 1),
+                printable(str(table.headings[i]))[:_LONGEST_NAME],
+                words.number(known.min()),
+                words.number(known.max()),
+                ", ".join(map(words.number, known[:3].tolist())),
+                "rises evenly" if rises_evenly(known) else "",
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in rows
+    )
+    left = len(table.numeric) - len(shown_ones)
+    more = [f"and {left} more columns"] if left else []
+    return "\n".join([*(line.rstrip() for line in lines), *more])
