@@ -15,7 +15,7 @@ from stickslip.errors import InputError, instance, sequence
 from stickslip.fitting.events import Events
 from stickslip.io import files
 from stickslip.measure.headings import ratio
-from stickslip.measure.tables import read_table
+from stickslip.measure.table_files import read_table
 from stickslip.measure.trace import Array
 from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value

@@ -12,7 +12,9 @@ import numpy as np
 from stickslip import words
 from stickslip.errors import InputError, printable, shown
 from stickslip.measure.headings import Heading, Quantity, simple, unit_named
-from stickslip.measure.tables import Table, read_table
+from stickslip.measure.part_table import aligned
+from stickslip.measure.table_files import read_table
+from stickslip.measure.tables import Table
 from stickslip.measure.trace import Array
 
 _MOST_SHOWN = 20  # columns of a table that asks for one
@@ -198,18 +200,13 @@ def _preview(table: Table) -> str:
         rows.append(
             (
                 str(i + 1),
-                printable(str(table.headings[i]))[:_LONGEST_NAME],
+                str(table.headings[i])[:_LONGEST_NAME],
                 words.number(known.min()),
                 words.number(known.max()),
                 ", ".join(map(words.number, known[:3].tolist())),
                 "rises evenly" if rises_evenly(known) else "",
             )
         )
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = (
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        for row in rows
-    )
     left = len(table.numeric) - len(shown_ones)
     more = [f"and {left} more columns"] if left else []
-    return "\n".join([*(line.rstrip() for line in lines), *more])
+    return "\n".join([*aligned(rows), *more])

@@ -158,8 +158,8 @@ class Heading(NamedTuple):
         if unit is None or unit[0] == "signal":
             return named
         kind = unit[0]
-        if named in ("force", "coefficient") and kind in ("number", "percentage"):
-            return "coefficient"
+        if named in ("force", "coefficient"):  # of friction, as its unit says
+            named = "coefficient" if kind in ("number", "percentage") else "force"
         fits = kind in _TABLES["kinds"].get(named, ())
         told: Quantity = _TABLES["without_a_name"].get(kind, "")
         return named if fits else "other" if named else told

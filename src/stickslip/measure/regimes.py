@@ -26,6 +26,7 @@ from stickslip.measure.features import (
     look_past_waves,
 )
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
+from stickslip.measure.part_table import part_table
 from stickslip.measure.segments import segments
 from stickslip.measure.sensor import note_saturation, spikes
 from stickslip.measure.slips import Slips, fast_ones, find_slips
@@ -78,6 +79,7 @@ class Regime(Answer):
     cycles: int
     period: float  #: mean time of a cycle; NaN with too few cycles
     period_variation: float  #: its coefficient of variation
+    last_drop: float  #: when the last drop ends; NaN without one
     drop: float  #: mean force drop
     drop_variation: float  #: its coefficient of variation
     #: fraction of the time in which the force drops: .5 for a sine, near 0 for a
@@ -102,7 +104,11 @@ class Regime(Answer):
     force_unit: str = ""  #: of the forces above
     #: what a reader should know of the data: a saturated sensor, gaps, a drift
     notes: tuple[str, ...] = ()
-    #: what lies between steps of level or amplitude; empty without a step
+    #: of a reciprocating test: half the difference of the two plateaus of its strokes
+    half_width: float | None = None
+    offset: float | None = None  #: and their middle
+    #: what lies between gaps, steps of level or amplitude, and reversals, each judged
+    #: by itself; empty where there are none
     segments: tuple["Regime", ...] = ()
     table: tuple[Criterion, ...] = ()  #: the tests that kind and reason are read off
 
@@ -116,6 +122,12 @@ class Regime(Answer):
                 "slips" if self.stuck is not None and self.stuck >= RESTS else "cycles"
             )
         return "slips" if self.kind == "stick-slip" else "drops"
+
+    @property
+    def is_in_turn(self) -> bool:
+        """Whether parts differ, each of them decided: then no word says it of all."""
+        kinds = {each.kind for each in self.segments}
+        return self.kind == OPEN and OPEN not in kinds and bool(kinds)
 
     @property
     def is_noise(self) -> bool:
@@ -133,6 +145,23 @@ class Regime(Answer):
         return hash(self.kind)
 
     def __str__(self) -> str:
+        lines = [self.reason if self.is_in_turn else f"{self.kind}: {self.reason}"]
+        if self.half_width is not None and self.offset is not None:
+            half, middle = (
+                words.engineering(force, self.force_unit)
+                for force in (self.half_width, self.offset)
+            )
+            lines.append(f"friction loop: ±{half} about an offset of {middle}")
+        if self.mean_mu is not None and self.static_mu is not None:
+            lines.append(
+                f"coefficient of friction {words.number(self.mean_mu, 3)} on average "
+                f"(kinetic), {words.number(self.static_mu, 3)} at most (static)"
+            )
+        lines += part_table(self.segments) if self.segments else self._evidence()
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+    def _evidence(self) -> list[str]:
+        """What was seen in a window that is one part."""
         divisor, unit = prefixed(self.window[1], self.time_unit)
         begin, end = (time / divisor for time in self.window)
         mean, swing, noise, drop = (
@@ -145,16 +174,10 @@ class Regime(Answer):
             )
         )
         lines = [
-            f"{self.kind}: {self.reason}",
             f"evaluated over t = {words.number(begin)} to "
             f"{words.engineering(end, unit)}; {self.quantity} {mean} on average, peak "
             f"to peak {swing}, noise {noise}",
         ]
-        if self.mean_mu is not None and self.static_mu is not None:
-            lines.append(
-                f"coefficient of friction {words.number(self.mean_mu, 3)} on average "
-                f"(kinetic), {words.number(self.static_mu, 3)} at most (static)"
-            )
         if self.cycles:
             told = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
             told += f", drop {drop}{_variation(self.drop_variation)}"
@@ -183,7 +206,7 @@ class Regime(Answer):
             lines.append(
                 f"largest velocity {self.largest_velocity:.3g} times the drive's"
             )
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+        return lines
 
 
 def _rate_unit(of: Trace | Regime) -> str:
@@ -255,9 +278,18 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
         seen = _combine_parts(_judge_parts(trace))
     if "mu" in data and data["mu"].dims == ("time",):
         size = abs(data["mu"])  # it changes sign with the direction
-        mean = float(size.sel(time=slice(*seen.window)).mean())
-        seen = replace(seen, mean_mu=mean, static_mu=float(size.max()))
+        seen = replace(
+            _with_mu(seen, size),
+            static_mu=float(size.max()),
+            segments=tuple(_with_mu(each, size) for each in seen.segments),
+        )
     return trace, seen
+
+
+def _with_mu(seen: Regime, size: xr.DataArray) -> Regime:
+    """A regime with the mean coefficient of friction in its window."""
+    inside = size.sel(time=slice(*seen.window))
+    return replace(seen, mean_mu=float(inside.mean()), static_mu=float(inside.max()))
 
 
 def _select_late_window(trace: Trace) -> tuple[Trace, Slips | None]:
@@ -284,15 +316,10 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     strokes, each by itself; with notes.
     """
     stretches = trace.stretches
-    notes = [*note_saturation(trace.force)]
-    if len(stretches) > 1:
-        begin = words.number(stretches[0].t[-1])
-        end = words.number(stretches[1].t[0])
-        more = f", and {len(stretches) - 2} more gaps" if len(stretches) > 2 else ""
-        gaps = f"no readings from t = {begin} to {end}{more}"
-        notes.insert(0, f"{gaps}: each stretch without a gap was judged by itself")
+    notes = [*note_saturation(trace.force), *_note_gaps(stretches)]
     parts = list[Regime]()
     strokes = 0
+    loops = list[tuple[float, float]]()
     long = [each for each in stretches if each.t.size >= FEWEST_READINGS]
     for stretch in long or [trace]:
         found, friction, offset = find_strokes(stretch)
@@ -301,16 +328,28 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
             continue
         parts += [_doubt_oscillation(_judge(stroke)) for stroke in found]
         strokes += len(found)
-        half, middle = (
-            words.engineering(force, trace.force_unit, 3)
-            for force in (friction, trace.sign * offset)
-        )
-        notes.append(
-            f"friction of the strokes {half}, half the difference of their two "
-            f"plateaus, about an offset of {middle}"
-        )
+        loops.append((friction, trace.sign * offset))
     seen = _combine_parts(parts, strokes)
+    if loops:
+        half, middle = np.mean(loops, axis=0).tolist()
+        seen = replace(seen, half_width=half, offset=middle)
     return replace(seen, notes=(*seen.notes, *notes))
+
+
+def _note_gaps(stretches: Sequence[Trace]) -> list[str]:
+    """Where readings are missing, between stretches of one part of a record."""
+    gaps = [
+        (float(one.t[-1]), float(other.t[0]))
+        for one, other in itertools.pairwise(stretches)
+        if one.part_number is None
+        or other.part_number is None
+        or one.part_number[-1] == other.part_number[0]
+    ]
+    if not gaps:
+        return []
+    begin, end = map(words.number, gaps[0])
+    many = f" and in {len(gaps) - 1} more" if len(gaps) > 1 else ""
+    return [f"no readings in a gap from t = {begin} to {end}{many}"]
 
 
 def _doubt_oscillation(stroke: Regime) -> Regime:
@@ -372,22 +411,29 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
         reason = f"reciprocating test, {strokes} strokes judged separately ({told}); "
         reason += seen.reason + ("" if agree else "; judge a part of the strokes")
         kind = kind if agree else OPEN
-        return replace(seen, kind=kind, reason=reason, window=window)
-    if len(parts) == 1 or kind == OPEN:
+        return replace(
+            seen, kind=kind, reason=reason, window=window, segments=tuple(parts)
+        )
+    if len(parts) == 1:
         return seen
     seen = replace(seen, segments=tuple(parts))
+    if kind == OPEN:
+        return seen
     if agree and {*lasts} <= {kind, OPEN}:
-        ends = ", ".join(_end(each) for each in parts[:-1])
-        return replace(seen, notes=(*seen.notes, f"steps at t = {ends}"))
+        return seen
     runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
-    turns = ", ".join(f"{run[0].kind} to t = {_end(run[-1])}" for run in runs[:-1])
-    reason = f"{turns}, then {runs[-1][0].kind}: judge each part by itself"
+    turns = ", ".join(f"{run[0].kind} until {_end(run[-1])}" for run in runs[:-1])
+    reason = f"{turns}, then {runs[-1][0].kind}"
     return replace(seen, kind=OPEN, reason=reason, window=window)
 
 
 def _end(part: Regime) -> str:
-    """When a part ends: to a thousandth of it."""
+    """When a part ends, or its last slip where none came for two periods: to a
+    thousandth of it.
+    """
     begin, end = part.window
+    if part.kind == SLIPS and end - part.last_drop > 2.0 * part.period:
+        end = part.last_drop
     digits = 3 + int(math.log10(max(abs(end) / (end - begin), 1.0)) + 0.8)
     return words.engineering(end, part.time_unit, digits)
 
@@ -426,6 +472,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         cycles=count,
         period=period,
         period_variation=variation,
+        last_drop=float(trace.t[slips.end[-1]]) if slips.size else math.nan,
         drop=drop,
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),

@@ -30,7 +30,7 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
         trace.part(trace.t[begin], trace.t[end] if end < last else np.inf)
         for begin, end in itertools.pairwise(edges)
     ]
-    levels = np.array([float(np.median(part.force)) for part in parts])
+    levels = np.array([_plateau(part.force) for part in parts])
     even = float(np.median(levels[::2]))
     odd = float(np.median(levels[1::2]))
     offset = 0.5 * (even + odd)
@@ -47,6 +47,12 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     if len(strokes) < 2:
         return [], math.nan, math.nan
     return strokes, 0.5 * abs(even - odd), offset
+
+
+def _plateau(force: Array) -> float:
+    """The mean of the middle half of a stroke, which its reversals do not touch."""
+    quarter = force.size // 4
+    return float(force[quarter : force.size - quarter].mean())
 
 
 def _reversals(trace: Trace) -> list[int]:

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from statistics import mode
 from typing import Any, NamedTuple, NoReturn
@@ -24,7 +24,7 @@ from stickslip.measure.headings import (
     unit_named,
     with_coefficients,
 )
-from stickslip.measure.trace import FEWEST_READINGS, Array
+from stickslip.measure.trace import Array
 from stickslip.model.quantities import unit_size
 
 MOST_COLUMNS = 1000
@@ -89,25 +89,6 @@ class Table(NamedTuple):
         return ", ".join(shown[:12] or ["none"]) + (" ..." if len(shown) > 12 else "")
 
 
-def read_table(
-    raw: bytes, delimiter: str | None = None, decimal: str | None = None
-) -> Table:
-    """Find out how a file is laid out; `InputError` if it is no table."""
-    try:
-        if raw.startswith(b"TDSm"):
-            return _of_tdms(raw)
-        if raw.startswith(b"PK\x03\x04"):
-            return _of_spreadsheet(raw)
-    # they let errors of zip, XML, struct and their own through
-    except Exception as error:
-        remedy = (
-            "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, "
-            "or export it as text"
-        )
-        raise InputError(f"cannot be read ({error}); {remedy}") from None
-    return _of_text(_as_utf8(raw), delimiter, decimal)
-
-
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
     """Number and unit of a cell, a time of the day as seconds; None and no unit
     where it holds no finite number.
@@ -162,10 +143,7 @@ def _as_utf8(raw: bytes) -> bytes:
         raw = raw.decode("latin-1").encode()
     raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n").removesuffix(b"\n") + b"\n"
     if len(raw.translate(None, _CONTROLS)) < len(raw):
-        raise InputError(
-            "is a binary file, as NetCDF, HDF5, .xls: open a run with load(), save a "
-            "table as text, .xlsx"
-        )
+        raise InputError("is a binary file of an unknown kind: save the table as text")
     return raw
 
 
@@ -251,8 +229,13 @@ class _Rows(NamedTuple):
         return times - times[np.isfinite(times)][:1]
 
 
-def _of_text(raw: bytes, delimiter: str | None, decimal: str | None) -> Table:
-    """Find the rows of numbers in a text, and their headings."""
+def read_text(
+    raw: bytes, delimiter: str | None = None, decimal: str | None = None
+) -> Table:
+    """Find the rows of numbers in a text, and their headings; `InputError` if there
+    are none.
+    """
+    raw = _as_utf8(raw)
     octets = np.frombuffer(raw, dtype=np.uint8)
     lines = _Lines(raw, np.append(0, np.flatnonzero(octets == ord("\n")) + 1))
     labview, head = _without_header_of_labview(lines.head())
@@ -502,82 +485,3 @@ def _as_numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
     numbers = np.array(cells, dtype=float)
     numbers[np.isinf(numbers)] = np.nan
     return numbers
-
-
-def _of_spreadsheet(raw: bytes) -> Table:
-    """The sheet with most numbers of an .xlsx file, as text separated by tabs."""
-    sheets = pd.read_excel(
-        io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl"
-    )
-    numbers = {
-        name: sheet.apply(pd.to_numeric, errors="coerce").count()
-        for name, sheet in sheets.items()
-    }
-    chosen = max(sheets, key=lambda name: numbers[name].sum())
-    left = [
-        f"{str(name)!r}"
-        for name, counts in numbers.items()
-        if name != chosen and counts.max() >= FEWEST_READINGS
-    ]
-    sheet = sheets[chosen]
-    plain = sheet.replace(r"[\t\r\n\"]", " ", regex=True)
-    text: str = plain.to_csv(
-        sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE
-    )
-    found = _of_text(text.encode(), "\t", ".")
-    return found._replace(notes=_left_out(f"sheet {str(chosen)!r}", "sheet", left))
-
-
-def _left_out(read: str, kind: str, left: list[str]) -> tuple[str, ...]:
-    """A note of tables besides the one that was read, if there are any."""
-    if not left:
-        return ()
-    named = ", ".join(left[:5]) + (f" and {len(left) - 5} more" * (len(left) > 5))
-    many = f"{len(left)} other {kind}{'s' * (len(left) > 1)}"
-    return (f"read was {read}; {many} with numbers left out: {named}",)
-
-
-def _of_tdms(raw: bytes) -> Table:
-    """The channels of numbers in a TDMS file, of those that are equally long."""
-    import nptdms
-
-    channels = [
-        one
-        for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups()
-        for one in group.channels()
-        if len(one) and np.issubdtype(one[:].dtype, np.number)
-    ]
-    length = mode(map(len, channels))
-    left = []
-    headings = []
-    columns = []
-    steps = set()
-    for one in channels:
-        if len(one) == length:
-            told = one.properties
-            name, unit = Heading.read(one.name)
-            unit = told.get("unit_string") or told.get("NI_UnitDescription") or unit
-            headings.append(Heading(name, str(unit)))
-            columns.append(np.array(one[:], dtype=float))
-            steps.add(_step_of(told))
-        elif len(one) >= FEWEST_READINGS:
-            left.append(f"{one.group_name}/{one.name}")
-    rows = np.arange(1, length + 1)
-    steps.discard(0.0)
-    return Table(
-        with_coefficients(headings),
-        [*range(len(columns))],
-        lambda asked: ({i: columns[i] for i in asked}, rows),
-        "sample {}".format,
-        steps.pop() if len(steps) == 1 else None,
-        _left_out(f"the channels of {length} readings", "channel", left),
-    )
-
-
-def _step_of(properties: Mapping[str, Any]) -> float:
-    """Sampling interval of a channel of a TDMS file in s; 0 where it tells none, as
-    that of a spectrum, whose readings lie apart in 1/s.
-    """
-    step = float(properties.get("wf_increment") or 0.0)
-    size = unit_size(str(properties.get("wf_xunit_string") or "s").strip())
-    return step * size[0] if size and size[1] == {"s": 1} else 0.0

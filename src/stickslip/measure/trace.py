@@ -42,6 +42,7 @@ _VARIABLES = {
     "velocity": "velocity",
     "drive": "drive_velocity",
     "displacement": "measured_displacement",
+    "part_number": "part",
 }
 
 
@@ -136,6 +137,7 @@ class Trace:
     velocity: Array | None = None
     drive: Array | None = None
     displacement: Array | None = None
+    part_number: Array | None = None
     rig: Rig | None = None
     contacts: int | None = None  # their number, where it is known
     measured: bool = False  # with noise, and a bench behind it
@@ -204,9 +206,14 @@ class Trace:
             measured=drive is None or "stiffness" in data.attrs,
             time_unit=printable(str(time.get("units", ""))),
             force_unit=printable(str(told.get("units", ""))),
-            quantity="coefficient of friction"
-            if "coefficient" in str(told.get("long_name", ""))
-            else "force",
+            quantity=next(
+                (
+                    name
+                    for name in ("coefficient of friction", "torque")
+                    if name in str(told.get("long_name", ""))
+                ),
+                "force",
+            ),
         )
 
     @cached_property
@@ -226,17 +233,19 @@ class Trace:
 
     @property
     def gaps(self) -> NDArray[np.intp]:
-        """Samples before a gap: a step of more than 16 of those beside it, as many
-        readings as a verdict needs.
+        """Samples before another part of a record, or a gap: a step of more than 16
+        of those beside it, as many readings as a verdict needs.
         """
         step = np.diff(self.t)
-        return 1 + np.flatnonzero(
-            step[1:-1] > FEWEST_READINGS * np.maximum(step[:-2], step[2:])
-        )
+        ends = np.zeros(step.size, dtype=bool)
+        ends[1:-1] = step[1:-1] > FEWEST_READINGS * np.maximum(step[:-2], step[2:])
+        if self.part_number is not None:
+            ends |= np.diff(self.part_number) != 0.0
+        return np.flatnonzero(ends)
 
     @property
     def stretches(self) -> list[Self]:
-        """What lies between gaps, in turn."""
+        """What lies between gaps, or is a part by itself, in turn."""
         return [
             self.part(*ends)
             for ends in pairwise([self.t[0], *self.t[self.gaps + 1], math.inf])

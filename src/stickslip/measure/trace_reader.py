@@ -16,7 +16,8 @@ from stickslip.io import files
 from stickslip.measure.column_choice import Choice, choose
 from stickslip.measure.headings import WEIGHTS, ratio, unit_named
 from stickslip.measure.sensor import far_outside, spikes
-from stickslip.measure.tables import Table, read_cell, read_table
+from stickslip.measure.table_files import read_table
+from stickslip.measure.tables import Table, read_cell
 from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled

@@ -1,0 +1,224 @@
+"""A table of numbers in a file of any kind: text, spreadsheet, or binary."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from statistics import mode
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from stickslip.errors import InputError
+from stickslip.measure.headings import Heading, with_coefficients
+from stickslip.measure.tables import MOST_COLUMNS, Table, read_text
+from stickslip.measure.trace import FEWEST_READINGS, Array
+from stickslip.model.quantities import unit_size
+
+_EXPORTED = {
+    b"\x89HDF": "HDF5: write the columns as .csv or .npy, with h5py or HDFView",
+    b"MATLAB 7.3": "MATLAB 7.3: save(file, '-v7') writes a .mat that can be read",
+    b"CDF": "NetCDF: a run is opened with load(); write other columns as .csv",
+    b"\xd0\xcf\x11\xe0": "an old Excel file (.xls): save it as .xlsx or .csv",
+    b"PAR1": "Parquet: pandas.read_parquet(file).to_csv(...)",
+    b"\x1f\x8b": "packed by gzip: unpack it first",
+    b"SQLite format 3": "an SQLite database: export the table as .csv",
+    b"%PDF": "a PDF: export the table as .csv",
+    b"\x89PNG": "a picture: export the table as .csv",
+    b"\xff\xd8\xff": "a picture: export the table as .csv",
+    b"\x80\x04": "a pickle of Python: write the columns as .csv or .npy",
+}
+"""By its first bytes, what a binary file is that is not read, and what exports it."""
+
+
+def read_table(
+    raw: bytes, delimiter: str | None = None, decimal: str | None = None
+) -> Table:
+    """Find out how a file is laid out; `InputError` if it is no table."""
+    told = next(
+        (told for magic, told in _EXPORTED.items() if raw[:20].startswith(magic)), ""
+    )
+    if told:
+        raise InputError(f"is {told}")
+    read = next((read for magic, read in _READERS if raw.startswith(magic)), None)
+    if read is None:
+        return read_text(raw, delimiter, decimal)
+    try:
+        return read(raw)
+    except InputError:
+        raise
+    # they let errors of zip, XML, struct and their own through
+    except Exception as error:
+        remedy = (
+            "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, "
+            "or export it as text"
+        )
+        raise InputError(f"cannot be read ({error}); {remedy}") from None
+
+
+def _of_arrays(
+    headings: Sequence[Heading],
+    columns: Sequence[Array],
+    step: float | None,
+    notes: tuple[str, ...] = (),
+) -> Table:
+    """A table of columns of numbers that are equally long."""
+    if not columns or len(columns) > MOST_COLUMNS:
+        raise InputError(
+            f"has {len(columns)} columns of numbers; 1 to {MOST_COLUMNS} are read"
+        )
+    rows = np.arange(1, columns[0].size + 1)
+    return Table(
+        with_coefficients(headings),
+        [*range(len(columns))],
+        lambda asked: ({i: columns[i].copy() for i in asked}, rows),
+        "sample {}".format,
+        step,
+        notes,
+    )
+
+
+def _of_numpy(raw: bytes) -> Table:
+    """An array of numpy: its fields, or its columns."""
+    values = np.load(io.BytesIO(raw), allow_pickle=False)
+    if values.dtype.names:
+        named = {name: values[name] for name in values.dtype.names}
+    else:
+        named = _columns_of("", np.squeeze(values))
+    return _of_named(named, None)
+
+
+def _of_sound(raw: bytes) -> Table:
+    """The channels of a .wav file, at its rate."""
+    from scipy.io import wavfile
+
+    rate, values = wavfile.read(io.BytesIO(raw))
+    return _of_named(_columns_of("channel", values), 1.0 / rate)
+
+
+def _of_matlab(raw: bytes) -> Table:
+    """The variables of a .mat file, those of a struct by their own names; of matrices
+    the columns.
+    """
+    from scipy.io import loadmat
+
+    file: Any = io.BytesIO(raw)
+    held = loadmat(file, squeeze_me=True, struct_as_record=False)
+    named = dict[str, Any]()
+    for name, value in held.items():
+        fields = vars(value) if hasattr(value, "_fieldnames") else {name: value}
+        for field, values in fields.items():
+            if field.startswith("_") or not isinstance(values, np.ndarray):
+                continue
+            named |= _columns_of(field, values)
+    return _of_named(named, None)
+
+
+def _columns_of(name: str, values: Any) -> dict[str, Any]:
+    """The columns of an array under its name and, of several, their numbers."""
+    if values.ndim == 1:
+        return {name: values}
+    if values.ndim != 2:
+        return {}
+    along = values if values.shape[0] >= values.shape[1] else values.T
+    return {f"{name} {k + 1}".strip(): along[:, k] for k in range(along.shape[1])}
+
+
+def _of_named(named: Mapping[str, Any], step: float | None) -> Table:
+    """Named columns of numbers, those of the length that most of them have."""
+    numbers = {
+        name: np.asarray(values, dtype=float)
+        for name, values in named.items()
+        if values.dtype.kind in "fiu" and values.size >= FEWEST_READINGS
+    }
+    if not numbers:
+        raise InputError(
+            f"holds no column of numbers with at least {FEWEST_READINGS} of them"
+        )
+    length = mode(map(len, numbers.values()))
+    kept = {name: one for name, one in numbers.items() if one.size == length}
+    left = [name for name in numbers if name not in kept]
+    note = _left_out(f"what has {length} numbers", "variable", left)
+    return _of_arrays([*map(Heading.read, kept)], [*kept.values()], step, note)
+
+
+def _of_spreadsheet(raw: bytes) -> Table:
+    """The sheet with most numbers of an .xlsx file, as text separated by tabs."""
+    sheets = pd.read_excel(
+        io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl"
+    )
+    numbers = {
+        name: sheet.apply(pd.to_numeric, errors="coerce").count()
+        for name, sheet in sheets.items()
+    }
+    chosen = max(sheets, key=lambda name: numbers[name].sum())
+    left = [
+        f"{str(name)!r}"
+        for name, counts in numbers.items()
+        if name != chosen and counts.max() >= FEWEST_READINGS
+    ]
+    sheet = sheets[chosen]
+    plain = sheet.replace(r"[\t\r\n\"]", " ", regex=True)
+    text: str = plain.to_csv(
+        sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE
+    )
+    found = read_text(text.encode(), "\t", ".")
+    return found._replace(notes=_left_out(f"sheet {str(chosen)!r}", "sheet", left))
+
+
+def _left_out(read: str, kind: str, left: list[str]) -> tuple[str, ...]:
+    """A note of tables besides the one that was read, if there are any."""
+    if not left:
+        return ()
+    named = ", ".join(left[:5]) + (f" and {len(left) - 5} more" * (len(left) > 5))
+    many = f"{len(left)} other {kind}{'s' * (len(left) > 1)}"
+    return (f"read was {read}; {many} with numbers left out: {named}",)
+
+
+def _of_tdms(raw: bytes) -> Table:
+    """The channels of numbers in a TDMS file, of those that are equally long."""
+    import nptdms
+
+    channels = [
+        one
+        for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups()
+        for one in group.channels()
+        if len(one) and np.issubdtype(one[:].dtype, np.number)
+    ]
+    length = mode(map(len, channels))
+    left = []
+    headings = []
+    columns = []
+    steps = set()
+    for one in channels:
+        if len(one) == length:
+            told = one.properties
+            name, unit = Heading.read(one.name)
+            unit = told.get("unit_string") or told.get("NI_UnitDescription") or unit
+            headings.append(Heading(name, str(unit)))
+            columns.append(np.array(one[:], dtype=float))
+            steps.add(_step_of(told))
+        elif len(one) >= FEWEST_READINGS:
+            left.append(f"{one.group_name}/{one.name}")
+    steps.discard(0.0)
+    note = _left_out(f"the channels of {length} readings", "channel", left)
+    return _of_arrays(headings, columns, steps.pop() if len(steps) == 1 else None, note)
+
+
+def _step_of(properties: Mapping[str, Any]) -> float:
+    """Sampling interval of a channel of a TDMS file in s; 0 where it tells none, as
+    that of a spectrum, whose readings lie apart in 1/s.
+    """
+    step = float(properties.get("wf_increment") or 0.0)
+    size = unit_size(str(properties.get("wf_xunit_string") or "s").strip())
+    return step * size[0] if size and size[1] == {"s": 1} else 0.0
+
+
+_READERS = (
+    (b"TDSm", _of_tdms),
+    (b"PK\x03\x04", _of_spreadsheet),
+    (b"\x93NUMPY", _of_numpy),
+    (b"MATLAB 5.0", _of_matlab),
+    (b"RIFF", _of_sound),
+)
+"""What reads a file, by its first bytes."""
