@@ -10,11 +10,13 @@ import sys
 import time
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
+from stickslip import cli
 from stickslip.errors import InputError
-from stickslip.measure import read_trace
+from stickslip.measure import read_trace, regime
 from stickslip.measure.trace_reader import LARGEST_FILE
 
 FORCES = np.round(5.0 + np.abs(np.mod(np.arange(60) * 0.37, 3.0)), 2)
@@ -33,6 +35,7 @@ def rows(form, forces=FORCES):
 NIGHT = dt.datetime(2024, 2, 29, 23, 59, 55)
 COMMA = str.maketrans(".", ",")
 NUMBERS = rows(lambda _, f: f"{f}")
+TIMES_OF_SAW = np.round(0.01 * np.arange(600), 2)
 PAIRS, SEMICOLONS = (rows(lambda t, f, mark=mark: f"{t}{mark}{f}") for mark in ",;")
 TIMES = 0.25 * np.arange(FORCES.size)
 GERMAN = (
@@ -307,9 +310,9 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
             r"no such column.* 1 'a' \(no numbers",
         ),
         (
-            "time force\n" + rows(lambda t, f: f"{t} {f} N m"),
+            "time force\n" + rows(lambda t, f: f"{t} {f} N kg"),
             {},
-            "numbers in 'N m'; write one known unit",
+            "numbers in 'N kg'; write one known unit",
         ),
         (
             "time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"),
@@ -333,7 +336,7 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
             "which column is the force",
         ),
         (
-            "a,F\n" + PAIRS,
+            "a,F\n" + rows(lambda t, f: f"{np.sin(t)},{f}"),
             {},
             "which column is the time.*--time .* time=.*--step.* step=",
         ),
@@ -675,3 +678,147 @@ def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
             written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)),
             step=0.01,
         )
+
+
+SAW = 5.0 + 2.0 * (2.0 * TIMES_OF_SAW % 1.0)
+
+
+def table(head, *columns):
+    lines = (",".join(map(str, row)) for row in zip(*columns, strict=True))
+    return "\n".join([head, *lines, ""])
+
+
+@pytest.mark.parametrize(
+    ("head", "columns", "read"),
+    [
+        (
+            "t (s),Torque (N m),WOB (kN)",
+            "tFL",
+            "force: column 2 .Torque. .N m.; load: ",
+        ),
+        ("t (s),Drehmoment,Drehzahl (rpm)", "tFv", "column 2 .Drehmoment.; velocity: "),
+        (
+            "Time,DAQ.Fz (N),DAQ.Fx (N),DAQ.COF ()",
+            "tLFm",
+            "column 3 .DAQ.Fx. .N.; load",
+        ),
+        (
+            "time (s),friction coefficient mu",
+            "tm",
+            "column 2 .friction coefficient mu.;",
+        ),
+        (
+            "Time,Analog 1\nms,Torque",
+            "tF",
+            "time: column 1 .Time. .ms.; force: .*Torque",
+        ),
+        ('Channel name,"Force"\nUnit,"V"', "tF", "time: column 1; force: column 2 .*V"),
+        (
+            "time,force\n-----,-----",
+            "tF",
+            "time: column 1 .time.; force: column 2 .for",
+        ),
+        ('"unit","N","g"\n"Time(sec)","Fn","Fx"', "tLF", "column 3 .Fx. .g.; load: "),
+        ("t,temperature of friction pad (degC),F (N)", "tLF", "force: column 3 "),
+        ("", "tF", "time: column 1; force: column 2; 600 readings, one each 10 ms"),
+    ],
+)
+def test_columns_are_chosen_by_names_units_and_numbers_and_the_answer_says_which(
+    tmp_path, head, columns, read
+):
+    values = {"t": TIMES_OF_SAW, "F": SAW, "L": 20.0 + 0.1 * np.sin(SAW), "m": SAW / 20}
+    values["v"] = 3.0 + 0.1 * np.cos(SAW)
+    scale = 1000.0 if "ms," in head else 1.0
+    data = read_trace(
+        written(
+            tmp_path,
+            table(head, scale * TIMES_OF_SAW, *(values[key] for key in columns[1:])),
+        )
+    )
+    assert re.search(read, data.attrs["read"])
+    wanted = values[columns[1]] if "F" not in columns else SAW
+    assert data["spring_force"].values == pytest.approx(wanted)
+    assert regime(data) == "stick-slip"
+
+
+def test_which_of_two_columns_is_asked_once_beside_a_table_of_all(tmp_path, capsys):
+    path = written(tmp_path, table("t (s),CH1 (g),CH2 (g)", TIMES_OF_SAW, SAW, 3 * SAW))
+    assert cli.main(["measure", str(path)]) == 2
+    asked, *shown = capsys.readouterr().err.splitlines()
+    assert "which column is the force? Name it (--force 2 or --force 3" in asked
+    assert [line.split()[0] for line in shown] == ["column", "1", "2", "3"]
+    assert shown[1].endswith("rises evenly")
+    assert cli.main(["measure", str(path), "--force", "CH2"]) == 0
+    told = capsys.readouterr().out
+    assert "mean ± standard deviation" in told
+    assert 'read: time: column 1 "t" (s); force: column 3 "CH2" (g); 600' in told
+    assert "g of the force is read as gf, a weight" in told
+
+
+def test_tests_one_after_another_are_judged_each_by_itself(tmp_path):
+    smooth = 6.0 + 0.01 * np.random.default_rng(0).normal(size=SAW.size)
+    columns = np.tile(TIMES_OF_SAW, 2), np.append(SAW, smooth)
+    data = read_trace(written(tmp_path, table("t (s),F (N)", *columns)))
+    assert "the clock restarts at line 602: 2 tests" in data.attrs["note"]
+    seen = regime(data)
+    assert [each.kind for each in seen.segments] == ["stick-slip", "smooth sliding"]
+    assert seen.is_in_turn
+    assert str(seen).startswith("stick-slip until")
+    # and the steps of a column of their numbers, where the clock goes on
+    steps = np.repeat([1, 2], SAW.size)
+    clock = 0.01 * np.arange(2 * SAW.size)
+    head = "Step,t (s),F (N)"
+    again = read_trace(written(tmp_path, table(head, steps, clock, columns[1])))
+    kinds = [each.kind for each in regime(again).segments]
+    assert kinds == ["stick-slip", "smooth sliding"]
+
+
+@pytest.mark.parametrize(("offset", "half"), [(0.0, 3.0), (148.0, 7.5), (-40.0, 2.0)])
+def test_a_friction_loop_has_a_half_width_and_an_offset(offset, half):
+    t = np.arange(0.0, 64.0, 0.01)
+    way = np.where(t // 4 % 2, -1.0, 1.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.02 * half, t.size)
+    lag = 1.0 - 2.0 * np.exp(-(t % 4) / 0.1)
+    seen = regime(pd.Series(offset + half * way * lag + noise, index=t))
+    # the means of the middle halves of the strokes, each of 200 readings
+    assert seen.half_width == pytest.approx(half, abs=0.005 * half)
+    assert seen.offset == pytest.approx(offset, abs=0.005 * half)
+    assert len(seen.segments) == 16
+    assert str(seen).splitlines()[1].startswith("friction loop: ±")
+
+
+def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
+    from scipy import io as matlab
+
+    t = TIMES_OF_SAW
+    np.save(tmp_path / "a.npy", np.column_stack([t, SAW]))
+    matlab.savemat(tmp_path / "a.mat", {"t": t, "Ft": SAW, "rate": 100.0})
+    matlab.savemat(tmp_path / "b.mat", {"run": {"time": t, "friction": SAW}})
+    for name in ("a.npy", "a.mat", "b.mat"):
+        found = read_trace(tmp_path / name)
+        assert found["spring_force"].values == pytest.approx(SAW)
+        assert found["time"].values == pytest.approx(t)
+    counts = np.round(1000.0 * SAW).astype(np.int16)
+    matlab.wavfile.write(tmp_path / "a.wav", 100, counts)
+    found = read_trace(tmp_path / "a.wav", scale="1 mN/counts")
+    assert found["spring_force"].values == pytest.approx(counts)
+    assert found["spring_force"].attrs["units"] == "mN"
+    assert found["time"].values == pytest.approx(t)
+    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
+    with pytest.raises(InputError, match="is HDF5: write the columns as"):
+        read_trace(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize(
+    ("options", "force", "unit"),
+    [
+        ({"force": "2:mN"}, SAW, "mN"),
+        ({"scale": "2.5 N/V", "force": "2:V"}, 2.5 * SAW, "N"),
+        ({"scale": "2.5 N/V", "force": "2:mV"}, 0.0025 * SAW, "N"),
+        ({"scale": "3 mN"}, 3.0 * SAW, "mN"),
+    ],
+)
+def test_a_unit_and_a_scale_may_be_given(tmp_path, options, force, unit):
+    data = read_trace(written(tmp_path, table("t,F", TIMES_OF_SAW, SAW)), **options)
+    assert data["spring_force"].values == pytest.approx(force)
+    assert data["spring_force"].attrs["units"] == unit

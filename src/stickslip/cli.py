@@ -87,6 +87,10 @@ Settings = Annotated[
         consume_multiple=False,
     ),
 ]
+After = Annotated[
+    Text,
+    Parameter(alias="--from", help="Ignore data before this time: '10 ms', or in s."),
+]
 Flip = Annotated[Switch, Parameter(help="Change the sign of the force.")]
 Plot = Annotated[File, Parameter(help="Also draw a picture: .png, .svg or .pdf.")]
 Kind = Literal[
@@ -117,16 +121,35 @@ class Columns:
     Parameters
     ----------
     force
-        Column of the force, by name or number from 1.
+        Column of the force, by name or number from 1; its unit, if the file has none,
+        behind a colon: 3:mN.
     time
         Column of the time, by name or number from 1.
     step
         Sampling interval, without a time column: 0.5 ms, or in s.
+    scale
+        What a reading of the force stands for: '2.5 N/V'.
+    to
+        Ignore data after this time: '60 s', or in s.
+    delimiter
+        What separates the columns, if that is not found: ';'.
+    decimal
+        The decimal sign, if that is not found: ','.
     """
 
     force: Text = None
     time: Text = None
     step: Text = None
+    scale: Text = None
+    to: Text = None
+    delimiter: Text = None
+    decimal: Literal[".", ","] | None = None
+
+    def cut(self, data: xr.Dataset) -> xr.Dataset:
+        """The data up to the time that was given."""
+        unit = str(data["time"].attrs.get("units", ""))
+        end = _quantity("--to", self.to, "s", "60 s", unit=unit)
+        return data if end is None else data.sel(time=slice(None, end))
 
 
 @Parameter(name="*")
@@ -144,7 +167,7 @@ class BenchValues:
     stiffness
         Of the driving spring: '350 N/m'.
     velocity
-        Of the drive: '0.1 mm/s'.
+        Of the drive: '0.1 mm/s'; or a column of it, by name or number.
     mass
         Of the slider, to compare with that of its slips: '75.6 g'.
     contacts
@@ -163,14 +186,19 @@ class BenchValues:
         """Read a run, or a measured trace with the known values of its bench."""
         if self.contacts is not None:
             whole("--contacts", self.contacts, at_least=1, hint="their number")
+        from stickslip.measure.tables import read_cell
+
+        # a number with a unit is no column
+        is_value = self.velocity is not None and bool(read_cell(self.velocity)[1])
         trace = _read_data(
             data,
             columns,
             displacement=self.displacement,
             load=self.load,
+            velocity=None if is_value else self.velocity,
             flip=self.flip,
         )
-        if self.stiffness and self.velocity:
+        if self.stiffness and self.velocity and is_value:
             motion = ss.measure.motion
             return motion(
                 trace,
@@ -178,7 +206,7 @@ class BenchValues:
                 velocity=self.velocity,
                 contacts=self.contacts,
             )
-        if self.stiffness or self.velocity or self.mass:
+        if self.stiffness or is_value or self.mass:
             missing = "velocity" if self.stiffness else "stiffness"
             raise InputError(
                 f"--{missing}: is missing; the motion of the slider needs --stiffness "
@@ -292,8 +320,9 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
             raise InputError(
                 f"{data}: is not a run: it has no spring_force along a time"
             )
-        return run
-    return ss.read_trace(data, **vars(columns), **more)
+        return columns.cut(run)
+    named = {name: value for name, value in vars(columns).items() if name != "to"}
+    return columns.cut(ss.read_trace(data, **named, **more))
 
 
 def _limits_of_trace(
@@ -558,7 +587,7 @@ def measure(
     columns: Columns = Columns(),
     bench: BenchValues = BenchValues(),
     minimum_drop: Text = None,
-    after: Text = None,
+    after: After = None,
     events: File = None,
     json: Json = False,
     plot: Annotated[Plot, Parameter(alias="-o")] = None,
@@ -571,8 +600,6 @@ def measure(
         A run (NetCDF), or a table in plain text with a column of force.
     minimum_drop
         Smallest drop that counts as a slip: '5 mN', or in N.
-    after
-        Ignore data before this time: '10 ms', or in s.
     events
         Write the catalogue of slips as CSV.
     """
@@ -589,7 +616,7 @@ def measure(
     note = trace.attrs.get("note")
     moves = (
         ss.measure.kinematics(trace.sel(time=slice(since, None)), mass=bench.mass)
-        if bench.velocity
+        if bench.stiffness
         else None
     )
     if events is not None:
@@ -612,6 +639,7 @@ def measure(
             str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables
         },
         "kinematics": plain(moves),
+        "read": plain(trace.attrs.get("read")),
         "note": plain(note),
     }
     means = ss.measure.statistics(catalogue)
@@ -625,6 +653,7 @@ def measure(
     lines += [
         *(f"{name}: {text}" for name, text in means),
         *([f"note: {note}"] if note else []),
+        *([f"read: {read}"] if (read := trace.attrs.get("read")) else []),
     ]
     _answer(
         "\n".join(lines), content, json, **{about["drops_are"]: events, "picture": plot}
@@ -699,7 +728,7 @@ def fit(
     columns: Columns = Columns(),
     flip: Flip = False,
     minimum_drop: Text = None,
-    after: Text = None,
+    after: After = None,
     output: Output = None,
     json: Json = False,
     plot: Plot = None,
@@ -725,8 +754,6 @@ def fit(
         Table of holds (s) and static friction (N): ageing.
     minimum_drop
         Smallest drop that counts as a slip: '5 mN', or in N.
-    after
-        Ignore data before this time: '10 ms', or in s.
     output
         Write the rig; needs --stiffness.
     """

@@ -93,7 +93,9 @@ def _of_sound(raw: bytes) -> Table:
     from scipy.io import wavfile
 
     rate, values = wavfile.read(io.BytesIO(raw))
-    return _of_named(_columns_of("channel", values), 1.0 / rate)
+    table = _of_named(_columns_of("channel", values), 1.0 / rate)
+    counts = [heading._replace(unit="counts") for heading in table.headings]
+    return table._replace(headings=counts)
 
 
 def _of_matlab(raw: bytes) -> Table:
@@ -139,7 +141,8 @@ def _of_named(named: Mapping[str, Any], step: float | None) -> Table:
     kept = {name: one for name, one in numbers.items() if one.size == length}
     left = [name for name in numbers if name not in kept]
     note = _left_out(f"what has {length} numbers", "variable", left)
-    return _of_arrays([*map(Heading.read, kept)], [*kept.values()], step, note)
+    headings = [Heading("" if name.isdigit() else name) for name in kept]
+    return _of_arrays(headings, [*kept.values()], step, note)
 
 
 def _of_spreadsheet(raw: bytes) -> Table:

@@ -162,7 +162,8 @@ def read_trace(
 
 def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     """Which columns hold what, and how often the force was read, in words."""
-    told = [f"{name}: {each}" for name, each in chosen.items() if name != "part"]
+    order = [name for name in _TEXTS if name in chosen and name != "part"]
+    told = [f"{name}: {chosen[name]}" for name in ("time", *order) if name in chosen]
     steps = np.diff(data["time"].values)
     usual = words.engineering(float(np.median(steps)), data["time"].attrs["units"])
     return "; ".join([*told, f"{data.sizes['time']} readings, one each {usual}"])
@@ -174,7 +175,7 @@ def _scale(text: str, unit: str) -> tuple[float, str]:
     size = read_cell(match[1])[0] if match else None
     kind = (unit_named(match[2]) or ("",))[0] if match else ""
     of = match[3] if match else ""
-    fits = ratio(unit, of) if unit and of else 1.0
+    fits = ratio(unit, of) if unit and of and unit != of else 1.0
     if match is None or not size or kind not in ("force", "torque") or fits is None:
         here = f", of a column in {unit}" if unit else ""
         raise refused(
@@ -296,7 +297,9 @@ def _dataset(
 ) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
     rows = pd.DataFrame(values)
-    spiky = spikes(values["force"])
+    # each test by its own noise
+    ends = np.flatnonzero(np.diff(values.get("part", np.zeros(1)))) + 1
+    spiky = np.concatenate([spikes(part) for part in np.split(values["force"], ends)])
     count = int(np.count_nonzero(spiky))
     if count:
         many = f"{count} spike{'s' * (count > 1)} of a single sample"
