@@ -22,6 +22,7 @@ from stickslip.measure import (
     counted,
     drops,
     find_cycles,
+    friction_at_speeds,
     read_trace,
     regime,
     regime_and_drops,
@@ -418,12 +419,12 @@ FORCES = {
     "smooth strokes": (
         lambda: to_and_fro(noisy_stroke, displacement=True),
         "smooth sliding",
-        {"note": "friction of the strokes"},
+        {"loop": (5.0, 0.0)},
     ),
     "strokes of slips": (
         lambda: to_and_fro(stroke_of_slips),
         "stick-slip",
-        {"note": "friction of the strokes"},
+        {"loop": (5.45, 0.0)},
     ),
     "in parts": (
         alone(60.0, 0.01, pauses, 0.01),
@@ -488,6 +489,9 @@ def assert_shows(seen, field, value):
     elif field == "swing":
         name = "peak to peak over the largest force"
         assert statistic[name] == pytest.approx(value, rel=0.05)
+    elif field == "loop":
+        assert (seen.half_width, seen.offset) == pytest.approx(value, abs=0.01)
+        assert len(seen.segments) == 6
     elif field == "grows":
         assert (seen.trend > 1.0) == value
         assert seen.trend != pytest.approx(1.0, abs=0.05)
@@ -814,10 +818,10 @@ def test_a_gap_in_a_record_is_told_and_no_slip():
     found = drops(data)
     assert seen == "stick-slip"
     assert seen.window[0] > 25.0
-    assert "no readings from t = 19.98 to 25" in str(seen)
+    assert "no readings in a gap from t = 19.98 to 25" in str(seen)
     assert float(found["recurrence"].max()) < 1.0  # none is told across the gap
     data["spring_force"][t < 20.0] = 2.5 + white(int((t < 20.0).sum()), std=0.01)
-    assert regime(data).reason.startswith("smooth sliding to t = 20, then stick-slip")
+    assert regime(data).reason.startswith("smooth sliding until 20, then stick-slip")
 
 
 def test_numbers_have_the_units_and_the_prefix_that_suit_them():
@@ -1468,3 +1472,38 @@ def test_the_real_trace():
             "undecided",
             True,
         )
+
+
+@pytest.mark.parametrize("told_by", ["velocity", "displacement", "strokes"])
+def test_friction_against_speed_is_found_in_a_record(told_by):
+    """Stages, and strokes about an offset, of a friction that falls with the speed."""
+    rng = np.random.default_rng(3)
+    speeds = np.array([0.2, 1.0, 5.0, 25.0])
+    t = np.arange(0.0, 400.0, 0.02)
+    stage = (t // 50).astype(int)
+    way = np.where(stage % 2, -1.0, 1.0) if told_by == "strokes" else 1.0
+    v = way * speeds[stage % 4 if told_by != "strokes" else stage // 2]
+    friction = 4.0 + 2.0 / (1.0 + np.abs(v))
+    force = way * friction + rng.normal(0.0, 0.05, t.size)
+    named = {"measured_velocity": v * rng.normal(1.0, 0.01, t.size)}
+    if told_by != "velocity":
+        named = {"measured_displacement": np.cumsum(v) * 0.02}
+    if told_by == "strokes":
+        force = force + 30.0
+    found = friction_at_speeds(trace(t, force, **named))
+    assert found["velocity"].values == pytest.approx(speeds, rel=0.01)
+    off = found["friction"].values - (4.0 + 2.0 / (1.0 + speeds))
+    bias = 0.02 if told_by == "strokes" else 0.0  # plateaus of several levels
+    assert np.all(np.abs(off) < 4.0 * found["error"].values + bias)
+    # of white noise, by its law
+    assert (
+        found["error"].values
+        == pytest.approx(0.05 / np.sqrt(found["readings"].values), rel=0.5)
+        or bias
+    )
+
+
+def test_friction_against_speed_needs_a_speed():
+    t = np.arange(0.0, 10.0, 0.01)
+    with pytest.raises(ss.InputError, match="needs a column of the velocity"):
+        friction_at_speeds(trace(t, 5.0 + 0.01 * np.sin(t)))

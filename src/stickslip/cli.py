@@ -589,6 +589,7 @@ def measure(
     minimum_drop: Text = None,
     after: After = None,
     events: File = None,
+    curve: File = None,
     json: Json = False,
     plot: Annotated[Plot, Parameter(alias="-o")] = None,
 ) -> None:
@@ -602,11 +603,15 @@ def measure(
         Smallest drop that counts as a slip: '5 mN', or in N.
     events
         Write the catalogue of slips as CSV.
+    curve
+        Write friction against speed as CSV, or draw it: .png, .svg or .pdf.
     """
     from stickslip.io.datasets import as_csv
     from stickslip.words import engineering
 
     _check_outputs(events, picture=plot, read=data)
+    if curve is not None and curve.suffix != ".csv":
+        _check_outputs(picture=curve, read=data)
     trace = bench.read(data, columns)
     since, smallest = _limits_of_trace(trace, after, minimum_drop)
     seen, catalogue = ss.measure.regime_and_drops(
@@ -621,6 +626,7 @@ def measure(
     )
     if events is not None:
         files.write(events, as_csv(catalogue).encode())
+    speeds = _friction_at_speeds(trace, curve)
     _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
     numbers = {
         str(name): each.attrs
@@ -639,6 +645,7 @@ def measure(
             str(name): plain(catalogue[name].to_numpy()) for name in catalogue.variables
         },
         "kinematics": plain(moves),
+        "speeds": speeds and {str(k): plain(v.values) for k, v in speeds.items()},
         "read": plain(trace.attrs.get("read")),
         "note": plain(note),
     }
@@ -652,12 +659,47 @@ def measure(
     lines = [_motion(trace, seen), *([str(moves)] if moves else []), "", head]
     lines += [
         *(f"{name}: {text}" for name, text in means),
+        *_speeds_in_words(speeds),
         *([f"note: {note}"] if note else []),
         *([f"read: {read}"] if (read := trace.attrs.get("read")) else []),
     ]
-    _answer(
-        "\n".join(lines), content, json, **{about["drops_are"]: events, "picture": plot}
-    )
+    written = {about["drops_are"]: events, "curve": curve, "picture": plot}
+    _answer("\n".join(lines), content, json, **written)
+
+
+def _friction_at_speeds(trace: xr.Dataset, written: Path | None) -> xr.Dataset | None:
+    """Friction against speed where a trace tells it, written or drawn if asked for."""
+    from stickslip.io.datasets import as_csv
+
+    try:
+        found = ss.measure.friction_at_speeds(trace)
+    except InputError:  # most records tell no speed
+        if written is None:
+            return None
+        raise
+    if written is None:
+        return found if found.sizes["speed"] > 1 else None
+    if written.suffix == ".csv":
+        files.write(written, as_csv(found).encode())
+    else:
+        _draw(written, lambda: ss.plot.friction_at_speeds(found))
+    return found
+
+
+def _speeds_in_words(speeds: xr.Dataset | None) -> list[str]:
+    """Friction against speed, a line to each."""
+    from stickslip.words import engineering
+
+    if speeds is None:
+        return []
+    lines = ["", "friction against speed (± standard error):"]
+    for one in (speeds.isel(speed=k) for k in range(speeds.sizes["speed"])):
+        speed, mean, error = (
+            engineering(float(one[key]), one[key].attrs["units"], digits)
+            for key, digits in (("velocity", 3), ("friction", 4), ("error", 2))
+        )
+        lines.append(f"{speed}: {mean} ± {error}")
+    return [*lines, ""]
 
 
 @app.command

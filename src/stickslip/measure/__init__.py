@@ -16,6 +16,7 @@ from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import in_words as transitions_in_words
 from stickslip.measure.ramps import transitions
 from stickslip.measure.regimes import Regime, regime
+from stickslip.measure.speeds import friction_at_speeds
 from stickslip.measure.trace_reader import read_trace
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "drops",
     "events",
     "find_cycles",
+    "friction_at_speeds",
     "fronts",
 ]
 __all__ += [

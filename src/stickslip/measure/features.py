@@ -271,7 +271,7 @@ class Window:
         late = _means(self.trace, middle, last)
         took, rise = late - _means(self.trace, first, middle)
         rates = rise / took
-        waits = self.trace.t[ends] - self.trace.t[begins]
+        waits = self.trace.clock[ends] - self.trace.clock[begins]
         rate = weighted_median(rates, waits)
         if not rate > 0:
             return Loading(rate, math.inf, Measured(0.0))
@@ -287,7 +287,8 @@ class Window:
     @cached_property
     def falling_rate(self) -> float:
         """Rate at which the force falls in a typical drop."""
-        took = self.trace.t[self.found.trough] - self.found.times
+        clock = self.trace.clock
+        took = clock[self.found.trough] - clock[self.found.peak]
         return self.found.typical(self.found.drops / took)
 
     @cached_property
@@ -593,7 +594,7 @@ def look_past_waves(seen: Window) -> Window:
 
 def _means(trace: Trace, first: Array, last: Array) -> Array:
     """Mean times and forces from first to last samples."""
-    values = np.array([trace.t - trace.t[0], trace.force - trace.force[0]])
+    values = np.array([trace.clock - trace.clock[0], trace.force - trace.force[0]])
     sums = np.pad(values.cumsum(axis=1), ((0, 0), (1, 0)))
     return np.asarray((sums[:, last + 1] - sums[:, first]) / (last + 1 - first))
 

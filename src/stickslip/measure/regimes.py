@@ -18,6 +18,7 @@ from stickslip.measure.features import (
     CLIMBS,
     MOST,
     NOISE,
+    ONE_RATE,
     SLIP_PHASE,
     SWING,
     TINY,
@@ -79,7 +80,7 @@ class Regime(Answer):
     cycles: int
     period: float  #: mean time of a cycle; NaN with too few cycles
     period_variation: float  #: its coefficient of variation
-    last_drop: float  #: when the last drop ends; NaN without one
+    last_slip: float  #: when the last slip ends; NaN without one
     drop: float  #: mean force drop
     drop_variation: float  #: its coefficient of variation
     #: fraction of the time in which the force drops: .5 for a sine, near 0 for a
@@ -391,7 +392,37 @@ def _drift_rate(trace: Trace) -> float:
 def _judge_parts(trace: Trace, found: Slips | None = None) -> list[Regime]:
     """Judge what lies between steps of level or amplitude by itself."""
     found = found or find_slips(trace)
-    return [_judge(part) for part in segments(trace, found)] or [_judge(trace, found)]
+    parts = segments(trace, found)
+    if not parts:
+        return [_judge(trace, found)]
+    seen = [_judge(part) for part in parts]
+    climbs = [
+        each.loading_rate / _speed(part)
+        for part, each in zip(parts, seen, strict=True)
+        if each.loading_rate
+    ]
+    return [
+        _judge(level)
+        if each.kind == OPEN and (level := _as_sliding(part, climbs))
+        else each
+        for part, each in zip(parts, seen, strict=True)
+    ]
+
+
+def _speed(trace: Trace) -> float:
+    """Mean speed of the drive where it was measured; 1 elsewhere: one for all parts."""
+    speed = trace.told_velocity
+    return 1.0 if speed is None else float(np.abs(speed).mean())
+
+
+def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
+    """A part without its drift, where it rises by less than a held slider's force
+    does in other parts: that slides; None if it may be held.
+    """
+    rate = slope(part.force, part.t)
+    if not climbs or not 0.0 < rate < (1.0 - ONE_RATE) * min(climbs) * _speed(part):
+        return None
+    return replace(part, force=part.force - rate * (part.t - part.t.mean()))
 
 
 def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
@@ -428,12 +459,12 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
 
 
 def _end(part: Regime) -> str:
-    """When a part ends, or its last slip where none came for two periods: to a
+    """When a part ends, or the cycle after its last slip where two are missing: to a
     thousandth of it.
     """
     begin, end = part.window
-    if part.kind == SLIPS and end - part.last_drop > 2.0 * part.period:
-        end = part.last_drop
+    if part.kind == SLIPS and end - part.last_slip > 2.0 * part.period:
+        end = part.last_slip + part.period
     digits = 3 + int(math.log10(max(abs(end) / (end - begin), 1.0)) + 0.8)
     return words.engineering(end, part.time_unit, digits)
 
@@ -472,7 +503,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         cycles=count,
         period=period,
         period_variation=variation,
-        last_drop=float(trace.t[slips.end[-1]]) if slips.size else math.nan,
+        last_slip=_last_slip(trace, slips) if kind == SLIPS else math.nan,
         drop=drop,
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
@@ -488,6 +519,18 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         notes=tuple(notes),
         table=seen.tests,
     )
+
+
+def _last_slip(trace: Trace, slips: Slips) -> float:
+    """When the last drop ends that falls as fast, beside the rise before it, as a
+    slip does: the swings of a slider that comes to rest are slower.
+    """
+    t = trace.t
+    rises = slips.before[1:] - slips.after[:-1]
+    rises /= t[slips.start[1:]] - t[slips.end[:-1]]
+    falls = slips.drops[1:] / (t[slips.end[1:]] - t[slips.start[1:]])
+    fast = np.flatnonzero(falls >= (1.0 / SLIP_PHASE - 1.0) * rises)
+    return float(t[slips.end[fast[-1] + 1]]) if fast.size else math.nan
 
 
 def _find_fault(trace: Trace, seen: Window) -> str:

@@ -43,6 +43,7 @@ _VARIABLES = {
     "drive": "drive_velocity",
     "displacement": "measured_displacement",
     "part_number": "part",
+    "told_velocity": "measured_velocity",
 }
 
 
@@ -138,6 +139,7 @@ class Trace:
     drive: Array | None = None
     displacement: Array | None = None
     part_number: Array | None = None
+    told_velocity: Array | None = None  # of the drive, as measured beside the force
     rig: Rig | None = None
     contacts: int | None = None  # their number, where it is known
     measured: bool = False  # with noise, and a bench behind it
@@ -189,6 +191,12 @@ class Trace:
             arrays[key] = sign * arrays[key]
         time = data["time"].attrs
         told = data["spring_force"].attrs
+        measured = drive is None or "stiffness" in data.attrs
+        moves = arrays.get("told_velocity")
+        if moves is not None and drive is None and _is_of_the_slider(moves, force):
+            mean = float(arrays.pop("told_velocity").mean())
+            arrays["velocity"] = math.copysign(1.0, mean) * moves
+            arrays["drive"] = np.full(t.size, abs(mean))
         rig = None
         contacts = data.attrs.get("contacts")
         with suppress(InputError):  # not every run says what it was made of
@@ -203,7 +211,7 @@ class Trace:
             contacts=None
             if contacts is None
             else whole("measure: contacts", contacts, at_least=1, hint="their number"),
-            measured=drive is None or "stiffness" in data.attrs,
+            measured=measured,
             time_unit=printable(str(time.get("units", ""))),
             force_unit=printable(str(told.get("units", ""))),
             quantity=next(
@@ -215,6 +223,19 @@ class Trace:
                 "force",
             ),
         )
+
+    @cached_property
+    def clock(self) -> Array:
+        """The times or, where the velocity of the drive was measured, its travel over
+        its mean velocity: by that a force climbs at one rate.
+        """
+        if self.told_velocity is None:
+            return self.t
+        speed = np.abs(self.told_velocity)
+        steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(self.t)
+        travel = np.append(0.0, np.cumsum(steps))
+        lasts = float(self.t[-1] - self.t[0])
+        return lasts / travel[-1] * travel if travel[-1] > 0.0 else self.t
 
     @cached_property
     def pace(self) -> Array | None:
@@ -260,6 +281,24 @@ class Trace:
             if (values := getattr(self, name)) is not None
         }
         return replace(self, **known)
+
+
+def _is_of_the_slider(velocity: Array, force: Array) -> bool:
+    """Whether a velocity is that of the slider rather than of the drive: then what
+    the spring loses is most of what varies in it.
+    """
+    count = (velocity.size - 1) // FEWEST_READINGS
+    if count < FEWEST_READINGS or not np.ptp(velocity):
+        return False
+    means = np.array(
+        [
+            each[: count * FEWEST_READINGS].reshape(count, -1).mean(axis=1)
+            for each in (0.5 * (velocity[1:] + velocity[:-1]), np.diff(force))
+        ]
+    )
+    if not means.std(axis=1).all():
+        return False
+    return bool(np.corrcoef(means)[0, 1] < -math.sqrt(0.5))
 
 
 def without_drift(values: Array) -> Array:

@@ -41,6 +41,7 @@ from stickslip.plot.elastic import (
 from stickslip.plot.film import contacts, sound
 from stickslip.plot.fits import (
     fitted,
+    friction_at_speeds,
     peaks_after_holds,
     slips,
     steps_and_holds,
@@ -108,6 +109,7 @@ __all__ = [
     "force_trace",
     "format_of",
     "frames",
+    "friction_at_speeds",
     "front_curve",
     "fronts",
     "house_style",

@@ -266,3 +266,24 @@ def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figur
     )
     lower.xaxis.set_major_locator(LogLocator())  # decades alone: the picture is narrow
     return figure
+
+
+@house_style()
+def friction_at_speeds(table: xr.Dataset) -> Figure:
+    """Draw friction against speed, as `stickslip.measure.friction_at_speeds` returns
+    it, with bars of twice the standard error.
+    """
+    figure = new_figure(COLUMN, 2.6)
+    ax = figure.add_subplot()
+    ax.errorbar(
+        table["velocity"],
+        table["friction"],
+        2.0 * table["error"],
+        fmt="o-",
+        color=BLUE,
+        markersize=3.5,
+        capsize=2.0,
+    )
+    ax.set_xscale("log")
+    panel(ax, "", table["velocity"].assign_attrs(spacing="log"), table["friction"])
+    return figure

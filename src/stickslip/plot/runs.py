@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from stickslip.errors import printable
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.fronts import is_of_a_chain
 from stickslip.measure.headings import ratio
@@ -57,7 +58,7 @@ def force_trace(
     """
     ax, force = along_time(run, "spring_force", ax, color=color)
     if events is not None and events.sizes.get("event"):
-        _mark_slips(ax, events)
+        _mark_slips(ax, force, events)
     if "filled" in run and bool(run["filled"].any()):
         gap = force[run["filled"].values.astype(bool)]
         size = 4.0 if gap.size <= _MANY_SLIPS else 1.5
@@ -234,6 +235,9 @@ def overview(
     force_trace(run, axes[0], events=None if measured else events).set_title(
         _title(run, seen)
     )
+    _shade_parts(axes[0], seen)
+    if told := run.attrs.get("read"):
+        figure.supxlabel(printable(str(told)), fontsize="xx-small", color=GREY)
     for draw, ax in zip(panels, axes[1:], strict=True):
         draw(run, ax)
     for ax in axes[:-1]:
@@ -259,6 +263,27 @@ def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
         ax.set_title(f"{seen.kind}{at}")
     axes[1].set_ylabel("")
     return figure
+
+
+_SHADES = {"stick-slip": VERMILLION, "sustained oscillation": ORANGE}
+_SHADES |= {"smooth sliding": GREEN, "undecided": GREY}
+
+
+def _shade_parts(ax: Axes, seen: Regime) -> None:
+    """Shade the parts of a record that were judged apart, and name their kinds."""
+    named = set[str]()
+    for part in seen.segments:
+        label = part.kind if part.kind not in named else None
+        named.add(part.kind)
+        ax.axvspan(
+            *part.window,
+            facecolor=_SHADES[part.kind],
+            alpha=0.16,
+            linewidth=0,
+            label=label,
+        )
+    if named:
+        legend_above(ax)
 
 
 def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> tuple[float, float]:
@@ -303,6 +328,10 @@ def _title(run: xr.Dataset, seen: Regime) -> str:
         high = float(run["drive_velocity"].max())
         if high - low > 0.02 * max(-low, high):
             return f"drive from {_speed(low, run)} to {_speed(high, run)}"
+    if seen.is_in_turn:
+        return seen.reason
+    if seen.half_width is not None:
+        return f"friction loop, ±{engineering(seen.half_width, seen.force_unit, 3)}"
     if seen.drops_are == "drops" or not math.isfinite(seen.period):
         return seen.kind
     seconds = ratio(seen.time_unit, "s")
@@ -320,7 +349,7 @@ def _speed(value: float, run: xr.Dataset) -> str:
     return f"{value / factor:.4g} {style.unit_text(unit)}".strip()
 
 
-def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
+def _mark_slips(ax: Axes, force: xr.DataArray, events: xr.Dataset) -> None:
     """Shade the slips and put a dot on the peak before each."""
     start = events["start"].values
     lasts = events["end"].values - start
@@ -335,9 +364,12 @@ def _mark_slips(ax: Axes, events: xr.Dataset) -> None:
         zorder=0.5,
         label="slipping" if slips else "falling",
     )
+    peaks = events["force_before"].values
+    if "stroke" in events:  # where it is told without the offset of the strokes
+        peaks = np.interp(start, force["time"].values, force.values)
     ax.plot(
         start,
-        events["force_before"],
+        peaks,
         "o",
         color=VERMILLION,
         label=counted(events),
