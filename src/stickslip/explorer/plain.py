@@ -5,6 +5,7 @@ with its slips and regime.
 import base64
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,8 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     start, end, before = (
         slips[name].values[:_MOST_MARKED] for name in ("start", "end", "force_before")
     )
+    # parts stand in a table of their own
+    evidence = str(replace(seen, segments=())).splitlines()
     return {
         "time": {**times, "values": packed(t)},
         "force": {**force, "values": packed(f)},
@@ -51,11 +54,18 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
             "end": floats(end / times["factor"]),
             "before": floats(before / force["factor"]),
         },
+        "read": str(data.attrs.get("read", "")),
+        "parts": [
+            {"cells": cells, "span": part.window if part else None}
+            for part, cells in zip(
+                (None, *seen.segments), measure.part_rows(seen.segments), strict=False
+            )
+        ],
         "statistics": [("found", measure.counted(drops)), *measure.statistics(drops)],
         "regime": {
             "kind": seen.kind if not words else "speed sweep",
             "reason": words or seen.reason,
-            "evidence": str(seen).splitlines()[1:] if not words else [],
+            "evidence": [] if words else evidence[1:],
             "period": seen.period if math.isfinite(seen.period) and not words else None,
         },
     }

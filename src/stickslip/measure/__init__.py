@@ -12,6 +12,7 @@ from stickslip.measure.column_choice import Column, columns
 from stickslip.measure.features import Criterion
 from stickslip.measure.fronts import events, fronts, on_blocks, pixels, rows
 from stickslip.measure.kinematics import Kinematics, kinematics, motion
+from stickslip.measure.part_table import part_rows
 from stickslip.measure.periods import Cycles, find_cycles
 from stickslip.measure.ramps import in_words as transitions_in_words
 from stickslip.measure.ramps import transitions
@@ -40,4 +41,5 @@ __all__ += [
     "statistics",
     "transitions",
 ]
-__all__ += ["Column", "columns", "on_blocks", "pixels", "rows", "transitions_in_words"]
+__all__ += ["Column", "columns", "on_blocks", "part_rows", "pixels", "rows"]
+__all__ += ["transitions_in_words"]

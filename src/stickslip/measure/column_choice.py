@@ -31,6 +31,7 @@ class Column(NamedTuple):
     #: its number from 1
     key: str
     heading: str  #: its number and its heading
+    preview: str = ""  #: its range, and whether it rises evenly
 
 
 class Choice(NamedTuple):
@@ -54,15 +55,29 @@ def columns(content: bytes) -> list[Column]:
     --------
     >>> from stickslip.measure import columns
     >>> columns(b"time [s],force [N]\n0.0,1.0\n0.1,2.0\n")[1]
-    Column(key='force', heading='2: force (N)')
+    Column(key='force', heading='2: force (N)', preview='1 to 2, rises evenly')
     """
-    headings, numeric = read_table(content)[:2]
+    table = read_table(content)
+    headings, numeric = table[:2]
+    values = table.read(numeric)[0]
     names = [simple(heading.name) for heading in headings]
     found = []
     for i in numeric:
         is_alone = bool(names[i]) and names.count(names[i]) == 1
         key = headings[i].name if is_alone else str(i + 1)
-        found.append(Column(key or str(i + 1), f"{i + 1}: {headings[i]}".strip(": ")))
+        known = values[i][np.isfinite(values[i])]
+        preview = (
+            f"{words.number(known.min())} to {words.number(known.max())}"
+            if known.size
+            else "no numbers"
+        )
+        found.append(
+            Column(
+                key or str(i + 1),
+                f"{i + 1}: {headings[i]}".strip(": "),
+                preview + ", rises evenly" * rises_evenly(known),
+            )
+        )
     return found
 
 

@@ -30,9 +30,18 @@ def _cycles(part: "Regime") -> int | None:
 
 
 def part_table(parts: Sequence["Regime"]) -> list[str]:
-    """The parts of a record as aligned lines: when, how the slider moves, the force
-    there, and its drops.
+    """The parts of a record as aligned lines."""
+    left = len(parts) - MOST_LINES
+    more = [f"and {left} more (--json has all)"] if left > 0 else []
+    return [*aligned(part_rows(parts)), *more]
+
+
+def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
+    """The titles of a table of the parts of a record, and its rows: when, how the
+    slider moves, the force there, and its drops.
     """
+    if not parts:
+        return []
     shown = parts[:MOST_LINES]
     columns = [["", *(str(k + 1) for k in range(len(shown)))]]
     for title, of, number in _COLUMNS:
@@ -52,9 +61,7 @@ def part_table(parts: Sequence["Regime"]) -> list[str]:
         ]
         columns.append([f"{title} ({unit})" if unit else title, *cells])
     columns.insert(3, ["motion", *(part.kind for part in shown)])
-    left = len(parts) - len(shown)
-    more = [f"and {left} more (--json has all)"] if left else []
-    return [*aligned([*zip(*columns, strict=True)]), *more]
+    return [*zip(*columns, strict=True)]
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

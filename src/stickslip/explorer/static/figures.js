@@ -40,6 +40,11 @@ function layout(more) {
 export function draw(id, traces, more) {
   return Plotly.react($(id), traces, layout(more), CONFIG);
 }
+/* Show a part of an axis; all, where it is shown already. */
+export function zoom(id, range) {
+  const now = $(id).layout.xaxis.range, same = now && Math.abs(now[0] - range[0]) + Math.abs(now[1] - range[1]) < 1e-6 * (range[1] - range[0]);
+  return Plotly.relayout($(id), same ? { "xaxis.autorange": true } : { "xaxis.range": range });
+}
 export const restyle = (id, change, traces) => Plotly.restyle($(id), change, traces);
 
 // ---------------------------------------------------------------------------------------------------- force traces

@@ -1,8 +1,8 @@
 /* The page Measured trace, and the trace itself, which the page Fit uses too. */
 
-import { draw, forceLayout, forceTraces } from "./figures.js";
+import { draw, forceLayout, forceTraces, zoom } from "./figures.js";
 import { short } from "./fields.js";
-import { $, list, parts, showRegime, state, table, tellParts } from "./page.js";
+import { $, element, list, parts, showRegime, state, table, tellParts } from "./page.js";
 import { ask, on, refuse } from "./talk.js";
 
 const { shown } = state;
@@ -36,20 +36,36 @@ function offer(columns) {
   const asked = JSON.stringify(source());
   for (const list of CHOICES) {
     const chosen = columns.some(([value]) => value === list.value) ? list.value : "";
-    list.replaceChildren(new Option("automatic", ""), ...columns.map(([value, text]) => new Option(text, value)));
+    list.replaceChildren(new Option("automatic", ""), ...columns.map(([value, text, preview]) => new Option(`${text}: ${preview}`, value)));
     list.value = chosen;
   }
   if (asked !== JSON.stringify(source())) analyse(file);
 }
 function show(found) {
-  $("trace-state").textContent = `${found.name}: ${found.rows} rows${found.note ? `; ${found.note}` : ""}`;
+  $("trace-state").textContent = [`${found.name}: ${found.rows} rows`, found.note, `read: ${found.read}`].filter(Boolean).join("; ");
   const per = found.regime.period;
   showRegime("trace-regime", found.regime, per && found.regime.kind !== "smooth sliding" && found.time.unit.endsWith("s") ? `${short(1 / per, 3)} Hz` : "");
   $("trace-reason").textContent = found.regime.reason;
   list("trace-evidence", found.regime.evidence);
+  showParts(found);
   table("statistics", found.statistics);
   $("trace-next").hidden = found.slips.count === 0;
   if (state.page === "trace") draw("plot-trace", forceTraces(found), forceLayout(found));
+}
+
+/* The parts that were judged apart; a click on one shows it in the trace, a second click all. */
+function showParts({ parts: rows, time }) {
+  $("trace-parts-title").hidden = rows.length === 0;
+  const [head, ...lines] = rows;
+  const row = (cells, tag) => element("tr", {}, ...cells.map((cell) => element(tag, { textContent: cell })));
+  $("trace-parts").replaceChildren(...(head ? [row(head.cells, "th")] : []), ...lines.map(({ cells, span }) => {
+    const line = row(cells, "td");
+    line.tabIndex = 0;
+    line.title = "Show this part";
+    line.onclick = () => zoom("plot-trace", span.map((t) => t / time.factor));
+    line.onkeydown = ({ key }) => { if (key === "Enter") line.click(); };
+    return line;
+  }));
 }
 
 $("file").onchange = () => { if ($("file").files[0]) analyse($("file").files[0]); $("file").value = ""; };
