@@ -654,7 +654,7 @@ def test_boundary_holds_the_limit_without_oscillation():
         case(delay=Delay(0)), ageing=ExponentialGrowth(rate=1.0, newborn=0.5)
     )
     found = boundary(
-        rig(on=grown, mass=0, damping=0), between=((0.05, 1.0), (0.5, 2.0))
+        rig(on=grown, mass=0, damping=0), between=((0.05, 1.0), (0.8, 1.25))
     )
     still = found.isel(point=np.isinf(found.frequency.values))
     assert still.sizes["point"] > 5
