@@ -485,6 +485,14 @@ def test_pictures_that_cannot_be_drawn(pulled, ask, message):
         ask(pulled)
 
 
+def test_a_bar_whose_blocks_have_a_length_is_drawn_along_it():
+    rig = ss.read_rig("pmma_bar")
+    short = replace(rig, drive=ss.constant(1.0, 1.0), method=ss.Contacts(2))
+    ax = ss.plot.spacetime(ss.simulate(short))
+    assert ax.get_xlabel() == "place along the bar (mm)"
+    assert ax.get_xlim() == pytest.approx((0.0, 0.14))
+
+
 def test_what_the_command_line_says_of_a_run_of_a_chain(tmp_path, capsys):
     rig = pushed(bar(0.04, 0.01, 0.2, blocks=60), 0.8, 100.0)
     file = tmp_path / "rig.toml"

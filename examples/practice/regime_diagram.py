@@ -268,6 +268,6 @@ def draw(rows: list[Row]) -> Figure:
 
 if __name__ == "__main__":
     rows = compared()
-    figures = (draw(rows), draw_beside(rows))
-    for figure, file in zip(figures, sys.argv[1:], strict=False):
-        plot.save(figure, file)
+    figure = draw(rows)
+    for each, file in zip((figure, draw_beside(rows)), sys.argv[1:], strict=False):
+        plot.save(each, file)

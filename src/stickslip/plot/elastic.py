@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from stickslip import measure
+from stickslip.arrays import Array
 from stickslip.elastic import Front, front_speed, front_threshold, precursor_force
 from stickslip.errors import InputError
 from stickslip.measure.fronts import gone, large_events, on_blocks, pixels
@@ -104,13 +105,28 @@ def spacetime(
         drawn = drawn / np.where(field.values[0] > 0, field.values[0], 1.0)
     norm = scale(float(drawn.min()), float(drawn.max()))
     ax = given_or_new(ax, COLUMN * 1.35, 3.2)
-    edges = (block, time, drawn) if upright else (time, block, drawn.T)
+    place = _places(run, block)
+    edges = (place, time, drawn) if upright else (time, place, drawn.T)
     mesh = ax.pcolormesh(*edges, norm=norm, cmap=cmap, shading="flat", rasterized=True)
     ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
     times, blocks = (ax.yaxis, ax.xaxis) if upright else (ax.xaxis, ax.yaxis)
     dress(times, field["time"])
-    blocks.set_label_text("block")
+    dress(blocks, place)
     return ax
+
+
+def _places(run: xr.Dataset, block: Array) -> xr.DataArray:
+    """Places of blocks along a slider: a length where that of a block is known."""
+    found = xr.DataArray(block, attrs={"long_name": "block"})
+    with contextlib.suppress(InputError):  # a Dataset that does not hold its rig
+        rig = rig_of(run)
+        if (spacing := rig.natural.slider.spacing) is not None:
+            look = {
+                "long_name": "place along the bar",
+                "units": rig.unit_name("length"),
+            }
+            found = ((found + 0.5) * spacing * rig.unit("length")).assign_attrs(look)
+    return found
 
 
 @house_style()

@@ -37,7 +37,7 @@ from stickslip.plot.style import (
     panel,
     variable,
 )
-from stickslip.words import engineering, prefixed
+from stickslip.words import engineering, number, prefixed
 
 _MANY_SLIPS = 60  # more are marked by smaller dots
 _ZOOM = 6  # slips of a measured trace that are drawn by themselves
@@ -345,8 +345,10 @@ def _title(run: xr.Dataset, seen: Regime) -> str:
 
 
 def _speed(value: float, run: xr.Dataset) -> str:
-    factor, unit = prefixed(value, str(run["drive_velocity"].attrs.get("units", "")))
-    return f"{value / factor:.4g} {style.unit_text(unit)}".strip()
+    # in three digits: the samples of a ramp may miss its end
+    units = str(run["drive_velocity"].attrs.get("units", ""))
+    factor, unit = prefixed(value, units, 3)
+    return f"{number(value / factor, 3)} {style.unit_text(unit)}".strip()
 
 
 def _mark_slips(ax: Axes, force: xr.DataArray, events: xr.Dataset) -> None:
