@@ -216,10 +216,7 @@ def test_where_nothing_helps_the_range_searched_is_told():
     assert found.attempts["damping"][1] == pytest.approx(
         30 * found.rig.value("damping")
     )
-    assert any(
-        "with smooth sliding in 8 of 8 runs" in line
-        for line in sections.attempts(found)
-    )
+    assert any(line.endswith(" does not stop it") for line in sections.attempts(found))
 
 
 def test_what_one_run_of_eight_denies_is_told_as_that():
@@ -818,6 +815,6 @@ def test_a_report_is_one_page_that_asks_for_no_other_file(found):
     found = replace(ss.predict(ss.example("brake_pad"), fast=True), **found)
     page = report(found)
     assert page.count("data:image/svg+xml;base64,") == 3
-    assert found.headline in page
+    assert page.count(html.escape(found.headline)) == 1  # not on the picture, too
     assert 'delay = "1 ms"' in html.unescape(page)
     assert not re.search(r"(src|href)=.(?!data:)", page)

@@ -46,7 +46,9 @@ def report(
 def _pictures(
     found: Prediction | ElasticPrediction, watch: Progress
 ) -> Iterator[tuple[str, Figure]]:
-    yield "What it does at each speed", found.plot()
+    figure = found.plot()
+    figure.suptitle("")  # the page has it as its headline
+    yield "What it does at each speed", figure
     watch(0.3)
     if not isinstance(found, Prediction) or not (
         changes := found.combined or found.mitigations[:1]

@@ -458,10 +458,7 @@ def attempts(found: Findings) -> Iterator[str]:
     """
     for name, ends in found.attempts.items():
         low, high = (amount(found.rig, name, value) for value in ends)
-        yield (
-            f"{parameter_named(name).title}: no value found from {low} to {high} "
-            "with smooth sliding in 8 of 8 runs"
-        )
+        yield f"{parameter_named(name).title}: {low} to {high} does not stop it"
     for name, (value, part) in found.unreliable.items():
         yield (
             f"{parameter_named(name).title}: at {amount(found.rig, name, value)}, the "
