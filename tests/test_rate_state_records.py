@@ -10,6 +10,7 @@ import stickslip as ss
 from stickslip.cli import main
 from stickslip.errors import InputError, UndecidedError
 from stickslip.rate_state import RateAndState, fit_rate_and_state, fit_record
+from stickslip.rate_state.experiments import Record
 
 ROCK = RateAndState(law="ageing", a=0.008, b=0.011, distance=12.0)
 BEGINS = (0.0, 150.0, 230.0, 360.0)
@@ -172,6 +173,20 @@ def test_healing_in_the_holds_of_a_record():
         assert abs(found.healing - healing) < 4.0 * found.healing.error
     assert abs(np.mean(off)) < 1.0
     assert 0.5 < np.std(off) < 1.7
+
+
+def test_steps_by_decades_are_found_where_the_fast_ones_are_short():
+    """Each piece goes as far; the fastest lasts a hundredth of the slowest."""
+    speeds = np.array([1.0, 0.1, 1.0, 10.0, 100.0, 10.0])
+    time = np.append(0.0, np.cumsum(200.0 / speeds))
+    t = np.arange(0.0, time[-1], 0.25)
+    place = np.interp(t, time, 200.0 * np.arange(time.size))
+    place += np.random.default_rng(2).normal(0.0, 0.05, t.size)
+    values = {"mu": ("time", 0.0 * t), "measured_displacement": ("time", place)}
+    steps = Record.of(xr.Dataset(values, coords={"time": t})).steps()
+    found = [after.begin for _, after in steps]
+    assert found == pytest.approx(time[1:-1], abs=0.05)
+    assert [after.velocity for _, after in steps] == pytest.approx(speeds[1:], rel=0.01)
 
 
 def test_what_is_no_step_is_none():

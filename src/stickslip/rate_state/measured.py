@@ -496,11 +496,15 @@ def _fit_law(
     start = np.array([found.a, found.b, found.distance, found.stiffness, found.late])
     again = partial(_fit_law, step, law, start=start)
     if not found.stiffness.error < found.stiffness:
-        # A machine as stiff as can be told is rigid, where that is within an error.
+        # A machine as stiff as can be told is rigid, where that is within an error,
+        # and by how much it lags behind, too.
         with suppress(UndecidedError):
             limit = Estimate(stiffest, math.inf)
             rigid = again(limit, trend=trend)
-            if step.friction.size * ((rigid.rms / found.rms) ** 2 - 1.0) < 1.0:
+            lag = a * abs(math.log(step.ratio)) / stiffest
+            is_small = float(rigid.b) * lag < rigid.a.error * float(rigid.distance)
+            worse = step.friction.size * ((rigid.rms / found.rms) ** 2 - 1.0)
+            if is_small and worse < 1.0:
                 found = rigid
                 stiffness = limit
     with suppress(UndecidedError):

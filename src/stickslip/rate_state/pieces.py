@@ -147,19 +147,23 @@ def _edges(t: Array, x: Array, noise: float) -> list[int]:
     """Where the lines begin that leave least squares, each at a price, and where the
     last one ends: optimal partitioning, pruned (Killick, Fearnhead and Eckley 2012).
     """
-    sums = np.array([np.ones(t.size), t, x, t * t, t * x, x * x])
-    sums = np.pad(sums, ((0, 0), (1, 0)))
-    sums = sums.cumsum(axis=1)
     # A line that is none takes off so much by chance (chi squared with two degrees).
     price = 2.0 * noise**2 * math.log(t.size / CHANCE)
     least = np.full(t.size + 1, -price)
     begin = np.zeros(t.size + 1, dtype=int)
+    # Sums over the points from each begin that is tried, about its first one: of all
+    # points, they would lose the digits of a short piece.
     tried = np.array([0])
+    sums = np.zeros((5, 1))
     for end in range(1, t.size + 1):
-        n, t1, x1, tt, tx, xx = sums[:, end, None] - sums[:, tried]
-        spread = np.maximum(tt - t1 * t1 / n, 1e-300)
-        along = tx - t1 * x1 / n
-        rest = xx - x1 * x1 / n - along**2 / spread
+        u = t[end - 1] - t[tried]
+        w = x[end - 1] - x[tried]
+        sums += [u, w, u * u, u * w, w * w]
+        u1, w1, uu, uw, ww = sums
+        n = end - tried
+        spread = np.maximum(uu - u1 * u1 / n, 1e-300)
+        along = uw - u1 * w1 / n
+        rest = ww - w1 * w1 / n - along**2 / spread
         rest = np.maximum(rest, 0.0)
         rest[n < _FEWEST_POINTS] = 0.0
         costs = least[tried] + rest + price
@@ -167,8 +171,9 @@ def _edges(t: Array, x: Array, noise: float) -> list[int]:
         least[end] = costs[best]
         begin[end] = tried[best]
         # What a later end could not take off either is not tried again.
-        tried = tried[costs - price <= least[end]]
-        tried = np.append(tried, end)
+        kept = costs - price <= least[end]
+        tried = np.append(tried[kept], min(end, t.size - 1))
+        sums = np.append(sums[:, kept], np.zeros((5, 1)), axis=1)
     edges = [t.size]
     while edges[-1] > 0:
         edges.append(int(begin[edges[-1]]))
