@@ -76,19 +76,21 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
     lines = [
         _line(t, x, first, end, noise) for first, end in pairwise(_edges(t, x, noise))
     ]
-    clean = np.concatenate([line.at(t[line.first : line.end]) for line in lines])
+    parts = {b.first: 0.5 * (t[a.end - 1] + t[b.first]) for a, b in pairwise(lines)}
     long = [line for line in lines if line.end - line.first >= _FEWEST_POINTS]
     runs = _alike(t, x, [[line] for line in long], noise)
     crossings = [_crossing(a[-1], b[0], t, noise) for a, b in pairwise(runs)]
     for crossing, (a, b) in zip(crossings, pairwise(runs), strict=True):
         if a[-1].end == b[0].first:
             # Noise shifts where the lines part by some points, not where they cross.
-            part = slice(a[-1].first, b[0].end)
-            early = t[part] < float(crossing)
-            clean[part] = np.where(early, a[-1].at(t[part]), b[0].at(t[part]))
+            parts[b[0].first] = float(crossing)
+    when = time - time[0]
+    which = np.searchsorted([*parts.values()], when)
+    values = np.array([(line.place, line.slope, line.time) for line in lines], float)
+    level, slope, middle = values[which].T
+    clean = place[0] + level + slope * (when - middle)
     # What is alike from reading to reading is no noise: the load point moved so.
-    clean += memory(x - clean) * (x - clean)
-    smooth = place[0] + np.interp(time - time[0], t, clean)
+    smooth = clean + memory(place - clean) * (place - clean)
     if not runs:
         return [], smooth
     found = list[Piece]()
