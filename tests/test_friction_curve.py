@@ -158,25 +158,27 @@ def test_the_curve_of_a_delay_is_known_as_one(sliding_force):
 
 
 def test_a_rise_after_the_fall_is_a_viscous_force():
-    # with errors the least viscosity is within them of the true one
-    force = stribeck(1.0) + 0.02 * SPEEDS
-    rough = force + 0.003 * np.random.default_rng(1).standard_normal(13)
-    exact = ss.friction_curve(zip(SPEEDS, force, strict=True))
+    speeds = SPEEDS[::2]
+    force = stribeck(1.0)[::2] + 0.02 * speeds
+    rough = force + 0.003 * np.random.default_rng(1).standard_normal(7)
+    exact = ss.friction_curve(zip(speeds, force, strict=True))
     assert exact.viscosity == pytest.approx(0.02, rel=1e-3)
-    np.testing.assert_allclose(exact.friction(SPEEDS), force, rtol=1e-6)
-    points = zip(SPEEDS, rough, [0.003] * 13, strict=True)
+    np.testing.assert_allclose(exact.friction(speeds), force, rtol=1e-6)
+    points = zip(speeds, rough, [0.003] * 7, strict=True)
     found = ss.friction_curve(points)
-    assert found.viscosity == pytest.approx(0.02, abs=0.003 / 10.0)
+    # the least within a standard error of the best, which is within four of the truth
+    error = 0.003 * 2.0**0.5 / (speeds[-1] - speeds[-2])
+    assert found.viscosity == pytest.approx(0.02, abs=5.0 * error)
     np.testing.assert_allclose(
-        found.friction(SPEEDS) + found.residual, rough, rtol=1e-12
+        found.friction(speeds) + found.residual, rough, rtol=1e-12
     )
-    assert np.sum((np.array(found.residual) / 0.003) ** 2) < 13
+    assert np.sum((np.array(found.residual) / 0.003) ** 2) < 7
     assert len(found.plot().axes) == 2
 
 
 def test_the_curve_of_a_rule_of_growth_is_as_stable_as_the_rule():
     known = contacts(ageing=RULE)
-    speeds = np.geomspace(0.15, 0.7, 20)
+    speeds = np.geomspace(0.15, 0.7, 12)
     force = ss.kinetic_friction(known, speeds)
     found = ss.friction_curve(zip(speeds, force, strict=True)).interface
     slider = ss.Slider(stiffness=0.3, mass=1e-2, damping=1.0)
