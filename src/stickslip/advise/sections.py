@@ -452,16 +452,18 @@ def change_rows(
         yield label, now, arrow, then, size, also
 
 
-def attempts(found: Findings) -> Iterator[str]:
+def attempts(found: Findings | WaveFindings) -> Iterator[str]:
     """How far each parameter was varied without a value that reliably gives smooth
     sliding.
     """
+    rig = found.rig
     for name, ends in found.attempts.items():
-        low, high = (amount(found.rig, name, value) for value in ends)
+        low, high = (amount(rig, name, value) for value in ends)
         yield f"{parameter_named(name).title}: {low} to {high} does not stop it"
-    for name, (value, part) in found.unreliable.items():
+    some = found.unreliable if isinstance(found, Findings) else {}
+    for name, (value, part) in some.items():
         yield (
-            f"{parameter_named(name).title}: at {amount(found.rig, name, value)}, the "
+            f"{parameter_named(name).title}: at {amount(rig, name, value)}, the "
             f"furthest, smooth sliding in {round(8 * part)} of 8 runs"
         )
 
@@ -546,17 +548,9 @@ def sections_of_waves(found: WaveFindings) -> list[Section]:
         Section("waves", waves, "By wavelength", about),
         Section("lengths", [*lengths(found)], "Lengths"),
         Section("mitigations", head + changes, "Changes", _BY_THEORY),
-        Section("attempts", [*_tried_in_vain(found)], "Tried", ", in doublings"),
+        Section("attempts", [*attempts(found)], "Tried", ", in doublings"),
         *_origins(rig),
     ]
-
-
-def _tried_in_vain(found: WaveFindings) -> Iterator[str]:
-    """Parameters of which no value makes smooth sliding stable, in their ranges."""
-    for name, ends in found.attempts.items():
-        low, high = (amount(found.rig, name, value) for value in ends)
-        title = parameter_named(name).title
-        yield f"{title}: from {low} to {high} smooth sliding is unstable"
 
 
 def lengths(found: WaveFindings) -> Iterator[str]:
