@@ -128,7 +128,7 @@ def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
         # without the threads of a matrix product, which wait for one another
         of_nodes = np.einsum("qp,pk->qk", before, held)
         inside = np.exp(-np.multiply.outer(part, offsets[0]))
-        each = of_nodes.reshape(*inside.shape, -1)
+        each = of_nodes.reshape(*inside.shape, lives.held.shape[1])
         sums.append((inside[..., None] * each).sum(axis=1))
     return np.concatenate(sums)
 
