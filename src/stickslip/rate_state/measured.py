@@ -499,9 +499,9 @@ def _fit_law(
         # A machine as stiff as can be told is rigid, where that is within an error,
         # and by how much it lags behind, too.
         with suppress(UndecidedError):
-            limit = Estimate(stiffest, math.inf)
+            limit = Estimate(10.0 * stiffest, math.inf)
             rigid = again(limit, trend=trend)
-            lag = a * abs(math.log(step.ratio)) / stiffest
+            lag = a * abs(math.log(step.ratio)) / limit
             is_small = float(rigid.b) * lag < rigid.a.error * float(rigid.distance)
             worse = step.friction.size * ((rigid.rms / found.rms) ** 2 - 1.0)
             if is_small and worse < 1.0:
