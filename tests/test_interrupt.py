@@ -2,6 +2,8 @@
 and not by steps.
 """
 
+import contextlib
+import signal
 import time
 from dataclasses import replace
 
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip import console
 from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, engine_of, panels
 
@@ -55,3 +58,16 @@ def test_an_advance_is_bounded_by_time(slow, monkeypatch):
     assert len(lasted) > 2
     assert max(lasted) <= 2.0
     assert max(lasted[1:]) <= max(2.0 * panels._LASTS, slow)
+
+
+def test_what_fails_after_an_interrupt_is_told_as_one():
+    """A callback of the compiler swallows it, and what it left out is missed later."""
+
+    @console.stoppable()
+    def run():
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise RuntimeError("no compiled object yet")
+
+    with pytest.raises(KeyboardInterrupt):
+        run()

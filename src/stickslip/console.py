@@ -104,24 +104,31 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
 @contextmanager
 def stoppable() -> Iterator[None]:
     """Treat the signals of a cluster before it kills, and of a closing terminal, as
-    Ctrl-C.
+    Ctrl-C; and so what fails after it, as a kernel does that is not compiled whole.
     """
     if threading.current_thread() is not threading.main_thread():  # only that one may
         yield
         return
 
+    stopped = threading.Event()
+
     def stop(_number: int, _frame: object) -> None:
+        stopped.set()
         raise KeyboardInterrupt
 
     # A signal that is ignored stays ignored, as `nohup` asks.
     heeded = [
         n
-        for n in (signal.SIGTERM, signal.SIGHUP)
+        for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         if signal.getsignal(n) != signal.SIG_IGN
     ]
     before = {n: signal.signal(n, stop) for n in heeded}
     try:
         yield
+    except Exception:
+        if stopped.is_set():
+            raise KeyboardInterrupt from None
+        raise
     finally:
         for n, handler in before.items():
             signal.signal(n, handler)
