@@ -10,6 +10,7 @@ import pytest
 
 import stickslip as ss
 from stickslip.errors import InputError
+from stickslip.sliding.drawn import DrawnResponse
 from stickslip.stability import contact_noise, dynamic_stiffness
 
 SLIDER = ss.Slider(stiffness=3.0, mass=1e-3, damping=40.0)
@@ -236,3 +237,16 @@ def test_beyond_linear_theory_the_answer_says_so():
         f"theory holds from {few.contacts_for(1.0, of='velocity')} contacts on"
         in str(few)
     )
+
+
+def test_contacts_that_draw_answer_beyond_all_memory():
+    """Faster than anything that a node resolves: no wave number is summed."""
+    interface = ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.2),
+        newborn=ss.Gaussian(mean=0.2, std=0.1),
+        delay=ss.Delay(0.1),
+    )
+    s = np.array([1e5j, 1e6j])
+    alone = DrawnResponse(interface).fluctuations(1.0, s).kappa
+    with_slow = DrawnResponse(interface).fluctuations(1.0, np.append(s, 1j)).kappa
+    assert alone.tolist() == with_slow[:2].tolist()
