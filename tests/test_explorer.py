@@ -448,7 +448,7 @@ def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
 
 
 PULLED = "Pulled at one end: precursors"
-COLUMNS = b"".join(b"%d %d %d\n" % (i % 20, i * i % 7, i % 5) for i in range(60))
+COLUMNS = b"".join(b"%d %d %d\n" % (3 * i % 20, i * i % 7, i % 5) for i in range(60))
 COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
 
 

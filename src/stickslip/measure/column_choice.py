@@ -144,16 +144,13 @@ def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list
     """
     values = table.read(candidates)[0] if candidates else {}
     even = [i for i in candidates if rises_evenly(values[i])]
-    first = values[even[0]] if even else np.zeros(1)
-    alike = all(np.array_equal(values[i], first, equal_nan=True) for i in even)
-    if (
-        not even
-        or not alike
-        or np.ptp(np.diff(first[np.isfinite(first)]))
-        == 0.0
-        == (first[1] - first[0] - 1.0)
-    ):
-        return candidates if len(even) > 1 else [], []
+    if not even:
+        return [], []
+    first = values[even[0]]
+    if not all(np.array_equal(values[i], first, equal_nan=True) for i in even):
+        return even, []
+    if np.all(np.diff(first[np.isfinite(first)]) == 1.0):
+        return [], []
     told = Choice(even[0], table.headings[even[0]])
     return even[:1], [f"{told} rises evenly and is taken for the time"]
 
