@@ -800,7 +800,7 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
         assert found["time"].values == pytest.approx(t)
     counts = np.round(1000.0 * SAW).astype(np.int16)
     matlab.wavfile.write(tmp_path / "a.wav", 100, counts)
-    found = read_trace(tmp_path / "a.wav", scale="1 mN/counts")
+    found = read_trace(tmp_path / "a.wav", force=":1 mN/counts")
     assert found["spring_force"].values == pytest.approx(counts)
     assert found["spring_force"].attrs["units"] == "mN"
     assert found["time"].values == pytest.approx(t)
@@ -813,9 +813,9 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
     ("options", "force", "unit"),
     [
         ({"force": "2:mN"}, SAW, "mN"),
-        ({"scale": "2.5 N/V", "force": "2:V"}, 2.5 * SAW, "N"),
-        ({"scale": "2.5 N/V", "force": "2:mV"}, 0.0025 * SAW, "N"),
-        ({"scale": "3 mN"}, 3.0 * SAW, "mN"),
+        ({"force": "2:V:2.5 N/V"}, 2.5 * SAW, "N"),
+        ({"force": "2:mV:2.5 N/V"}, 0.0025 * SAW, "N"),
+        ({"force": ":3e0 mN"}, 3.0 * SAW, "mN"),
     ],
 )
 def test_a_unit_and_a_scale_may_be_given(tmp_path, options, force, unit):

@@ -145,6 +145,12 @@ class Columns:
     delimiter: Text = None
     decimal: Literal[".", ","] | None = None
 
+    def named(self) -> dict[str, Any]:
+        """What `read_trace` takes."""
+        named = {key: each for key, each in vars(self).items() if key != "to"}
+        scale = named.pop("scale")
+        return named | ({"force": f"{self.force or ''}:{scale}"} if scale else {})
+
     def cut(self, data: xr.Dataset) -> xr.Dataset:
         """The data up to the time that was given."""
         unit = str(data["time"].attrs.get("units", ""))
@@ -321,8 +327,7 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
                 f"{data}: is not a run: it has no spring_force along a time"
             )
         return columns.cut(run)
-    named = {name: value for name, value in vars(columns).items() if name != "to"}
-    return columns.cut(ss.read_trace(data, **named, **more))
+    return columns.cut(ss.read_trace(data, **columns.named(), **more))
 
 
 def _limits_of_trace(

@@ -23,6 +23,10 @@ from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
 
 LARGEST_FILE = 100_000_000  # bytes
+# 2.5 N/V: a number, a unit, and that of the reading, if it has one
+_SCALE = re.compile(
+    r"\s*([-+.\d]+(?:[eE][-+\d]+)?)\s*([^/\d\s][^/]*?)\s*(?:/\s*(\S+))?\s*"
+)
 FEW_UNREADABLE = 3  # rows, or ...
 UNREADABLE_FRACTION = 0.01  # ... this fraction of them, may be unreadable
 
@@ -35,7 +39,6 @@ def read_trace(
     displacement: str | int | None = None,
     load: str | int | None = None,
     velocity: str | int | None = None,
-    scale: str | None = None,
     step: float | str | None = None,
     flip: bool = False,
     delimiter: str | None = None,
@@ -65,12 +68,11 @@ def read_trace(
         The file; at most 100 MB.
     force, time, displacement, load, velocity : str or int, optional
         Columns by name or by number, from 1, a unit behind a colon where the file has
-        none: ``"3:mN"``. By default those whose names or units say so; the only column
-        of numbers besides, or the coefficient of friction, is the force; a torque is
-        one, too; a column without a name that rises evenly is the time. The normal load
-        may be a quantity: ``"20 N"``.
-    scale : str, optional
-        What a reading of the force stands for: ``"2.5 N/V"``, ``"3 mN"``.
+        none: ``"3:mN"``; behind that of the force what a reading stands for, too:
+        ``"3:2.5 N/V"``, ``":2.5 N/V"``. By default those whose names or units say so;
+        the only column of numbers besides, or the coefficient of friction, is the
+        force; a torque is one, too; a column without a name that rises evenly is the
+        time. The normal load may be a quantity: ``"20 N"``.
     step : float or str, optional
         Sampling interval, if the table has no time column: in s, or ``"0.5 ms"``.
     flip : bool
@@ -117,6 +119,11 @@ def read_trace(
     seconds = (
         None if step is None else read_value("step", step, "s", "0.5 ms", bare=True)
     )
+    column, _, scale = str(force).rpartition(":")
+    if _SCALE.fullmatch(scale):
+        force = column or None
+    else:
+        scale = ""
     raw = files.read(path, "force trace", largest=LARGEST_FILE)
     try:
         table = read_table(raw, delimiter, decimal)
@@ -141,7 +148,7 @@ def read_trace(
         notes = [*table.notes, *taken, *notes]
         del table
         force_unit = chosen["force"].heading.unit
-        if scale is not None:
+        if scale:
             size, force_unit = _scale(scale, force_unit)
             values["force"] *= size
     except InputError as error:
@@ -152,7 +159,7 @@ def read_trace(
     units = {"time": "s", "load": "N", "part": "1"}
     units |= {name: each.heading.unit for name, each in chosen.items()}
     units["force"] = force_unit
-    if chosen["force"].heading.quantity == "coefficient" and scale is None:
+    if chosen["force"].heading.quantity == "coefficient" and not scale:
         units["force"] = "1"
     if constant:
         values["load"] = np.full_like(values["force"], constant)
@@ -171,7 +178,7 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
 
 def _scale(text: str, unit: str) -> tuple[float, str]:
     """Factor to a force, and its unit, of a text such as 2.5 N/V."""
-    match = re.fullmatch(r"\s*([-+.\deE]+)\s*([^/]+?)(?:\s*/\s*(\S+))?\s*", text)
+    match = _SCALE.fullmatch(text)
     size = read_cell(match[1])[0] if match else None
     kind = (unit_named(match[2]) or ("",))[0] if match else ""
     of = match[3] if match else ""
