@@ -393,8 +393,12 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
         who = f"{who} together with {' and '.join(others)}"
         leave = "leave one out"
     elif not _takers(interface, refused, slider):
-        who = f"a {body}" if elastic else who
-        leave = leave if elastic else f"no solver takes it; {leave}"
+        if not elastic:
+            return InputError(
+                f"Interface.{first}: no solver is registered for it, see "
+                f"simulation.engines.solves(); {leave}"
+            )
+        who = f"a {body}"
     return InputError(
         f"Interface.{first}: not available with {who}; "
         f"{_takers(interface, parts, slider) or leave}"
