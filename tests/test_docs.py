@@ -152,7 +152,9 @@ def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_i
         assert all(cells), f"an empty cell: {row}"
     for table in TABLES:
         for name, key in table.items():
-            assert key.is_table or key.read(key.example, name, natural=False)
+            # a list of points is read as a whole, by `friction_points`
+            whole = key.is_table or name == "friction"
+            assert whole or key.read(key.example, name, natural=False)
 
 
 def report_of(folder, studies):

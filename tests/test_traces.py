@@ -805,7 +805,7 @@ def test_arrays_of_numpy_matlab_and_sound_are_tables_too(tmp_path):
     assert found["spring_force"].attrs["units"] == "mN"
     assert found["time"].values == pytest.approx(t)
     (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
-    with pytest.raises(InputError, match="is HDF5: write the columns as"):
+    with pytest.raises(InputError, match=r"is HDF5, as NetCDF is: .* write columns as"):
         read_trace(tmp_path / "a.h5")
 
 

@@ -196,6 +196,7 @@ def _node_before(table: Floats, log_age: float) -> int:
     """Last node of a table that is no older; -1 if all are."""
     low = -1
     high = table.shape[1]
+    # ends: the middle lies between the two, of which one goes there
     while high - low > 1:
         middle = (low + high) // 2
         if table[LOG_AGE, middle] <= log_age:

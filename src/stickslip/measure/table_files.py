@@ -16,7 +16,7 @@ from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import unit_size
 
 _EXPORTED = {
-    b"\x89HDF": "HDF5: write the columns as .csv or .npy, with h5py or HDFView",
+    b"\x89HDF": "HDF5, as NetCDF is: open a run with load(), write columns as .csv",
     b"MATLAB 7.3": "MATLAB 7.3: save(file, '-v7') writes a .mat that can be read",
     b"CDF": "NetCDF: a run is opened with load(); write other columns as .csv",
     b"\xd0\xcf\x11\xe0": "an old Excel file (.xls): save it as .xlsx or .csv",

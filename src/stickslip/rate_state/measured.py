@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import Array, memory
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
@@ -373,7 +374,9 @@ def nearby(record: Record, before: Piece, after: Piece) -> Step:
     """
     step = record.cut(before, after)
     back = -float(step.displacement[0])
+    turns = bounded("parts of a step", HALVINGS)  # each at most half as long
     while True:
+        next(turns)
         x = step.displacement
         try:
             forth = _REACH * float(_rough(step, "slip")[2])

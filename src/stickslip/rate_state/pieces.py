@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import (
     CHANCE,
     CONSTANT_DRIVE,
@@ -125,7 +126,8 @@ def _noise(t: Array, x: Array) -> float:
     if resolution < math.inf:
         found.append(float(resolution) / math.sqrt(12.0))
     size = 1
-    while t.size // size >= min(_FEWEST_GROUPS, t.size):
+    turns = bounded("sizes of groups", HALVINGS)
+    while next(turns) and t.size // size >= min(_FEWEST_GROUPS, t.size):
         when = _means(t, size)
         where = _means(x, size)
         # off the line between the neighbours
@@ -177,7 +179,8 @@ def _edges(t: Array, x: Array, noise: float) -> list[int]:
         tried = np.append(tried[kept], min(end, t.size - 1))
         sums = np.append(sums[:, kept], np.zeros((5, 1)), axis=1)
     edges = [t.size]
-    while edges[-1] > 0:
+    turns = bounded("edges of pieces", t.size + 1)
+    while next(turns) and edges[-1] > 0:
         edges.append(int(begin[edges[-1]]))
     return edges[::-1]
 
@@ -205,7 +208,8 @@ def _alike(
     t: Array, x: Array, runs: list[list[_Line]], noise: float
 ) -> list[list[_Line]]:
     """Join neighbours of the same speed, those that differ least first."""
-    while len(runs) > 1:
+    turns = bounded("pieces of one speed", len(runs) + 1)
+    while next(turns) and len(runs) > 1:
         slopes = [_joined(t, x, run, noise).slope for run in runs]
         apart = [_difference(a, b) for a, b in pairwise(slopes)]
         k = int(np.argmin(apart))

@@ -14,6 +14,7 @@ from scipy.signal import savgol_filter
 
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, number
+from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import RESTS, Array, memory
 from stickslip.progress import Progress, reporting
 from stickslip.rate_state.experiments import Record
@@ -285,7 +286,8 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
     noise = 1.4826 * float(np.median(np.abs(np.diff(friction, 2)))) / math.sqrt(6.0)
     best = (float(time[friction.argmax()]), Estimate(float(friction.max()), noise))
     size = 5
-    while size <= friction.size:
+    turns = bounded("widths of a parabola", HALVINGS)
+    while next(turns) and size <= friction.size:
         smooth = savgol_filter(friction, size, 2)
         top = int(smooth.argmax())
         rest = (friction - smooth)[max(top - size // 2, 0) : top + size // 2 + 1]
