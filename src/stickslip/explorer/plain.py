@@ -41,6 +41,8 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
     start, end, before = (
         slips[name].values[:_MOST_MARKED] for name in ("start", "end", "force_before")
     )
+    kind = "in parts" if seen.is_in_turn else seen.kind
+    has_period = math.isfinite(seen.period) and not words and not seen.is_in_turn
     # parts stand in a table of their own
     evidence = str(replace(seen, segments=())).splitlines()
     return {
@@ -63,10 +65,10 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
         ],
         "statistics": [("found", measure.counted(drops)), *measure.statistics(drops)],
         "regime": {
-            "kind": seen.kind if not words else "speed sweep",
+            "kind": "speed sweep" if words else kind,
             "reason": words or seen.reason,
             "evidence": [] if words else evidence[1:],
-            "period": seen.period if math.isfinite(seen.period) and not words else None,
+            "period": seen.period if has_period else None,
         },
     }
 
