@@ -325,7 +325,8 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     for stretch in long or [trace]:
         found, friction, offset = find_strokes(stretch)
         if not found:
-            parts += _judge_parts(_skip_loading(stretch) if whole else stretch)
+            loaded = _skip_loading(stretch) if whole else (stretch, None)
+            parts += _judge_parts(*loaded)
             continue
         parts += [_doubt_oscillation(_judge(stroke)) for stroke in found]
         strokes += len(found)
@@ -361,24 +362,24 @@ def _doubt_oscillation(stroke: Regime) -> Regime:
     return replace(stroke, kind=OPEN, reason=f"{stroke.reason}; {doubt}")
 
 
-def _skip_loading(trace: Trace) -> Trace:
+def _skip_loading(trace: Trace) -> tuple[Trace, Slips | None]:
     """What comes behind the first loading of a force, and behind its breakaway: a few
-    drops after which it does not climb again.
+    drops after which it does not climb again; its drops, where they were sought.
     """
     usual = float(np.median(trace.force[trace.force.size // 2 :]))
     first = int(np.argmax(trace.force >= usual))
     late = trace.part(float(trace.t[first]))
     rises = _drift_rate(trace.part(-math.inf, late.t[0])) > 0
     if not rises or 2 * first > trace.t.size or late.t.size < FEWEST_READINGS:
-        return trace
+        return trace, None
     found = find_slips(late)
     if not 0 < found.size < FEWEST_CYCLES:
-        return late
+        return late, found
     rest = late.part(float(late.t[found.end[-1]]))
     if rest.t.size < FEWEST_READINGS or np.ptp(rest.t) < rest.t[0] - trace.t[0]:
-        return late
+        return late, found
     climb = slope(rest.force, rest.t) * float(np.ptp(rest.t))
-    return rest if climb < CLIMBS * found.drops.max() else late
+    return (rest, None) if climb < CLIMBS * found.drops.max() else (late, found)
 
 
 def _drift_rate(trace: Trace) -> float:

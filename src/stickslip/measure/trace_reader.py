@@ -314,9 +314,11 @@ def _dataset(
     rows.loc[spiky, "force"] = np.nan
     known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
-    rows = rows[~_in_a_gap(rows["force"].isna())]
+    if rows.isna().any(axis=None):
+        rows = rows[~_in_a_gap(rows["force"].isna())]
     missing = rows["force"].isna()
-    rows = rows.interpolate("index", limit_direction="both")
+    if rows.isna().any(axis=None):
+        rows = rows.interpolate("index", limit_direction="both")
     rows["force"] *= -1.0 if flip else 1.0
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:
