@@ -265,6 +265,8 @@ def _put_in_turn(
             f"before; times must rise: {remedy}, or give the step instead (--step, or "
             "step=)"
         )
+    if not back.size and "part" not in values:
+        return []
     usual = float(np.nanmedian(np.diff(times)))
     for at in back:
         times[at:] += float(np.nanmax(times[:at])) + usual - times[at]
