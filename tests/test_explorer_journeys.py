@@ -432,7 +432,7 @@ def test_a_measured_trace_is_analysed_and_what_is_none_is_told(page, tmp_path):
     ):
         page.set_input_files("#file", file)
         page.wait_for_selector(f"#trace-complaint:has-text('{words}')")
-    page.select_option("#column-force", label="3: b")
+    page.select_option("#column-force", label="3: b: 0 to 4")
     page.wait_for_selector("#trace-state:has-text('columns.csv: 100 rows')")
     assert page.locator("#trace-complaint").is_hidden()
     data = page.evaluate_handle(
@@ -497,7 +497,7 @@ def test_a_dropped_trace_leads_to_its_rig_and_to_what_would_stop_it(bench, tmp_p
     page.click("#tab-trace")
     page.set_input_files("#file", both)
     page.wait_for_selector("#trace-complaint:has-text('which column is the force?')")
-    page.select_option("#column-force", label="3: right force (N)")
+    page.select_option("#column-force", "right force")
     page.wait_for_selector("#trace-regime:has-text('stick-slip')")
     page.click("#trace-next")
     page.wait_for_selector("#fit-words:has-text('give the stiffness')")
