@@ -491,7 +491,7 @@ def test_an_ageing_or_a_barrier_that_says_nothing_is_refused_by_name():
             ask()
     with pytest.raises(
         InputError,
-        match=r"Unknown.*: no solver is registered for it, see simulation",
+        match=r"Unknown.*: not available with MasterEquation; no registered solver",
     ):
         ss.simulate(rig)
 

@@ -393,12 +393,9 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
         who = f"{who} together with {' and '.join(others)}"
         leave = "leave one out"
     elif not _takers(interface, refused, slider):
-        if not elastic:
-            return InputError(
-                f"Interface.{first}: no solver is registered for it, see "
-                f"simulation.engines.solves(); {leave}"
-            )
-        who = f"a {body}"
+        none = "no registered solver takes it, see simulation.engines.solves()"
+        leave = leave if elastic else f"{none}; {leave}"
+        who = f"a {body}" if elastic else who
     return InputError(
         f"Interface.{first}: not available with {who}; "
         f"{_takers(interface, parts, slider) or leave}"
