@@ -138,7 +138,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     name = mu if force == "1" else "force"
     recurrence = np.append(math.nan, np.diff(t[start]))[: start.size]
     loading = np.full(start.size, math.nan)
-    loading[1:] = (found.before[1:] - found.after[:-1]) / (t[start[1:]] - t[end[:-1]])
+    loading[1:] = found.loading_rates(t)
     # the first slip after a gap
     beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))
     recurrence[beyond] = loading[beyond] = math.nan

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from stickslip import words
 from stickslip.errors import printable
+from stickslip.measure.kinds import SMOOTH
 
 if TYPE_CHECKING:
     from stickslip.measure.regimes import Regime
@@ -26,7 +27,7 @@ _COLUMNS: list[tuple[str, str, _Number]] = [
 
 def _cycles(part: "Regime") -> int | None:
     """The cycles of a motion that has them."""
-    return part.cycles if part.kind != "smooth sliding" and part.cycles else None
+    return part.cycles if part.kind != SMOOTH and part.cycles else None
 
 
 def part_table(parts: Sequence["Regime"]) -> list[str]:

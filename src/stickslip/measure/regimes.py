@@ -527,8 +527,7 @@ def _last_slip(trace: Trace, slips: Slips) -> float:
     slip does: the swings of a slider that comes to rest are slower.
     """
     t = trace.t
-    rises = slips.before[1:] - slips.after[:-1]
-    rises /= t[slips.start[1:]] - t[slips.end[:-1]]
+    rises = slips.loading_rates(t)
     falls = slips.drops[1:] / (t[slips.end[1:]] - t[slips.start[1:]])
     fast = np.flatnonzero(falls >= (1.0 / SLIP_PHASE - 1.0) * rises)
     return float(t[slips.end[fast[-1] + 1]]) if fast.size else math.nan

@@ -68,6 +68,11 @@ class Slips:
         """Drop of the force in each slip."""
         return self.before - self.after
 
+    def loading_rates(self, t: Array) -> Array:
+        """Rise of the force per time from each slip to the next."""
+        rises = self.before[1:] - self.after[:-1]
+        return np.asarray(rises / (t[self.start[1:]] - t[self.end[:-1]]))
+
     def slip_phase(self, trace: Trace) -> float:
         """Time in slips over the time from the first peak to the last."""
         if self.size < 2:

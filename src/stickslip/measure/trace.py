@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
@@ -232,8 +233,7 @@ class Trace:
         if self.told_velocity is None:
             return self.t
         speed = np.abs(self.told_velocity)
-        steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(self.t)
-        travel = np.append(0.0, np.cumsum(steps))
+        travel = cumulative_trapezoid(speed, self.t, initial=0)
         lasts = float(self.t[-1] - self.t[0])
         return lasts / travel[-1] * travel if travel[-1] > 0.0 else self.t
 

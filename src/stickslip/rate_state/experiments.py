@@ -10,6 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number, whole
@@ -128,8 +129,7 @@ class Record(NamedTuple):
             if "velocity" in along:
                 speed, length = length, length.partition("/")[0]
                 scale = ratio(speed, f"{length}/{clock}") or 1.0
-                way = 0.5 * (place[1:] + place[:-1]) * np.diff(time)
-                place = scale * np.append(0.0, np.cumsum(way))
+                place = scale * cumulative_trapezoid(place, time, initial=0)
             pieces, place = find_pieces(time, place)
         units = (length, clock, unit.removeprefix("1"))
         return cls(time, rows[name].to_numpy(), place, pieces, names, units)
