@@ -13,7 +13,7 @@ from stickslip.errors import InputError, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.periods import REGULAR, find_cycles
 from stickslip.measure.sensor import white_noise
-from stickslip.measure.slips import EDGE, find_slips, weighted_median
+from stickslip.measure.slips import EDGE, find_slips
 from stickslip.measure.trace import (
     FEWEST_CYCLES,
     RESTS,
@@ -25,53 +25,51 @@ from stickslip.model.quantities import read_value
 from stickslip.simulation import labelled
 from stickslip.words import engineering
 
+_STEADY = 1e-3  # relative change of a rate that is none
 # error of a slope, over that of the loading: its window is as long as that takes, and
 # no longer
 SLOPE_ERROR = 0.1
 # of the time, and times the drive: a slider that sticks and slips is stuck, and off the
 # drive, by more
 HALF = 0.5
-_STEADY = 1e-3  # relative change of a rate that is none
 # part of half a cycle between the edges of a drop
 _EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi
 
 
-def slopes(force: Array, step: float, noise: float, rate: float) -> Array:
+def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
     """Slopes by least squares over as many samples as tell a rate to a tenth; none
     if that takes over a twelfth.
     """
     # slow to load, and not needed where the motion is known
     from scipy.signal import oaconvolve, savgol_coeffs
 
-    width = max(
-        math.ceil((12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)) | 1, 3
-    )
+    narrowest = (12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)
+    width = max(math.ceil(narrowest) | 1, 3)
     if 12 * width > force.size:
         return np.empty(0)
     # a line goes on as a line
     padded = np.pad(force - force.mean(), width // 2, "reflect", reflect_type="odd")
-    return np.asarray(
-        oaconvolve(padded, savgol_coeffs(width, 1, deriv=1, delta=step), "valid")
-    )
+    line = savgol_coeffs(width, 1, deriv=1, delta=step)
+    return np.asarray(oaconvolve(padded, line, "valid"))
 
 
-def loading(force: Array, step: float, noise: float) -> tuple[float, float]:
-    """Rate at which a force rises at its fullest, the upper mode of slopes, and for
-    which part of the time; or NaN.
+def _full_rate(force: Array, step: float, noise: float) -> float:
+    """Rate at which a force rises at its fullest, the upper mode of its slopes; NaN
+    where that is not seen.
     """
     rate = math.inf
     for _ in range(20):
-        found = slopes(force, step, noise, rate)
-        if not found.size or not (top := float(np.quantile(found, 0.9))) > 0:
-            return math.nan, math.nan
-        settled = abs(top - rate) <= _STEADY * top
-        rate = top
-        if settled:
+        before = rate
+        found = _slopes(force, step, noise, rate)
+        rate = float(np.quantile(found, 0.9)) if found.size else 0.0
+        if not rate > 0:
+            return math.nan
+        if abs(rate - before) <= _STEADY * rate:
             break
     for _ in range(20):
         near = found[np.abs(found - rate) < RESTS * rate]
         rate = float(near.mean()) if near.size else rate
-    return rate, float(np.mean(found > (1.0 - RESTS) * rate))
+    return rate
 
 
 def motion(
@@ -122,49 +120,52 @@ def motion(
         )
     K = read_value("stiffness", stiffness, "N/m", "350 N/m")
     V = read_value("velocity", velocity, "m/s", "0.1 mm/s")
-    newton, second = (
-        ratio(unit or si, si)
-        for unit, si in ((trace.force_unit, "N"), (trace.time_unit, "s"))
-    )
+    newton, second = _units_of(trace)
     if not newton or not second:
-        given = (
-            f"spring_force is in {trace.force_unit!r} and time in {trace.time_unit!r}"
-        )
         raise InputError(
-            f"motion: {given}: must be units of force and of time; read the force, not "
-            "a coefficient"
+            f"motion: spring_force is in {trace.force_unit!r} and time in "
+            f"{trace.time_unit!r}: must be units of force and of time; read the force, "
+            "not a coefficient"
         )
-    step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
+    step = _step_of(trace)
     even = trace.t[0] + step * np.arange(trace.t.size)
     rate = K * V * second / newton
     noise = white_noise(trace.force)
-    slope = slopes(np.interp(even, trace.t, trace.force), step, noise, rate)
+    slope = _slopes(np.interp(even, trace.t, trace.force), step, noise, rate)
     if not slope.size:
-        told = (
-            f"noise of {noise:.3g} {trace.force_unit or 'N'} hides the loading by "
-            f"{1e6 * V:.4g} um/s"
-        )
         raise InputError(
-            f"motion: {told} for a twelfth of the record; record longer, or with less "
-            "noise"
+            f"motion: noise of {noise:.3g} {trace.force_unit or 'N'} hides the loading "
+            f"by {1e6 * V:.4g} um/s for a twelfth of the record; record longer, or "
+            "with less noise"
         )
-    v = trace.sign * V * (1.0 - np.interp(trace.t, even, slope) / rate)
-    X = trace.sign * (
-        V * second * (trace.t - trace.t[0])
-        - (trace.force - trace.force[0]) * newton / K
+    travel = V * second * (trace.t - trace.t[0])
+    stretch = (trace.force - trace.force[0]) * newton / K
+    pace = 1.0 - np.interp(trace.t, even, slope) / rate
+    moves = {
+        "displacement": ("displacement of the slider", travel - stretch, "m"),
+        "velocity": ("velocity of the slider", V * pace, "m/s"),
+        "drive_velocity": ("velocity of the drive", np.full_like(pace, V), "m/s"),
+    }
+    if contacts is not None:
+        count = whole("contacts", contacts, at_least=1)
+        data = data.assign_attrs(contacts=count)
+    return data.assign_attrs(stiffness=K).assign(
+        {
+            name: labelled(title, "time", trace.sign * values, unit)
+            for name, (title, values, unit) in moves.items()
+        }
     )
-    known = (
-        {}
-        if contacts is None
-        else {"contacts": whole("contacts", contacts, at_least=1)}
-    )
-    return data.assign_attrs(stiffness=K, **known).assign(
-        displacement=labelled("displacement of the slider", "time", X, "m"),
-        velocity=labelled("velocity of the slider", "time", v, "m/s"),
-        drive_velocity=labelled(
-            "velocity of the drive", "time", np.full_like(v, trace.sign * V), "m/s"
-        ),
-    )
+
+
+def _units_of(trace: Trace) -> list[float | None]:
+    """The units of a force and of its times in SI units."""
+    known = (trace.force_unit, "N"), (trace.time_unit, "s")
+    return [ratio(unit or si, si) for unit, si in known]
+
+
+def _step_of(trace: Trace) -> float:
+    """Mean sampling interval."""
+    return float(np.ptp(trace.t)) / (trace.t.size - 1)
 
 
 def rms_velocity_deviation(trace: Trace) -> float:
@@ -208,41 +209,26 @@ class Kinematics(Answer):
     def __str__(self) -> str:
         lines = [f"the slider {self.motion}"]
         if self.slips > 1:
-            drop = (
-                f"{engineering(self.drop, 'm', 3)} on average (CV "
-                f"{self.drop_variation:.2g})"
-            )
-            wait = (
-                f"{engineering(self.recurrence, 's', 3)} (CV "
+            drop = engineering(self.drop, "m", 3)
+            wait = engineering(self.recurrence, "s", 3)
+            lines.append(
+                f"{self.slips} drops, slow ones too, of {drop} on average (CV "
+                f"{self.drop_variation:.2g}), every {wait} (CV "
                 f"{self.recurrence_variation:.2g})"
             )
-            lines.append(f"{self.slips} drops, slow ones too, of {drop}, every {wait}")
-        rate = f"{self.loading:.2g} of stiffness times velocity (1 where it sticks)"
-        lines.append(f"at its full rate the force rises at {rate}")
+        lines.append(
+            f"at its full rate the force rises at {self.loading:.2g} of stiffness "
+            "times velocity (1 where it sticks)"
+        )
         if math.isfinite(self.effective_mass):
-            of = (
-                f", {self.effective_mass / self.mass:.2g} of what it weighs"
-                if math.isfinite(self.mass)
-                else ""
-            )
-            lines.append(
-                f"it moves as {engineering(1e3 * self.effective_mass, 'g', 3)} would "
-                f"on this spring{of}"
-            )
-        spikes = (
-            f"; {self.spikes} spike{'s' * (self.spikes > 1)} left out"
-            if self.spikes
-            else ""
-        )
-        return "\n".join(
-            [
-                *lines,
-                (
-                    f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the "
-                    f"spring{spikes}"
-                ),
-            ]
-        )
+            mass = engineering(1e3 * self.effective_mass, "g", 3)
+            part = self.effective_mass / self.mass
+            of = f", {part:.2g} of what it weighs" if math.isfinite(part) else ""
+            lines.append(f"it moves as {mass} would on this spring{of}")
+        noise = f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the spring"
+        if self.spikes:
+            noise += f"; {self.spikes} spike{'s' * (self.spikes > 1)} left out"
+        return "\n".join([*lines, noise])
 
 
 def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinematics:
@@ -274,49 +260,51 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
             "kinematics: needs a trace with the motion of its slider, as motion() "
             "returns it"
         )
-    K = float(data.attrs["stiffness"])
-    V = float(np.median(trace.drive))
-    newton = ratio(trace.force_unit or "N", "N") or 1.0
-    second = ratio(trace.time_unit or "s", "s") or 1.0
+    metre = (_units_of(trace)[0] or 1.0) / float(data.attrs["stiffness"])
+    second = _units_of(trace)[1] or 1.0
+    step = _step_of(trace)
     found = find_slips(trace)
-    step = (trace.t[-1] - trace.t[0]) / (trace.t.size - 1)
-    (wait, _, of_waits), (drop, _, of_drops) = map(
-        mean_and_std, (np.diff(found.times), found.drops)
-    )
+    wait, _, of_waits = mean_and_std(np.diff(found.times))
+    drop, _, of_drops = mean_and_std(found.drops)
     # of a free oscillation
-    half = (
-        weighted_median(trace.t[found.end] - trace.t[found.start], found.drops**2)
-        / _EDGES
-    )
+    half = found.typical(trace.t[found.end] - trace.t[found.start]) / _EDGES
     cycles = find_cycles(trace.t, pace)
     is_regular = found.size > FEWEST_CYCLES and of_waits < REGULAR
-    period = cycles.period if cycles.periodic else wait
-    words = {
-        "sticks and slips": stuck >= HALF and swing >= HALF,
-        "moves evenly": swing < RESTS,
-        "oscillates": cycles.periodic or is_regular,
-        "stops and goes, without a period": stuck > RESTS,
-        "moves unevenly, without stops": True,
-    }
-    word = next(word for word, holds in words.items() if holds)
+    if stuck >= HALF and swing >= HALF:
+        word = "sticks and slips"
+    elif swing < RESTS:
+        word = "moves evenly"
+    elif cycles.periodic or is_regular:
+        word = "oscillates"
+    elif stuck > RESTS:
+        word = "stops and goes, without a period"
+    else:
+        word = "moves unevenly, without stops"
+    full = _full_rate(trace.force, step, found.noise)
+    V = float(np.median(trace.drive))
+    period = math.nan
+    if word == "oscillates":
+        period = second * (cycles.period if cycles.periodic else wait)
     # a mass known to a quarter
-    swings = word in ("sticks and slips", "oscillates") and half * RESTS >= 2.0 * step
+    is_resolved = half * RESTS >= 2.0 * step
+    mass_that_moves = math.nan
+    if is_resolved and word in ("sticks and slips", "oscillates"):
+        mass_that_moves = data.attrs["stiffness"] * (second * half / math.pi) ** 2
     return Kinematics(
         mass=math.nan if mass is None else read_value("mass", mass, "kg", "75.6 g"),
         motion=f"{word}: slower than a quarter of the drive for {100.0 * stuck:.3g} % "
-        f"of the time, {swing:.2g} times "
-        "the drive's velocity off that (rms)",
+        f"of the time, {swing:.2g} times the drive's velocity off that (rms)",
         stuck=stuck,
         swing=swing,
         correlation=cycles.correlation,
-        period=second * period if word == "oscillates" else math.nan,
+        period=period,
         slips=found.size,
         recurrence=second * wait,
         recurrence_variation=of_waits,
-        drop=drop * newton / K,
+        drop=drop * metre,
         drop_variation=of_drops,
-        loading=loading(trace.force, step, found.noise)[0] * newton / second / (K * V),
-        effective_mass=K * (second * half / math.pi) ** 2 if swings else math.nan,
-        noise=found.noise * newton / K,
+        loading=full * metre / second / V,
+        effective_mass=mass_that_moves,
+        noise=found.noise * metre,
         spikes=int(data.attrs.get("spikes", 0)),
     )
