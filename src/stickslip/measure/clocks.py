@@ -50,8 +50,3 @@ def seconds_of(text: str) -> float | None:
         east = -east
     seconds = float((told["seconds"] or "0").replace(",", "."))
     return _DAY * days + 3600.0 * hours + 60.0 * int(told["minutes"]) + seconds - east
-
-
-def has_date(text: str) -> bool:
-    """Whether a time of the day comes with its date."""
-    return re.match(r"\d+[-/.]\d+[-/.]\d", text) is not None

@@ -58,27 +58,29 @@ def columns(content: bytes) -> list[Column]:
     Column(key='force', heading='2: force (N)', preview='1 to 2, rises evenly')
     """
     table = read_table(content)
-    headings, numeric = table[:2]
-    values = table.read(numeric)[0]
-    names = [simple(heading.name) for heading in headings]
+    names = [simple(heading.name) for heading in table.headings]
     found = []
-    for i in numeric:
+    for i, heading in enumerate(table.headings):
+        if i not in table.numbers:
+            continue
         is_alone = bool(names[i]) and names.count(names[i]) == 1
-        key = headings[i].name if is_alone else str(i + 1)
-        known = values[i][np.isfinite(values[i])]
-        preview = (
-            f"{words.number(known.min())} to {words.number(known.max())}"
-            if known.size
-            else "no numbers"
-        )
-        found.append(
-            Column(
-                key or str(i + 1),
-                f"{i + 1}: {headings[i]}".strip(": "),
-                preview + ", rises evenly" * rises_evenly(known),
-            )
-        )
+        key = heading.name if is_alone else str(i + 1)
+        low, high, rises = _range(table.numbers[i])
+        preview = f"{low} to {high}" if high else "no numbers"
+        title = f"{i + 1}: {heading}".strip(": ")
+        found.append(Column(key, title, preview + f", {rises}" * bool(rises)))
     return found
+
+
+def _range(values: Array) -> tuple[str, str, str]:
+    """From where to where numbers go, and whether they rise evenly; empty where there
+    are none.
+    """
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return "", "", ""
+    rises = "rises evenly" if rises_evenly(known) else ""
+    return words.number(known.min()), words.number(known.max()), rises
 
 
 def choose(
@@ -106,7 +108,7 @@ def choose(
         if name in chosen or (name == "time" and timed):
             continue
         taken = [each.place for each in chosen.values()]
-        free = [i for i in table.numeric if i not in taken]
+        free = [i for i in table.numbers if i not in taken]
         found = _told(table, free, name)
         if name == "time" and len(found) != 1:
             found, note = _rising_evenly(table, found or _unnamed(table, free))
@@ -142,14 +144,13 @@ def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list
     """The one of some columns that rises evenly, as a time does, or the first of
     several that are the same; none, where one just counts the rows.
     """
-    values = table.read(candidates)[0] if candidates else {}
-    even = [i for i in candidates if rises_evenly(values[i])]
+    even = [i for i in candidates if rises_evenly(table.numbers[i])]
     if not even:
         return [], []
-    first = values[even[0]]
-    if not all(np.array_equal(values[i], first, equal_nan=True) for i in even):
+    values = [table.numbers[i] for i in even]
+    if not all(np.array_equal(each, values[0], equal_nan=True) for each in values):
         return even, []
-    if np.all(np.diff(first[np.isfinite(first)]) == 1.0):
+    if np.all(np.diff(values[0][np.isfinite(values[0])]) == 1.0):
         return [], []
     told = Choice(even[0], table.headings[even[0]])
     return even[:1], [f"{told} rises evenly and is taken for the time"]
@@ -178,7 +179,7 @@ def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
         ]
         if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", key):
             found = [int(key) - 1]
-        if len(found) == 1 and found[0] in table.numeric:
+        if len(found) == 1 and found[0] in table.numbers:
             heading = table.headings[found[0]]
             return Choice(found[0], heading._replace(unit=given or heading.unit))
     raise InputError(
@@ -202,23 +203,13 @@ def _question(table: Table, name: str, found: list[int]) -> InputError:
 
 def _preview(table: Table) -> str:
     """All columns of numbers: number, heading, range, first values, what they do."""
-    shown_ones = table.numeric[:_MOST_SHOWN]
-    values = table.read(shown_ones)[0]
     rows = [("column", "heading", "from", "to", "first values", "")]
-    for i in shown_ones:
-        known = values[i][np.isfinite(values[i])]
-        if not known.size:
-            continue
-        rows.append(
-            (
-                str(i + 1),
-                str(table.headings[i])[:_LONGEST_NAME],
-                words.number(known.min()),
-                words.number(known.max()),
-                ", ".join(map(words.number, known[:3].tolist())),
-                "rises evenly" if rises_evenly(known) else "",
-            )
-        )
-    left = len(table.numeric) - len(shown_ones)
-    more = [f"and {left} more columns"] if left else []
+    for i, values in [*table.numbers.items()][:_MOST_SHOWN]:
+        low, high, rises = _range(values)
+        name = str(table.headings[i])[:_LONGEST_NAME]
+        first = ", ".join(map(words.number, values[np.isfinite(values)][:3].tolist()))
+        if high:
+            rows.append((str(i + 1), name, low, high, first, rises))
+    left = len(table.numbers) - _MOST_SHOWN
+    more = [f"and {left} more columns"] if left > 0 else []
     return "\n".join([*aligned(rows), *more])

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from statistics import mode
 from typing import Any
 
@@ -12,7 +12,7 @@ import pandas as pd
 from stickslip.errors import InputError
 from stickslip.measure.headings import Heading, with_coefficients
 from stickslip.measure.tables import MOST_COLUMNS, Table, read_text
-from stickslip.measure.trace import FEWEST_READINGS, Array
+from stickslip.measure.trace import FEWEST_READINGS
 from stickslip.model.quantities import unit_size
 
 _EXPORTED = {
@@ -35,11 +35,9 @@ def read_table(
     raw: bytes, delimiter: str | None = None, decimal: str | None = None
 ) -> Table:
     """Find out how a file is laid out; `InputError` if it is no table."""
-    told = next(
-        (told for magic, told in _EXPORTED.items() if raw[:20].startswith(magic)), ""
-    )
-    if told:
-        raise InputError(f"is {told}")
+    for magic, told in _EXPORTED.items():
+        if raw.startswith(magic):
+            raise InputError(f"is {told}")
     read = next((read for magic, read in _READERS if raw.startswith(magic)), None)
     if read is None:
         return read_text(raw, delimiter, decimal)
@@ -56,36 +54,12 @@ def read_table(
         raise InputError(f"cannot be read ({error}); {remedy}") from None
 
 
-def _of_arrays(
-    headings: Sequence[Heading],
-    columns: Sequence[Array],
-    step: float | None,
-    notes: tuple[str, ...] = (),
-) -> Table:
-    """A table of columns of numbers that are equally long."""
-    if not columns or len(columns) > MOST_COLUMNS:
-        raise InputError(
-            f"has {len(columns)} columns of numbers; 1 to {MOST_COLUMNS} are read"
-        )
-    rows = np.arange(1, columns[0].size + 1)
-    return Table(
-        with_coefficients(headings),
-        [*range(len(columns))],
-        lambda asked: ({i: columns[i].copy() for i in asked}, rows),
-        "sample {}".format,
-        step,
-        notes,
-    )
-
-
 def _of_numpy(raw: bytes) -> Table:
     """An array of numpy: its fields, or its columns."""
     values = np.load(io.BytesIO(raw), allow_pickle=False)
     if values.dtype.names:
-        named = {name: values[name] for name in values.dtype.names}
-    else:
-        named = _columns_of("", np.squeeze(values))
-    return _of_named(named, None)
+        return _of_named({name: values[name] for name in values.dtype.names})
+    return _of_named(_columns_of("", np.squeeze(values)))
 
 
 def _of_sound(raw: bytes) -> Table:
@@ -93,9 +67,9 @@ def _of_sound(raw: bytes) -> Table:
     from scipy.io import wavfile
 
     rate, values = wavfile.read(io.BytesIO(raw))
-    table = _of_named(_columns_of("channel", values), 1.0 / rate)
-    counts = [heading._replace(unit="counts") for heading in table.headings]
-    return table._replace(headings=counts)
+    table = _of_named(_columns_of("channel", values))
+    counts = [Heading(name, "counts") for name, _ in table.headings]
+    return table._replace(headings=counts, step=1.0 / rate)
 
 
 def _of_matlab(raw: bytes) -> Table:
@@ -106,43 +80,52 @@ def _of_matlab(raw: bytes) -> Table:
 
     file: Any = io.BytesIO(raw)
     held = loadmat(file, squeeze_me=True, struct_as_record=False)
+    for name, value in [*held.items()]:
+        if hasattr(value, "_fieldnames"):
+            held |= vars(held.pop(name))
     named = dict[str, Any]()
-    for name, value in held.items():
-        fields = vars(value) if hasattr(value, "_fieldnames") else {name: value}
-        for field, values in fields.items():
-            if field.startswith("_") or not isinstance(values, np.ndarray):
-                continue
-            named |= _columns_of(field, values)
-    return _of_named(named, None)
+    for name, values in held.items():
+        if not name.startswith("_") and isinstance(values, np.ndarray):
+            named |= _columns_of(name, values)
+    return _of_named(named)
 
 
 def _columns_of(name: str, values: Any) -> dict[str, Any]:
     """The columns of an array under its name and, of several, their numbers."""
-    if values.ndim == 1:
-        return {name: values}
     if values.ndim != 2:
-        return {}
-    along = values if values.shape[0] >= values.shape[1] else values.T
-    return {f"{name} {k + 1}".strip(): along[:, k] for k in range(along.shape[1])}
+        return {name: values} if values.ndim == 1 else {}
+    along = max(values, values.T, key=len)
+    return {f"{name} {k}".strip(): column for k, column in enumerate(along.T, 1)}
 
 
-def _of_named(named: Mapping[str, Any], step: float | None) -> Table:
+def _of_named(
+    named: Mapping[str, Any], kind: str = "variable", read: str = "what has {} numbers"
+) -> Table:
     """Named columns of numbers, those of the length that most of them have."""
-    numbers = {
-        name: np.asarray(values, dtype=float)
+    long = {
+        name: np.array(values, dtype=float)
         for name, values in named.items()
         if values.dtype.kind in "fiu" and values.size >= FEWEST_READINGS
     }
-    if not numbers:
+    if not long:
         raise InputError(
             f"holds no column of numbers with at least {FEWEST_READINGS} of them"
         )
-    length = mode(map(len, numbers.values()))
-    kept = {name: one for name, one in numbers.items() if one.size == length}
-    left = [name for name in numbers if name not in kept]
-    note = _left_out(f"what has {length} numbers", "variable", left)
+    length = mode(map(len, long.values()))
+    kept = [name for name in long if long[name].size == length]
+    if len(kept) > MOST_COLUMNS:
+        raise InputError(
+            f"has {len(kept)} columns of numbers; 1 to {MOST_COLUMNS} are read"
+        )
     headings = [Heading("" if name.isdigit() else name) for name in kept]
-    return _of_arrays(headings, [*kept.values()], step, note)
+    left = [name for name in long if name not in kept]
+    return Table(
+        with_coefficients(headings),
+        {i: long[name] for i, name in enumerate(kept)},
+        np.arange(1, length + 1),
+        "sample {}".format,
+        notes=_left_out(read.format(length), kind, left),
+    )
 
 
 def _of_spreadsheet(raw: bytes) -> Table:
@@ -156,17 +139,14 @@ def _of_spreadsheet(raw: bytes) -> Table:
     }
     chosen = max(sheets, key=lambda name: numbers[name].sum())
     left = [
-        f"{str(name)!r}"
+        repr(name)
         for name, counts in numbers.items()
         if name != chosen and counts.max() >= FEWEST_READINGS
     ]
-    sheet = sheets[chosen]
-    plain = sheet.replace(r"[\t\r\n\"]", " ", regex=True)
-    text: str = plain.to_csv(
-        sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE
-    )
+    plain = sheets[chosen].replace(r"[\t\r\n\"]", " ", regex=True)
+    text = plain.to_csv(sep="\t", header=False, index=False, quoting=csv.QUOTE_NONE)
     found = read_text(text.encode(), "\t", ".")
-    return found._replace(notes=_left_out(f"sheet {str(chosen)!r}", "sheet", left))
+    return found._replace(notes=_left_out(f"sheet {chosen!r}", "sheet", left))
 
 
 def _left_out(read: str, kind: str, left: list[str]) -> tuple[str, ...]:
@@ -182,30 +162,25 @@ def _of_tdms(raw: bytes) -> Table:
     """The channels of numbers in a TDMS file, of those that are equally long."""
     import nptdms
 
-    channels = [
-        one
-        for group in nptdms.TdmsFile.read(io.BytesIO(raw)).groups()
+    file = nptdms.TdmsFile.read(io.BytesIO(raw))
+    channels = {
+        f"{one.group_name}/{one.name}": one
+        for group in file.groups()
         for one in group.channels()
-        if len(one) and np.issubdtype(one[:].dtype, np.number)
-    ]
-    length = mode(map(len, channels))
-    left = []
+    }
+    named = {path: one[:] for path, one in channels.items()}
+    table = _of_named(named, "channel", "the channels of {} readings")
     headings = []
-    columns = []
     steps = set()
-    for one in channels:
-        if len(one) == length:
-            told = one.properties
-            name, unit = Heading.read(one.name)
-            unit = told.get("unit_string") or told.get("NI_UnitDescription") or unit
-            headings.append(Heading(name, str(unit)))
-            columns.append(np.array(one[:], dtype=float))
-            steps.add(_step_of(told))
-        elif len(one) >= FEWEST_READINGS:
-            left.append(f"{one.group_name}/{one.name}")
+    for path, _ in table.headings:
+        told = channels[path].properties
+        name, unit = Heading.read(channels[path].name)
+        unit = told.get("unit_string") or told.get("NI_UnitDescription") or unit
+        headings.append(Heading(name, str(unit)))
+        steps.add(_step_of(told))
     steps.discard(0.0)
-    note = _left_out(f"the channels of {length} readings", "channel", left)
-    return _of_arrays(headings, columns, steps.pop() if len(steps) == 1 else None, note)
+    step = steps.pop() if len(steps) == 1 else None
+    return table._replace(headings=with_coefficients(headings), step=step)
 
 
 def _step_of(properties: Mapping[str, Any]) -> float:

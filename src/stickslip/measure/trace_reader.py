@@ -197,8 +197,8 @@ def _rows(
     """The columns that were chosen, with times, and a note of rows that cannot be
     read; `InputError` if many cannot.
     """
-    columns, lines = table.read(each.place for each in chosen.values())
-    values = {name: columns[each.place] for name, each in chosen.items()}
+    lines = table.rows
+    values = {name: table.numbers[each.place] for name, each in chosen.items()}
     force = values["force"]
     outside = far_outside(force)
     # What a logger writes for no reading is one value, however often it comes; before
