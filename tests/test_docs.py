@@ -32,6 +32,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 TABLES = (
     *rig_keys.TABLES.values(),
+    *rig_keys.STRUCTURES.values(),
     rig_keys.PIECE,
     rig_keys.keys_of(RandomDelay),
     rig_keys.START,

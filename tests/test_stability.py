@@ -548,7 +548,7 @@ SHARP = Interface(thresholds=Gaussian(mean=1.0, std=1e-5), ageing=Langevin(rate=
         ),
         (
             lambda: Modes(masses=(1.0,), stiffnesses=(0.0,), dampings=(1.0,)),
-            "nothing holds the slider",
+            "Modes.stiffness: is 0: nothing holds the slider",
         ),
     ],
 )

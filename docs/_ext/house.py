@@ -88,6 +88,9 @@ def rig_keys() -> str:
             "",
             *_table(table, (words["chain"] if name == "sheet" else {}) | words[name]),
         ]
+        if name == "slider":
+            for kind, each in keys.STRUCTURES.items():
+                lines += [f"#### `slider.{kind}`", "", *_table(each, words[kind])]
         if name == "interface":
             heads = {
                 (

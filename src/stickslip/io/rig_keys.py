@@ -24,6 +24,7 @@ from stickslip.model.distributions import DISTRIBUTIONS, Empirical
 from stickslip.model.drive import Piece
 from stickslip.model.methods import METHODS
 from stickslip.model.records import Number, choices_of, declared
+from stickslip.model.structure import ControlledAxis, Matrices, StateSpace
 from stickslip.model.units import si_unit
 
 MATERIAL: Mapping[str, Mapping[str, str]] = {
@@ -43,6 +44,15 @@ SCALES = ("contact_strength", "normal_load", "mu_s", "mu_k", "breaking_displacem
 
 RULES: Mapping[str, tuple[Either, ...]] = {
     "slider": (Either("damping_ratio", "damping", needed=True),),
+    "modes": (
+        Either("frequency", "stiffness", needed=True),
+        Either("damping_ratio", "damping", needed=True),
+    ),
+    "controller": (
+        Either("kp", "kpp kv kiv", needed=True),
+        Either("ki", "kpp"),
+        Either("kd", "kpp"),
+    ),
     **{
         body: tuple(
             Either(m, direct, needed=direct != "leaf") for direct, m in material.items()
@@ -85,15 +95,18 @@ def _keys(
     """
     found = {}
     for name, example in examples.items():
+        first = example
+        while isinstance(first, list):
+            first = first[0]
         properties = (
             _of_field(record, name)
             if record is not None and name in declared(record)
             else {}
         )
         if (
-            isinstance(example, str)
+            isinstance(first, str)
             and not properties.get("unit")
-            and (unit := natural_unit_of(example))
+            and (unit := natural_unit_of(first))
         ):
             properties |= {"unit": unit, "sign": "above 0"}
         elif properties.get("unit") and not isinstance(example, (str, list)):
@@ -133,7 +146,13 @@ def _of_field(record: type, name: str) -> dict[str, Any]:
     }
 
 
-_RECORDS = {"slider": Slider, "chain": Chain, "sheet": Sheet, "interface": Interface}
+_RECORDS = {
+    "slider": Slider,
+    "controller": ControlledAxis,
+    "chain": Chain,
+    "sheet": Sheet,
+    "interface": Interface,
+}
 _BLOCKS = {
     name: example for name, example in _EXAMPLES["chain"].items() if name != "blocks"
 }
@@ -152,6 +171,38 @@ TABLES: Mapping[str, Mapping[str, Key]] = {
     for name in (*_RECORDS, "drive", "simulation")
 }
 """Keys of each table, by its name."""
+STRUCTURES: Mapping[str, Mapping[str, Key]] = {
+    name: _keys(name, _WITHIN[name], record)
+    for name, record in (
+        ("modes", None),
+        ("matrices", Matrices),
+        ("state_space", StateSpace),
+    )
+}
+"""Keys of each of `slider.modes`, of `slider.matrices` and `slider.state_space`."""
+OF_SLIDER = {
+    "": ("mass", "stiffness", "damping", "damping_ratio"),
+    "modes": ("modes", "stiffness"),
+    "matrices": ("matrices", "stiffness"),
+    "state_space": ("state_space",),
+    "controller": ("mass", "damping"),
+}
+"""Keys of `slider` where it is a mass on a spring, a structure, or an axis with a
+controller.
+"""
+
+
+def keys_of_slider(kind: str) -> dict[str, Key]:
+    """Return the keys of `slider` where it is of a kind of `OF_SLIDER`; of a structure
+    the driving spring may be left out, of an axis the damping.
+    """
+    keys = {name: TABLES["slider"][name] for name in OF_SLIDER[kind]}
+    optional = {"": (), "controller": ("damping",)}.get(kind, ("stiffness",))
+    for name in {*optional} & {*keys}:
+        keys[name] = replace(keys[name], required=False, default=0.0, sign="at least 0")
+    return keys
+
+
 PIECE = _keys("piece", _EXAMPLES["drive"]["pieces"][0], Piece)
 """Keys of each of `drive.pieces`."""
 START = _keys("start", _WITHIN["start"], Prestressed)

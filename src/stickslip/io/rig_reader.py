@@ -16,6 +16,7 @@ from stickslip.errors import InputError, refused, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Either, Key, Sign, natural_unit_of, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
+from stickslip.io.structure_files import structure_kind, structure_of
 from stickslip.io.tables import MissingError, NotedError, Tables, Values, at
 from stickslip.model import (
     Areas,
@@ -94,6 +95,7 @@ class _Reader:
             (name for name in reversed(["slider", *BODIES]) if name in document),
             "slider",
         )
+        self.kind = structure_kind(document)
         self.length = 1.0  # of the breaking displacement, in the units of the file
         self.viscosity = 0.0  # of a block, in the units of the file
 
@@ -110,6 +112,7 @@ class _Reader:
         slider, interface, drive, simulation = (
             self._table(name, top.get(name, {})) for name in names
         )
+        controller = top.get("controller")
         self._check_body(slider)
         if "mu_s" in interface and "normal_load" not in interface:
             file.missing("interface.normal_load", TABLES["interface"]["normal_load"])
@@ -126,7 +129,11 @@ class _Reader:
         fitted = self._fitted(top.get("fitted", {}))
 
         pulled, speeds = driven
-        body = self._body(slider)
+        if self.kind:
+            body = file.part(lambda: structure_of(file, self.kind, slider, controller))
+            file.stop()
+        else:
+            body = self._body(slider)
         blocks = 1 if self.body == "slider" else body.size
         start = self._start(simulation["start"], blocks)
         with at(_START):
@@ -231,6 +238,9 @@ class _Reader:
                 content.get("method", keys["method"].default)
             )
         rules = RULES.get(name, ())
+        if name == "slider":
+            keys = rig_keys.keys_of_slider(self.kind)
+            rules = () if self.kind else rules
         given = rig_keys.within({name: content}, name)
         if name == "interface" and "friction" in given and "ageing" not in given:
             rules = RULES["friction"]
@@ -320,6 +330,8 @@ class _Reader:
 
     def _check_body(self, values: Values) -> None:
         """Note missing keys that a damping ratio or the material needs."""
+        if self.kind and self.body != "slider":
+            self.file.wrong("controller", "is of a slider; leave it out")
         if "damping_ratio" in values and values.get("mass") == 0:
             self.file.wrong(
                 "slider.mass",

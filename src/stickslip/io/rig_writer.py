@@ -32,6 +32,13 @@ from stickslip.model.parameters import parameter_named
 from stickslip.model.quantities import read_quantity
 from stickslip.model.records import converted
 from stickslip.model.rig import Rig
+from stickslip.model.structure import (
+    ControlledAxis,
+    Matrices,
+    Modes,
+    StateSpace,
+    Structure,
+)
 from stickslip.model.units import Scales, engineering, si_unit
 
 Document = dict[str, Any]
@@ -124,7 +131,7 @@ class _Writer:
             if is_dataclass(value):
                 found[name] = self._named(name, value)
             elif isinstance(value, tuple):
-                found[name] = [self.quantity(item, key.unit or "1") for item in value]
+                found[name] = self._list(value, key.unit or "1")
             elif name == "time" and rig_keys.by_time(type(record)):
                 read_back = lambda si: (  # noqa: E731
                     converted(record.with_time(si), self.scales.natural) == record
@@ -133,6 +140,15 @@ class _Writer:
             else:
                 found[name] = self.quantity(value, key.unit or "1")
         return found
+
+    def _list(self, values: tuple[Any, ...], unit: str) -> list[Any]:
+        """Write numbers, or the rows of a matrix."""
+        return [
+            self._list(value, unit)
+            if isinstance(value, tuple)
+            else self.quantity(value, unit)
+            for value in values
+        ]
 
     def _named(self, key: str, record: Any) -> Any:
         """Write a record as a table, or as the word or the time that stands for it."""
@@ -151,6 +167,8 @@ class _Writer:
 
     def body(self, damping_ratio: bool | None) -> Document:
         slider = self.rig.slider
+        if isinstance(slider, Structure):
+            return self._structure(slider)
         name = self._name_of(slider, {"slider": Slider} | BODIES)
         # Section and material became springs and masses.
         found = self._values(slider, rig_keys.tables()[name], defaults=False)
@@ -164,6 +182,52 @@ class _Writer:
                 "damping" if damping_ratio and slider.mass > 0 else "damping_ratio"
             ]
         return {name: found}
+
+    def _structure(self, structure: Structure) -> Document:
+        """Write a structure as the table in `slider` that it is made of, or an axis and
+        its controller.
+        """
+        kind = self._name_of(
+            structure,
+            {
+                "controller": ControlledAxis,
+                "modes": Modes,
+                "matrices": Matrices,
+                "state_space": StateSpace,
+            },
+        )
+        slider = self._values(structure, rig_keys.keys_of_slider(kind), defaults=False)
+        if kind == "controller":
+            keys = TABLES["controller"]
+            written = self._values(structure, keys, defaults=False)
+            return {"slider": slider, "controller": written}
+        if isinstance(structure, Modes):
+            names = ("masses", "stiffnesses", "dampings", "contact", "drive")
+            rows = zip(*(getattr(structure, name) for name in names), strict=True)
+            modes = [self._mode(*row) for row in rows]
+            return {"slider": slider | {"modes": modes}}
+        written = self._values(structure, rig_keys.STRUCTURES[kind])
+        return {"slider": slider | {kind: written}}
+
+    def _mode(
+        self,
+        mass: float,
+        stiffness: float,
+        damping: float,
+        contact: float,
+        drive: float,
+    ) -> Document:
+        """Write a mode, in four digits by its frequency."""
+        found = {"mass": self.quantity(mass, "f_s time^2/x_s")}
+        omega = math.sqrt(stiffness / mass)
+        if self.digits is not None and omega:
+            found["frequency"] = self.quantity(omega / (2.0 * math.pi), "1/time")
+            found["damping_ratio"] = self._number(0.5 * damping / omega)
+        else:
+            found["stiffness"] = self.quantity(stiffness, "k")
+            found["damping"] = self.quantity(damping, "1/time")
+        found["contact"] = self._number(contact)
+        return found | ({"drive": self._number(drive)} if drive != contact else {})
 
     def interface(self) -> Document:
         interface = self.rig.interface

@@ -60,6 +60,13 @@ from stickslip.model.methods import (
 from stickslip.model.parameters import Parameter
 from stickslip.model.quantities import read_value
 from stickslip.model.rig import Assumption, Operation, Rig
+from stickslip.model.structure import (
+    ControlledAxis,
+    Matrices,
+    Modes,
+    StateSpace,
+    Structure,
+)
 from stickslip.model.units import Scales
 
 __all__ = [
@@ -70,6 +77,7 @@ __all__ = [
     "Bell",
     "Chain",
     "Contacts",
+    "ControlledAxis",
     "Delay",
     "DelayModel",
     "Distribution",
@@ -90,7 +98,9 @@ __all__ = [
     "LogNormal",
     "LogarithmicGrowth",
     "MasterEquation",
+    "Matrices",
     "Method",
+    "Modes",
     "NegativeDelay",
     "OnArrest",
     "Operation",
@@ -108,7 +118,9 @@ __all__ = [
     "Sheet",
     "Slider",
     "Start",
+    "StateSpace",
     "SteadyState",
+    "Structure",
     "TabulatedGrowth",
     "Travel",
     "Uniform",

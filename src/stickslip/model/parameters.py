@@ -203,7 +203,15 @@ _OF_BODIES = (
         zero=True,
     ),
 )
-_SHIPPED = (*PARAMETERS, *_OF_BODIES, *UNITS_OF_A_RIG)
+_OF_CONTROLLERS = tuple(
+    _parameter_of_part(name, unit, f"{what} gain of the controller", zero=name != "kp")
+    for name, unit, what in (
+        ("kp", "k", "proportional"),
+        ("ki", "k/time", "integral"),
+        ("kd", "f_s time/x_s", "derivative"),
+    )
+)
+_SHIPPED = (*PARAMETERS, *_OF_BODIES, *_OF_CONTROLLERS, *UNITS_OF_A_RIG)
 
 BY_NAME = {parameter.name: parameter for parameter in _SHIPPED}
 """All that can be named, those that `register` added among them."""

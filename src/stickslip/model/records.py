@@ -120,11 +120,9 @@ def check(record: Any) -> None:
             object.__setattr__(record, name, _numbers(kind, place, value, mark))
 
 
-def _numbers(
-    kind: Any, place: str, value: object, mark: Number
-) -> float | tuple[float, ...]:
+def _numbers(kind: Any, place: str, value: object, mark: Number) -> Any:
     """A number within the bounds declared, or as many as are given where there may
-    be several.
+    be several, or a matrix by its rows.
     """
     several = kind is not float and any(
         get_origin(each) is tuple for each in (kind, *get_args(kind))
@@ -132,6 +130,9 @@ def _numbers(
     if not several or (float in get_args(kind) and isinstance(value, Real)):
         return _number(kind, place, value, mark)
     items = enumerate(sequence(place, value, mark.hint))
+    row = get_args(kind)[0]
+    if get_origin(row) is tuple and get_origin(kind) is tuple:  # a matrix
+        return tuple(_numbers(row, f"{place}[{i}]", item, mark) for i, item in items)
     return tuple(_number(float, f"{place}[{i}]", item, mark) for i, item in items)
 
 

@@ -65,6 +65,9 @@ _UNITS: dict[str, tuple[float, float, float, str, str]] = {
     "f_s/x_s^2": (1, -2, 0, "Pa", "modulus"),
     "f_s time^2/x_s^4": (1, -4, 2, "kg/m^3", "density"),
     "1/x_s": (0, -1, 0, "1/m", ""),
+    "k/time": (1, -1, -1, "N/(m*s)", ""),
+    "1/(f_s time)": (-1, 0, -1, "1/(N*s)", ""),
+    "1/(x_s time)": (0, -1, -1, "1/(m*s)", ""),
     "1/time^(1/2)": (0, 0, -0.5, "1/s^(1/2)", ""),
 }
 """Natural units, as records declare them and results carry them: powers of force,

@@ -23,6 +23,7 @@ from stickslip.model.parameters import (
     VELOCITY,
     Parameter,
 )
+from stickslip.model.structure import Modes
 from stickslip.sliding import TurningVelocity, friction_slope, turning_velocities
 from stickslip.stability.critical import (
     Crossing,
@@ -31,7 +32,7 @@ from stickslip.stability.critical import (
     critical_spring,
     onset,
 )
-from stickslip.stability.impedances import Impedance, Modes, RadiationDamping
+from stickslip.stability.impedances import Impedance, RadiationDamping
 from stickslip.stability.maps import boundary, stability_map
 from stickslip.stability.modes import count_unstable, dynamic_stiffness, growth_rate
 from stickslip.stability.noise import ContactNoise, contact_noise

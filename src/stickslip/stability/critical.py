@@ -22,7 +22,7 @@ from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
 from stickslip.sliding import respond
 from stickslip.sliding.response import ComplexArray
-from stickslip.stability.impedances import impedance
+from stickslip.stability.impedances import impedance, spring_at_contact
 from stickslip.stability.modes import smooth_sliding
 from stickslip.stability.neutral import Neutral, neutral_frequencies
 from stickslip.stability.scan import SmoothSliding
@@ -265,7 +265,7 @@ def critical_spring(rig: Rig) -> float:
         If there is no such spring as far as one can see: a rig without damping.
     """
     sliding = smooth_sliding(rig)
-    base = float(getattr(sliding.body, "stiffness", 0.0))
+    base = spring_at_contact(sliding.body) or 0.0
     # The softer the springs considered, the longer the scan of a rig without losses:
     # stop at the first that suffices.
     for softest in (1e-1, 1e-3, 1e-6):

@@ -15,6 +15,7 @@ from stickslip.arrays import Array, ComplexArray
 from stickslip.errors import InputError
 from stickslip.model import ElasticBody, Slider
 from stickslip.model.records import Number, Record
+from stickslip.model.structure import Structure
 
 
 @runtime_checkable
@@ -65,75 +66,14 @@ class RadiationDamping(Record):
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Modes(Record):
-    """An elastic slider given by its modes, as a finite-element model or a modal test
-    lists them.
-
-    The modes carry the same force and their displacements add, so receptances add:
-    ``G(s) = sum_j 1/(m_j (s^2 + eta_j s) + k_j)`` and ``Z = stiffness + 1/G``.
-
-    Parameters
-    ----------
-    masses, stiffnesses, dampings : sequence of float, shape (n,)
-        Modal masses and stiffnesses per contact, scaled so that the mode's displacement
-        at the interface is 1, and ``eta_j > 0`` in 1/time. With the far end of the
-        drive held still in the modal analysis, they are all there is and `stiffness`
-        is 0. For the modes of the free body a stiffness of 0 is its rigid motion.
-    stiffness : float
-        A driving spring ``K/N`` that pulls at the interface, beside the modes.
-    """
-
-    masses: Annotated[
-        tuple[float, ...], Number(above=0, hint="numbers, one for each mode")
-    ]
-    stiffnesses: Annotated[
-        tuple[float, ...], Number(at_least=0, hint="numbers, one for each mode")
-    ]
-    dampings: Annotated[
-        tuple[float, ...], Number(above=0, hint="numbers, one for each mode")
-    ]
-    stiffness: Annotated[float, Number(at_least=0, hint="K/N")] = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for field in ("masses", "stiffnesses", "dampings"):
-            if not len(self.masses) == (count := len(getattr(self, field))) > 0:
-                raise InputError(
-                    f"Modes.{field}: {count} values: must be as many as masses, at "
-                    "least one"
-                )
-        if self.stiffness == 0 and min(self.stiffnesses) == 0:
-            raise InputError(
-                "Modes.stiffness = 0: nothing holds the slider, one of its modes has "
-                "no stiffness; "
-                "give the driving spring"
-            )
-
-    def __call__(self, s: ComplexArray, /) -> ComplexArray:
-        """Force over displacement at each `s`."""
-        s = np.asarray(s, dtype=complex)
-        each = (self.masses, self.dampings, self.stiffnesses)
-        m, eta, k = (np.reshape(values, (-1, *[1] * s.ndim)) for values in each)
-        scale = np.maximum(np.maximum(m, k), 1e-300)
-        # 1/G as a product over sums of products: finite where a mode alone would be.
-        scaled = (m * s * (s + eta) + k) / scale
-        others = [
-            np.prod(np.delete(scaled, i, axis=0), axis=0) / scale[i]
-            for i in range(len(scale))
-        ]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(
-                self.stiffness + np.prod(scaled, axis=0) / np.sum(others, axis=0)
-            )
-
-
 def impedance(body: Body) -> Impedance:
     """Return the rig's impedance.
 
     Raises `InputError` if it is neither, or ``Z(0)`` is not above 0.
     """
-    if isinstance(body, Slider | RadiationDamping | Modes):
+    if isinstance(body, Slider | RadiationDamping | Structure):
+        if isinstance(body, Structure) and not body.passive:
+            _check_held(body)
         return body
     if isinstance(body, ElasticBody):
         raise InputError(
@@ -154,6 +94,19 @@ def impedance(body: Body) -> Impedance:
     return body
 
 
+def _check_held(body: Structure) -> None:
+    """Raise `InputError` for a body that is unstable with its sliding surface held
+    still: unstable modes are counted from there.
+    """
+    held = poles(body)
+    size = float(np.max(np.abs(held), initial=0.0))
+    if np.any(held.real > 1e-9 * size):
+        raise InputError(
+            f"body = {body!r}: is unstable by itself with its sliding surface held "
+            "still; mend the structure, or its controller, first"
+        )
+
+
 def is_plain(body: Impedance) -> bool:
     """Whether ``Z = K + r s + M s^2``, whose real part falls and whose loss rises
     with frequency.
@@ -165,7 +118,7 @@ def resonances(body: Impedance) -> Array:
     """Frequencies about which the impedance may change quickly: its peaks and dips,
     with their widths.
     """
-    if not isinstance(body, Modes):
+    if not isinstance(body, Structure):
         return np.empty(0)
     near = []
     with_spring = np.concatenate([natural_frequencies(body), poles(body)])
@@ -177,36 +130,35 @@ def resonances(body: Impedance) -> Array:
 
 
 def poles(body: Impedance) -> ComplexArray:
-    """Poles of the impedance, all with ``Re s < 0``: the modes of the slider with
-    its sliding surface held still.
+    """Poles of the impedance: the modes of the structure with its sliding surface held
+    still.
+
+    These have ``contact z = contact z' = 0``, and the force that keeps both at 0.
     """
-    if not isinstance(body, Modes) or len(body.masses) == 1:
+    if not isinstance(body, Structure):
         return np.empty(0, dtype=complex)
-    return _free_or_held(body, held=True)
+    A, force, _, _, contact, _ = body.system
+    velocity = contact @ A
+    holding = A - np.outer(force, velocity @ A) / (velocity @ force)
+    basis = linalg.null_space(np.stack([_unit(contact), _unit(velocity)]))
+    return np.asarray(linalg.eigvals(basis.T @ holding @ basis), dtype=complex)
 
 
-def _free_or_held(body: Modes, *, held: bool) -> ComplexArray:
-    """Eigenvalues of the modal equations, coupled by the driving spring or by
-    ``sum of displacements = 0``.
+def _unit(vector: Array) -> Array:
+    """Vector of length 1 along another."""
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def spring_at_contact(body: Impedance) -> float | None:
+    """Stiffness of the driving spring where it pulls at the contacts, so that it adds
+    to the impedance; None elsewhere.
     """
-    n = len(body.masses)
-    m = np.array(body.masses)
-    k = np.array(body.stiffnesses)
-    eta = np.array(body.dampings)
-    if held:
-        # Coordinates in the plane sum(x) = 0.
-        basis = linalg.null_space(np.ones((1, n)))
-        mass, drag, stiff = (basis.T @ np.diag(a) @ basis for a in (m, m * eta, k))
-    else:
-        mass = np.diag(m)
-        drag = np.diag(m * eta)
-        stiff = np.diag(k) + body.stiffness
-    size = mass.shape[0]
-    inverse = np.linalg.inv(mass)
-    first_order = np.block(
-        [[np.zeros((size, size)), np.eye(size)], [-inverse @ stiff, -inverse @ drag]]
-    )
-    return np.asarray(np.linalg.eigvals(first_order), dtype=complex)
+    if isinstance(body, Structure) and getattr(body, "drive", 0) != getattr(
+        body, "contact", 1
+    ):
+        return None
+    found = getattr(body, "stiffness", None)
+    return None if found is None else float(found)
 
 
 def natural_frequencies(body: Impedance) -> ComplexArray:
@@ -220,6 +172,6 @@ def natural_frequencies(body: Impedance) -> ComplexArray:
             ).astype(complex)
         case RadiationDamping():
             return np.roots([body.mass, body.radiation, body.stiffness]).astype(complex)
-        case Modes():
-            return _free_or_held(body, held=False)
+        case Structure():
+            return np.linalg.eigvals(body.system.A).astype(complex)
     return np.empty(0, dtype=complex)

@@ -21,6 +21,7 @@ from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter
 from stickslip.model.rig import Ends, Rig
 from stickslip.stability import roots
 from stickslip.stability.critical import Line, LinePoint
+from stickslip.stability.impedances import spring_at_contact
 from stickslip.stability.modes import growth_rate, smooth_sliding
 from stickslip.stability.neutral import Neutral
 
@@ -199,7 +200,7 @@ def _is_free(parameter: Parameter, rig: Rig) -> bool:
     """Whether the parameter adds the same to ``Z`` at every frequency: one set of
     neutral frequencies for all.
     """
-    return parameter is STIFFNESS and hasattr(rig.slider, "stiffness")
+    return parameter is STIFFNESS and spring_at_contact(rig.slider) is not None
 
 
 class _MapGrid(NamedTuple):

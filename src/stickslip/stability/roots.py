@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from stickslip.errors import UndecidedError
+from stickslip.model.structure import Structure
 from stickslip.sliding.response import STEP, Array, ComplexArray, Parts, Response
 from stickslip.stability.impedances import (
-    Modes,
     is_plain,
     natural_frequencies,
     poles,
@@ -203,10 +203,10 @@ def _polished(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
     cycle, pace, _, _, limit = sliding.scales
     longest = 1.0 / pace
     radius = 1e-3 / cycle
-    if isinstance(sliding.body, Modes):
-        radius = min(
-            radius, 1e-2 * float(np.min(np.abs(natural_frequencies(sliding.body).real)))
-        )
+    if isinstance(sliding.body, Structure):
+        own = natural_frequencies(sliding.body)
+        widths = np.maximum(np.abs(own.real), 1e-6 * np.abs(own))
+        radius = min(radius, 1e-2 * float(np.min(widths)))
     # A slope good to 1e-6 leaves no more than that of a step; where values are
     # expensive, no other is taken, nor far left.
     enough, furthest = (1e-15, -math.inf) if sliding.response.certain else (1e-5, limit)

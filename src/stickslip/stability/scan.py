@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.errors import InputError
 from stickslip.loops import HALVINGS, bounded
+from stickslip.model.structure import Structure
 from stickslip.sliding.response import (
     SCAN_LIMIT,
     Array,
@@ -127,13 +128,14 @@ def doubtful_below(sliding: SmoothSliding, softest: float | None) -> float:
         next(turns)
         omega, centre = merged(discs[0], special, discs[1], np.interp(special, *discs))
         z = sliding.body(1j * omega)
-        if np.any(z.imag < -1e-9 * np.abs(z)):
+        gains = z.imag < -1e-9 * np.abs(z)  # where the body puts energy in
+        if gains.any() and not isinstance(sliding.body, Structure):
             at = float(omega[np.argmin(z.imag / np.abs(z))])
             raise InputError(
                 f"body: Im Z(i w) < 0 at w = {at:.4g}: the rig puts energy in; "
                 "give one that only takes it out (damping of 0 or above)"
             )
-        doubtful = np.flatnonzero(~_clear(z, centre, held))
+        doubtful = np.flatnonzero(gains | ~_clear(z, centre, held))
         if not doubtful.size:
             return 0.0
         if (end := float(omega[min(doubtful[-1] + 2, omega.size - 1)])) <= top:

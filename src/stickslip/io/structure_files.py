@@ -1,0 +1,104 @@
+"""Structures in rig files: `slider.modes`, `slider.matrices`, `slider.state_space` and
+`controller`.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from stickslip.errors import refused
+from stickslip.io import rig_keys
+from stickslip.io.tables import Tables, Values, at
+from stickslip.model.structure import (
+    ControlledAxis,
+    Matrices,
+    Modes,
+    StateSpace,
+    Structure,
+    cascade,
+)
+
+_HERTZ = {"Hz": "1/s", "kHz": "1/ms", "MHz": "1/us"}
+
+
+def structure_kind(document: Mapping[str, Any]) -> str:
+    """Return which of `rig_keys.OF_SLIDER` the slider of a file is; empty for a mass on
+    a spring.
+    """
+    if "controller" in document:
+        return "controller"
+    slider = rig_keys.within(document, "slider")
+    return next((kind for kind in rig_keys.STRUCTURES if kind in slider), "")
+
+
+def structure_of(
+    file: Tables, kind: str, slider: Values, controller: object
+) -> Structure:
+    """Return the structure that a file describes, in the units of the file."""
+    if kind == "controller":
+        return _axis(file, slider, controller)
+    place = f"slider.{kind}"
+    spring = slider.get("stiffness", 0.0)
+    if kind == "modes":
+        return _modes(file, slider[kind], spring)
+    values = file.whole(slider[kind], rig_keys.STRUCTURES[kind], place)
+    with at(place):
+        if kind == "matrices":
+            return Matrices(**values, stiffness=spring)
+        return StateSpace(**values)
+
+
+def _axis(file: Tables, slider: Values, controller: object) -> ControlledAxis:
+    keys = rig_keys.TABLES["controller"]
+    rules = rig_keys.RULES["controller"]
+    values = file.whole(controller, keys, "controller", rules)
+    gains = [values.pop(name, None) for name in ("kpp", "kv", "kiv")]
+    if None not in gains:
+        values |= dict(zip(("kp", "ki", "kd"), cascade(*gains), strict=True))
+    with at("controller"):
+        return ControlledAxis(**slider, **values)
+
+
+def _modes(file: Tables, content: object, spring: float) -> Modes:
+    """Return the modes of a list of tables; a frequency may be in hertz."""
+    place = "slider.modes"
+    if not isinstance(content, list) or not content:
+        raise refused(place, content, "must be tables, each as in [[slider.modes]]")
+    keys = rig_keys.STRUCTURES["modes"]
+    rules = rig_keys.RULES["modes"]
+    read = [
+        file.whole(_without_hertz(mode), keys, f"{place}[{i}]", rules)
+        for i, mode in enumerate(content)
+    ]
+    for mode in read:
+        if "frequency" in mode:
+            omega = 2.0 * math.pi * mode["frequency"]
+            mode["stiffness"] = mode["mass"] * omega**2
+        if "damping_ratio" in mode:
+            own = math.sqrt(mode["stiffness"] / mode["mass"])
+            mode["damping"] = 2.0 * mode["damping_ratio"] * own
+    keys_of_fields = {
+        "masses": "mass",
+        "stiffnesses": "stiffness",
+        "dampings": "damping",
+        "contact": "contact",
+        "drive": "drive",
+    }
+    fields: dict[str, Any] = {
+        field: tuple(mode.get(key, mode["contact"]) for mode in read)
+        for field, key in keys_of_fields.items()
+    }
+    with at(place, keys_of_fields):
+        return Modes(**fields, stiffness=spring)
+
+
+def _without_hertz(mode: object) -> object:
+    """Return a mode with its frequency, cycles per time, in a unit of `quantities`."""
+    given = mode.get("frequency") if isinstance(mode, Mapping) else None
+    found = (
+        re.fullmatch(r"(.*[\d.]) *([kM]?Hz)", given) if isinstance(given, str) else None
+    )
+    if found is None or not isinstance(mode, Mapping):
+        return mode
+    return {**mode, "frequency": f"{found[1]} {_HERTZ[found[2]]}"}

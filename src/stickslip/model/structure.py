@@ -1,0 +1,511 @@
+"""Linear structures that hold an interface: modes, matrices, a state space, an axis
+with its controller.
+
+A structure is moved by the friction force per contact ``F``, which opposes the sliding,
+and by the drive at ``D``, and it knows where the contacts are, ``X``:
+
+    z' = A z + force F + drive D + rate D',        X = contact z + track D
+
+That is all that runs and theory ask of one (`LinearSystem`). Natural units, per
+contact.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip.arrays import Array
+from stickslip.errors import InputError
+from stickslip.model.records import Number, Record
+
+# a matrix is symmetric, or has no negative eigenvalue, to this fraction of its largest
+_ROUNDING = 1e-9
+
+
+class LinearSystem(NamedTuple):
+    """``z' = A z + force F + drive D + rate D'``, ``X = contact z + track D``."""
+
+    A: Array
+    force: Array
+    drive: Array
+    rate: Array
+    contact: Array
+    track: float  # 1 where the drive moves the track under the structure, else 0
+
+
+class Quadratics(NamedTuple):
+    """Energies of a structure: ``z kinetic z / 2``, of its springs ``z elastic z / 2``
+    and the power lost in it, ``z lost z``.
+    """
+
+    kinetic: Array
+    elastic: Array
+    lost: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Structure(Record):
+    """What every linear structure has; as a function it is its mechanical impedance at
+    the contacts.
+
+    A structure of the user's own derives from this class and gives its `system`.
+    """
+
+    @property
+    def system(self) -> LinearSystem:
+        """Its equations of motion."""
+        raise NotImplementedError
+
+    @property
+    def energies(self) -> Quadratics | None:
+        """Its energies, where it is made of masses, springs and dashpots."""
+        return None
+
+    @property
+    def passive(self) -> bool:
+        """Whether it only takes energy out of a motion that does not drive it."""
+        return self.energies is not None
+
+    def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
+        """Force over displacement for motion as ``exp(s t)``, at each `s` in 1/time;
+        infinite where a controller integrates.
+        """
+        points = np.asarray(s, dtype=complex)
+        system = self.system
+        shifted = points[..., None, None] * np.eye(len(system.A)) - system.A
+        right = np.broadcast_to(
+            system.force[:, None].astype(complex), (*points.shape, len(system.A), 1)
+        )
+        receptance = -(system.contact @ np.linalg.solve(shifted, right))[..., 0]
+        found = np.full(points.shape, complex(np.inf, 0.0))
+        np.divide(1.0, receptance, out=found, where=receptance != 0)
+        return found
+
+
+_Masses = tuple[
+    Annotated[
+        float,
+        Number("f_s time^2/x_s", above=0, hint="numbers, one for each mode"),
+    ],
+    ...,
+]
+_Stiffnesses = tuple[
+    Annotated[float, Number("k", at_least=0, hint="numbers, one for each mode")], ...
+]
+_Dampings = tuple[
+    Annotated[float, Number("1/time", above=0, hint="numbers, one for each mode")], ...
+]
+_Participations = tuple[Annotated[float, Number(hint="numbers, such as (1.0,)")], ...]
+_Spring = Annotated[float, Number("k", at_least=0, hint="K/N")]
+
+
+def _second_order(
+    mass: Array, damping: Array, stiffness: Array, body: "Modes | Matrices"
+) -> LinearSystem:
+    """Return ``M q'' + C q' + K q = drive spring (D - drive q) - contact F`` of first
+    order; without the spring the drive moves the track.
+    """
+    n = len(mass)
+    spring = body.stiffness
+    contact = np.array(body.contact)
+    drive = np.array(body.drive)
+    held = stiffness + spring * np.outer(drive, drive)
+    lower = np.linalg.solve(
+        mass, np.column_stack([-held, -damping, -contact, spring * drive])
+    )
+    upper = np.column_stack([np.zeros((n, n)), np.eye(n), np.zeros((n, 2))])
+    rows = np.vstack([upper, lower])
+    return LinearSystem(
+        A=rows[:, : 2 * n],
+        force=rows[:, 2 * n],
+        drive=rows[:, 2 * n + 1],
+        rate=np.zeros(2 * n),
+        contact=np.concatenate([contact, np.zeros(n)]),
+        track=float(spring == 0),
+    )
+
+
+def _quadratics(mass: Array, damping: Array, stiffness: Array) -> Quadratics:
+    """Energies in the state ``(q, q')``, without that of the driving spring."""
+    nothing = np.zeros_like(mass)
+    return Quadratics(
+        kinetic=np.block([[nothing, nothing], [nothing, mass]]),
+        elastic=np.block([[stiffness, nothing], [nothing, nothing]]),
+        lost=np.block([[nothing, nothing], [nothing, damping]]),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modes(Structure):
+    """A structure given by its modes, as a finite-element model or a modal test lists
+    them.
+
+    With ``phi_j = contact[j]`` and ``psi_j = drive[j]``, the contacts are at
+    ``X = sum_j phi_j q_j`` and the modes move by
+
+        m_j (q_j'' + eta_j q_j') + k_j q_j = psi_j K (D - sum_i psi_i q_i) - phi_j F
+
+    Without a driving spring the structure is held by its own modes, and the drive moves
+    the track under it, as the disc under a brake caliper: ``X = D + sum_j phi_j q_j``.
+
+    Parameters
+    ----------
+    masses, stiffnesses, dampings : sequence of float, shape (n,)
+        Modal masses and stiffnesses per contact, and ``eta_j > 0`` in 1/time. For the
+        modes of a free body a stiffness of 0 is its rigid motion.
+    contact : sequence of float, shape (n,)
+        Displacement of each mode where the contacts are; by default 1.
+    drive : sequence of float, shape (n,)
+        Displacement of each mode where the driving spring pulls; by default that at the
+        contacts.
+    stiffness : float
+        The driving spring ``K/N``.
+
+    Raises
+    ------
+    InputError
+        If the numbers of modes differ, or nothing holds the structure.
+
+    Examples
+    --------
+    >>> caliper = ss.model.Modes(
+    ...     masses=(1e-4, 2e-4), stiffnesses=(2.0, 30.0), dampings=(40.0, 60.0)
+    ... )
+    >>> float(caliper(0.0).real)  # both modes give way
+    1.875
+    """
+
+    masses: _Masses
+    stiffnesses: _Stiffnesses
+    dampings: _Dampings
+    contact: _Participations = ()
+    drive: _Participations = ()
+    stiffness: _Spring = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        count = len(self.masses)
+        contact = self.contact or (1.0,) * count
+        object.__setattr__(self, "contact", contact)
+        object.__setattr__(self, "drive", self.drive or contact)
+        for field in ("masses", "stiffnesses", "dampings", "contact", "drive"):
+            if not len(getattr(self, field)) == count > 0:
+                raise _wrong(
+                    f"Modes.{field}",
+                    f"{len(getattr(self, field))} values: must be as many as masses, "
+                    "at least one",
+                )
+        if not any(self.contact):
+            raise _wrong(
+                "Modes.contact",
+                "is 0 in every mode: no mode moves the contacts; give one that does",
+            )
+        if self.stiffness == 0 and min(self.stiffnesses) == 0:
+            raise _wrong(
+                "Modes.stiffness",
+                "is 0: nothing holds the slider, one of its modes has no stiffness; "
+                "give the driving spring",
+            )
+
+    @property
+    def _diagonals(self) -> tuple[Array, Array, Array]:
+        mass = np.array(self.masses)
+        return mass, mass * np.array(self.dampings), np.array(self.stiffnesses)
+
+    @property
+    def system(self) -> LinearSystem:
+        """The modes, coupled by the driving spring."""
+        mass, damping, stiffness = (np.diag(each) for each in self._diagonals)
+        return _second_order(mass, damping, stiffness, self)
+
+    @property
+    def energies(self) -> Quadratics:
+        """Energies of the modes."""
+        mass, damping, stiffness = (np.diag(each) for each in self._diagonals)
+        return _quadratics(mass, damping, stiffness)
+
+    def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
+        """Force over displacement at each `s`."""
+        if self.drive != self.contact:
+            return super().__call__(s)
+        s = np.asarray(s, dtype=complex)
+        m, loss, k = (np.reshape(a, (-1, *[1] * s.ndim)) for a in self._diagonals)
+        weight = np.reshape(np.square(self.contact), m.shape)
+        scale = np.maximum(np.maximum(m, k), 1e-300)
+        # 1/G as a product over sums of products: finite where a mode alone would be.
+        scaled = (s * (m * s + loss) + k) / scale
+        others = [
+            weight[i] * np.prod(np.delete(scaled, i, axis=0), axis=0) / scale[i]
+            for i in range(len(scale))
+        ]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(
+                self.stiffness + np.prod(scaled, axis=0) / np.sum(others, axis=0)
+            )
+
+
+def _rows(unit: str) -> Any:
+    """Type of a square matrix of numbers in a unit, given by its rows."""
+    hint = "rows of numbers"
+    return tuple[tuple[Annotated[float, Number(unit, hint=hint)], ...], ...]
+
+
+def _check_shape(place: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Raise `InputError` if a vector or a matrix given by rows has another shape."""
+    lengths = [len(row) for row in value] if len(shape) == 2 else []
+    if len(value) != shape[0] or any(length != shape[1] for length in lengths):
+        wanted = " rows of ".join(map(str, shape))
+        raise _wrong(place, f"must be {wanted} numbers, as the others are")
+
+
+def _wrong(place: str, what: str) -> InputError:
+    """Return the refusal of a field."""
+    return InputError(f"{place}: {what}", place)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matrices(Structure):
+    """A structure given by its matrices, ``M q'' + C q' + K q``, as reduced from a
+    finite-element model.
+
+    The contacts are at ``X = contact q``, and the drive pulls at ``drive q`` by a
+    spring; without one the drive moves the track under the structure, see `Modes`.
+
+    Parameters
+    ----------
+    M, C, K : matrix given by its rows, shape (n, n)
+        Mass, damping and stiffness per contact: symmetric, `M` positive definite, `C`
+        and `K` without negative eigenvalues.
+    contact, drive : sequence of float, shape (n,)
+        Displacement of the contacts, and of where the spring pulls, for each
+        coordinate; `drive` by default as `contact`.
+    stiffness : float
+        The driving spring ``K/N``.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, a matrix is not as said, or nothing holds the structure.
+
+    Examples
+    --------
+    >>> string = ss.model.Matrices(
+    ...     M=((1e-3, 0.0), (0.0, 1e-3)),
+    ...     C=((0.1, 0.0), (0.0, 0.1)),
+    ...     K=((1.0, -1.0), (-1.0, 1.0)),
+    ...     contact=(1.0, 0.0),
+    ...     drive=(0.0, 1.0),
+    ...     stiffness=1.0,
+    ... )
+    >>> round(float(string(0.0).real), 12)  # two equal springs in series
+    0.5
+    """
+
+    M: _rows("f_s time^2/x_s")  # type: ignore[valid-type]
+    C: _rows("f_s time/x_s")  # type: ignore[valid-type]
+    K: _rows("k")  # type: ignore[valid-type]
+    contact: _Participations
+    drive: _Participations = ()
+    stiffness: _Spring = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "drive", self.drive or self.contact)
+        n = len(self.M)
+        for field in ("M", "C", "K"):
+            _check_shape(f"Matrices.{field}", getattr(self, field), (n, n))
+            matrix = np.array(getattr(self, field))
+            rounding = _ROUNDING * float(np.max(np.abs(matrix), initial=0.0))
+            lowest = float(np.min(np.linalg.eigvalsh(matrix), initial=np.inf))
+            if np.max(np.abs(matrix - matrix.T), initial=0.0) > rounding:
+                raise _wrong(f"Matrices.{field}", "must be symmetric")
+            if lowest < -rounding or (field == "M" and not lowest > rounding):
+                least = "above 0" if field == "M" else "0 or above"
+                raise _wrong(
+                    f"Matrices.{field}",
+                    f"has the eigenvalue {lowest:.3g}; they must all be {least}",
+                )
+        for field in ("contact", "drive"):
+            _check_shape(f"Matrices.{field}", getattr(self, field), (n,))
+        if not any(self.contact):
+            raise _wrong("Matrices.contact", "is 0; give where the contacts are")
+        held = np.array(self.K) + self.stiffness * np.outer(self.drive, self.drive)
+        if np.linalg.matrix_rank(held, hermitian=True) < n:
+            raise _wrong(
+                "Matrices.K",
+                "nothing holds the structure, a motion of it has no stiffness; give a "
+                "driving spring that does",
+            )
+
+    @property
+    def system(self) -> LinearSystem:
+        """The equations of motion of first order."""
+        mass, damping, stiffness = map(np.array, (self.M, self.C, self.K))
+        return _second_order(mass, damping, stiffness, self)
+
+    @property
+    def energies(self) -> Quadratics:
+        """Energies of the structure."""
+        mass, damping, stiffness = map(np.array, (self.M, self.C, self.K))
+        return _quadratics(mass, damping, stiffness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateSpace(Structure):
+    """A structure given by its state space, as system identification or a control
+    toolbox returns it: ``z' = A z + force F + drive D + rate D'``, ``X = contact z``.
+
+    Parameters
+    ----------
+    A : matrix given by its rows, shape (n, n)
+        In 1/time, whatever the states are.
+    force, drive, rate : sequence of float, shape (n,)
+        Inputs: the friction force per contact, which opposes the sliding (so a mass
+        has -1/M), the displacement of the drive, and its velocity (by default 0).
+    contact : sequence of float, shape (n,)
+        Output: the displacement of the contacts.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, or the contacts have no inertia: ``contact force`` must be 0
+        and ``contact A force`` below 0.
+
+    Examples
+    --------
+    >>> oscillator = ss.model.StateSpace(
+    ...     A=((0.0, 1.0), (-2e4, -40.0)),
+    ...     force=(0.0, -1e4),
+    ...     drive=(0.0, 2e4),
+    ...     contact=(1.0, 0.0),
+    ... )
+    >>> round(float(oscillator(0.0).real), 12)
+    2.0
+    """
+
+    A: _rows("1/time")  # type: ignore[valid-type]
+    force: tuple[
+        Annotated[float, Number("1/(f_s time)", hint="one for each state")], ...
+    ]
+    drive: tuple[
+        Annotated[float, Number("1/(x_s time)", hint="one for each state")], ...
+    ]
+    contact: tuple[Annotated[float, Number("x_s", hint="one for each state")], ...]
+    rate: tuple[Annotated[float, Number("1/x_s", hint="one for each state")], ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = len(self.A)
+        object.__setattr__(self, "rate", self.rate or (0.0,) * n)
+        _check_shape("StateSpace.A", self.A, (n, n))
+        for field in ("force", "drive", "contact", "rate"):
+            _check_shape(f"StateSpace.{field}", getattr(self, field), (n,))
+        force = np.array(self.force)
+        contact = np.array(self.contact)
+        at_once = float(contact @ force)
+        if abs(at_once) > _ROUNDING * float(np.abs(contact) @ np.abs(force)):
+            raise _wrong(
+                "StateSpace.contact",
+                f"contact force = {at_once:.3g}: a force must not move the contacts at "
+                "once; add the inertia that they move",
+            )
+        if not contact @ np.array(self.A) @ force < 0:
+            raise _wrong(
+                "StateSpace.force",
+                "contact A force must be below 0: the friction force slows the "
+                "contacts down (a mass has -1/M)",
+            )
+
+    @property
+    def system(self) -> LinearSystem:
+        """Itself."""
+        return LinearSystem(
+            A=np.array(self.A),
+            force=np.array(self.force),
+            drive=np.array(self.drive),
+            rate=np.array(self.rate),
+            contact=np.array(self.contact),
+            track=0.0,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlledAxis(Structure):
+    """A mass that a position controller moves: ``M (X'' + eta X') = u - F`` with
+    ``u = kp e + ki Int e dt + kd e'``, ``e = D - X``.
+
+    A cascade is such a controller, too: `cascade`.
+
+    Parameters
+    ----------
+    mass : float
+        ``M/N``.
+    damping : float
+        ``eta`` of the axis itself, in 1/time.
+    kp, ki, kd : float
+        Gains, per contact.
+    sample_time : float
+        Time between two updates of the controller, in runs; 0 for none. Roots are those
+        of the continuous controller.
+    encoder_step : float
+        Step in which it knows the position, in runs; 0 for none.
+    moves : sequence of float
+        Moves after which the axis is to stand still, for the answer on hunting; by
+        default some are tried.
+
+    Examples
+    --------
+    >>> axis = ss.model.ControlledAxis(mass=1e-4, kp=2.0, ki=1.0, kd=0.004)
+    >>> round(float(axis(1j).imag), 12)
+    -0.996
+    """
+
+    mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N")]
+    kp: Annotated[float, Number("k", above=0, hint="per contact")]
+    ki: Annotated[float, Number("k/time", at_least=0, hint="per contact")] = 0.0
+    kd: Annotated[float, Number("f_s time/x_s", at_least=0, hint="per contact")] = 0.0
+    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")] = 0.0
+    sample_time: Annotated[float, Number("time", at_least=0)] = 0.0
+    encoder_step: Annotated[float, Number("x_s", at_least=0)] = 0.0
+    moves: tuple[
+        Annotated[float, Number("x_s", above=0, hint="moves, such as (2.0, 5.0)")], ...
+    ] = ()
+
+    @property
+    def system(self) -> LinearSystem:
+        """States are position, velocity and, if it counts, the integral of the
+        error.
+        """
+        n = 3 if self.ki else 2
+        inverse = 1.0 / self.mass
+        p, d, i = inverse * np.array([self.kp, self.kd, self.ki])
+        A = np.array([[0.0, 1.0, 0.0], [-p, -d - self.damping, i], [-1.0, 0.0, 0.0]])
+        return LinearSystem(
+            A=A[:n, :n],
+            force=np.array([0.0, -inverse, 0.0])[:n],
+            drive=np.array([0.0, p, 1.0])[:n],
+            rate=np.array([0.0, d, 0.0])[:n],
+            contact=np.array([1.0, 0.0, 0.0])[:n],
+            track=0.0,
+        )
+
+    def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
+        """Force over displacement at each `s`; infinite at 0 with an integral."""
+        points = np.asarray(s, dtype=complex)
+        found = np.full(points.shape, complex(np.inf if self.ki else 0.0, 0.0))
+        np.divide(self.ki, points, out=found, where=points != 0)
+        loss = self.kd + self.mass * self.damping
+        return np.asarray(found + self.kp + points * (loss + self.mass * points))
+
+
+def cascade(kpp: float, kv: float, kiv: float) -> tuple[float, float, float]:
+    """Return ``kp, ki, kd`` of a position loop ``kpp`` around a velocity loop ``kv``
+    with the integral gain ``kiv``: ``kd = kv``, ``kp = kv kpp + kiv``,
+    ``ki = kiv kpp``.
+
+    >>> cascade(10.0, 2.0, 5.0)
+    (25.0, 50.0, 2.0)
+    """
+    return kv * kpp + kiv, kiv * kpp, kv

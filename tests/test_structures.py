@@ -1,0 +1,265 @@
+"""Linear structures and controllers: records, files, impedances, roots, runs."""
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import stickslip as ss
+from stickslip.errors import InputError
+from stickslip.io import datasets, rig_files, rig_keys
+from stickslip.model import ControlledAxis, Matrices, Modes, StateSpace
+from stickslip.model.structure import Structure, cascade
+from stickslip.stability import count_unstable, dynamic_stiffness, roots
+from stickslip.stability.modes import smooth_sliding
+
+INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
+K, M, ETA = SLIDER.stiffness, SLIDER.mass, SLIDER.damping
+AXIS = ControlledAxis(mass=1e-4, kp=2.0, kd=0.00424)
+# the slider of the paper, written as each kind of structure
+SAME = {
+    "modes": Modes(masses=(M,), stiffnesses=(0.0,), dampings=(ETA,), stiffness=K),
+    "held mode": Modes(masses=(M,), stiffnesses=(K,), dampings=(ETA,)),
+    "matrices": Matrices(
+        M=((M,),), C=((M * ETA,),), K=((0.0,),), contact=(1.0,), stiffness=K
+    ),
+    "state space": StateSpace(
+        A=((0.0, 1.0), (-K / M, -ETA)),
+        force=(0.0, -1.0 / M),
+        drive=(0.0, K / M),
+        contact=(1.0, 0.0),
+    ),
+    "axis": ControlledAxis(mass=M, kp=K, kd=M * ETA),
+}
+# two masses in a row: pulled at one end, in contact at the other
+TWO = Matrices(
+    M=((1e-3, 0.0), (0.0, 2e-3)),
+    C=((0.05, -0.01), (-0.01, 0.02)),
+    K=((3.0, -3.0), (-3.0, 3.0)),
+    contact=(1.0, 0.0),
+    drive=(0.0, 1.0),
+    stiffness=1.5,
+)
+
+
+def rig(body, velocity=1.0, **more):
+    return ss.Rig(INTERFACE, body, ss.constant(velocity, **more))
+
+
+@pytest.mark.parametrize("body", SAME.values(), ids=SAME)
+def test_a_slider_is_the_same_however_it_is_written(body):
+    s = np.array([0.3 + 4j, 60j, -5 + 100j, 2.0, 1e4j])
+    assert body(s) == pytest.approx(SLIDER(s), rel=1e-11)
+    assert Structure.__call__(body, s) == pytest.approx(SLIDER(s), rel=1e-11)
+    assert ss.growth_rate(rig(body)) == pytest.approx(
+        ss.growth_rate(rig(SLIDER)), rel=1e-8
+    )
+    (edge,) = ss.critical(rig(body), "velocity", between=(0.5, 2.0)).edges
+    (known,) = ss.critical(rig(SLIDER), "velocity", between=(0.5, 2.0)).edges
+    assert edge.value == pytest.approx(known.value, rel=1e-9)
+
+
+def test_a_spring_elsewhere_is_in_series_with_the_structure():
+    s = np.array([3j, 40j, 1.0 + 20j])
+    far = 2e-3 * s * s + 0.02 * s + 3.0 + 1.5
+    coupling = -0.01 * s - 3.0
+    near = 1e-3 * s * s + 0.05 * s + 3.0
+    assert TWO(s) == pytest.approx(near - coupling**2 / far, rel=1e-12)
+    assert ss.stability.critical_spring(rig(TWO)) == pytest.approx(
+        ss.stability.critical_spring(rig(TWO.__call__)), rel=1e-6
+    )
+
+
+# ---------------------------------------------------------------- controllers
+
+
+def neutral_integral(velocity, low, high):
+    """Frequency and ``Ki`` at which a mode of the axis is neutral, by hand."""
+
+    def kappa(w):
+        return complex(dynamic_stiffness(INTERFACE, velocity, 1j * w))
+
+    w = brentq(lambda w: AXIS.kp + kappa(w).real - AXIS.mass * w * w, low, high)
+    return w, w * w * AXIS.kd + w * kappa(w).imag
+
+
+def test_integral_at_which_tracking_is_lost():
+    axis = rig(replace(AXIS, ki=1.0))
+    first, *_ = ss.critical(axis, "ki", between=(0.1, 100.0)).edges
+    w, ki = neutral_integral(1.0, 5.5, 5.57)
+    assert (first.frequency, first.value) == pytest.approx((w, ki), rel=1e-9)
+    # 4.294 at 5.53 where the response is a table
+    assert ki == pytest.approx(4.294, rel=0.02)
+    assert w == pytest.approx(5.53, abs=0.01)
+
+
+@pytest.mark.parametrize("velocity", [0.02, 1.0, 2.0])
+@pytest.mark.parametrize("ki", [0.0, 4.2, 4.5, 20.0, 84.0, 86.0])
+def test_neutral_frequencies_count_as_the_argument_principle_does(velocity, ki):
+    sliding = smooth_sliding(rig(replace(AXIS, ki=ki), velocity))
+    # along a line just right of the axis, where s (Z + kappa) has no pole
+    assert roots.count(sliding) == roots.count_right_of(sliding, 1e-6)
+
+
+def test_without_friction_the_limit_is_that_of_routh():
+    # M s^3 + Kd s^2 + Kp s + Ki: very slow sliding has no more than that
+    axis = rig(replace(AXIS, ki=1.0), 0.02)
+    first, *_ = ss.critical(axis, "ki", between=(10.0, 1000.0)).edges
+    routh = AXIS.kd * AXIS.kp / AXIS.mass
+    assert first.value == pytest.approx(routh, rel=0.01)
+
+
+def test_a_cascade_is_a_pid():
+    kpp, kv, kiv = 10.0, 0.2, 0.5
+    kp, ki, kd = cascade(kpp, kv, kiv)
+    s = np.array([1j, 3.0 + 2j])
+    velocity_loop = kv + kiv / s
+    by_hand = s * s * M + velocity_loop * (kpp + s)
+    axis = ControlledAxis(mass=M, kp=kp, ki=ki, kd=kd)
+    assert axis(s) == pytest.approx(by_hand, rel=1e-12)
+
+
+# ---------------------------------------------------------------- files
+
+BENCH = {
+    "interface": {
+        "contact_strength": "400 N",
+        "breaking_displacement": "2 um",
+        "thresholds": {"distribution": "gaussian", "std": 0.1},
+        "delay": "1 ms",
+    },
+    "drive": {"velocity": "1 mm/s"},
+}
+MODE = {"mass": "2 kg", "frequency": "1.85 kHz", "damping_ratio": 0.01}
+PID = {
+    name: key.example
+    for name, key in rig_keys.TABLES["controller"].items()
+    if name not in ("kpp", "kv", "kiv")
+}
+CASCADE = {"kpp": "40 1/s", "kv": "3 kN*s/m", "kiv": "1 MN/m"}
+
+
+def examples(kind):
+    return {name: key.example for name, key in rig_keys.STRUCTURES[kind].items()}
+
+
+FILES = {
+    "modes": {"slider": {"modes": [MODE, MODE | {"contact": 0.3, "drive": 0.4}]}},
+    "free mode": {
+        "slider": {
+            "stiffness": "1 MN/m",
+            "modes": [{"mass": "2 kg", "stiffness": "0 N/m", "damping": "3 1/s"}],
+        }
+    },
+    "matrices": {"slider": {"stiffness": "1 MN/m", "matrices": examples("matrices")}},
+    "state space": {"slider": {"state_space": examples("state_space")}},
+    "controller": {"slider": {"mass": "4 kg"}, "controller": PID},
+    "cascade": {"slider": {"mass": "4 kg", "damping": "2 1/s"}, "controller": CASCADE},
+}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_a_structure_in_a_file_reads_back_the_same(kind):
+    found = ss.read_rig(FILES[kind] | BENCH)
+    text = rig_files.to_toml(found)
+    again = ss.read_rig(tomllib.loads(text))
+    assert again == found
+    assert rig_files.to_toml(again) == text
+    records = datasets.records()
+    assert datasets.decode(datasets.encode(found.slider), records) == found.slider
+    # as it is shown, in four digits
+    shown = ss.read_rig(tomllib.loads(rig_files.to_toml(found, own=True)))
+    s = np.array([300j, 0.3 + 1j])
+    assert shown.slider(s) == pytest.approx(found.slider(s), rel=1e-3)
+
+
+def test_a_frequency_in_a_file_is_in_cycles():
+    found = ss.read_rig(FILES["modes"] | BENCH)
+    omega = found.slider.stiffnesses[0] / found.slider.masses[0]
+    rate = found.unit("1/time")
+    assert np.sqrt(omega) * rate == pytest.approx(2e3 * np.pi * 1.85, rel=1e-12)
+
+
+def without(content, name):
+    return {key: value for key, value in content.items() if key != name}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"slider": {"modes": []}}, r"slider.modes = \[\]: must be tables"),
+        (
+            {"slider": {"modes": [without(MODE, "damping_ratio")]}},
+            r"slider.modes\[0\].damping_ratio: is missing",
+        ),
+        (
+            {"slider": {"mass": "2 kg", "modes": [MODE]}},
+            "slider.mass: unknown key; known here: modes, stiffness",
+        ),
+        (
+            {"slider": {"modes": [MODE | {"frequency": "3 kN"}]}},
+            "frequency = '3 kN': is not in a unit of '1/s'",
+        ),
+        (
+            {"slider": {"modes": [MODE | {"contact": 0.0}]}},
+            "slider.modes.contact: is 0 in every mode",
+        ),
+        (
+            {"slider": {"matrices": examples("matrices") | {"K": [["1 N/m"]]}}},
+            "slider.matrices.K: must be 2 rows of 2 numbers",
+        ),
+        (
+            {"slider": {"matrices": examples("matrices") | {"M": [[1.0]]}}},
+            r"slider.matrices.M\[0\]\[0\] = 1.0: has no unit",
+        ),
+        (
+            {
+                "slider": {
+                    "state_space": examples("state_space")
+                    | {"force": ["0 1/(N*s)", "1 1/(N*s)"]}
+                }
+            },
+            "slider.state_space.force: contact A force must be below 0",
+        ),
+        (
+            {"slider": {"mass": "4 kg"}, "controller": PID | CASCADE},
+            "controller: give kp or kpp, kv and kiv, not both",
+        ),
+        ({"slider": {"mass": "4 kg"}, "controller": {}}, "controller.kp: is missing"),
+        ({"controller": PID}, "slider.mass: is missing"),
+    ],
+)
+def test_a_structure_that_cannot_be_is_refused_in_one_line(content, message):
+    with pytest.raises(InputError, match=message) as refusal:
+        ss.read_rig(content | BENCH)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"M": ((1.0, 0.5), (0.4, 1.0))}, "Matrices.M: must be symmetric"),
+        ({"M": ((1.0, 0.0), (0.0, 0.0))}, "they must all be above 0"),
+        ({"C": ((1.0, 2.0), (2.0, 1.0))}, "Matrices.C: has the eigenvalue -1"),
+        ({"stiffness": 0.0}, "nothing holds the structure"),
+    ],
+)
+def test_matrices_that_no_structure_has_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        replace(TWO, **change)
+
+
+def test_a_structure_that_is_unstable_in_hand_has_no_count():
+    runaway = replace(
+        SAME["state space"],
+        A=((0.0, 1.0, 0.0), (-K / M, -ETA, 1.0), (0.0, 0.0, 0.5)),
+        force=(0.0, -1.0 / M, 0.0),
+        drive=(0.0, K / M, 0.0),
+        contact=(1.0, 0.0, 0.0),
+        rate=(),
+    )
+    with pytest.raises(InputError, match="with its sliding surface held still"):
+        count_unstable(rig(runaway))
