@@ -4,6 +4,7 @@ from . import model as model
 from . import plot as plot
 from . import rate_state as rate_state
 from . import stability as stability
+from . import surface as surface
 from . import sweep as sweep
 from .advise import predict as predict
 from .cycles import bistable_range as bistable_range
@@ -60,7 +61,6 @@ from .simulation import slide_hold_slide as slide_hold_slide
 from .simulation import velocity_step as velocity_step
 from .sliding import friction_curve as friction_curve
 from .sliding import kinetic_friction as kinetic_friction
-from .stability import contact_noise as contact_noise
 from .stability import critical as critical
 from .stability import growth_rate as growth_rate
 from .stability import stability_map as stability_map

@@ -1,0 +1,195 @@
+"""Rough elastic half-spaces pressed together: pressures, and stiffness along the plane.
+
+The surface repeats itself in both directions, so a pressure ``p`` deforms it mode by
+mode, ``u(q) = 2 p(q) / (E* |q|)``. Contact without adhesion minimises the energy of the
+pressures: at least 0, at most the hardness, of the given mean. Conjugate gradients do
+that (Polonsky and Keer, Wear 231, 206, 1999; the cap: Almqvist et al., J. Tribol. 129,
+2007).
+"""
+
+import math
+
+import numpy as np
+from scipy import fft
+
+from stickslip.arrays import Array
+from stickslip.errors import InputError
+from stickslip.progress import Progress
+from stickslip.words import engineering, percent
+
+_CHANGE = 1e-6  # of the pressures in a step, relative, that ends the search
+_STEPS = 2000  # at most; usual are 30 to 100
+_RESIDUAL = 1e-6  # of the displacements: the stiffness errs by its square
+
+
+def wave_numbers(shape: tuple[int, ...], spacing: float) -> tuple[Array, Array]:
+    """Wave numbers of the modes of a map along its two axes, as `rfft2` orders them."""
+    rows, columns = shape
+    along = 2.0 * np.pi * fft.fftfreq(rows, spacing)
+    across = 2.0 * np.pi * fft.rfftfreq(columns, spacing)
+    return along[:, np.newaxis], across[np.newaxis, :]
+
+
+def _compliance(shape: tuple[int, ...], spacing: float, modulus: float) -> Array:
+    """Displacement of each mode for a unit of pressure; the mean is left out."""
+    wave = np.hypot(*wave_numbers(shape, spacing))
+    wave[0, 0] = np.inf
+    return np.asarray(2.0 / (modulus * wave))
+
+
+def _deformed(compliance: Array, load: Array) -> Array:
+    return np.asarray(fft.irfft2(compliance * fft.rfft2(load), s=load.shape))
+
+
+def _dot(a: Array, b: Array) -> float:
+    """Scalar product; `@` would start threads that cost more than they bring."""
+    return float((a * b).sum())
+
+
+def press(
+    height: Array,
+    spacing: float,
+    pressure: float,
+    modulus: float,
+    *,
+    hardness: float = math.inf,
+    progress: Progress = lambda _done: None,
+) -> Array:
+    """Return the pressure at each node of a rough surface against a flat one.
+
+    Parameters
+    ----------
+    height : array, shape (n, m)
+        Heights, in the unit of the spacing; the highest touch first.
+    spacing : float
+        Between nodes, the same along both axes.
+    pressure, modulus, hardness : float
+        Mean pressure, the contact modulus ``E*`` of both bodies, and the largest
+        pressure that they bear, in one unit.
+    progress : function
+        Called with the fraction done.
+
+    Raises
+    ------
+    InputError
+        If the pressure exceeds the hardness, or the search finds no pressures that
+        carry the load.
+
+    Examples
+    --------
+    >>> wave = 1e-3 * np.cos(2 * np.pi * np.arange(64) / 64) + np.zeros((64, 1))
+    >>> pressures = ss.surface.press(wave, 1 / 64, 5e-4, 1.0)
+    >>> round(float(pressures.mean()), 9), round(float((pressures > 0).mean()), 2)
+    (0.0005, 0.27)
+    """
+    if pressure >= hardness:
+        raise InputError(
+            f"pressure = {engineering(pressure, 'Pa')}: is not below the hardness, "
+            f"{engineering(hardness, 'Pa')}, so no surface carries it; lower it"
+        )
+    compliance = _compliance(height.shape, spacing, modulus)
+    load = pressure * height.size
+    p = np.full(height.size, pressure)
+    residual = np.zeros_like(p)
+    field = np.zeros_like(p)
+    norm = 0.0
+    for _ in range(_STEPS):
+        gap = (_deformed(compliance, p.reshape(height.shape)) - height).ravel()
+        touching = np.flatnonzero((p > 0.0) & (p < hardness))
+        if not touching.size:
+            return _bearing(height, load, hardness)
+        gap -= gap[touching].mean()
+        entering = np.flatnonzero((gap < 0.0) & (p == 0.0))
+        leaving = np.flatnonzero((gap > 0.0) & (p >= hardness))
+        free = np.concatenate([touching, entering, leaving])
+        now = gap[free]
+        before, norm = norm, _dot(now, now)
+        if norm == 0.0:
+            return p.reshape(height.shape)
+        # by Polak and Ribiere: where nodes come or go it restarts by itself
+        turned = norm - _dot(now, residual[free])
+        along = now + (max(turned / before, 0.0) * field[free] if before else 0.0)
+        field.fill(0.0)
+        residual.fill(0.0)
+        field[free] = along
+        residual[free] = now
+        moved = _deformed(compliance, field.reshape(height.shape)).ravel()[free]
+        step = _dot(now, along) / _dot(moved - moved.mean(), along)
+        old = p[free]
+        p[free] = np.clip(old - step * along, 0.0, hardness)
+        _carry(p, load, hardness)
+        change = float(np.abs(p[free] - old).sum()) / load
+        if change < _CHANGE:
+            return _checked(p.reshape(height.shape), pressure)
+        progress(min(math.log(change) / math.log(_CHANGE), 1.0) if change < 1 else 0.0)
+    raise InputError(
+        f"pressure = {engineering(pressure, 'Pa')}: no pressures that carry it were "
+        f"found in {_STEPS} steps; smooth the map, or take a lower pressure"
+    )
+
+
+def _carry(p: Array, load: float, hardness: float) -> None:
+    """Scale the pressures below the hardness, in place, to carry the load."""
+    capped = p >= hardness
+    borne = hardness * np.count_nonzero(capped) if capped.any() else 0.0
+    left = float(p.sum()) - borne
+    if left > 0.0 and load > borne:
+        p[~capped] *= (load - borne) / left
+    else:
+        p *= load / float(p.sum())
+    np.minimum(p, hardness, out=p)
+
+
+def _bearing(height: Array, load: float, hardness: float) -> Array:
+    """All contact is at the hardness: the highest nodes bear it (the bearing area), the
+    lowest of these the rest.
+    """
+    p = np.zeros(height.size)
+    whole, rest = divmod(load / hardness, 1.0)
+    order = np.argsort(-height, axis=None, kind="stable")
+    p[order[: int(whole)]] = hardness
+    p[order[int(whole)]] = rest * hardness
+    return p.reshape(height.shape)
+
+
+def _checked(p: Array, pressure: float) -> Array:
+    """The pressures, if they carry the load."""
+    carried = float(p.mean()) / pressure
+    if abs(carried - 1.0) > 1e-3:
+        raise InputError(
+            f"pressure = {engineering(pressure, 'Pa')}: {percent(carried)} of it is "
+            "carried; smooth the map, or take a lower pressure"
+        )
+    return p
+
+
+def tangential_stiffness(
+    contact: Array, spacing: float, modulus: float, poisson: float
+) -> float:
+    """Return the stiffness of a contact along the first axis, per area of the map: the
+    mean traction where all its nodes move by one unit.
+
+    Each mode of traction deforms the surface ``(1 - nu qx²/q²)/(1 - nu)`` times as far
+    as one of pressure (Cerruti); `contact` is above 0 where surfaces touch.
+    """
+    inside = contact > 0
+    qx, qy = wave_numbers(inside.shape, spacing)
+    wave = np.hypot(qx, qy)
+    wave[0, 0] = np.inf
+    softer = (1.0 - poisson * (qx / wave) ** 2) / (1.0 - poisson)
+    compliance = _compliance(inside.shape, spacing, modulus) * softer
+    at = np.flatnonzero(inside)
+    traction = np.zeros(at.size)
+    left = np.ones(at.size)
+    along = left
+    field = np.zeros(inside.shape)
+    size = norm = _dot(left, left)
+    while norm > _RESIDUAL**2 * size:
+        field.ravel()[at] = along
+        moved = _deformed(compliance, field).ravel()[at]
+        step = norm / _dot(along, moved)
+        traction += step * along
+        left = left - step * moved
+        before, norm = norm, _dot(left, left)
+        along = left + norm / before * along
+    return float(traction.sum()) / inside.size
