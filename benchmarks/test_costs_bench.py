@@ -32,7 +32,7 @@ LANGEVIN = ss.Langevin(rate=1.0, newborn=0.1)
 
 MECHANISMS: dict[str, tuple[dict[str, Any], float]] = {
     "of different areas": (
-        {"thresholds": None, "areas": ss.Areas(ss.Gaussian(mean=1.0, std=0.1))},
+        {"thresholds": None, "areas": ss.model.Areas(ss.Gaussian(mean=1.0, std=0.1))},
         1.8,
     ),
     "that strengthen, logarithmically": ({"ageing": LOGARITHMIC}, 7),

@@ -395,12 +395,12 @@ REFUSED = [
     ),
     (
         lambda: contact_noise(
-            RIG.replace(interface=ss.Interface(areas=ss.Areas(TENTH, kept=True)))
+            RIG.replace(interface=ss.Interface(areas=ss.model.Areas(TENTH, kept=True)))
         ),
         r"areas = Areas\(.*\): not available with",
     ),
     (
-        lambda: interface(areas=ss.Areas(TENTH)),
+        lambda: interface(areas=ss.model.Areas(TENTH)),
         r"^Interface\.thresholds = .* and areas = .*: give one of them",
     ),
     (lambda: interface(thresholds=None), "areas = None: give one of them"),

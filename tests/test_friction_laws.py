@@ -207,7 +207,7 @@ def test_every_barrier_by_quadrature(activation, velocity):
         )
 
 
-KEPT = ss.Areas(ss.Exponential(mean=1.0), kept=True)
+KEPT = ss.model.Areas(ss.Exponential(mean=1.0), kept=True)
 AREAS = ss.Interface(areas=KEPT)
 
 

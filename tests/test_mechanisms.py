@@ -121,10 +121,10 @@ def reference(rig, dt):
         ({"sliding_force": 0.2, "newborn": ss.Gaussian(mean=-0.2, std=0.0)}, 5.0),
         ({"ageing": CREEP, "sliding_force": 0.4}, 20.0),
         ({"ageing": CREEP, "newborn": ss.Gaussian(mean=0.3, std=0.0)}, 20.0),
-        ({"areas": ss.Areas(SMALLER), "sliding_force": 0.3}, 20.0),
+        ({"areas": ss.model.Areas(SMALLER), "sliding_force": 0.3}, 20.0),
         (
             {
-                "areas": ss.Areas(SMALLER, kept=True),
+                "areas": ss.model.Areas(SMALLER, kept=True),
                 "ageing": CREEP,
                 "newborn": ss.Gaussian(mean=0.2, std=0.0),
             },
@@ -296,8 +296,8 @@ def test_at_an_arrest_contacts_let_go_of_what_newborns_do_not_take_over(
     "contacts",
     [
         {"thresholds": NARROW},
-        {"thresholds": None, "areas": ss.Areas(NARROW)},
-        {"thresholds": None, "areas": ss.Areas(NARROW, kept=True)},
+        {"thresholds": None, "areas": ss.model.Areas(NARROW)},
+        {"thresholds": None, "areas": ss.model.Areas(NARROW, kept=True)},
     ],
 )
 def test_peaks_of_slips_follow_the_factor_of_their_track(contacts):

@@ -25,7 +25,7 @@ DRAWN = {  # newborns of different stretchings, contacts of different areas
     "areas": replace(
         TENTHS,
         thresholds=None,
-        areas=ss.Areas(ss.Exponential(mean=1.0)),
+        areas=ss.model.Areas(ss.Exponential(mean=1.0)),
         sliding_force=0.1,
     ),
 }

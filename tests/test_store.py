@@ -48,7 +48,7 @@ CASES = [
     ss.Interface(
         thresholds=STEADY.thresholds, initial=STEADY, ageing=ss.Langevin(rate=1)
     ),
-    ss.Interface(areas=ss.Areas(STEADY.thresholds, kept=True)),
+    ss.Interface(areas=ss.model.Areas(STEADY.thresholds, kept=True)),
     ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
     KINDS["Chain"](
         blocks=9, coupling=4.0, mass=1.0, damping=0.1, side=4.0, ends="periodic"

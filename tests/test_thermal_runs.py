@@ -23,7 +23,7 @@ def narrow(activation, **fields):
 
 
 def of_areas(kept, activation=None):
-    areas = ss.Areas(ss.Exponential(mean=1.0), kept=kept)
+    areas = ss.model.Areas(ss.Exponential(mean=1.0), kept=kept)
     return ss.Interface(areas=areas, activation=activation)
 
 
@@ -202,8 +202,8 @@ def test_contacts_of_one_area_are_contacts():
         ss.Interface(**contacts, delay=ss.Delay(0.1))
         for contacts in (
             {"thresholds": one},
-            {"areas": ss.Areas(one, kept=True)},
-            {"areas": ss.Areas(one)},
+            {"areas": ss.model.Areas(one, kept=True)},
+            {"areas": ss.model.Areas(one)},
         )
     ]
     runs = [

@@ -15,7 +15,7 @@ LANGEVIN = ss.Langevin(rate=1.5, newborn=0.3)
 LOGARITHMIC = ss.LogarithmicGrowth(slope=0.05, time=0.01)
 EXPONENTIAL = ss.ExponentialGrowth(rate=2.0, newborn=0.3)
 TABULATED = ss.model.TabulatedGrowth((0.01, 0.1, 1.0), (0.5, 0.9, 1.0))
-KEPT = ss.Areas(TENTH, kept=True)
+KEPT = ss.model.Areas(TENTH, kept=True)
 STRETCHED = ss.Uniform(low=-0.1, high=0.3)
 
 MECHANISMS: dict[str, dict[str, object]] = {
@@ -69,7 +69,7 @@ MECHANISMS: dict[str, dict[str, object]] = {
     "growth from nothing": {"ageing": ss.ExponentialGrowth(rate=2.0)},
     "areas": {"areas": KEPT},
     "areas, sliding force": {
-        "areas": ss.Areas(TENTH),
+        "areas": ss.model.Areas(TENTH),
         "delay": DELAY,
         "sliding_force": 0.3,
     },

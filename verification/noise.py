@@ -45,7 +45,11 @@ def _contacts(rng: np.random.Generator, thresholds: Any) -> dict[str, Any]:
         {},
         {"sliding_force": pull},
         {"newborn": newborn, "sliding_force": pull},
-        {"thresholds": None, "areas": ss.Areas(thresholds), "sliding_force": pull},
+        {
+            "thresholds": None,
+            "areas": ss.model.Areas(thresholds),
+            "sliding_force": pull,
+        },
         {"ageing": growth},
         {
             "ageing": ss.ExponentialGrowth(

@@ -21,7 +21,6 @@ from .measure import drops as drops
 from .measure import read_trace as read_trace
 from .measure import regime as regime
 from .measure import transitions as transitions
-from .model import Areas as Areas
 from .model import Barrier as Barrier
 from .model import Bell as Bell
 from .model import Chain as Chain
@@ -64,5 +63,6 @@ from .sliding import kinetic_friction as kinetic_friction
 from .stability import critical as critical
 from .stability import growth_rate as growth_rate
 from .stability import stability_map as stability_map
+from .structures import Element as Element
 
 __version__: str

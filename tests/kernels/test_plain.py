@@ -62,6 +62,17 @@ def rigid(interface, method):
     )
 
 
+def element_forces():
+    interface = ss.Interface(
+        thresholds=TENTH,
+        delay=DELAYS["random"],
+        sliding_force=0.1,
+        newborn=ss.Gaussian(mean=0.1, std=0.1),
+    )
+    element = ss.Element(interface, ss.Contacts(40, seed=1))
+    return [element.step(0.5, x, v) for x, v in ((1.0, 4.0), (1.6, 0.0), (1.0, 2.0))]
+
+
 def small_cases():
     few = ss.Contacts(12, seed=1)
     coarse = ss.MasterEquation(rtol=1e-2)
@@ -121,6 +132,7 @@ def small_cases():
         )
         cases[f"{growth}, friction"] = partial(ss.kinetic_friction, growing, 0.5)
     return cases | {
+        "element": element_forces,
         "steady moments": lambda: [
             steady_moments(Life(u, 0.1, newborn), 8)
             for u in (0.1, 1.5)

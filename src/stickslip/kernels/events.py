@@ -257,6 +257,12 @@ def attached_contacts(state: ContactsState) -> Records:
     return np.asarray(state.ahead.entries[attached_places(state)])
 
 
+def waiting_contacts(state: ContactsState) -> Records:
+    """Return the contacts that will re-attach: number (`slot`) and time (`key`)."""
+    entries = state.waiting.entries[: used(state.waiting)]
+    return np.asarray(entries[entries["key"] < np.inf])
+
+
 def _power_of_two(wanted: float, most: float) -> int:
     return 1 << max(
         4, min(math.ceil(math.log2(max(wanted, 1.0))), math.ceil(math.log2(most + 1)))

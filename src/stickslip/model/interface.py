@@ -42,7 +42,7 @@ class Areas(Record):
 
     Examples
     --------
-    >>> areas = ss.Areas(ss.Exponential(mean=1.0), kept=True)
+    >>> areas = ss.model.Areas(ss.Exponential(mean=1.0), kept=True)
     >>> round(ss.kinetic_friction(ss.Interface(areas=areas), velocity=1.0), 3)
     0.5
     """

@@ -250,7 +250,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     ...     thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.1)
     ... )
     >>> slider = ss.Slider(stiffness=2.0, mass=1e-3, damping=40.0)
-    >>> noise = ss.contact_noise(
+    >>> noise = ss.stability.contact_noise(
     ...     ss.Rig(interface, slider, ss.constant(1.0)), contacts=1000
     ... )
     >>> print(f"{noise.relative_force:.4f} {noise.contacts_for(0.01)}")

@@ -5,6 +5,7 @@ rule of `stickslip.kernels.thinning`.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -74,6 +75,17 @@ _CONTACT = 150.0  # bytes of a contact
 _FINEST_TURN = 1e-13
 # the same for each contact that keeps its strength: its lifetimes are much alike
 _LIVES = 16
+
+
+class Attachments(NamedTuple):
+    """Of each contact where it was attached unstretched, its threshold, and when it
+    re-attaches: below 0 while it is attached; and the factor of thresholds to come.
+    """
+
+    birth: Array
+    threshold: Array
+    until: Array
+    factor: float
 
 
 @solves(Contacts)
@@ -307,6 +319,23 @@ class EventByEvent(Engine):
             self._state
         )["birth"]
         return Stretchings(x, np.full(x.size, 1.0 / self._state.size), cells=False)
+
+    def attachments(self) -> Attachments:
+        """Return what is to come of every contact."""
+        count = self._state.size
+        found = Attachments(
+            np.zeros(count), np.zeros(count), np.full(count, math.inf), self._factor
+        )
+        contacts = kernel.attached_contacts(self._state)
+        held = contacts["slot"]
+        found.birth[held] = contacts["birth"]
+        found.threshold[held] = contacts["threshold"]
+        found.until[held] = -1.0
+        waiting = kernel.waiting_contacts(self._state)
+        found.until[waiting["slot"]] = waiting["key"]
+        if self._boxes is not None and self._boxes.own.size:
+            found.threshold[:] = self._boxes.own
+        return found
 
     def individuals(self) -> Individuals:
         """Every contact by itself, now."""

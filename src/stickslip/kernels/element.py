@@ -1,0 +1,514 @@
+"""The interface as an element: the motion of the slider goes in, force, impulse and
+stiffness come out.
+
+For a kernel that has a structure of its own, in its own loop:
+
+``step(state: ElementState, dt: float, velocity: float, displacement: float)
+-> tuple[float, float, float]``
+
+moves the slider from where it is to the `displacement`, in the time `dt` above 0: along
+a line with a `velocity` of NaN, else on the parabola that begins with that velocity. It
+returns the force at the end, its integral over the step and its slope in the
+displacement, all in natural units and per contact, and changes the state in place.
+``save`` is a copy of ``state.memory``. ``state.motion[0].position`` is where the slider
+is, ``next_break`` how far it can go.
+
+Under a given motion contacts are independent, and each is carried through a step by
+itself, exactly. What one draws is keyed by the seed, its number and that of its life:
+the way of the slider alone decides, not how it is cut into steps. Blocks of contacts
+know how far the slider can go until one of them breaks, and when the next re-attaches:
+those where nothing happens are passed at once. A step is cut where the slider turns
+round.
+
+Detached contacts that carry a force share one stretching: elastic up to the sliding
+force, and plastic beyond.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ._jit import bare, inlined
+from .keyed_draws import Quantiles, quantile, uniform
+from .records import Floats, Record, record
+from .survival import SurvivalTable, value_at
+
+CONTACT = record("birth threshold until life")
+"""A contact: where it was attached unstretched, its threshold, when it re-attaches
+(below 0 while it is attached), and how many lives it has had.
+"""
+BLOCK = record("stiffness origins squares free ahead behind until")
+"""Sums of a block: stiffness, stiffness times place and times its square, of the
+attached; the detached; where the first breaks, either way; the next re-attachment.
+"""
+MOTION = record(
+    "time carry position direction slid impulse lost low_key high_key",
+    "breaks breaks_at_arrest track factor",
+)
+"""Where the slider is: `time` and `carry` are the time in two parts; `slid` is the
+common stretching of the detached; `lost` the energy of breaks, of all contacts.
+"""
+SIZE = 32  # contacts of a block
+
+THRESHOLD, NEWBORN, DELAY, TRACK = range(4)  # kinds of draws
+
+
+class Draws(NamedTuple):
+    """What contacts draw, and what they are.
+
+    A `delay` of NaN is drawn from the quantiles. `beyond` is the survival of thresholds
+    (of areas, where contacts differ in these), which newborns with a stretching need.
+    """
+
+    quantiles: Quantiles
+    beyond: SurvivalTable
+    delay: float
+    sliding_force: float
+    stretched: bool
+    on_arrest: bool
+    tracks: bool
+    areas: bool
+    kept: bool
+
+
+class ElementState(NamedTuple):
+    """State of an element: all that changes is in `memory`, of which the records are
+    parts; `sums` are those of all blocks.
+    """
+
+    memory: Floats
+    motion: Record
+    sums: Record
+    blocks: Record
+    contacts: Record
+    draws: Draws
+
+
+class _Path(NamedTuple):
+    """A part of a step in which the slider does not turn round, from `x` with velocity
+    `v` in a time `h` to the `end`.
+
+    `side` is the sign of the motion, 0 at rest; detached contacts have the common
+    stretching `y`, and slide from the time `yields` on, infinite if not at all.
+    """
+
+    x: float
+    v: float
+    a: float
+    h: float
+    end: float
+    side: float
+    y: float
+    yields: float
+
+
+def make_element(
+    birth: Floats,
+    threshold: Floats,
+    until: Floats,
+    key: tuple[int, int],
+    draws: Draws,
+    factor: float = 1.0,
+    slid: float = 0.0,
+) -> ElementState:
+    """Return an element at position 0 and time 0."""
+    state = arranged(birth.size, draws)
+    for name, values in (("birth", birth), ("threshold", threshold), ("until", until)):
+        state.contacts[name] = values
+    m = state.motion[0]
+    m.direction = 1.0
+    m.low_key, m.high_key = key
+    m.factor = factor
+    m.slid = slid
+    renew(state)
+    return state
+
+
+def arranged(count: int, draws: Draws) -> ElementState:
+    """Return an empty state for a number of contacts."""
+    blocks = -(-count // SIZE)
+    kinds = (MOTION, 1), (BLOCK, 1), (BLOCK, blocks), (CONTACT, count)
+    sizes = [size * kind.itemsize // 8 for kind, size in kinds]
+    memory = np.zeros(sum(sizes))
+    parts = np.split(memory, np.cumsum(sizes)[:-1])
+    motion, sums, of_blocks, contacts = (
+        part.view(kind).view(np.recarray)
+        for part, (kind, _) in zip(parts, kinds, strict=True)
+    )
+    return ElementState(memory, motion, sums, of_blocks, contacts, draws)
+
+
+@inlined
+def _stiffness(draws: Draws, threshold: float) -> float:
+    """Stiffness of a contact."""
+    return threshold if draws.areas else 1.0
+
+
+@inlined
+def _way(path: _Path, t: float) -> float:
+    """How far the slider is from the beginning of the path."""
+    return t * (path.v + 0.5 * path.a * t)
+
+
+@inlined
+def _area(path: _Path, t: float) -> float:
+    """Integral of the way over time."""
+    return t * t * (0.5 * path.v + path.a * t / 6.0)
+
+
+@inlined
+def _when(path: _Path, way: float) -> float:
+    """Time at which the slider has gone a way in its direction."""
+    if way <= 0.0:
+        return 0.0
+    v = max(path.side * path.v, 0.0)
+    root = math.sqrt(max(v * v + 2.0 * path.side * path.a * way, 0.0))
+    return min(2.0 * way / (v + root), path.h) if v + root > 0.0 else path.h
+
+
+@inlined
+def _slid(path: _Path, t: float) -> float:
+    """Common stretching of the detached contacts."""
+    y = path.y + _way(path, min(t, path.yields))
+    return float(y)
+
+
+@inlined
+def _free_impulse(path: _Path, t: float) -> float:
+    """Integral of the force of a detached contact over time."""
+    until = min(t, path.yields)
+    return float(
+        path.y * until + _area(path, until) + (t - until) * _slid(path, path.h)
+    )
+
+
+@inlined
+def _loss(path: _Path, t: float) -> float:
+    """Energy that a detached contact has lost by sliding."""
+    until = min(t, path.yields)
+    return float((_way(path, t) - _way(path, until)) * _slid(path, path.h))
+
+
+@inlined
+def _held_impulse(path: _Path, since: float, until: float) -> float:
+    """Integral of the way from the beginning of the path over a while."""
+    return _area(path, until) - _area(path, since)
+
+
+@inlined
+def _draw(m: Record, kind: int, slot: int, life: int) -> float:
+    """Uniform number of a contact in one of its lives."""
+    key = int(m.low_key), int(m.high_key)
+    return uniform(key, (slot, (4 * life + kind) & 0xFFFFFFFF))
+
+
+@bare
+def _attach(state: ElementState, slot: int, place: float, heading: float) -> float:
+    """Attach a contact at a place of the slider; return its stretching."""
+    m = state.motion[0]
+    draws = state.draws
+    contact = state.contacts[slot]
+    contact.life += 1.0
+    life = int(contact.life)
+    contact.until = -1.0
+    x = 0.0
+    if draws.stretched:
+        x = quantile(draws.quantiles, NEWBORN, _draw(m, NEWBORN, slot, life))
+    contact.birth = place - heading * x
+    if not draws.kept:
+        p = _draw(m, THRESHOLD, slot, life)
+        bound = abs(x)
+        if draws.areas:
+            bound *= bound
+        if draws.stretched:
+            p *= value_at(draws.beyond, bound / m.factor)
+        drawn = m.factor * quantile(draws.quantiles, THRESHOLD, p)
+        drawn = max(drawn, bound)
+        contact.threshold = math.sqrt(drawn) if draws.areas else drawn
+    return float(heading * x)
+
+
+@inlined
+def _delay(state: ElementState, slot: int) -> float:
+    """Draw how long a contact that breaks stays detached."""
+    draws = state.draws
+    if not math.isnan(draws.delay):
+        return draws.delay
+    p = _draw(state.motion[0], DELAY, slot, int(state.contacts[slot].life))
+    return max(quantile(draws.quantiles, DELAY, p), 0.0)
+
+
+@inlined
+def _wait(m: Record, until: float) -> float:
+    """Time from now on until a moment."""
+    return float(max((until - m.time) - m.carry, 0.0))
+
+
+@bare
+def _live(state: ElementState, slot: int, path: _Path) -> None:
+    """Carry a contact through all that happens to it on a path."""
+    m = state.motion[0]
+    contact = state.contacts[slot]
+    here = 0.0
+    held = contact.until < 0.0
+    wait = 0.0 if held else _wait(m, contact.until)
+    # ends: each turn is a break or a re-attachment further on the path
+    while True:
+        if held:
+            k = _stiffness(state.draws, contact.threshold)
+            way = path.side * (contact.birth - path.x) + contact.threshold
+            last = path.side * (
+                contact.birth + path.side * contact.threshold - path.end
+            )
+            breaks = path.side != 0.0 and last <= 0.0
+            until = max(_when(path, way), here) if breaks else path.h
+            m.impulse += k * (
+                (path.x - contact.birth) * (until - here)
+                + _held_impulse(path, here, until)
+            )
+            if not breaks:
+                return
+            y = _slid(path, until) if state.draws.sliding_force > 0.0 else 0.0
+            m.lost += 0.5 * (k * contact.threshold**2 - y * y)
+            m.breaks += 1.0
+            wait = until + _delay(state, slot)
+        else:
+            until = min(wait, path.h)
+            attaches = wait <= path.h
+            if state.draws.sliding_force > 0.0:
+                m.impulse += _free_impulse(path, until) - _free_impulse(path, here)
+                m.lost += _loss(path, until) - _loss(path, here)
+            if not attaches:
+                contact.until = (m.time + wait) + m.carry
+                return
+            heading = path.side if path.side != 0.0 else m.direction
+            x = _attach(state, slot, path.x + _way(path, until), heading)
+            y = _slid(path, until) if state.draws.sliding_force > 0.0 else 0.0
+            k = _stiffness(state.draws, contact.threshold)
+            m.lost += 0.5 * (y * y - k * x * x)
+        here = until
+        held = not held
+
+
+@inlined
+def _clear(sums: Record) -> None:
+    """Forget the sums of a block."""
+    sums.stiffness = sums.origins = sums.squares = sums.free = 0.0
+    sums.ahead = sums.until = math.inf
+    sums.behind = -math.inf
+
+
+@inlined
+def _count(state: ElementState, slot: int, sums: Record) -> None:
+    """Add a contact to the sums of its block."""
+    contact = state.contacts[slot]
+    if contact.until < 0.0:
+        k = _stiffness(state.draws, contact.threshold)
+        sums.stiffness += k
+        sums.origins += k * contact.birth
+        sums.squares += k * contact.birth * contact.birth
+        sums.ahead = min(sums.ahead, contact.birth + contact.threshold)
+        sums.behind = max(sums.behind, contact.birth - contact.threshold)
+    else:
+        sums.free += 1.0
+        sums.until = min(sums.until, contact.until)
+
+
+@inlined
+def _add(sums: Record, block: Record) -> None:
+    """Add the sums of a block to those of all."""
+    sums.stiffness += block.stiffness
+    sums.origins += block.origins
+    sums.squares += block.squares
+    sums.free += block.free
+    sums.ahead = min(sums.ahead, block.ahead)
+    sums.behind = max(sums.behind, block.behind)
+    sums.until = min(sums.until, block.until)
+
+
+@bare
+def renew(state: ElementState) -> None:
+    """Sum over all contacts anew."""
+    sums = state.sums[0]
+    _clear(sums)
+    for b in range(state.blocks.size):
+        block = state.blocks[b]
+        _clear(block)
+        for slot in range(SIZE * b, min(SIZE * (b + 1), state.contacts.size)):
+            _count(state, slot, block)
+        _add(sums, block)
+
+
+@inlined
+def _happens(m: Record, sums: Record, path: _Path) -> bool:
+    """Whether one of the contacts of these sums breaks or re-attaches on a path."""
+    if path.side > 0.0 and path.end >= sums.ahead:
+        return True
+    if path.side < 0.0 and path.end <= sums.behind:
+        return True
+    return _wait(m, sums.until) <= path.h
+
+
+@inlined
+def _pass(m: Record, sums: Record, path: _Path, force: float) -> None:
+    """Carry contacts to which nothing happens."""
+    m.impulse += sums.stiffness * (path.x * path.h + _area(path, path.h))
+    m.impulse -= sums.origins * path.h
+    if force > 0.0:
+        m.impulse += sums.free * _free_impulse(path, path.h)
+        m.lost += sums.free * _loss(path, path.h)
+
+
+@inlined
+def _events(state: ElementState, path: _Path) -> None:
+    """Carry all contacts, those of most blocks at once."""
+    m = state.motion[0]
+    sums = state.sums[0]
+    force = state.draws.sliding_force
+    _clear(sums)
+    for b in range(state.blocks.size):
+        block = state.blocks[b]
+        if not _happens(m, block, path):
+            _pass(m, block, path, force)
+            _add(sums, block)
+            continue
+        # Those to which something happens are carried one by one, the others together.
+        first = SIZE * b
+        last = min(first + SIZE, state.contacts.size)
+        _clear(block)
+        touched = 0
+        for slot in range(first, last):
+            contact = state.contacts[slot]
+            if contact.until < 0.0:
+                reach = contact.birth + path.side * contact.threshold
+                happens = path.side * (reach - path.end) <= 0.0 and path.side != 0.0
+            else:
+                happens = _wait(m, contact.until) <= path.h
+            if happens:
+                touched |= 1 << (slot - first)
+            else:
+                _count(state, slot, block)
+        _pass(m, block, path, force)
+        for i in range(last - first):
+            if touched >> i & 1:
+                _live(state, first + i, path)
+                _count(state, first + i, block)
+        _add(sums, block)
+
+
+@inlined
+def _arrests(state: ElementState) -> None:
+    """The slider stops: after a break, contacts may attach, and to another track."""
+    m = state.motion[0]
+    draws = state.draws
+    if m.breaks == m.breaks_at_arrest:
+        return
+    m.breaks_at_arrest = m.breaks
+    if draws.tracks:
+        m.track += 1.0
+        p = _draw(m, TRACK, 0xFFFFFFFF, int(m.track))
+        m.factor = quantile(draws.quantiles, TRACK, p)
+    if not draws.on_arrest:
+        return
+    for slot in range(state.contacts.size):
+        if state.contacts[slot].until >= 0.0:
+            x = _attach(state, slot, m.position, m.direction)
+            k = _stiffness(draws, state.contacts[slot].threshold)
+            m.lost += 0.5 * (m.slid * m.slid - k * x * x)
+    renew(state)
+
+
+@inlined
+def _go(state: ElementState, v: float, a: float, h: float, end: float) -> float:
+    """Move the slider along a part of a step in which it does not turn round; return
+    the time at which detached contacts slide, infinite if they do not.
+    """
+    m = state.motion[0]
+    draws = state.draws
+    side = 1.0 if end > m.position else -1.0 if end < m.position else 0.0
+    if side != m.direction:
+        _arrests(state)
+        if side != 0.0:
+            m.direction = side
+    path = _Path(m.position, v, a, h, end, side, m.slid, math.inf)
+    if draws.sliding_force > 0.0 and side != 0.0:
+        left = draws.sliding_force - side * m.slid
+        if side * (end - m.position) >= left:
+            path = _Path(m.position, v, a, h, end, side, m.slid, _when(path, left))
+    if _happens(m, state.sums[0], path):
+        _events(state, path)
+    else:
+        _pass(m, state.sums[0], path, draws.sliding_force)
+    if draws.sliding_force > 0.0:
+        m.slid += end - m.position
+        m.slid = min(max(m.slid, -draws.sliding_force), draws.sliding_force)
+    m.position = end
+    # compensated: as exact however many steps there are
+    more = h + m.carry
+    time = m.time + more
+    m.carry = more - (time - m.time)
+    m.time = time
+    return path.yields
+
+
+@inlined
+def force_of(state: ElementState) -> float:
+    """Friction force now, per contact."""
+    m = state.motion[0]
+    sums = state.sums[0]
+    force = sums.stiffness * m.position - sums.origins + sums.free * m.slid
+    return float(force / state.contacts.size)
+
+
+@inlined
+def energy_of(state: ElementState) -> float:
+    """Energy that contacts hold now, per contact."""
+    m = state.motion[0]
+    sums = state.sums[0]
+    stretched = sums.stiffness * m.position - 2.0 * sums.origins
+    energy = stretched * m.position + sums.squares + sums.free * m.slid * m.slid
+    return float(0.5 * energy / state.contacts.size)
+
+
+@inlined
+def next_break(state: ElementState) -> tuple[float, float]:
+    """How far the slider can go ahead, and back, until a contact breaks."""
+    position = state.motion[0].position
+    sums = state.sums[0]
+    return max(sums.ahead - position, 0.0), max(position - sums.behind, 0.0)
+
+
+@inlined
+def next_attachment(state: ElementState) -> float:
+    """Time until the next contact re-attaches, infinite if none will."""
+    return _wait(state.motion[0], state.sums[0].until)
+
+
+@bare
+def step(
+    state: ElementState, dt: float, velocity: float, displacement: float
+) -> tuple[float, float, float]:
+    """Move the slider; return force, impulse and stiffness: see the top of this
+    file.
+    """
+    m = state.motion[0]
+    m.impulse = 0.0
+    way = displacement - m.position
+    v = way / dt
+    a = 0.0
+    h = dt
+    if not math.isnan(velocity):
+        a = 2.0 * (v - velocity) / dt
+        v = velocity
+        turn = -v / a if a != 0.0 else -1.0
+        if 0.0 < turn < dt:
+            _go(state, v, a, turn, m.position + 0.5 * v * turn)
+            v = 0.0
+            h = dt - turn
+    yields = _go(state, v, a, h, displacement)
+    stiffness = state.sums[0].stiffness
+    if state.draws.sliding_force > 0.0 and yields == math.inf:
+        stiffness += state.sums[0].free
+    N = state.contacts.size
+    return force_of(state), m.impulse / N, stiffness / N

@@ -1,0 +1,171 @@
+"""Random numbers that belong to a contact and a life of it, whenever they are drawn.
+
+Uniform numbers are those of Threefry-2x32 with 20 rounds (Salmon et al., "Parallel
+random numbers: as easy as 1, 2, 3", SC 2011): a hash of a key and a counter in sums,
+turns and exclusive ors of 32 bits, which 64 hold, so that plain Python counts alike.
+What is drawn follows through a table of its quantiles.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ._jit import bare, inlined
+from .records import Counts, Floats
+
+_WORD = 0xFFFFFFFF
+_PARITY = 0x1BD11BDA  # of the key schedule
+
+_DEGREE = 7
+_NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1)))
+_FIT = np.linalg.inv(np.vander(_NODE, increasing=True))
+_CHECK = 0.5 * (1.0 - np.cos(np.pi * (np.arange(_DEGREE) + 1.0) / (_DEGREE + 1)))
+_AT_CHECK = np.vander(_CHECK, _DEGREE + 1, increasing=True).T
+# of the size of the value, and how often a piece is halved for it
+_TOLERANCE, _HALVED = 1e-13, 7
+_NARROW = 1e-14  # width of a piece in which probabilities are rounded
+_LAST = 1.0 - 2.0**-53
+
+
+class Quantiles(NamedTuple):
+    """Values exceeded with a probability, of several kinds: polynomials on pieces.
+
+    The pieces of kind ``j`` are those from ``first[j]`` on to ``first[j + 1]``, `edges`
+    their left ends, `pieces` one over their width and coefficients, shape (n, 9).
+    """
+
+    first: Counts
+    edges: Floats
+    pieces: Floats
+
+
+class Portion(NamedTuple):
+    """A distribution that has a portion of the probability: a value exceeded with the
+    probability `p` of its own, and those probabilities where it has a jump or a bend.
+    """
+
+    weight: float
+    value: Callable[[Floats], Floats]
+    knots: Floats = np.empty(0)
+
+
+def tabulate_quantiles(kinds: list[list[Portion]]) -> Quantiles:
+    """Tabulate mixtures of distributions, one of each kind."""
+    octaves = 0.5 ** np.arange(1, 53)
+    ends = np.concatenate([[0.0, 1.0], octaves, 1.0 - octaves])
+    first = [0]
+    edges = list[Floats]()
+    pieces = list[Floats]()
+    for portions in kinds:
+        below = 0.0
+        for weight, value, knots in portions:
+            left, found = _tabulated(value, np.unique(np.append(ends, knots)))
+            found[:, 0] /= weight
+            edges.append(below + weight * left)
+            pieces.append(found)
+            below += weight
+        first.append(sum(map(len, edges)))
+    if not edges:
+        return Quantiles(np.array(first), np.empty(0), np.empty((0, _DEGREE + 2)))
+    return Quantiles(np.array(first), np.concatenate(edges), np.concatenate(pieces))
+
+
+def _tabulated(
+    value: Callable[[Floats], Floats], ends: Floats
+) -> tuple[Floats, Floats]:
+    """Left ends of pieces between these ends, or of their halves, and the pieces."""
+    left = ends[:-1]
+    right = ends[1:]
+    done = list[tuple[Floats, Floats]]()
+    middle = abs(float(value(np.full(1, 0.5))[0]))
+    for turn in range(_HALVED + 1):
+        width = (right - left)[:, None]
+        values = value(np.minimum(left[:, None] + width * _NODE, _LAST))
+        still = np.ptp(values, axis=1) == 0.0  # infinite values, too
+        fitted = np.zeros_like(values)
+        fitted[still, 0] = values[still, 0]
+        fitted[~still] = values[~still] @ _FIT.T
+        right_values = value(np.minimum(left[:, None] + width * _CHECK, _LAST))
+        size = np.abs(values).max(axis=1) + middle
+        missed = np.abs(fitted @ _AT_CHECK - right_values).max(axis=1)
+        rough = ~still & (missed > _TOLERANCE * size)
+        rough &= (width[:, 0] > _NARROW) & (turn < _HALVED)
+        done.append((left[~rough], np.hstack([1.0 / width, fitted])[~rough]))
+        half = 0.5 * (left + right)[rough]
+        left, right = (
+            np.append(left[rough], half),
+            np.append(half, right[rough]),
+        )
+        if not left.size:
+            break
+    edges, pieces = (np.concatenate(each) for each in zip(*done, strict=True))
+    order = np.argsort(edges)
+    return edges[order], pieces[order]
+
+
+@bare
+def quantile(table: Quantiles, kind: int, p: float) -> float:
+    """Value of a kind that is exceeded with the probability `p`."""
+    low = table.first[kind]
+    high = table.first[kind + 1]
+    # ends: the pieces looked at become half as many in each turn
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table.edges[middle] <= p:
+            low = middle
+        else:
+            high = middle
+    u = (p - table.edges[low]) * table.pieces[low, 0]
+    total = table.pieces[low, _DEGREE + 1]
+    for k in range(_DEGREE, 0, -1):
+        total = total * u + table.pieces[low, k]
+    return float(total)
+
+
+@inlined
+def _turned(a: int, b: int, by: int) -> tuple[int, int]:
+    """One round."""
+    a = (a + b) & _WORD
+    b = ((b << by) | (b >> (32 - by))) & _WORD
+    return a, b ^ a
+
+
+@bare
+def threefry(key: tuple[int, int], counter: tuple[int, int]) -> tuple[int, int]:
+    """Hash a counter of two words of 32 bits to two others."""
+    low, high = key
+    third = _PARITY ^ low ^ high
+    a = (counter[0] + low) & _WORD
+    b = (counter[1] + high) & _WORD
+    for group in range(1, 6):
+        if group % 2 == 1:
+            a, b = _turned(a, b, 13)
+            a, b = _turned(a, b, 15)
+            a, b = _turned(a, b, 26)
+            a, b = _turned(a, b, 6)
+        else:
+            a, b = _turned(a, b, 17)
+            a, b = _turned(a, b, 29)
+            a, b = _turned(a, b, 16)
+            a, b = _turned(a, b, 24)
+        a = (a + high) & _WORD
+        b = (b + third + group) & _WORD
+        low, high, third = high, third, low
+    return a, b
+
+
+@inlined
+def uniform(key: tuple[int, int], counter: tuple[int, int]) -> float:
+    """Uniform number of 53 bits, above 0 and below 1."""
+    a, b = threefry(key, counter)
+    return float(((a << 20) | (b >> 12)) + 0.5) * 2.0**-52
+
+
+NO_QUANTILES = tabulate_quantiles([])
+
+
+def key_of(words: Floats) -> tuple[int, int]:
+    """Return two words that a state holds as floats."""
+    return math.floor(words[0]), math.floor(words[1])

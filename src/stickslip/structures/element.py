@@ -1,0 +1,255 @@
+"""The interface as an element of another simulator."""
+
+import hashlib
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from stickslip.errors import LARGEST, InputError, instance, number, refused
+from stickslip.model import Contacts, FromRest, Interface, Rig
+from stickslip.model.methods import Method
+from stickslip.simulation.engines.base import Beginning, engine_of
+
+_FARTHEST = 1e4  # way of a step, in x_s: each contact breaks as often
+
+
+class Reaction(NamedTuple):
+    """What an interface does in a step."""
+
+    force: float
+    """Friction force at the end, against a positive displacement."""
+    impulse: float
+    """Integral of the force over the step."""
+    stiffness: float
+    """Slope of the force in the displacement, at the end."""
+
+
+class NextEvent(NamedTuple):
+    """How far the slider can go, and how long the interface stays as it is."""
+
+    ahead: float
+    """Way ahead until a contact breaks; infinite if none would."""
+    behind: float
+    """Way back until a contact breaks."""
+    reattachment: float
+    """Time until a contact re-attaches; infinite if none will."""
+
+
+@dataclass(frozen=True)
+class State:
+    """State of an element, as `Element.save` returns it; can be pickled and compared.
+
+    Random numbers belong to it: an element that loads it goes on bit for bit.
+    """
+
+    element: str  #: which elements can load it: equal of all with the same contacts
+    content: bytes
+
+
+class Carrier(Protocol):
+    """What an element needs of a method, in natural units."""
+
+    @property
+    def here(self) -> tuple[float, float]:
+        """Time, and displacement of the slider."""
+        ...
+
+    @property
+    def force(self) -> float:
+        """Friction force now."""
+        ...
+
+    def step(
+        self, dt: float, velocity: float, displacement: float
+    ) -> tuple[float, float, float]:
+        """Move the slider; see `stickslip.kernels.element.step`."""
+        ...
+
+    def energies(self) -> tuple[float, float]:
+        """Energy stored, and lost since the beginning."""
+        ...
+
+    def next_event(self) -> tuple[float, float, float]:
+        """What `NextEvent` holds."""
+        ...
+
+    def save(self) -> bytes:
+        """Return the state."""
+        ...
+
+    def load(self, content: bytes) -> None:
+        """Take a state that `save` returned."""
+        ...
+
+
+class Element:
+    """The interface as an element of a simulator of one's own: the motion of the slider
+    goes in, force, impulse and stiffness come out.
+
+    Exact within a step for `Contacts`: the way of the slider alone decides what
+    happens, not how it is cut into steps. Numbers are in the rig's own units; for an
+    `Interface`, natural and per contact.
+
+    Parameters
+    ----------
+    rig : Rig or Interface
+        The contacts, with the start of the rig: attached at displacement 0, or sliding
+        at the rig's velocity. Slider and drive are the caller's own.
+    method : Contacts, MasterEquation or Population
+        How they are carried. By default 1,000 contacts.
+
+    Raises
+    ------
+    InputError
+        If the method cannot take what the interface has.
+
+    Notes
+    -----
+    **Couple by the impulse.** Each break is a jump of the force, so whatever looks at
+    forces at the ends of steps is of first order. Verlet with the impulse is of second
+    order: half a kick by the forces of the structure, the step of the element with the
+    velocity at its start, then the kick ``-impulse/mass``, and half a kick again.
+
+    Examples
+    --------
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> element = ss.Element(interface, method=ss.Contacts(1000, seed=1))
+    >>> before = element.save()
+    >>> force, impulse, stiffness = element.step(0.01, displacement=0.5)
+    >>> round(force, 2), round(impulse, 4), round(stiffness, 3)
+    (0.5, 0.0025, 1.0)
+    >>> element.load(before)
+    """
+
+    def __init__(self, rig: Rig | Interface, method: Method = Contacts(1000)) -> None:
+        instance("Element: rig", rig, Rig | Interface, "a Rig or an Interface")
+        if isinstance(rig, Rig):
+            interface = rig.interface
+            beginning = Beginning(interface, None, rig.natural.velocity, rig.start)
+            names = ("length", "time", "force", "stiffness", "energy")
+            sizes = [rig.unit(name) for name in names]
+        else:
+            interface = rig
+            beginning = Beginning(interface, None, 0.0, FromRest())
+            sizes = [1.0] * 5
+        self._length, self._time, self._force, self._stiffness, self._energy = sizes
+        self._velocity = self._length / self._time
+        self._carrier = _carrier(beginning, method)
+        kind = repr((interface, _without_seed(method)))
+        self._kind = hashlib.sha256(kind.encode()).hexdigest()[:16]
+
+    def step(
+        self, dt: float, displacement: float, velocity: float | None = None
+    ) -> Reaction:
+        """Move the slider on to a displacement, and return what the interface does.
+
+        Parameters
+        ----------
+        dt : float
+            Duration, above 0.
+        displacement : float
+            Where the slider is at the end.
+        velocity : float, optional
+            Velocity of the slider at the beginning. With it the way within the step is
+            a parabola; by default it is a line.
+
+        Raises
+        ------
+        InputError
+            If a number is not finite, the duration not above 0, or the way longer than
+            10,000 breaking displacements.
+        """
+        v = math.nan
+        if velocity is not None:
+            v = _number("velocity", velocity) / self._velocity
+        h = _number("dt", dt) / self._time
+        if not h > 0.0:
+            number("Element.step: dt", dt, above=0, hint="the duration of the step")
+        x = _number("displacement", displacement) / self._length
+        way = max(abs(x - self._carrier.here[1]), abs(v * h) if v == v else 0.0)
+        if way > _FARTHEST:
+            raise refused(
+                "Element.step: displacement",
+                displacement,
+                f"is {way:.3g} breaking displacements away; take shorter steps",
+            )
+        force, impulse, stiffness = self._carrier.step(h, v, x)
+        return Reaction(
+            force * self._force,
+            impulse * self._force * self._time,
+            stiffness * self._stiffness,
+        )
+
+    @property
+    def time(self) -> float:
+        """Time since the beginning."""
+        return self._carrier.here[0] * self._time
+
+    @property
+    def displacement(self) -> float:
+        """Where the slider is."""
+        return self._carrier.here[1] * self._length
+
+    @property
+    def force(self) -> float:
+        """Friction force now."""
+        return self._carrier.force * self._force
+
+    @property
+    def stored_energy(self) -> float:
+        """Energy that contacts hold now."""
+        return self._carrier.energies()[0] * self._energy
+
+    @property
+    def lost_energy(self) -> float:
+        """Energy lost in breaks and by sliding contacts since the beginning."""
+        return self._carrier.energies()[1] * self._energy
+
+    def next_event(self) -> NextEvent:
+        """Return how far the slider can go either way until a contact breaks, and how
+        long it takes until the next re-attaches.
+        """
+        ahead, behind, wait = self._carrier.next_event()
+        return NextEvent(ahead * self._length, behind * self._length, wait * self._time)
+
+    def save(self) -> State:
+        """Return the state, random numbers included."""
+        return State(self._kind, self._carrier.save())
+
+    def load(self, state: State) -> None:
+        """Go back to a state that `save` returned, of this element or another one with
+        the same contacts; else `InputError`.
+        """
+        instance("Element.load: state", state, State, "what Element.save() returned")
+        if state.element != self._kind:
+            raise InputError(
+                f"Element.load: state.element = {state.element!r}: is of other "
+                "contacts or another method; load what an element like this one saved"
+            )
+        self._carrier.load(state.content)
+
+
+def _number(name: str, value: object) -> float:
+    """Return a finite number quickly."""
+    if isinstance(value, float) and -LARGEST <= value <= LARGEST:
+        return value
+    return number(f"Element.step: {name}", value)
+
+
+def _without_seed(method: Method) -> tuple[str, object]:
+    """What a method is but for its seed, which is a part of the state."""
+    return type(method).__name__, getattr(method, "count", method)
+
+
+def _carrier(beginning: Beginning, method: object) -> Carrier:
+    """Return the contacts by a method."""
+    # the numba import is not for those who only read a docstring
+    from stickslip.structures.contacts import ContactByContact
+
+    interface = beginning.interface
+    engine_of(interface, method)
+    if isinstance(method, Contacts) and not (interface.ageing or interface.activation):
+        return ContactByContact(beginning, method)
+    raise refused("Element: method", method, "not yet")
