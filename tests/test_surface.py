@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.io.rig_files import to_document
 from stickslip.surface import press, tangential_stiffness
+from stickslip.surface.estimate import births, stretchings
+from stickslip.surface.maps import correlation_length, shortest_wave
 
 
 def waves(n, most, turn=0.0):
@@ -104,3 +107,265 @@ def test_progress_runs_to_the_end_of_a_solution():
     press(waves(64, 8), 1.0 / 64, 2e-4, 1.0, progress=done.append)
     assert min(done) >= 0.0
     assert 0.8 < max(done) <= 1.0
+
+
+# ------------------------------------------------------------------ contacts of a map
+
+SURFACE = ss.surface
+UNIT = SURFACE.Material(young=2.0 * (1.0 - 0.3**2))  # whose contact modulus is 1 Pa
+
+
+@pytest.fixture(scope="module")
+def rough():
+    return SURFACE.self_affine(
+        rq="1 um", hurst=0.8, roll_off="40 um", cut_off="8 um", nodes=256
+    )
+
+
+@pytest.fixture(scope="module")
+def found(rough):
+    return SURFACE.contacts(rough, pressure="2 MPa", material="pmma")
+
+
+def finest(found, name):
+    return found[name].to_numpy()[found["resolution_of"].to_numpy() == 0]
+
+
+@pytest.mark.parametrize(
+    ("case", "effective"),
+    [
+        ((256, 16, 2e-4, math.inf), 4.077),
+        ((256, 16, 2e-4, 0.01), 4.074),
+        pytest.param((512, 32, 5e-4, math.inf), 1.313, marks=pytest.mark.slow),
+    ],
+)
+def test_effective_contacts_are_those_of_the_table(case, effective):
+    n, most, pressure, hardness = case
+    body = SURFACE.Material(young=UNIT.young, hardness=hardness)
+    seen = SURFACE.contacts(waves(n, most), 1.0 / n, pressure=pressure, material=body)
+    assert float(seen["effective_number"][0]) == pytest.approx(effective, abs=5.1e-4)
+    assert "effective contacts" in seen.attrs["note"]
+    assert "correlation lengths" in seen.attrs["note"]
+
+
+def test_contacts_carry_the_load_and_have_the_stiffness_of_all(found):
+    whole = found.attrs["map_area"] * found.attrs["load"]
+    assert finest(found, "force").sum() == pytest.approx(whole, rel=1e-9)
+    together = whole / float(found["length"][0])
+    assert finest(found, "stiffness").sum() == pytest.approx(together, rel=1e-9)
+    covered = finest(found, "area").sum() / found.attrs["map_area"]
+    assert covered == pytest.approx(float(found["contact_area"][0]))
+
+
+def test_a_contact_across_the_edges_of_a_map_is_one(rough, found):
+    moved = rough.roll(x=57, y=101)
+    again = SURFACE.contacts(moved, pressure="2 MPa", material="pmma")
+    assert again["number"].to_numpy().tolist() == found["number"].to_numpy().tolist()
+
+
+def test_area_grows_with_the_load_and_the_length_does_not(rough):
+    """Amontons: a factor 16 in load."""
+    pressures = np.array([0.5e6, 2e6, 8e6])
+    seen = SURFACE.loads(rough, pressures=pressures, material="pmma")
+    logs = np.log(pressures)
+    area = np.polyfit(logs, np.log(seen["contact_area"][:, 0]), 1)[0]
+    length = np.polyfit(logs, np.log(seen["length"][:, 0]), 1)[0]
+    number = np.polyfit(logs, np.log(seen["number"][:, 0]), 1)[0]
+    assert 0.95 < area <= 1.0
+    assert abs(length) < 0.1
+    assert 0.3 < number < 0.8
+
+
+def test_the_length_hardly_depends_on_the_resolution_but_the_number_does(found):
+    length, number = (found[name].to_numpy() for name in ("length", "number"))
+    assert np.ptp(length[:2]) < 0.1 * length[0]
+    assert number[0] > 1.5 * number[1] > 1.5 * number[2]
+
+
+@pytest.mark.parametrize("length", ["renewal", "elastic"])
+def test_the_law_of_births_gives_the_friction_of_the_map(found, length):
+    """The snapshot gives too much by 1 + CV^2; kept areas are their own births."""
+    x, w = stretchings(found, 0, length, 0.4)
+    mean = (w * x).sum()
+    births_mean = 1.0 / (w / x).sum()
+    made = SURFACE.interface(found, length=length)
+    friction = births_mean * ss.kinetic_friction(made, velocity=1.0)
+    assert friction == pytest.approx(mean / 2.0, rel=0.02)
+    law, std = births(x, w)
+    assert law * (1.0 + std**2) == pytest.approx(mean)
+
+
+def test_kept_areas_give_half_of_their_strength(found):
+    made = SURFACE.interface(found, kept=True)
+    assert made.areas.kept
+    friction = ss.kinetic_friction(made, velocity=1.0)
+    assert friction == pytest.approx(0.5 * made.areas.distribution.moment(1))
+
+
+def test_a_tilt_is_removed_and_reported(rough, found):
+    tilted = rough + 0.02 * rough["x"] - 0.01 * rough["y"]
+    again = SURFACE.contacts(tilted.assign_attrs(rough.attrs), **PMMA)
+    assert "a tilt of 22" in again.attrs["note"]
+    assert "tilt" not in found.attrs["note"]
+    length = [float(each["length"][0]) for each in (again, found)]
+    assert length[0] == pytest.approx(length[1], rel=0.1)
+
+
+PMMA = {"pressure": "2 MPa", "material": "pmma"}
+NOISE = np.random.default_rng(1).standard_normal((64, 64))
+HOLED = np.where(NOISE > 3.0, np.nan, NOISE)
+REFUSED = {
+    "holes": (HOLED, {}, r"nodes \(.* %\) have no height; fill"),
+    "flat": (0.0 * NOISE, {}, "the same everywhere"),
+    "a line": (NOISE[0], {}, "two dimensions"),
+    "texts": ([["a"]], {}, "array of numbers"),
+    "single nodes": (1e-7 * NOISE, {}, r"not resolve them: .*shortest = '8 um'"),
+    "much contact": (1e-3 * waves(64, 8), {"pressure": "80 MPa"}, "lower the pressure"),
+    "too much load": (
+        waves(64, 8),
+        {"material": SURFACE.Material(young=3e9, hardness=1e6)},
+        "not below the hardness",
+    ),
+    "no material": (waves(64, 8), {"material": "cheese"}, "glass and pmma; of others"),
+    "no pressure": (waves(64, 8), {"pressure": "2 N"}, "not in a unit of 'Pa'"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_map_that_shows_no_contacts_is_refused(name):
+    height, given, words = REFUSED[name]
+    with pytest.raises(ss.InputError, match=words):
+        SURFACE.contacts(height, "1 um", **(PMMA | given))
+
+
+def test_few_contacts_make_no_interface():
+    seen = SURFACE.contacts(1e-3 * waves(128, 8), "1 um", **PMMA)
+    with pytest.raises(ss.InputError, match="effective contacts; an interface of many"):
+        SURFACE.interface(seen)
+
+
+# ------------------------------------------------------------------ maps
+
+
+@pytest.mark.parametrize("nodes", [64, 128])
+def test_a_drawn_map_has_its_spectrum(nodes):
+    made = SURFACE.self_affine(
+        rq="2 um", hurst=0.8, roll_off="40 um", cut_off="8 um", nodes=nodes
+    )
+    assert float(made.std()) == pytest.approx(2e-6)
+    assert 8e-6 < shortest_wave(made) < 16e-6
+    assert 4e-6 < correlation_length(made) < 20e-6
+
+
+def test_a_drawing_gives_a_map_and_says_how_little_it_is():
+    made = SURFACE.from_drawing(ra="0.8 um", nodes=256)
+    assert float(made.std()) == pytest.approx(math.sqrt(math.pi / 2.0) * 0.8e-6)
+    assert "their diameters within 6.6" in made.attrs["note"]
+    finer = SURFACE.from_drawing(ra="0.8 um", rsm="0.1 mm", nodes=256)
+    assert "their diameters within 4" in finer.attrs["note"]
+
+
+HEADER = "# Channel: Height\n# Width: 64.00 µm\n# Height: 64.00 µm\n# Value units: nm\n"
+
+
+def written(folder, name, values):
+    """A file of a map in nm, 1 um from node to node."""
+    file = folder / name
+    if name.endswith(".npz"):
+        np.savez(file, height=values, spacing=1e-6, unit="nm")
+    else:
+        mark = "," if name.endswith(".csv") else "\t"
+        rows = "\n".join(mark.join(f"{v!r}" for v in row) for row in values.tolist())
+        file.write_text(HEADER + rows, encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("name", ["map.npz", "map.csv", "map.asc"])
+def test_files_give_the_map_that_was_written(name, tmp_path):
+    read = SURFACE.read(written(tmp_path, name, NOISE))
+    assert read.to_numpy() == pytest.approx(1e-9 * NOISE)
+    assert float(read["x"][1]) == pytest.approx(1e-6)
+
+
+class Topography:
+    """What SurfaceTopography gives."""
+
+    unit = "um"
+    pixel_size = (2.0, 2.0)
+
+    def heights(self):
+        return NOISE
+
+
+def test_a_topography_is_a_map():
+    read = SURFACE.read(Topography())
+    assert read.to_numpy() == pytest.approx(1e-6 * NOISE)
+    assert float(read["y"][1]) == pytest.approx(2e-6)
+
+
+BAD_FILES = {
+    "no unit": ("map.csv", "1 2\n" * 40, {}, "unit of the heights is missing"),
+    "no spacing": ("map.csv", "1 2\n" * 40, {"unit": "um"}, "spacing .* is missing"),
+    "no map": ("map.csv", "# a\nb c\n", {"unit": "um"}, "cannot be read as a map"),
+    "oblong": (
+        "map.asc",
+        "# Width: 3 um\n# Height: 2 um\n" + ("1 " * 40 + "\n") * 40,
+        {"unit": "um"},
+        "pixels must be square",
+    ),
+    "instrument": ("map.opd", "x", {}, r"pip install 'stickslip\[surface\]'"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_a_file_that_is_no_map_is_refused(name, tmp_path):
+    called, text, given, words = BAD_FILES[name]
+    file = tmp_path / called
+    file.write_text(text)
+    with pytest.raises(ss.InputError, match=words):
+        SURFACE.read(file, **given)
+
+
+def test_a_file_that_is_missing_is_refused():
+    with pytest.raises(ss.InputError, match="no such file"):
+        SURFACE.read("nowhere.npz")
+
+
+# ------------------------------------------------------------------ the rig
+
+
+def test_a_rig_has_the_ranges_that_a_map_leaves(found):
+    told = SURFACE.estimate(found)
+    both = SURFACE.rig(told, "pmma_slider", name="lapped")
+    one = SURFACE.rig(told, ss.example("pmma_slider"), length="elastic")
+    assert both.name == "lapped, PMMA slider"
+    assert both.value("stiffness") == one.value("stiffness") == pytest.approx(4e6)
+    key = "interface.breaking_displacement"
+    ratio = [made.assumed[key].factors for made in (both, one)]
+    assert ratio[0][1] > 20.0 * ratio[0][0]
+    assert ratio[1][1] < 3.0 * ratio[1][0]
+    assert both.interface.thresholds.std == pytest.approx(told.std["renewal"], rel=0.01)
+    low, high = told.std_between
+    assert 0.2 < low <= told.std["renewal"] <= high < 1.0
+    assert "velocity step" in both.source
+
+
+def test_a_rig_given_by_friction_keeps_its_strength(found):
+    told = SURFACE.estimate(found)
+    before = ss.example("brake_pad")
+    made = SURFACE.rig(told, "brake_pad")
+    assert made.scales.force == pytest.approx(before.scales.force, rel=1e-4)
+    assert ss.read_rig(to_document(made)) == made
+
+
+def test_what_is_no_length_or_no_si_rig_is_refused(found):
+    told = SURFACE.estimate(found)
+    with pytest.raises(ss.InputError, match="must be 'renewal' or 'elastic'"):
+        SURFACE.rig(told, length="plastic")
+    with pytest.raises(ss.InputError, match="must be 'renewal' or 'elastic'"):
+        SURFACE.interface(found, length="plastic")
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
+    thresholds = ss.Gaussian(mean=1.0, std=0.1)
+    natural = ss.Rig(ss.Interface(thresholds=thresholds), slider, ss.constant(1.0))
+    with pytest.raises(ss.InputError, match="natural units"):
+        SURFACE.rig(told, natural)

@@ -1,9 +1,26 @@
 """What a rough surface tells of an interface: its contacts, from a map of heights.
 
-The surface, periodic and elastic, is pressed on a flat one; ``stickslip.surface.press``
-returns the pressures, `tangential_stiffness` how stiff the contacts are together.
+`read` a map, or draw one with `self_affine` or `from_drawing`; `contacts` presses it on
+a flat surface; `estimate` says what its contacts tell, and `rig` puts that into a rig,
+with the ranges that it leaves as assumptions. A map is a prior: it does not say which
+length counts, nor the delay.
 """
 
+from stickslip.surface.contacts import MATERIALS, Material, contacts, loads
+from stickslip.surface.estimate import Estimate, estimate, interface, rig
 from stickslip.surface.halfspace import press, tangential_stiffness
+from stickslip.surface.maps import from_drawing, low_pass, read, self_affine
 
-__all__ = ["press", "tangential_stiffness"]
+__all__ = [
+    "MATERIALS",
+    "Estimate",
+    "Material",
+    "contacts",
+    "estimate",
+    "from_drawing",
+    "interface",
+    "loads",
+    "low_pass",
+    "press",
+]
+__all__ += ["read", "rig", "self_affine", "tangential_stiffness"]

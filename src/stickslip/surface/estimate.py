@@ -1,0 +1,342 @@
+"""What contacts tell of an interface: a prior for its parameters, and its limits."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+
+from stickslip.answers import Answer
+from stickslip.arrays import Array
+from stickslip.errors import InputError, refused
+from stickslip.io.rig_files import content_of, from_document, to_document
+from stickslip.model import Areas, Empirical, Interface, Rig
+from stickslip.model.quantities import read_value
+from stickslip.surface.contacts import FEWEST, SPANS, level
+from stickslip.words import engineering, number, percent
+
+Which = Literal["renewal", "elastic"]
+LENGTHS: tuple[Which, ...] = ("renewal", "elastic")
+MEASURE = (
+    "one slow pull with a velocity step (its first slope gives the elastic length, the "
+    "distance over which friction settles after the step the renewal length), and "
+    "friction at two speeds, for the delay"
+)
+_LARGE, _SMALL = 1.15, 3.0  # error of a stiffness, as a factor: the map large or small
+_BINS = 40  # of the distribution of areas
+_MOST = 10_000  # contacts whose noise is worth a run
+_OURS = (
+    "interface.mu_s",
+    "interface.mu_k",
+    "interface.thresholds",
+    "interface.thresholds.std",
+    "interface.breaking_displacement",
+    "simulation.contacts",
+)
+Range = tuple[float, float]
+
+
+def stretchings(
+    found: xr.Dataset, resolution: int, length: Which, friction: float
+) -> tuple[Array, Array]:
+    """Stretching in m at which each contact at one resolution breaks, and its part of
+    the stiffness: where friction holds no more (elastic), or at its diameter (renewal).
+    """
+    area, force, stiffness = level(found, resolution).values()
+    x = friction * force / stiffness if length == "elastic" else diameters(area)
+    return x, stiffness / stiffness.sum()
+
+
+def diameters(area: Array) -> Array:
+    """Diameters of discs."""
+    return np.asarray(2.0 * np.sqrt(area / np.pi))
+
+
+def births(x: Array, stiffness: Array) -> tuple[float, float]:
+    """Mean and relative standard deviation of the thresholds of newborn contacts.
+
+    A map shows the contacts of one instant. One that breaks at ``x`` is there for as
+    long as it takes to slide so far, so thresholds of births are ``P_c ~ w(x)/x``,
+    where the contacts of the map have the stiffness ``w``. Of a log-normal ``w`` they
+    are log-normal, too, with the same relative standard deviation ``s`` and a mean
+    smaller by ``1 + s^2``. Moments of ``w`` do not depend on its smallest contacts,
+    which no map resolves; those of ``w/x`` do.
+    """
+    mean = float((stiffness * x).sum())
+    square = float((stiffness * x**2).sum())
+    spread = square / mean**2
+    return mean / spread, float(np.sqrt(spread - 1.0))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Estimate(Answer):
+    """What a map of heights says of an interface, in SI units: each value at its finest
+    resolution, and the range over the resolutions and the error of one map.
+    """
+
+    friction: float  #: coefficient, assumed: it scales the elastic length
+    pressure: float  #: load over the area of the map
+    contact_area: float  #: fraction of the area in contact
+    effective_number: float  #: contacts of the map that act as many
+    elastic: float  #: breaking displacement of contacts that slip when overloaded
+    elastic_between: Range
+    renewal: float  #: that of contacts that last while they overlap
+    renewal_between: Range
+    std: Mapping[str, float]  #: of the thresholds, relative, for either length
+    std_between: Range
+    #: contacts per area, at most, and those that act as many; None from a small map
+    density: Range | None
+    note: str
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    def lines(self) -> Iterator[str]:
+        """The estimate in words."""
+        deviations = (self.std["renewal"], *self.std_between)
+        std, *ends = (number(each, 2) for each in deviations)
+        yield (
+            f"contact on {percent(self.contact_area)} of the map at "
+            f"{engineering(self.pressure, 'Pa')}, {number(self.effective_number, 2)} "
+            "effective contacts"
+        )
+        yield f"{'standard deviation of thresholds':<34}{std} ({' to '.join(ends)})"
+        rows = (
+            ("elastic length", self.elastic, self.elastic_between),
+            ("renewal length", self.renewal, self.renewal_between),
+        )
+        for name, value, between in rows:
+            low, high = (engineering(each, "m", 2) for each in between)
+            yield f"{name:<34}{engineering(value, 'm', 2)} ({low} to {high})"
+        if self.density is not None:
+            most = number(1e-6 * self.density[1], 2)
+            yield f"{'contacts per mm^2':<34}at most {most}"
+        yield (
+            f"The elastic length is for a friction coefficient of {self.friction:g}. "
+            "Which length counts, a map does not say."
+        )
+        yield f"Measure next: {MEASURE}."
+        if self.note:
+            yield f"note: {self.note}"
+
+
+def estimate(found: xr.Dataset, *, friction: float = 0.4) -> Estimate:
+    """Return what the contacts of a map say of the parameters of a rig.
+
+    Parameters
+    ----------
+    found : Dataset
+        Of `contacts`.
+    friction : float
+        Friction coefficient; no map gives one.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 10 effective contacts: they do not act as many.
+
+    Examples
+    --------
+    >>> rough = ss.surface.self_affine(
+    ...     rq="1 um", hurst=0.8, roll_off="40 um", cut_off="10 um", nodes=256
+    ... )
+    >>> found = ss.surface.contacts(rough, pressure="3 MPa", material="pmma")
+    >>> told = ss.surface.estimate(found)
+    >>> told.elastic < told.renewal
+    True
+    """
+    mu = read_value("friction", friction, "1", "0.4")
+    few = float(found["effective_number"][0])
+    if few < FEWEST:
+        raise InputError(
+            f"height: {number(few, 2)} effective contacts; an interface of many needs "
+            f"{FEWEST:.0f} at least: take a larger map, or raise the pressure"
+        )
+    spans = found.attrs["spans"]
+    error = max(_LARGE if spans >= SPANS else _SMALL, found.attrs["factor"])
+    values: dict[str, list[float]] = {name: [] for name in LENGTHS}
+    deviations: dict[str, list[float]] = {name: [] for name in LENGTHS}
+    for resolution in range(found.sizes["resolution"]):
+        for name in LENGTHS:
+            mean, std = births(*stretchings(found, resolution, name, mu))
+            values[name].append(mean)
+            deviations[name].append(std)
+    between = {name: (min(v) / error, max(v) * error) for name, v in values.items()}
+    every = [std for stds in deviations.values() for std in stds]
+    area = found.attrs["map_area"]
+    density = (
+        float(found["effective_number"].min()) / area,
+        float(found["number"].max()) / area,
+    )
+    return Estimate(
+        friction=mu,
+        pressure=found.attrs["load"],
+        contact_area=float(found["contact_area"][0]),
+        effective_number=few,
+        elastic=values["elastic"][0],
+        elastic_between=between["elastic"],
+        renewal=values["renewal"][0],
+        renewal_between=between["renewal"],
+        std={name: stds[0] for name, stds in deviations.items()},
+        std_between=(min(every), max(every)),
+        density=density if spans >= SPANS else None,
+        note=found.attrs["note"],
+    )
+
+
+def interface(
+    found: xr.Dataset,
+    *,
+    length: Which = "renewal",
+    friction: float = 0.4,
+    kept: bool = False,
+) -> Interface:
+    """Return the interface of the contacts of a map, at its finest resolution, in
+    natural units: ``x_s`` is the mean threshold of newborn contacts.
+
+    Parameters
+    ----------
+    found : Dataset
+        Of `contacts`.
+    length : str
+        Which stretching breaks a contact: its diameter, "renewal", or that at which
+        friction holds no more, "elastic".
+    friction : float
+        Friction coefficient, for the elastic length.
+    kept : bool
+        Whether contacts keep their areas for life, as on a worn track. Then those of
+        the map are those of births; their stretchings grow with the root of the area.
+
+    Raises `InputError` for an unknown length, or too few contacts.
+
+    Examples
+    --------
+    >>> rough = ss.surface.self_affine(
+    ...     rq="1 um", hurst=0.8, roll_off="40 um", cut_off="10 um", nodes=256
+    ... )
+    >>> found = ss.surface.contacts(rough, pressure="3 MPa", material="pmma")
+    >>> round(ss.surface.interface(found).thresholds.moment(1), 2)
+    1.0
+    """
+    if length not in LENGTHS:
+        raise refused("length", length, f"must be {' or '.join(map(repr, LENGTHS))}")
+    estimate(found, friction=friction)
+    if kept:
+        area = level(found, 0)["area"]
+        return Interface(areas=Areas(_histogram(area / area.mean()), kept=True))
+    x, stiffness = stretchings(found, 0, length, friction)
+    mean = 1.0 / float((stiffness / x).sum())
+    return Interface(thresholds=_histogram(x / mean, stiffness / x))
+
+
+def _histogram(values: Array, weights: Array | None = None) -> Empirical:
+    """Values as bins of equal ratios; the mean is kept."""
+    mean = np.average(values, weights=weights)
+    edges = np.geomspace(0.99 * values.min(), 1.01 * values.max(), _BINS + 1)
+    counts, _ = np.histogram(values, bins=edges, weights=weights)
+    middle = np.average(0.5 * (edges[1:] + edges[:-1]), weights=counts)
+    return Empirical(
+        edges=tuple((edges * mean / middle).tolist()), weights=tuple(counts.tolist())
+    )
+
+
+def rig(
+    told: Estimate,
+    machine: Any = "pmma_slider",
+    *,
+    length: Which | None = None,
+    name: str = "",
+) -> Rig:
+    """Return the rig of a machine on the interface that a map tells of, with the ranges
+    that it leaves as assumptions, over which `predict` gives its doubt.
+
+    Parameters
+    ----------
+    told : Estimate
+        Of `estimate`.
+    machine : path, str or Rig
+        A rig in SI units, or its file: of its interface breaking displacement and
+        thresholds are replaced, strength, delay and ageing kept.
+    length : str, optional
+        Which length counts, if that is known: "renewal" or "elastic". Else the rig has
+        the renewal length, and a range over both.
+    name : str
+        Of the surface.
+
+    Raises `InputError` if the rig is in natural units or cannot be read.
+
+    Examples
+    --------
+    >>> rough = ss.surface.self_affine(
+    ...     rq="1 um", hurst=0.8, roll_off="40 um", cut_off="10 um", nodes=256
+    ... )
+    >>> found = ss.surface.contacts(rough, pressure="3 MPa", material="pmma")
+    >>> made = ss.surface.rig(ss.surface.estimate(found))
+    >>> made.assumed["interface.thresholds.std"].between[0] < 0.5
+    True
+    """
+    document = (
+        to_document(machine)
+        if isinstance(machine, Rig)
+        else copy.deepcopy(content_of(Path(machine)))
+    )
+    before = from_document(document)
+    if before.scales is None:
+        raise InputError(
+            "machine: is in natural units; a surface needs one in SI units"
+        )
+    chosen = LENGTHS[0] if length is None else length
+    if chosen not in LENGTHS:
+        raise refused("length", length, f"must be {' or '.join(map(repr, LENGTHS))}")
+    either = {"elastic": told.elastic_between, "renewal": told.renewal_between}
+    ends = (
+        (min(e[0] for e in either.values()), max(e[1] for e in either.values()))
+        if length is None
+        else either[chosen]
+    )
+    table = document["interface"]
+    strength = before.scales.force * getattr(before.slider, "size", 1)
+    for key in ("mu_s", "mu_k"):
+        table.pop(key, None)
+    if "friction" not in table:
+        table["contact_strength"] = engineering(strength, "N", 6)
+    value = told.elastic if chosen == "elastic" else told.renewal
+    table["breaking_displacement"] = engineering(value, "m", 3)
+    std = float(number(told.std[chosen], 3))
+    table["thresholds"] = {"distribution": "lognormal", "std": std}
+    for part in ("assumed", "fitted"):
+        marked = document.get(part, {})
+        document[part] = {k: v for k, v in marked.items() if k not in _OURS}
+    document["assumed"] |= {
+        "interface.breaking_displacement": [engineering(e, "m", 2) for e in ends],
+        "interface.thresholds.std": [float(number(e, 2)) for e in told.std_between],
+    }
+    _with_contacts(document, before, told, strength)
+    document["name"] = f"{name or 'surface'}, {before.name}"
+    document["source"] = f"interface from a map of heights; measure next: {MEASURE}"
+    return from_document(document)
+
+
+def _with_contacts(
+    document: dict[str, Any], before: Rig, told: Estimate, strength: float
+) -> None:
+    """Put the number of contacts into the content of a file, as far as a map tells it
+    and it matters.
+    """
+    load = before.operation.normal_load
+    newtons = before.value("normal_load") if load else strength / told.friction
+    nominal = newtons / told.pressure
+    simulation = document.setdefault("simulation", {})
+    count = int(getattr(before.method, "count", _MOST))
+    if told.density is None:
+        return
+    fewest, most = (min(density * nominal, _MOST) for density in told.density)
+    if not (simulation.get("method", "contacts") == "contacts" and most < _MOST):
+        return
+    simulation["contacts"] = max(min(count, int(most)), 1)
+    document["assumed"]["simulation.contacts"] = [int(fewest), max(int(most), 2)]

@@ -1,0 +1,427 @@
+"""Maps of heights: read from files, drawn from a spectrum, levelled and smoothed.
+
+A map is an `xarray.DataArray` of heights in m over ``x`` and ``y``; its attribute
+``note`` says what was done to it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy import fft
+
+from stickslip.arrays import Array
+from stickslip.errors import InputError, refused, shown, whole
+from stickslip.model.quantities import read_value
+from stickslip.surface.halfspace import wave_numbers
+from stickslip.words import engineering, percent
+
+Length = float | str
+"""A length in m, or a text with its unit."""
+
+FEWEST_NODES = 32  # along an axis
+_ALIKE = 1e-3  # spacings along both axes that differ by less are one
+_HEADER = re.compile(r"^#?\s*(?:([A-Za-z][\w ]*?)\s*[:=]|([A-Za-z]\w*)\s)\s*(.+?)\s*$")
+_NAMES = {
+    "width": "width",
+    "height": "depth",
+    "value units": "unit",
+    "unit": "unit",
+    "units": "unit",
+    "spacing": "spacing",
+    "cellsize": "spacing",
+    "nodata_value": "hole",
+}
+"""Keys of headers, as Gwyddion and geographic systems write them."""
+
+
+def length_of(place: str, value: Length) -> float:
+    """Return a length in m, given as a number or as a text with a unit."""
+    return read_value(place, value, "m", "0.5 um")
+
+
+def as_map(height: Array, spacing: float | tuple[float, float], note: str = "") -> Any:
+    """Return heights in m as a map with coordinates; refuse what is no map."""
+    try:
+        values = np.asarray(height, dtype=float)
+    except (TypeError, ValueError):
+        raise refused("height", height, "must be an array of numbers") from None
+    if values.ndim != 2 or min(values.shape) < FEWEST_NODES:
+        raise InputError(
+            f"height: has the shape {shown(values.shape)}; must have two dimensions of "
+            f"{FEWEST_NODES} nodes or more"
+        )
+    if holes := int(np.count_nonzero(~np.isfinite(values))):
+        raise InputError(
+            f"height: {holes} nodes ({percent(holes / values.size)}) have no height; "
+            "fill these holes where the map was made, or cut out a part without"
+        )
+    steps = np.atleast_1d(np.asarray(spacing, dtype=float))
+    if steps.max() > (1.0 + _ALIKE) * steps.min():
+        raise InputError(
+            f"spacing: {' and '.join(engineering(s, 'm') for s in steps)}: pixels must "
+            "be square; resample the map to one spacing"
+        )
+    if np.ptp(values) == 0.0:
+        raise InputError("height: is the same everywhere; a rough surface is needed")
+    at = {
+        name: ("m", np.arange(size) * float(steps[0]))
+        for name, size in zip("xy", values.shape, strict=True)
+    }
+    return xr.DataArray(
+        values,
+        dims=("x", "y"),
+        coords={
+            name: (name, along, {"units": unit, "long_name": name})
+            for name, (unit, along) in at.items()
+        },
+        attrs={"units": "m", "long_name": "height", "note": note},
+        name="height",
+    )
+
+
+def spacing_of(height: xr.DataArray) -> float:
+    """Spacing of the nodes of a map, in m."""
+    return float(height["x"][1] - height["x"][0])
+
+
+def levelled(height: xr.DataArray) -> xr.DataArray:
+    """Return a map without its mean plane, where that brings its opposite edges
+    together, as a tilt does not; the note says so.
+    """
+    values = height.to_numpy()
+    x, y = (np.arange(n) - (n - 1) / 2.0 for n in values.shape)
+    flat = values - values.mean()
+    slopes = (
+        float((flat * x[:, np.newaxis]).sum() / (x**2).sum() / y.size),
+        float((flat * y).sum() / (y**2).sum() / x.size),
+    )
+    plane = slopes[0] * x[:, np.newaxis] + slopes[1] * y
+    if _mismatch(flat - plane) >= _mismatch(flat):
+        return height.copy(data=flat)
+    tilt = math.hypot(*slopes) / spacing_of(height)
+    notes = height.attrs.get("note", ""), f"a tilt of {1e3 * tilt:.3g} mrad was removed"
+    note = "; ".join(filter(None, notes))
+    return height.copy(data=flat - plane).assign_attrs(note=note)
+
+
+def _mismatch(values: Array) -> float:
+    """How far opposite edges of a map lie apart, squared."""
+    jumps = values[0] - values[-1], values[:, 0] - values[:, -1]
+    return sum(float((jump**2).sum()) for jump in jumps)
+
+
+def low_pass(height: xr.DataArray, length: Length) -> xr.DataArray:
+    """Return a map without the waves shorter than a length.
+
+    Raises `InputError` if the length is none.
+
+    Examples
+    --------
+    >>> rough = ss.surface.self_affine(
+    ...     rq="1 um", hurst=0.8, roll_off="40 um", cut_off="5 um", nodes=64
+    ... )
+    >>> float(ss.surface.low_pass(rough, "10 um").std() < rough.std())
+    1.0
+    """
+    shortest = length_of("length", length)
+    values = height.to_numpy()
+    wave = np.hypot(*wave_numbers(values.shape, spacing_of(height)))
+    kept = fft.rfft2(values) * (wave <= 2.0 * np.pi / shortest)
+    return height.copy(data=fft.irfft2(kept, s=values.shape))
+
+
+def shortest_wave(height: xr.DataArray) -> float:
+    """Length of the shortest waves of a map, in m: ``2 pi`` times the ratio of its rms
+    slope to its rms curvature.
+    """
+    power, wave = _power(height)
+    ratio = (power * wave**2).sum() / (power * wave**4).sum()
+    return 2.0 * math.pi * math.sqrt(ratio)
+
+
+def _power(height: xr.DataArray) -> tuple[Array, Array]:
+    values = height.to_numpy()
+    wave = np.hypot(*wave_numbers(values.shape, spacing_of(height)))
+    power = np.abs(fft.rfft2(values)) ** 2
+    power[:, 1 : (values.shape[1] + 1) // 2] *= 2.0  # modes that stand for two
+    power[0, 0] = 0.0
+    return power, wave
+
+
+def correlation_length(height: xr.DataArray) -> float:
+    """Distance over which heights stay alike, in m: where their autocorrelation, over
+    all directions, has fallen to 0.2 (ISO 25178-2: Sal, there of the fastest one).
+    """
+    values = height.to_numpy()
+    spacing = spacing_of(height)
+    power = np.abs(fft.rfft2(values - values.mean())) ** 2
+    alike = fft.irfft2(power, s=values.shape)
+    far = np.hypot(
+        *np.ix_(*(np.minimum(np.arange(n), n - np.arange(n)) for n in values.shape))
+    )
+    rings = far.astype(int).ravel()
+    mean = np.bincount(rings, alike.ravel()) / np.bincount(rings)
+    return spacing * float(np.argmax(mean < 0.2 * alike[0, 0]))
+
+
+def self_affine(
+    *,
+    rq: Length,
+    hurst: float,
+    roll_off: Length,
+    cut_off: Length,
+    nodes: int = 512,
+    seed: int = 1,
+) -> xr.DataArray:
+    """Return a random map whose spectrum is flat down to the length `roll_off` and then
+    falls as ``q^(-2 (1 + hurst))`` down to the length `cut_off`, of 8 nodes.
+
+    Parameters
+    ----------
+    rq : float or str
+        Root mean square of the heights, in m or with a unit.
+    hurst : float
+        Exponent of the roughness, above 0 and at most 1.
+    roll_off, cut_off : float or str
+        Longest and shortest wave of the roughness, in m or with a unit.
+    nodes : int
+        Along each axis.
+    seed : int
+        Of the heights.
+
+    Raises
+    ------
+    InputError
+        If a number cannot be, or the map is too small for the longest wave.
+
+    Examples
+    --------
+    >>> rough = ss.surface.self_affine(
+    ...     rq="1 um", hurst=0.8, roll_off="40 um", cut_off="5 um", nodes=64
+    ... )
+    >>> round(1e6 * float(rough.std()), 6)
+    1.0
+    """
+    rms, long, short = (
+        length_of(name, value)
+        for name, value in (("rq", rq), ("roll_off", roll_off), ("cut_off", cut_off))
+    )
+    n = whole("nodes", nodes, at_least=FEWEST_NODES, at_most=4096)
+    spacing = short / 8.0
+    exponent = read_value("hurst", hurst, "1", "0.8")
+    if exponent > 1.0:
+        raise refused("hurst", hurst, "must be at most 1")
+    if not short < long <= n * spacing:
+        raise InputError(
+            f"roll_off = {engineering(long, 'm')}: must lie between cut_off and the "
+            f"size of the map, {engineering(n * spacing, 'm')}; take more nodes"
+        )
+    wave = np.hypot(*wave_numbers((n, n), spacing)) / (2.0 * np.pi)
+    amplitude = np.maximum(wave * long, 1.0) ** (-1.0 - exponent)
+    amplitude[(wave > 1.0 / short) | (wave == 0.0)] = 0.0
+    noise = np.random.default_rng(seed).standard_normal((n, n))
+    values = fft.irfft2(amplitude * fft.rfft2(noise), s=(n, n))
+    found: xr.DataArray = as_map(values * (rms / values.std()), spacing)
+    return found
+
+
+_CUT_OFFS = {2e-8: 8e-5, 1e-7: 2.5e-4, 2e-6: 8e-4, 1e-5: 2.5e-3, math.inf: 8e-3}
+"""Up to which Ra which cut-off of a profile is used (ISO 4288). A cut-off goes with
+RSm from a sixth of it to half of it.
+"""
+
+
+def from_drawing(
+    *, ra: Length, rsm: Length | None = None, nodes: int = 512, seed: int = 1
+) -> xr.DataArray:
+    """Return a random map of a surface known from a drawing: ``Rq = 1.25 Ra`` of
+    Gaussian heights, waves from RSm down to a sixteenth of it, Hurst exponent 0.8.
+
+    Two numbers leave much open, as the note says. Without RSm it is the middle of what
+    the cut-off of ISO 4288 for this Ra stands for.
+
+    Raises `InputError` if a number cannot be.
+
+    Examples
+    --------
+    >>> drawn = ss.surface.from_drawing(ra="0.8 um", rsm="0.1 mm", nodes=128)
+    >>> round(1e6 * float(drawn.std()), 3)
+    1.003
+    """
+    roughness = length_of("ra", ra)
+    usual = next(
+        cut for most, cut in _CUT_OFFS.items() if roughness <= most
+    ) / math.sqrt(12.0)
+    long = usual if rsm is None else length_of("rsm", rsm)
+    found = self_affine(
+        rq=math.sqrt(math.pi / 2.0) * roughness,
+        hurst=0.8,
+        roll_off=long,
+        cut_off=long / 16.0,
+        nodes=nodes,
+        seed=seed,
+    )
+    factors = (1.6, 6.6) if rsm is None else (2.0, 4.0)
+    note = (
+        f"from a drawing, with waves from {engineering(long, 'm', 3)} down: the "
+        "stiffness of its contacts is known within a factor {:g}, their diameters "
+        "within {:g}"
+    )
+    return found.assign_attrs(note=note.format(*factors), factor=max(factors))
+
+
+def read(
+    file: Any, *, unit: str | None = None, spacing: Length | None = None
+) -> xr.DataArray:
+    """Read a map of heights.
+
+    Parameters
+    ----------
+    file : path or object
+        ``.npz`` (arrays ``height`` and, if they are in it, ``spacing`` and ``unit``),
+        ``.csv`` or ``.asc`` (rows of numbers; lines of a header may give width and
+        height of the map, value units, spacing). Other files, where SurfaceTopography
+        is installed; a topography of that package as it is.
+    unit : str, optional
+        Unit of the heights, ``"um"``; needed unless the file says.
+    spacing : float or str, optional
+        Distance between nodes, in m or with a unit; needed unless the file says.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has holes, no unit of heights or no spacing, or
+        pixels that are not square.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "map.npz"
+    >>> np.savez(file, height=np.random.default_rng(1).normal(size=(64, 64)))
+    >>> ss.surface.read(file, unit="um", spacing="2 um").sizes["x"]
+    64
+    """
+    if not isinstance(file, (str, os.PathLike)):
+        return _of_topography(file, "topography")
+    path = Path(file)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    readers = {".npz": _arrays, ".csv": _rows, ".asc": _rows, ".txt": _rows}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        return _of_topography(_topography_in(path), path.name)
+    try:
+        values, about = reader(path)
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(
+            f"{path}: cannot be read as a map of heights ({error}); write rows of "
+            "numbers, or numpy.savez(file, height=..., spacing=..., unit='um')"
+        ) from None
+    if spacing is not None:
+        about |= {"spacing": spacing}
+    unit = unit or about.get("unit")
+    if unit is None:
+        raise InputError(
+            f"{path}: the unit of the heights is missing; give it: --unit um, or "
+            "read(file, unit='um')"
+        )
+    size = length_of("unit", f"1 {unit}")
+    return _sized(path, size * values, about)
+
+
+def _sized(path: Path, values: Array, about: dict[str, Any]) -> xr.DataArray:
+    """The map, with the spacing that it is given or that its size gives."""
+    if "spacing" in about:
+        steps: Any = length_of("spacing", about["spacing"])
+    elif "width" in about and values.ndim == 2:
+        size = about["width"], about.get("depth", about["width"])
+        across, down = (length_of("width", each) for each in size)
+        steps = down / values.shape[0], across / values.shape[1]
+    else:
+        raise InputError(
+            f"{path}: the spacing of the nodes is missing; give it: --spacing '0.5 um' "
+            "or read(file, spacing='0.5 um')"
+        )
+    found: xr.DataArray = as_map(values, steps)
+    return found
+
+
+def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
+    """The heights of an archive of arrays, and its scalars."""
+    with np.load(path) as archive:
+        names = archive.files
+        flat = [name for name in names if archive[name].ndim == 2]
+        chosen = "height" if "height" in names else flat[0] if len(flat) == 1 else ""
+        if not chosen:
+            raise InputError(
+                f"{path}: holds {shown(names)}; the heights must be called 'height'"
+            )
+        about = {
+            name: archive[name].item() for name in names if archive[name].ndim == 0
+        }
+        return np.asarray(archive[chosen], dtype=float), about
+
+
+def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
+    """Rows of numbers, and what the lines of a header before them say."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    about: dict[str, Any] = {}
+    begin = 0
+    for line in lines:
+        found = _HEADER.match(line)
+        if not (found or line.startswith("#") or not line.strip()):
+            break
+        begin += 1
+        if found and (key := _NAMES.get((found[1] or found[2]).lower())):
+            about[key] = found[3].replace(",", ".")
+    table = pd.read_csv(
+        path,
+        skiprows=begin,
+        header=None,
+        sep=r"[;,\s]+" if "," in "".join(lines[begin : begin + 1]) else r"[;\s]+",
+        engine="python",
+    )
+    values = table.dropna(axis="columns", how="all").to_numpy(dtype=float)
+    if "hole" in about:
+        values[values == float(about.pop("hole"))] = np.nan
+    return values, about
+
+
+def _topography_in(path: Path) -> Any:
+    """Read a file of an instrument by SurfaceTopography, if it is there."""
+    try:
+        import SurfaceTopography
+    except ImportError:
+        raise InputError(
+            f"{path}: is no .npz, .csv or .asc; pip install 'stickslip[surface]' reads "
+            "files of instruments, or export the map as rows of numbers"
+        ) from None
+    return SurfaceTopography.read_topography(str(path))
+
+
+def _of_topography(topography: Any, place: str) -> xr.DataArray:
+    """The map of an object of SurfaceTopography, in m."""
+    try:
+        given: Any = np.ma.asarray(topography.heights(), dtype=float)
+        values = np.ma.filled(given, np.nan)
+        steps = topography.pixel_size
+        unit = topography.unit
+    except AttributeError:
+        raise refused(
+            place, topography, "must be a file or a topography of SurfaceTopography"
+        ) from None
+    if unit is None:
+        raise InputError(f"{place}: the unit of the heights is missing")
+    size = length_of("unit", f"1 {unit}")
+    found: xr.DataArray = as_map(size * values, tuple(size * s for s in steps))
+    return found
