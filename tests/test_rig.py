@@ -550,7 +550,7 @@ def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
     names = [f"{'mistaken_' * 9}{i}" for i in range(9)]
     with pytest.raises(ss.InputError) as caught:
         rigs.from_document(document | dict.fromkeys(names, 1), "rig.toml")
-    told = str(caught.value).count(": unknown key")
+    told = str(caught.value).count(" mistaken_")
     assert 0 < told < 9
     assert str(caught.value).endswith(f"; and {9 - told} more")
     assert [mistake.place for mistake in caught.value.mistakes] == [
