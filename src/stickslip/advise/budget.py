@@ -17,7 +17,7 @@ from stickslip.loops import HALVINGS, bounded
 from stickslip.measure import Regime, regime
 from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, TINY
 from stickslip.measure.trace import ERRORS
-from stickslip.model import Contacts
+from stickslip.model import Contacts, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
@@ -54,7 +54,7 @@ def cycle_of(rig: Rig) -> float:
     """Travel of the drive in the slowest cycle of a rig: a life of a contact and the
     loading, or a free oscillation.
     """
-    slider = rig.slider
+    slider = _slowest(rig)
     velocity = rig.natural.velocity
     stretch = rig.interface.threshold_distribution.moment(1)
     period = 2.0 * math.pi / slider.frequency if slider.mass > 0 else 0.0
@@ -65,9 +65,15 @@ def cycle_of(rig: Rig) -> float:
     )
 
 
+def _slowest(rig: Rig) -> Slider:
+    """The slider, or the slowest motion of a structure."""
+    found: Slider = getattr(rig.slider, "slowest", rig.slider)
+    return found
+
+
 def length_of(rig: Rig) -> float:
     """Travel of the drive after which the regime of a run can be decided."""
-    damping = rig.slider.damping
+    damping = _slowest(rig).damping
     cycles = _CYCLES * cycle_of(rig)
     ringing = rig.natural.velocity * _RINGING / damping if damping > 0 else 0.0
     return max(

@@ -47,6 +47,7 @@ from stickslip.model.parameters import (
     parameter_named,
 )
 from stickslip.model.rig import Ends, Rig
+from stickslip.model.structure import Structure
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
@@ -239,8 +240,11 @@ def complete(
     if isinstance(found, ElasticPrediction):
         return complete_waves(found, report)
     rig = found.rig
-    if not found.has_verdict or (
-        found.theory_note and not isinstance(rig.interface.delay, OnArrest)
+    # runs of a structure are of steps, which slow ones have too many of
+    if (
+        isinstance(rig.slider, Structure)
+        or not found.has_verdict
+        or (found.theory_note and not isinstance(rig.interface.delay, OnArrest))
     ):
         return replace(found, complete=True)
     budget = Budget(math.inf if thorough else _FOR_ALL)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError
+from stickslip.model.body import Slider
 from stickslip.model.records import Number, Record
 
 # a matrix is symmetric, or has no negative eigenvalue, to this fraction of its largest
@@ -60,13 +61,46 @@ class Structure(Record):
 
     @property
     def energies(self) -> Quadratics | None:
-        """Its energies, where it is made of masses, springs and dashpots."""
+        """Its energies, where they are known."""
         return None
 
     @property
     def passive(self) -> bool:
         """Whether it only takes energy out of a motion that does not drive it."""
-        return self.energies is not None
+        return isinstance(self, Modes | Matrices)
+
+    @property
+    def slowest(self) -> Slider:
+        """The mass on a spring that a run of the structure can be as slow as: its
+        static stiffness, the frequency and the decay of its slowest mode.
+        """
+        roots = np.linalg.eigvals(self.system.A)
+        root = roots[np.argmin(np.abs(roots))]
+        held = np.array([1e-6j * abs(root)])  # an integral holds all, at rest
+        stiffness = float(self(held)[0].real)
+        return Slider(
+            stiffness=stiffness,
+            mass=stiffness / abs(root) ** 2,
+            damping=2.0 * abs(root.real),
+        )
+
+    def sliding(self, velocity: float, force: float) -> tuple[Array, float]:
+        """Return the state of steady sliding under a friction force, with the contacts
+        at 0, and where the drive then is.
+
+        The state drifts as ``z = z0 + r t``, so that ``A r + drive V = 0``.
+        """
+        A, friction, drive, rate, contact, track = self.system
+        n = len(A)
+        drift = np.linalg.solve(A, -drive * velocity)
+        square = np.zeros((n + 1, n + 1))
+        square[:n, :n] = A
+        square[:n, n] = drive
+        square[n, :n] = contact
+        square[n, n] = track
+        right = np.append(drift - friction * force - rate * velocity, 0.0)
+        found = np.linalg.solve(square, right)
+        return found[:n], float(found[n])
 
     def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
         """Force over displacement for motion as ``exp(s t)``, at each `s` in 1/time;
@@ -473,6 +507,15 @@ class ControlledAxis(Structure):
         Annotated[float, Number("x_s", above=0, hint="moves, such as (2.0, 5.0)")], ...
     ] = ()
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.encoder_step > 0.0 and self.sample_time == 0.0:
+            raise _wrong(
+                "ControlledAxis.encoder_step",
+                f"{self.encoder_step:.4g} needs a sample_time: a controller that looks "
+                "all the time has no last position; give one",
+            )
+
     @property
     def system(self) -> LinearSystem:
         """States are position, velocity and, if it counts, the integral of the
@@ -490,6 +533,14 @@ class ControlledAxis(Structure):
             contact=np.array([1.0, 0.0, 0.0])[:n],
             track=0.0,
         )
+
+    @property
+    def energies(self) -> Quadratics:
+        """Kinetic energy, and what the axis itself loses; gains store nothing."""
+        at_velocity = np.zeros_like(self.system.A)
+        at_velocity[1, 1] = self.mass
+        nothing = np.zeros_like(at_velocity)
+        return Quadratics(at_velocity, nothing, self.damping * at_velocity)
 
     def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
         """Force over displacement at each `s`; infinite at 0 with an integral."""

@@ -8,9 +8,13 @@ from numpy.typing import ArrayLike
 
 from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS
 from stickslip.model import ElasticBody, Sheet, Slider
+from stickslip.model.structure import Structure
 from stickslip.simulation.driver import Track
 from stickslip.simulation.engines import Stretchings
 from stickslip.simulation.engines.base import Array
+
+STATE = "state "
+"""How the columns of an engine that hold the state of a structure begin."""
 
 Labelled = tuple[str | tuple[str, ...], Array, dict[str, str]]
 """A variable as `xarray.Dataset` takes it: dimensions, values, attributes."""
@@ -99,6 +103,7 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "pulled": {"units": "1", "long_name": "block that the drive pulls"},
     "x": {"units": "x_s", "long_name": "stretching"},
     "snapshot": {"units": "time", "long_name": "time of the snapshot"},
+    "state": {"units": "1", "long_name": "state of the structure, in natural units"},
 }
 """Units and names of every variable of a run."""
 
@@ -117,7 +122,7 @@ def labelled(
 
 def dataset_of(
     track: Track,
-    slider: Slider | ElasticBody,
+    slider: Slider | ElasticBody | Structure,
     bins: int,
     provenance: str,
     marks: Mapping[str, Array] | None = None,
@@ -136,10 +141,19 @@ def dataset_of(
         coordinates |= _places(slider)
     else:
         values = {name: track[name] for name in track.columns}
-        values |= _of_slider(track, slider)
+        values |= (
+            {"drive_velocity": track.drive_velocity}
+            if isinstance(slider, Structure)
+            else _of_slider(track, slider)
+        )
     variables |= {
         name: labelled(name, "time", values[name]) for name in LABELS if name in values
     }
+    if isinstance(slider, Structure):
+        states = [name for name in track.columns if name.startswith(STATE)]
+        variables["state"] = labelled(
+            "state", ("time", "coordinate"), np.stack([values[n] for n in states], 1)
+        )
     if track.snapshots:
         times, seen = zip(*track.snapshots, strict=True)
         low = min(float(one.stretching.min(initial=0.0)) for one in seen)

@@ -27,6 +27,7 @@ from stickslip.model import (
 )
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
+from stickslip.model.structure import Structure
 from stickslip.progress import Progress, reporting
 from stickslip.simulation.driver import Track, follow
 from stickslip.simulation.engines import Beginning, Engine, engine_of
@@ -262,14 +263,15 @@ def _check(rig: Rig) -> None:
     slider = rig.slider
     drive = rig.drive
     snapshots = rig.output.snapshots
-    bodies = (Slider, ElasticBody)
+    bodies = (Slider, ElasticBody, Structure)
     instance(
         "simulate: Rig.slider",
         slider,
         bodies,
-        "a Slider or a Chain; other impedances are for `stability`",
+        "a Slider, a Chain or a structure of `stickslip.model`; other impedances are "
+        "for `stability`",
     )
-    if slider.mass == 0:
+    if not isinstance(slider, Structure) and slider.mass == 0:
         raise InputError(
             "Slider.mass = 0: a simulation needs a mass above 0; the massless limit is "
             "for stability and, at a "

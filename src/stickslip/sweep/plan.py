@@ -39,6 +39,7 @@ from stickslip.io.tables import Tables, unknown
 from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
+from stickslip.model.structure import Structure
 from stickslip.simulation import check_method
 from stickslip.sweep._cases import NamedStudy
 from stickslip.sweep._dataset import open_sweep, run_study
@@ -461,8 +462,8 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
     """Refuse a rig that cannot be run along these axes, and axes that are none of a
     search.
     """
-    moves = "a Slider, Chain or Sheet: an impedance has no motion"
-    instance("rig.slider", rig.slider, Slider | ElasticBody, moves)
+    moves = "a Slider, Chain, Sheet or structure: an impedance has no motion"
+    instance("rig.slider", rig.slider, Slider | ElasticBody | Structure, moves)
     starts = "'from rest' or 'sliding' in a sweep"
     instance("rig.simulation.start", rig.start, FromRest | FromSliding, starts)
     first, *others = rig.drive.pieces
@@ -472,7 +473,7 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
             "drive.velocity"
         )
     check_method(rig.interface, rig.method, rig.slider)
-    if rig.slider.mass == 0 and "mass" not in axes:
+    if getattr(rig.slider, "mass", 1.0) == 0 and "mass" not in axes:
         raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
     number("rig.drive.velocity", rig.velocity, above=0)
     for name in axes:

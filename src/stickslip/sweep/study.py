@@ -51,7 +51,7 @@ class Study:
             method=method,
             start=FromRest() if start == FROM_REST else sliding,
         )
-        slider = rig.slider
+        slider = getattr(rig.slider, "slowest", rig.slider)
         stiffness = (
             slider.stiffness
             if isinstance(slider, Slider)

@@ -6,6 +6,7 @@ To add a solver, write a class that has what `Engine` asks for and register it, 
 """
 
 import copy
+import importlib
 import math
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
@@ -37,6 +38,7 @@ from stickslip.model.ageing import FixedGrowth
 from stickslip.model.distribution import check_density
 from stickslip.model.newborn import mean_life
 from stickslip.model.rig import Rig
+from stickslip.model.structure import Structure
 from stickslip.simulation.estimates import Course, Part, oscillation
 
 COLUMNS = (
@@ -114,7 +116,7 @@ class Beginning:
     """
 
     interface: Interface
-    slider: Slider | ElasticBody | None
+    slider: Slider | ElasticBody | Structure | None
     velocity: float
     start: Start = FromRest()
 
@@ -196,6 +198,8 @@ class Beginning:
         """
         if self.slider is None or not self.sliding:
             return 0.0
+        if isinstance(self.slider, Structure):
+            return self.slider.sliding(self.velocity, contact_force)[1]
         drag = self.slider.mass * self.slider.damping * self.velocity
         if isinstance(self.slider, Slider):
             return (contact_force + drag) / self.slider.stiffness
@@ -225,7 +229,7 @@ class Engine(Protocol):
     """Whether thresholds must have a density."""
     piece: ClassVar[float] = 2e-4
     """Seconds that it takes to begin a piece of the drive, or a look."""
-    slider: SliderConstants | ElasticBody
+    slider: SliderConstants | ElasticBody | Structure
 
     @staticmethod
     def check(interface: Interface) -> None:  # noqa: ARG004
@@ -308,6 +312,10 @@ def engine_of(
     """Return the engine for a method on an interface, under a slider; `InputError`
     if it cannot be taken.
     """
+    if isinstance(slider, Structure):
+        # of the room above, which has the element that structures run on: by name, as
+        # imports point down
+        return _engine_of_structures(interface, method)
     parts = _parts(interface)
     elastic = isinstance(slider, ElasticBody)
     engine = _engine(type(method), interface, parts, elastic)
@@ -323,6 +331,12 @@ def engine_of(
         check_density(interface.threshold_distribution)
     engine.check(interface)
     return engine
+
+
+def _engine_of_structures(interface: Interface, method: object) -> type[Engine]:
+    runs = importlib.import_module("stickslip.structures.runs")
+    found: type[Engine] = runs.engine_for(interface, method)
+    return found
 
 
 def _parts(interface: Interface) -> list[str]:
@@ -402,9 +416,11 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
     )
 
 
-def slider_constants(slider: Slider | ElasticBody | None) -> SliderConstants:
+def slider_constants(
+    slider: Slider | ElasticBody | Structure | None,
+) -> SliderConstants:
     """Return a slider as the kernels take it; none is rigid motion."""
-    assert not isinstance(slider, ElasticBody)
+    assert slider is None or isinstance(slider, Slider)
     return (
         RIGID
         if slider is None

@@ -1,0 +1,296 @@
+"""The engine of a linear structure on contacts: steps in which the structure is known
+exactly, and the contacts, too, on the way that the structure predicts.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+
+from stickslip.arrays import Array
+from stickslip.errors import InputError, refused
+from stickslip.kernels import structure_steps as kernel
+from stickslip.kernels.drive import LOOK, STOPPED, Piece, Quadratic, Sampling
+from stickslip.kernels.element import force_of
+from stickslip.kernels.records import blank
+from stickslip.model import Contacts, Interface
+from stickslip.model.rig import Rig
+from stickslip.model.structure import ControlledAxis, LinearSystem, Structure
+from stickslip.simulation.engines.base import (
+    COLUMNS,
+    Advance,
+    Beginning,
+    Engine,
+    Leg,
+    Stretchings,
+)
+from stickslip.simulation.engines.base import engine_of as engine_of_slider
+from stickslip.simulation.estimates import Course, Part
+from stickslip.simulation.result import STATE
+from stickslip.structures.contacts import element_of
+
+# Radians of the fastest motion that the contacts could have, in a step: it errs by a
+# 24th of the square of that, 4e-6
+_STEP = 0.01
+_UPDATE = 20  # steps between two updates of a controller, at least
+_ADVANCE = 50_000  # steps between two reports
+_SECONDS = 1e-6, 1e-9  # of a step: by itself, and for each contact
+_CONTACT = 400.0  # bytes
+_ENERGIES = ("spring_force", "kinetic_energy", "spring_energy")
+_OF_STRUCTURE = {"work", "damped_energy", "kinetic_energy", "spring_energy"}
+
+
+def engine_for(interface: Interface, method: object) -> type[Engine]:
+    """Return the engine of structures, if it takes this interface and method; else
+    `InputError`.
+    """
+    if not isinstance(method, Contacts):
+        raise refused(
+            "method",
+            method,
+            "a structure runs on single contacts; give Contacts(1000) "
+            '(simulation.method = "contacts")',
+        )
+    for part in ("ageing", "activation"):
+        if getattr(interface, part) is not None:
+            raise InputError(
+                f"Interface.{part}: not available with a structure; leave it out, or "
+                "use a Slider"
+            )
+    engine_of_slider(interface, method)
+    return SteppedStructure
+
+
+class SteppedStructure(Engine):
+    """A linear structure on contacts that break at thresholds of their own.
+
+    Steps are a hundredth of a radian of what moves fastest, or the time between two
+    samples if that is shorter.
+    """
+
+    angle = 0.25
+
+    @staticmethod
+    def cost(rig: Rig, method: Any, course: Course) -> tuple[Part, ...]:  # noqa: ARG004
+        """Return the work of the steps."""
+        natural = rig.natural
+        steps = natural.drive.duration / longest_step(natural.slider)
+        alone, each = _SECONDS
+        seconds = steps * (alone + each * method.count)
+        what = f"{steps:.2g} steps of the structure"
+        size = _CONTACT * method.count
+        return (
+            Part("simulation.contacts", method.count, None, 1.0, what, seconds, size),
+        )
+
+    def __init__(self, beginning: Beginning, method: Contacts) -> None:
+        structure = beginning.slider
+        assert isinstance(structure, Structure)
+        self.slider = structure
+        alone = Beginning(
+            beginning.interface, None, beginning.velocity, beginning.start
+        )
+        self._element = element_of(alone, method)
+        force = force_of(self._element)
+        self._system, self._body, self._controller = _parts(structure)
+        self._z = np.zeros(len(self._system.A))
+        # arrays, as a copy of the engine copies these
+        self._memory = blank(kernel.CONTROL, 1)
+        self._run = blank(kernel.RUN, 1)
+        self._leg: tuple[Quadratic, float] | None = None
+        if beginning.sliding:
+            self._slide(beginning, force)
+        self._run[0].force = force
+        motion = self._element.motion[0]
+        self._run[0].lost_before = motion.lost / self._element.contacts.size
+        states = tuple(f"{STATE}{i}" for i in range(self._z.size))
+        names = (*COLUMNS, *_ENERGIES, *states)
+        if structure.energies is None:
+            names = tuple(f"no {n}" if n in _OF_STRUCTURE else n for n in names)
+        self.columns = names
+
+    def _slide(self, beginning: Beginning, force: float) -> None:
+        """Begin in steady sliding, but for a perturbation of the velocity."""
+        velocity = beginning.velocity
+        state, _ = self.slider.sliding(velocity, force)
+        faster = beginning.slider_velocity - velocity
+        if isinstance(self.slider, ControlledAxis) and self._controller.sample_time:
+            held = force + self.slider.mass * self.slider.damping * velocity
+            state = np.array([0.0, velocity, held])
+            self._memory[0].integral = held
+        kick = self._body.kick
+        self._z[:] = state + kick * faster / float(self._body.moving @ kick)
+
+    def here(self) -> tuple[float, float]:
+        """Time, and position of the contacts."""
+        m = self._element.motion[0]
+        return float(m.time), float(m.position)
+
+    def contact_force(self) -> float:
+        """Force of the contacts now, per contact."""
+        return float(self._run[0].force)
+
+    def stretchings(self) -> Stretchings:
+        """Stretchings of the attached contacts now."""
+        contacts = self._element.contacts
+        held = contacts.until < 0.0
+        x = self.here()[1] - contacts.birth[held]
+        return Stretchings(x, np.full(x.size, 1.0 / contacts.size), cells=False)
+
+    def advance(self, leg: Leg) -> Advance:
+        """Go on by some steps."""
+        run = self._run[0]
+        if self._leg != (leg.drive, leg.end):
+            self._begin(leg)
+        columns = len(self.columns)
+        sampling = Sampling(leg.times, np.empty((leg.times.size, columns)))
+        run.sample = 0.0
+        seen: list[Stretchings] = []
+        looks = (*leg.looks, math.inf)
+        room = np.zeros((3, columns))
+        last = min(self._steps, int(run.steps) + _ADVANCE)
+        why = LOOK
+        while why == LOOK:
+            why = kernel.advance_structure(
+                self._element,
+                kernel.Motion(self._z, room, self._run, self._memory),
+                self._body,
+                self._way,
+                self._controller,
+                Piece(leg.drive, leg.end, leg.stop, looks[len(seen)]),
+                sampling,
+                (self._steps, last - int(run.steps)),
+            )
+            if why == LOOK:
+                seen.append(self.stretchings())
+        over = why == STOPPED or int(run.steps) >= self._steps
+        if over:
+            self._leg = None
+        if over and why != STOPPED:  # the clock of the steps has its own rounding
+            self._element.motion[0].time = leg.end
+            self._element.motion[0].carry = 0.0
+        return Advance(sampling.samples[: int(run.sample)], tuple(seen), over)
+
+    def _begin(self, leg: Leg) -> None:
+        """Choose steps that divide a leg."""
+        now, _ = self.here()
+        longest = longest_step(self.slider)
+        if leg.times.size > 1:
+            longest = min(longest, float(np.min(np.diff(leg.times))))
+        steps = math.ceil((leg.end - now) / longest * (1.0 - 1e-12))
+        self._steps = max(steps, 1)
+        self._way = propagator(self._system, (leg.end - now) / self._steps)
+        self._leg = leg.drive, leg.end
+        self._run[0].begin = now
+        self._run[0].steps = 0.0
+
+
+def longest_step(structure: Structure) -> float:
+    """Return the step: some angle of the fastest motion on attached contacts, and a
+    part of the time between two updates of a controller.
+    """
+    system = structure.system
+    attached = system.A + np.outer(system.force, system.contact)
+    step = _STEP / float(np.max(np.abs(np.linalg.eigvals(attached))))
+    every = getattr(structure, "sample_time", 0.0)
+    return min(step, every / _UPDATE) if every else step
+
+
+def propagator(system: LinearSystem, h: float) -> kernel.Propagator:
+    """Return what a step does: of the state, and of friction force, position, velocity
+    and acceleration of the drive, which are constant or follow each other.
+    """
+    A, force, drive, rate, _, _ = system
+    n = len(A)
+    whole = np.zeros((n + 4, n + 4))
+    whole[:n, :n] = A
+    whole[:n, n : n + 3] = np.column_stack([force, drive, rate])
+    whole[n + 1, n + 2] = 1.0
+    whole[n + 2, n + 3] = 1.0
+    moved = linalg.expm(whole * h)[:n]
+    inputs = (np.ascontiguousarray(moved[:, n + i]) for i in range(4))
+    return kernel.Propagator(h, np.ascontiguousarray(moved[:, :n]), *inputs)
+
+
+def _parts(
+    structure: Structure,
+) -> tuple[LinearSystem, kernel.Body, kernel.Controller]:
+    """Return a structure as steps take it, with its controller where that is updated
+    now and then.
+    """
+    if isinstance(structure, ControlledAxis) and structure.sample_time > 0.0:
+        return _sampled(structure)
+    system = structure.system
+    A, _, drive, rate, contact, track = system
+    spring = float(getattr(structure, "stiffness", 0.0))
+    if isinstance(structure, ControlledAxis):
+        M = structure.mass
+        pull = M * A[1] + np.eye(len(A))[1] * M * structure.damping
+        pulled = (pull, M * drive[1], M * rate[1])
+        works = kernel.BY_CONTROLLER
+    elif spring > 0.0:
+        place = np.array(getattr(structure, "drive", ()))
+        pull = np.concatenate([-spring * place, np.zeros(len(A) - place.size)])
+        pulled = (pull, spring, 0.0)
+        works = kernel.BY_DRIVE
+    else:  # what the deflection of the contacts would hold at rest
+        static = float(structure(np.zeros(1))[0].real)
+        pulled = (-static * contact, static * (1.0 - track), 0.0)
+        works = kernel.BY_TRACK
+    return system, _body(structure, system, pulled, spring, works), _UNSAMPLED
+
+
+_UNSAMPLED = kernel.Controller(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def _sampled(
+    axis: ControlledAxis,
+) -> tuple[LinearSystem, kernel.Body, kernel.Controller]:
+    """Return an axis whose force, its last state, is constant between updates."""
+    inverse = 1.0 / axis.mass
+    nothing = np.zeros(3)
+    system = LinearSystem(
+        A=np.array([[0.0, 1.0, 0.0], [0.0, -axis.damping, inverse], [0.0, 0.0, 0.0]]),
+        force=np.array([0.0, -inverse, 0.0]),
+        drive=nothing,
+        rate=nothing,
+        contact=np.array([1.0, 0.0, 0.0]),
+        track=0.0,
+    )
+    pulled = (np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
+    gains = axis.kp, axis.ki, axis.kd, axis.sample_time, axis.encoder_step
+    body = _body(axis, system, pulled, 0.0, kernel.BY_CONTROLLER)
+    return system, body, kernel.Controller(*gains)
+
+
+def _body(
+    structure: Structure,
+    system: LinearSystem,
+    pulled: tuple[Array, float, float],
+    spring: float,
+    works: int,
+) -> kernel.Body:
+    A, force, drive, rate, contact, track = system
+    n = len(A)
+    forms = [np.zeros((n, n)) for _ in range(3)]
+    for form, known in zip(forms, structure.energies or (), strict=False):
+        form[: len(known), : len(known)] = known[:n, :n]
+    kinetic, elastic, lost = forms
+    pull, pull_drive, pull_rate = pulled
+    return kernel.Body(
+        contact=contact,
+        moving=contact @ A,
+        moving_drive=float(contact @ drive),
+        moving_rate=float(contact @ rate) + track,
+        kick=force,
+        pull=pull,
+        pull_drive=pull_drive,
+        pull_rate=pull_rate,
+        track=track,
+        spring=spring,
+        kinetic=kinetic,
+        elastic=elastic,
+        lost=lost,
+        works=works,
+    )
