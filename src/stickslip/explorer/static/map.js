@@ -3,7 +3,7 @@
 import { colour, draw, logarithmic, pointAt, restyle } from "./figures.js";
 import { put, short } from "./fields.js";
 import { $, parts, showRegime, state, word } from "./page.js";
-import { ask, isAbout, isNewest, on, onceFor } from "./talk.js";
+import { ask, isAbout, isNewest, isPending, on, onceFor } from "./talk.js";
 
 const PARAMETERS = { // by name: key and words
   stiffness: ["slider.stiffness", "K, driving spring"], velocity: ["drive.velocity", "v, speed"], mass: ["slider.mass", "M, mass"],
@@ -126,6 +126,7 @@ parts.map = {
   drawn(reply) {
     showRegime("map-regime", reply.regime);
     offerParameters(Object.keys(reply.parameters));
-    if (isNewest(reply)) followDot(reply.parameters); // else the dot has been moved on since
+    // The dot has been moved on since, where a newer run is asked for, or the edit that asks for one.
+    if (isNewest(reply) && !isPending("edit")) followDot(reply.parameters);
   },
 };

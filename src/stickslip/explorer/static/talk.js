@@ -58,6 +58,7 @@ export function drop(kind) {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ kind, drop: true }));
 }
 export const isNewest = (reply) => reply.id === lanes[reply.kind].wanted;
+export const isPending = (kind) => lanes[kind].wanted > lanes[kind].answered;
 
 export function connect() {
   socket = new WebSocket(`ws://${location.host}${location.pathname.replace(/[^/]*$/, "")}session`);
