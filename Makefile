@@ -21,7 +21,7 @@ help:
 	@echo 'make test      every check without a browser: style, types, imports, equations, tests'
 	@echo 'make lint      the same without the tests'
 	@echo 'make elsewhere the kept numbers and texts, as another processor computes them; ONLY=... picks some'
-	@echo 'make browser   the journeys through the browser app; skipped without a chromium'
+	@echo 'make browser   the journeys through the browser app; ONLY=... picks some; skipped without a chromium'
 	@echo "make verify    the paper's claims, solver against solver, slow tests (half an hour); report in verification/"
 	@echo 'make coverage  lines that the tests go through, slow ones too; the kernels as plain Python'
 	@echo 'make bench     each fast path beside the plain loop it replaces; fails on a broken promise'
@@ -76,7 +76,7 @@ else
 endif
 
 browser: $(VENV)/.dev $(VENV)/.browser
-	$(BIN)/python -m pytest -q -m "browser and not slow" tests/test_explorer_journeys.py
+	$(BIN)/python -m pytest -q -m "browser and not slow" $(if $(ONLY),-k "$(ONLY)") tests/test_explorer_journeys.py
 
 verify: $(VENV)/.dev $(VENV)/.browser
 	$(BIN)/python -m verification --report verification --workers $(WORKERS)

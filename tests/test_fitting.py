@@ -142,7 +142,7 @@ NOT_STICK_SLIP = {
     ),
     "noise": (
         trace_of(10 + 0.2 * RNG(0).normal(size=20_000)),
-        "cannot be told from noise",
+        "cannot be distinguished from noise",
     ),
     "random walk": (
         trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))),

@@ -101,7 +101,7 @@ def test_the_verdict_comes_first_in_capitals_with_frequency_and_force(found):
 )
 def test_any_verdict_is_in_capitals(kind, said, found):
     here = replace(found, regime=replace(found.regime, kind=kind))
-    assert screen.verdict(here.told) == said
+    assert screen.verdict(here.headline_motion) == said
 
 
 @pytest.mark.parametrize(

@@ -673,12 +673,12 @@ def measure(
 
 
 def _friction_at_speeds(trace: xr.Dataset, written: Path | None) -> xr.Dataset | None:
-    """Friction against speed where a trace tells it, written or drawn if asked for."""
+    """Friction against speed where a trace shows it, written or drawn if asked for."""
     from stickslip.io.datasets import as_csv
 
     try:
         found = ss.measure.friction_at_speeds(trace)
-    except InputError:  # most records tell no speed
+    except InputError:  # most records hold no speed
         if written is None:
             return None
         raise

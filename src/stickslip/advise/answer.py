@@ -54,7 +54,7 @@ class RigAnswer(Answer):
 
     @property
     @abstractmethod
-    def told(self) -> Motion:
+    def headline_motion(self) -> Motion:
         """The motion at the rig's own speed."""
 
     @property
@@ -65,7 +65,7 @@ class RigAnswer(Answer):
     @property
     def headline(self) -> str:
         """The motion at the rig's own speed, in a line."""
-        return self.told.line
+        return self.headline_motion.line
 
     @property
     def motion(self) -> str:
@@ -114,7 +114,7 @@ class RigAnswer(Answer):
     ) -> Iterator[str | Line]:
         """Verdict, strip of speeds, changes, and how sure it is."""
         yield Line("", screen.title(self.rig))
-        yield f"  {screen.verdict(self.told)}"
+        yield f"  {screen.verdict(self.headline_motion)}"
         found: Any = self
         low, high = screen.ends(found)
         # beside them blanks, and two marks of now at most
@@ -203,9 +203,9 @@ class RigAnswer(Answer):
         return figure
 
 
-def _shown(told: str | Line, width: int | None, bold: bool) -> str:
+def _shown(content: str | Line, width: int | None, bold: bool) -> str:
     """A line as printed: wrapped, if that can be, beneath where its words begin."""
-    line = Line(told) if isinstance(told, str) else told
+    line = Line(content) if isinstance(content, str) else content
     words = line.title + line.text
     if not line.whole:
         hang = len(words) - len(words.lstrip(" -"))
@@ -261,7 +261,7 @@ class Prediction(Findings, RigAnswer):
         "relative_amplitude",
     )
 
-    told = property(motion)
+    headline_motion = property(motion)
     sections = property(sections)
     motion = property(attrgetter("regime.kind"))
     changed = changes_in_words
@@ -275,5 +275,5 @@ class ElasticPrediction(WaveFindings, RigAnswer):
     _lines = screen.lines_of_waves
     _derived = ("speeds",)
 
-    told = property(motion_of_waves)
+    headline_motion = property(motion_of_waves)
     sections = property(sections_of_waves)

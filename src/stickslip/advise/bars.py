@@ -33,7 +33,8 @@ from stickslip.simulation import estimate, record
 from stickslip.sliding import respond
 from stickslip.stability import count_unstable
 
-# of the softest modes: that are counted; that are told of, of different stiffness
+# numbers of the softest modes that are counted, and of those reported, which differ
+# in stiffness
 _MODES = 64
 _WAVES = 5
 # points a decade at which modes of a wave are counted

@@ -92,21 +92,21 @@ class Doubt(Answer):
     """
 
     #: Fraction that does not slide smoothly, by linear theory or in a run from rest, of
-    #: those of which either tells.
+    #: those that either decides.
     oscillates: float
-    undecided: float  #: fraction of all of which neither tells
+    undecided: float  #: fraction of all that neither decides
     draws: int
 
     #: Keys of the rig's file that were fitted or varied, each with the fractions that
     #: oscillate of the half where the value is larger, and of the other; not a number
-    #: if none of a half is told. The first matters most: there these differ by most
+    #: if none of a half is decided. The first matters most: there these differ by most
     #: standard errors.
     matters: tuple[tuple[str, float, float], ...]
     decides: bool = False  #: whether the first does: by more than two standard errors
     assumed: tuple[str, ...] = ()  #: those that were assumed
     ranges: bool = False  #: whether the file gives ranges of some of these
     left: tuple[str, ...] = ()  #: those of the file that cannot be varied by a number
-    #: whether the runs that are allowed were spent before all was told
+    #: whether the runs that are allowed were spent before all was decided
     ended: bool = False
     #: what contacts with a delay do where they fit the measured friction as well
     delay: str = ""
@@ -187,11 +187,11 @@ class Doubt(Answer):
         if known == self.draws:
             yield f"{count} of {among} oscillate."
         else:
-            told = (
+            decided = (
                 f"{known} were decided: {'all' if count == known else count} oscillate"
             )
             more = " (--thorough decides more)" if self.ended else ""
-            yield f"Of {among} {told if known else 'none could be decided'}{more}."
+            yield f"Of {among} {decided if known else 'none could be decided'}{more}."
         if self.decides:
             key, *parts = self.matters[0]
             larger, smaller = map(percent, parts)

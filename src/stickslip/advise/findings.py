@@ -253,9 +253,9 @@ class Findings:
         found = list[tuple[float, str]]()
         for natural in self.rig.operation.speeds:
             speed = natural * self.rig.unit("velocity")
-            told = [band.motion for band in self.bands if speed in band]
+            motions = [band.motion for band in self.bands if speed in band]
             # the first is that of the drive
-            kind = [*told, "undecided"][0] if found else str(self.regime.kind)
+            kind = [*motions, "undecided"][0] if found else str(self.regime.kind)
             found.append((speed, kind))
         return tuple(found)
 

@@ -128,9 +128,9 @@ def legend(kinds: Sequence[str]) -> str:
     return words + " (its speeds)" * (kinds.count("now") > 1)
 
 
-def verdict(told: Motion) -> str:
+def verdict(motion: Motion) -> str:
     """The motion in capitals, then its numbers."""
-    return f"{told.kind.upper()}   {told.rest.lstrip(',;: ')}".rstrip()
+    return f"{motion.kind.upper()}   {motion.rest.lstrip(',;: ')}".rstrip()
 
 
 def lines_of_waves(found: WaveFindings, signs: Signs = ASCII) -> Iterator[str | Line]:
@@ -151,10 +151,10 @@ def lines(found: Findings, signs: Signs = ASCII) -> Iterator[str | Line]:
     """What stands beneath verdict and strip: what else there is to say of the motion,
     the changes, and how sure it is.
     """
-    told = [motion(found).more, *at_work(found)]
+    sentences = [motion(found).more, *at_work(found)]
     if found.has_verdict and not strip(found, 1):
-        told.append(found.theory_note)
-    yield from map("  {}".format, filter(None, told))
+        sentences.append(found.theory_note)
+    yield from map("  {}".format, filter(None, sentences))
     if changes := [*_changes(found, signs)]:
         yield from ("", *changes)
     yield ""
@@ -175,7 +175,7 @@ def _changes(found: Findings, signs: Signs) -> Iterator[str | Line]:
     elif found.smooth:
         limits = [each.nearest for each in found.margins if each.nearest]
         changes = sorted(limits, key=lambda each: each.size)
-    # those that can be made on the machine are told first
+    # changes that can be made on the machine come first
     shown = sorted(changes[:_ROWS], key=lambda each: each.size)
     if shown:
         yield Line("", title)

@@ -62,7 +62,7 @@ _BISTABLE = "from this start, although smooth sliding, once reached, is linearly
 # what is said of a range beside its motion
 _NOTES = {
     "stable": ", starts from rest not judged",
-    "unknown": ": linear theory cannot tell, or not with the looks that are allowed",
+    "unknown": ": linear theory cannot decide, or not within its budget",
 }
 _LABELS = {
     "stiffness": "spring stiffness",
@@ -382,7 +382,7 @@ def noise(found: Findings) -> Iterator[str]:
         return
     rig = found.rig
     name, value = found.noise_limit
-    with suppress(UndecidedError):  # so near to the limit that no theory tells
+    with suppress(UndecidedError):  # too near to the limit for the theory
         there = contact_noise(rig.with_values(**{name: value}))
         count = getattr(rig.method, "count", "its")
         rms = percent(there.relative_force)
@@ -413,7 +413,7 @@ def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
     if (damping := getattr(rig.slider, "damping_ratio", 0.0)) > 0:
         ratio = {"damping ratio": number(damping, 3)}
     strength = {"contact strength": rig.in_units(1.0, "force")}
-    told = dict[str, str]()
+    labelled = dict[str, str]()
     for name in names:
         label = _LABELS.get(name, parameter_named(name).title or name)
         here = {label: amount(rig, name, rig.value(name), 3)}
@@ -421,14 +421,14 @@ def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
             here = ratio or here
         if name == "load" and rig.operation.normal_load:
             here = {"normal load": here[label]} | strength
-        told |= here
-    told |= ratio
-    told["breaking displacement"] = rig.in_units(1.0, "length")
-    told["sliding force"] = rig.in_units(rig.interface.sliding_force, "force")
+        labelled |= here
+    labelled |= ratio
+    labelled["breaking displacement"] = rig.in_units(1.0, "length")
+    labelled["sliding force"] = rig.in_units(rig.interface.sliding_force, "force")
     if "interface.v_half" in rig.given and has(rig, DELAY):
         speed = half_distance(rig.interface) / DELAY.get(rig)
-        told["v_half"] = rig.in_units(speed, "velocity")
-    return told
+        labelled["v_half"] = rig.in_units(speed, "velocity")
+    return labelled
 
 
 def changes_in_words(found: Findings, *changes: Mitigation) -> str:
@@ -504,16 +504,18 @@ def slips(found: WaveFindings) -> Iterator[str]:
     """The first slips in the run of a bar from rest."""
     rig = found.rig
     first = "precursor" if rig.natural.slider.side > 0 else "slip"
-    told = list[str]()
+    sentences = list[str]()
     for slip, name in ((found.partial, first), (found.whole, "slip of all blocks")):
         if slip is not None:
             after = quantity(rig, slip.start, "time", 3)
-            told.append(f"first {name} after {after}")
+            sentences.append(f"first {name} after {after}")
             drop = quantity(rig, slip.drop, "force", 3)
             over = blocks_in_words(rig, slip.blocks)
-            told[-1] += f", force drop {drop}" if slip is found.whole else f", {over}"
-    if told:
-        yield f"in a run from rest: {'; '.join(told)}"
+            sentences[-1] += (
+                f", force drop {drop}" if slip is found.whole else f", {over}"
+            )
+    if sentences:
+        yield f"in a run from rest: {'; '.join(sentences)}"
     elif found.simulated:
         lasts = quantity(rig, found.simulated, "time", 3)
         yield f"in a run from rest of {lasts}: no slip of 3 blocks or more"
@@ -527,7 +529,7 @@ def sections_of_waves(found: WaveFindings) -> list[Section]:
     """Each wave in words, the critical length, and where the first contacts break."""
     rig = found.rig
     unstable = [f"linearly unstable {_unstable(found, found.speeds)}"]
-    # else the headline tells
+    # else it stands in the headline
     if found.theory_note or (len(found.speeds) == 1 and _around(found)):
         unstable = []
     waves = [("wave", "stiffness", "growth rate", "unstable")] if found.waves else []

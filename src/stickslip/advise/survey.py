@@ -1,4 +1,4 @@
-"""Ranges with one kind of motion along a parameter: as linear theory tells, and as runs
+"""Ranges with one kind of motion along a parameter: as linear theory gives, and as runs
 from rest show over speed.
 
 All along here are factors on what the rig has, so that no unit matters.
@@ -42,8 +42,8 @@ MOTIONS = {
 }
 # points at which growing modes are counted, by what `is_expensive` says
 _PER_DECADE = {False: 16, True: 6}
-# where theory cannot tell of a range, the ends of what it can tell are found to this
-# part of the value
+# relative accuracy of the ends of a range in which the theory decides, beside one in
+# which it does not
 _NARROW = 1e-3
 # a parameter that a factor makes larger, or on side -1 smaller
 Turn = tuple[Parameter, int]
@@ -57,7 +57,7 @@ class Band:
 
     #: From a start at rest; "stable" or "unstable" where linear theory says that of
     #: smooth sliding, and what comes of a start at rest was not simulated or could not
-    #: be judged; "unknown" where the theory cannot tell either.
+    #: be judged; "unknown" where the theory does not decide either.
     kind: str
 
     #: Whether smooth sliding, once reached, is stable as well (linear, so without the
@@ -148,7 +148,7 @@ def stability_along(
     density = density or _PER_DECADE[is_expensive(rig)]
     try:
         found = search(factor, rig.natural, low, high, density=density, edges_only=True)
-    except (InputError, UndecidedError):  # at some value the theory cannot tell
+    except (InputError, UndecidedError):  # at some value the theory does not decide
         if high < (1.0 + _NARROW) * low or all(
             linearly_unstable(factor.set(rig, end)) is None for end in (low, high)
         ):
@@ -246,10 +246,10 @@ class Survey:
         round: of contacts drawn once that may be chance.
         """
         seen = [pair for band in self._linear for pair in self._seen(band)]
-        told = [pair for pair in seen if pair[1] in (*OSCILLATES, "smooth sliding")]
+        decided = [pair for pair in seen if pair[1] in (*OSCILLATES, "smooth sliding")]
         rows = [
             [speed for speed, _ in row]
-            for _, row in groupby(told, key=lambda pair: pair[1] in OSCILLATES)
+            for _, row in groupby(decided, key=lambda pair: pair[1] in OSCILLATES)
         ]
         # that of the rig itself is another run
         return [row for row in rows[1:-1] if 1.0 not in row]
@@ -281,13 +281,15 @@ class Survey:
         A run that seems smooth where smooth sliding is unstable has not grown yet, or
         is hidden by noise.
         """
-        told = (*OSCILLATES, "smooth sliding")[: 2 if band.kind == "unstable" else 3]
+        decided = (*OSCILLATES, "smooth sliding")[: 2 if band.kind == "unstable" else 3]
         inside = [v for v in sorted(self.known) if v in band]
-        kinds = [kind if (kind := self.known[v]) in told else band.kind for v in inside]
+        kinds = [
+            kind if (kind := self.known[v]) in decided else band.kind for v in inside
+        ]
         if band.kind == "stable":
             return [*zip(inside, kinds, strict=True)]
-        # One speed left out between two with the same oscillation tells nothing against
-        # it.
+        # One speed left out between two with the same oscillation is no evidence
+        # against it.
         sides = zip(["", *kinds], inside, kinds, [*kinds[1:], "?"], strict=False)
         return [
             (v, kind)
@@ -298,8 +300,8 @@ class Survey:
     def bands(self) -> tuple[Band, ...]:
         """Ranges of linear stability, cut where the motion changes.
 
-        Where the place of a change is not known, what was seen at a speed is told of no
-        others than those next to it.
+        Where the place of a change is not known, what was seen at a speed is reported
+        of its neighbours only.
         """
         parts: list[Band] = []
         for band in self._linear:

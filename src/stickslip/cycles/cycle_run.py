@@ -109,15 +109,15 @@ class _Meter:
         self.spent += seconds_since(self.before, self.engine)
         self.before = self.engine.state.used
         if self.spent > self.most:
-            told = work_of_run(self.rig, FromRest()).seconds
-            if self.spent > max(told, _LONG):
+            estimated = work_of_run(self.rig, FromRest()).seconds
+            if self.spent > max(estimated, _LONG):
                 now = self.rig.in_units(self.engine.here()[0], "time")
                 raise UndecidedError(
                     f"{self.rig.interface.threshold_distribution}: no cycle is "
                     f"complete at t = {now}, and a look at more takes longer than "
                     f"{in_time(self.spent)}; give a narrower distribution, or simulate"
                 )
-            self.most = told
+            self.most = estimated
 
 
 class Look(NamedTuple):

@@ -387,8 +387,8 @@ def _faults(events: Events) -> Iterator[str]:
         most = f"at most {100 * LARGEST_DROP:g} %; record with less noise"
         found = _beside(100 * smallest, 100 * LARGEST_DROP, 2)
         yield (
-            f"drops below {least}, {found} % of the peak force, cannot be told from "
-            f"noise: {most}"
+            f"drops below {least}, {found} % of the peak force, cannot be "
+            f"distinguished from noise: {most}"
         )
     if events.sawtooth < _LEAST_SAWTOOTH:
         seen = (

@@ -367,7 +367,7 @@ def _bench_displacement(
         raise InputError(
             f"loading_rate = {rate:.4g} N/s: stiffness times speed, {K * v:.4g} "
             "N/s, must be at least "
-            f"{100 * _LEAST_RATIO:g} % more to tell how stiff the interface is; "
+            f"{100 * _LEAST_RATIO:g} % more to show how stiff the interface is; "
             "give breaking_displacement",
             "loading_rate",
         )

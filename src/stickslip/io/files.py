@@ -134,7 +134,7 @@ def write(path: FileName, content: bytes | memoryview) -> Path:
                 os.fsync(file.fileno())  # a disk that is full may say so only now
             part.replace(place)
         except BaseException:
-            with suppress(OSError):  # the first error is the one to be told
+            with suppress(OSError):  # the first error is the one to report
                 part.unlink(missing_ok=True)
             raise
     except OSError as error:

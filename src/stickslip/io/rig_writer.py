@@ -394,7 +394,7 @@ class _Writer:
         """Write a natural value as it stands in a file: the shortest text that reads
         back as the same, or the nearest.
 
-        `same` tells whether a value in SI units is the one to be written, where it is
+        `same` decides whether a value in SI units is the one to be written, where it is
         not divided by the unit.
         """
         if self.natural or unit == "1":

@@ -12,7 +12,7 @@ PURPLE = "#CC79A7"
 YELLOW = "#F0E442"
 GREY = "#7F7F7F"
 PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-"""Colours of Okabe and Ito, which colour-blind readers can tell apart; yellow is too
+"""Colours of Okabe and Ito, which colour-blind readers distinguish; yellow is too
 pale for a line.
 """
 

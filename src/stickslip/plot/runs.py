@@ -236,8 +236,8 @@ def overview(
         _title(run, seen)
     )
     _shade_parts(axes[0], seen)
-    if told := run.attrs.get("read"):
-        figure.supxlabel(printable(str(told)), fontsize="xx-small", color=GREY)
+    if read := run.attrs.get("read"):
+        figure.supxlabel(printable(str(read)), fontsize="xx-small", color=GREY)
     for draw, ax in zip(panels, axes[1:], strict=True):
         draw(run, ax)
     for ax in axes[:-1]:
@@ -367,7 +367,7 @@ def _mark_slips(ax: Axes, force: xr.DataArray, events: xr.Dataset) -> None:
         label="slipping" if slips else "falling",
     )
     peaks = events["force_before"].values
-    if "stroke" in events:  # where it is told without the offset of the strokes
+    if "stroke" in events:  # where forces are those without the offset of the strokes
         peaks = np.interp(start, force["time"].values, force.values)
     ax.plot(
         start,

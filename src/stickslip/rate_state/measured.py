@@ -467,8 +467,8 @@ def _fit_law(
     a = start[0]
     reach = float(step.displacement.max())
     fine = float(np.median(np.diff(step.displacement)))
-    # A rise that takes less than a tenth of a bin cannot be told from a sudden one,
-    # and would take as many more steps of the integrator.
+    # A rise that takes less than a tenth of a bin cannot be distinguished from a sudden
+    # one, and would take as many more steps of the integrator.
     ranges = {
         "a": (1e-3 * a, 1e2 * a),
         "b": (1e-3 * a, 1e2 * a),
@@ -499,7 +499,7 @@ def _fit_law(
     start = np.array([found.a, found.b, found.distance, found.stiffness, found.late])
     again = partial(_fit_law, step, law, start=start)
     if not found.stiffness.error < found.stiffness:
-        # A machine as stiff as can be told is rigid, where that is within an error,
+        # A machine as stiff as can be resolved is rigid, where that is within an error,
         # and by how much it lags behind, too.
         with suppress(UndecidedError):
             limit = Estimate(10.0 * stiffest, math.inf)

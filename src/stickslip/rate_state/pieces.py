@@ -220,7 +220,7 @@ def _alike(
 
 
 def _difference(one: Estimate, other: Estimate) -> float:
-    """Logarithm of the ratio of two speeds; 0 where neither can be told from rest,
+    """Logarithm of the ratio of two speeds; 0 where neither differs from rest,
     or both from each other.
     """
     if abs(one - other) < ERRORS * math.hypot(one.error, other.error):

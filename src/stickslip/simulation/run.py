@@ -75,7 +75,7 @@ def simulate(
     long : bool
         Whether it may take more than an hour, or 4 GB of memory, by the estimate made
         before it starts. Where that is more than a minute, it is logged (logger
-        ``stickslip``): one line on standard error, unless told otherwise.
+        ``stickslip``): one line on standard error, by default.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def simulate(
         ``spring_energy``, ``contact_energy``, ``damped_energy``, ``broken_energy``;
         with snapshots, ``stretching_density`` on ``(snapshot, stretching)``. In natural
         units forces and energies are per contact, in ``f_s`` and ``f_s x_s``. The
-        attribute ``provenance`` tells how to make it again; see `rerun`. With
+        attribute ``provenance`` says how to make it again; see `rerun`. With
         thresholds that age ``work`` and the energies of contacts, damping and breaks
         are left out: breaks cannot be counted there (their rate diverges for newborns
         without strength).
@@ -116,10 +116,10 @@ def simulate(
     """
     instance("simulate: rig", rig, Rig, "a Rig(interface, slider, drive)")
     changes = {"method": method, "start": start, "output": output}
-    told = rig.replace(
+    given = rig.replace(
         **{name: value for name, value in changes.items() if value is not None}
     )
-    return record(told, progress=progress, long=long).dataset()
+    return record(given, progress=progress, long=long).dataset()
 
 
 @dataclass(frozen=True, eq=False)

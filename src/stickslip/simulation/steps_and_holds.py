@@ -88,12 +88,12 @@ def velocity_step(
     ... )  # about A/2 ln(10) = .0115 less what a wide scatter takes, by theory
     0.01
     """
-    told = _rig_of("velocity_step", rig, method)
-    v = told.read("velocity_step: before", before, "x_s/time")
-    w = told.read("velocity_step: after", after, "x_s/time")
-    way = told.read("velocity_step: distance", distance, "x_s")
+    checked = _rig_of("velocity_step", rig, method)
+    v = checked.read("velocity_step: before", before, "x_s/time")
+    w = checked.read("velocity_step: after", after, "x_s/time")
+    way = checked.read("velocity_step: distance", distance, "x_s")
     count = whole("velocity_step: points", points, at_least=10, at_most=10_000_000)
-    engine, origin, _ = _sliding(told, v, "velocity_step", stiffness)
+    engine, origin, _ = _sliding(checked, v, "velocity_step", stiffness)
     first = max(round(_APPROACH * count), 2)
     approach = _APPROACH * way / v
     times = np.append(
@@ -117,11 +117,11 @@ def velocity_step(
         "after": after,
         "distance": distance,
         "stiffness": stiffness,
-        "method": told.method,
+        "method": checked.method,
         "points": points,
     }
     provenance = store.provenance("velocity_step", arguments)
-    return told.in_its_units(xr.Dataset(variables, attrs={"provenance": provenance}))
+    return checked.in_its_units(xr.Dataset(variables, attrs={"provenance": provenance}))
 
 
 def slide_hold_slide(
@@ -132,7 +132,7 @@ def slide_hold_slide(
     stiffness: float | str = math.inf,
     method: Method | None = None,
 ) -> xr.Dataset:
-    """Stop the drive in steady sliding for a time, go on, and tell how the force
+    """Stop the drive in steady sliding for a time, go on, and return how the force
     relaxes and how far it peaks.
 
     Parameters
@@ -177,12 +177,12 @@ def slide_hold_slide(
     [0.089, 0.134]
     """
     who = "slide_hold_slide"
-    told = _rig_of("slide_hold_slide", rig, method)
-    v = told.read(f"{who}: velocity", velocity, "x_s/time")
+    checked = _rig_of("slide_hold_slide", rig, method)
+    v = checked.read(f"{who}: velocity", velocity, "x_s/time")
     listed = sequence(f"{who}: holds", holds, "times, such as (1.0, 10.0, 100.0)")
     times = np.array(
         [
-            told.read(f"{who}: holds[{i}]", value, "time")
+            checked.read(f"{who}: holds[{i}]", value, "time")
             for i, value in enumerate(listed)
         ]
     )
@@ -190,8 +190,8 @@ def slide_hold_slide(
         raise InputError(
             f"{who}: holds: must hold at least one time, such as (1.0, 10.0, 100.0)"
         )
-    mean = told.interface.threshold_distribution.moment(1)
-    engine, origin, spring = _sliding(told, v, who, stiffness)
+    mean = checked.interface.threshold_distribution.moment(1)
+    engine, origin, spring = _sliding(checked, v, who, stiffness)
     before = follow(
         engine, constant(v, mean / v), origin, np.linspace(0.0, mean / v, 401)
     )
@@ -231,10 +231,10 @@ def slide_hold_slide(
         "velocity": velocity,
         "holds": tuple(listed),
         "stiffness": stiffness,
-        "method": told.method,
+        "method": checked.method,
     }
     provenance = store.provenance(who, arguments)
-    return told.in_its_units(xr.Dataset(variables, attrs={"provenance": provenance}))
+    return checked.in_its_units(xr.Dataset(variables, attrs={"provenance": provenance}))
 
 
 def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:

@@ -40,9 +40,9 @@ _SMALLEST = 1e-6  # of the friction: errors that are smaller are those of arithm
 class FrictionCurve(Answer):
     """The contacts that give a measured friction curve, in natural units per contact.
 
-    A curve alone does not tell growth from a delay where both fit, and these move
-    otherwise: a hold does (after longer holds contacts that grow are stronger), or a
-    velocity step.
+    A curve alone does not distinguish growth from a delay where both fit, and these
+    move otherwise: a hold does (after longer holds contacts that grow are
+    stronger), or a velocity step.
     """
 
     measured: MeasuredFriction

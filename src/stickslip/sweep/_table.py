@@ -3,7 +3,7 @@ with a checksum.
 
 The row with the empty key is the head: the description of the sweep. Transactions
 (rollback journal, no write-ahead log: network file systems will do) leave every commit
-whole after a kill; checksums tell what a disk has changed since.
+whole after a kill; checksums show what a disk has changed since.
 
 Only the process that drives a sweep writes, and holds a lock on ``<store>.lock``, which
 goes with the process, however it ends. Anybody may read meanwhile.

@@ -40,7 +40,7 @@ _LEAST, _SHARE, _MOST = 0.1, 0.05, 2.0
 """Trials take these seconds, or this part of the whole run if that is more, and never
 more than the last number of seconds.
 """
-_HOPELESS = 100.0  # what takes as many times too long is refused, if told badly, too
+_HOPELESS = 100.0  # above this excess over the limit even a poor estimate refuses
 _ROUNDS = 6.0  # as many lives of contacts show what a run settles to
 _BROKEN = 0.5  # contacts broken for each that there is: the first slip has begun
 _RINGS = 100.0  # radians after it that are followed at least
@@ -104,7 +104,7 @@ def seconds_of_run(engine: "Panels", position: float, rig: Rig) -> float:
 
 def _sections(pieces: tuple[Piece, ...]) -> list[list[Piece]]:
     """Cut a drive in some sections that are tried each: pieces by themselves, if they
-    are few, and ramps in some, as their first part tells little of the others.
+    are few, and ramps in some, as their first part says little of the others.
     """
     count = min(len(pieces), _SECTIONS)
     ends = [len(pieces) * i // count for i in range(count + 1)]
@@ -157,8 +157,8 @@ class _Trial:
         self.least = _RINGS * radian + (delay if math.isfinite(delay) else 0.0)
 
     def follow(self, engine: "Panels", position: float) -> float:
-        """Go along the pieces until the rest can be told; return where the drive is
-        then.
+        """Go along the pieces until the rest can be estimated; return the position of
+        the drive then.
         """
         for piece in self.pieces:
             begin = engine.here()[0]
@@ -171,7 +171,7 @@ class _Trial:
         return position
 
     def _follow_leg(self, engine: "Panels", leg: Leg) -> bool:
-        """Go along a leg; return whether the rest can be told."""
+        """Go along a leg; return whether the rest can be estimated."""
         before = engine.state.used
         engine.steps = _AT_ONCE
         for _ in advances(engine, leg):
@@ -191,7 +191,7 @@ class _Trial:
         return min(self.rings, self.cycle, max(self.end - self.slip, 0.0))
 
     def is_enough(self) -> bool:
-        """Whether the rest can be told, or has cost too much to go on."""
+        """Whether the rest can be estimated, or has cost too much to go on."""
         seconds = self.some * self.spent[-1]
         now = self.times[-1]
         rung = now - self.slip
