@@ -63,6 +63,7 @@ def paper_s_rig():
     return advise.predict(make(stiffness=2.0))
 
 
+@pytest.mark.slow
 @pytest.mark.eq(8)
 def test_the_paper_s_rig_is_bistable_with_its_margins(paper_s_rig):
     found = paper_s_rig
@@ -91,6 +92,7 @@ def test_a_verdict_is_about_the_speed_that_it_names():
     assert kinds == {"stick-slip"}
 
 
+@pytest.mark.slow
 def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
     found = paper_s_rig
     rig = paper_s_rig.rig
@@ -121,6 +123,7 @@ def test_the_noise_of_the_contacts_is_seen_before_the_limit(paper_s_rig):
     )
 
 
+@pytest.mark.slow
 def test_an_assumption_is_varied_within_the_range_that_the_file_gives():
     assumed = {"slider.mass": ["2.9 kg", "3.1 kg"], "interface.delay": ["1 us", "2 us"]}
     rig = example("brake_pad", assumed=assumed)
@@ -206,6 +209,7 @@ def test_a_rig_without_a_mechanism_is_not_judged_but_told_over_delays():
     assert found.delays[0].high == pytest.approx(0.138218, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_where_nothing_helps_the_range_searched_is_told():
     shares = []
     found = advise.predict(ss.example("pmma_slider"), progress=shares.append)
@@ -482,6 +486,7 @@ def test_mitigations_stay_within_what_could_be_built():
     assert bound["stiffness"] == free["stiffness"]
 
 
+@pytest.mark.slow
 def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
     """Beyond 50 times the velocity of ageing the theory cannot tell: that was called
     unstable, and its end a limit.
@@ -554,7 +559,7 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
 
 @pytest.mark.filterwarnings("error")
 # the master equation at nodes of the stretching, and its response at many speeds
-@pytest.mark.takes(8)
+@pytest.mark.slow
 def test_contacts_that_break_by_heat():
     """Static friction and the critical stiffness are those without heat; the rest
     knows of it.
@@ -711,7 +716,7 @@ def test_contacts_without_any_response_cannot_become_unstable(delay, modes, word
     assert words in found.theory_note
 
 
-@pytest.mark.takes(5)  # two sets of some sixty rigs
+@pytest.mark.slow
 def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     """Of rigs drawn at random from the same ranges, within three standard errors."""
     rig = ss.example("precision_stage")
@@ -747,6 +752,7 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     assert (key, larger < smaller) == (f"interface.{name}", True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "now", "then"), [("mu_s", 0.47, 0.55), ("mu_k", 0.33, 0.31)]
 )
@@ -803,7 +809,7 @@ def test_a_range_of_speeds_is_made_smooth_by_one_change_or_by_two_smaller_ones()
 FASTER = Mitigation(parameter="velocity", now=0.02, to=0.22)
 
 
-@pytest.mark.takes(5)  # three pictures, a map among them
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "found",
     [

@@ -190,6 +190,7 @@ def test_the_branch_carries_the_same_cycle_as_a_fresh_start(parameter, value, sa
     assert fastest == pytest.approx(fresh.largest_velocity, rel=sampled)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("delay", "parameter", "between", "low", "high"),
     [
@@ -260,7 +261,7 @@ def test_a_branch_that_is_not_there():
         cycle_branch(pulled(0.01), "velocity", begin=1.0, between=(0.5, 2.0))
 
 
-@pytest.mark.takes(6)  # a branch, a band and a window, twice
+@pytest.mark.slow
 def test_what_is_found_is_in_the_units_of_the_rig():
     plain = ss.Rig(
         delayed(0.1),

@@ -19,7 +19,7 @@ PAGES = sorted(
     for folder in ("practice", "elastic")
     for path in (EXAMPLES / folder).glob("*.py")
 )
-DEAR = ("practice/basalt_step", "practice/bowed_string", "practice/regime_diagram")
+QUICK = ("precision_stage", "steps_and_holds", "teaching_bench", "wiper")
 
 
 def example(name, folder="practice"):
@@ -55,7 +55,7 @@ def test_every_figure_has_its_page():
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name
+        name if Path(name).name in QUICK else pytest.param(name, marks=pytest.mark.slow)
         for name in PAGES
     ],
 )
@@ -98,6 +98,7 @@ def test_a_servo_stiffer_than_critical_tracks_better():
     assert errors[1] < 0.2 * errors[0]
 
 
+@pytest.mark.slow
 def test_a_faster_bow_needs_more_force():
     string = example("bowed_string")
     forces, frequencies = zip(
@@ -109,6 +110,7 @@ def test_a_faster_bow_needs_more_force():
     np.testing.assert_allclose(harmonics, harmonics.round(), atol=0.02)
 
 
+@pytest.mark.slow
 def test_faster_loading_makes_events_more_frequent_not_smaller():
     rock = example("rock_slab")
     slab = rig.read_rig(rock.RIG)
@@ -152,6 +154,7 @@ def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_eith
     assert (count[0], count[-1]) == (at_rest, left)
 
 
+@pytest.mark.slow
 def test_a_slow_front_by_slow_slip():
     """The fast front as theory has it, which stops where the prestress falls; a slow
     one goes on.
@@ -170,7 +173,7 @@ def test_a_slow_front_by_slow_slip():
     assert (int(np.isfinite(without).sum()), float(without.max()) < 250) == (114, True)
 
 
-@pytest.mark.takes(4)
+@pytest.mark.slow
 def test_few_contacts_without_weakening_move_as_paper_on_paper_does():
     diagram = example("regime_diagram")
     slow = []  # drops in mN, at 42 um/s

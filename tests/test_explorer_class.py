@@ -24,6 +24,7 @@ def lesson():
         yield running
 
 
+@pytest.mark.slow
 def test_a_shared_app_is_behind_a_token(lesson):
     host = lesson.url.split("/")[2]
     path = lesson.path
@@ -54,6 +55,7 @@ def test_a_shared_app_is_behind_a_token(lesson):
     assert any("whoever has this link" in line for line in lesson.lines)
 
 
+@pytest.mark.slow
 def test_a_long_computation_holds_up_nobody(lesson):
     with ExitStack() as stack:
         first, *rest = [stack.enter_context(headless.session(lesson)) for _ in range(4)]
@@ -84,6 +86,7 @@ def cpu(pid):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+@pytest.mark.slow
 def test_work_that_nobody_waits_for_is_ended(lesson):
     with headless.session(lesson) as session:
         session.websocket.send(

@@ -370,6 +370,7 @@ def test_an_engine_of_ones_own():
             ss.simulate(replace(rig, interface=replace(rig.interface, **field)))
 
 
+@pytest.mark.slow
 def test_a_body_of_ones_own():
     rig = replace(
         rig_with(ss.Delay(0.1), distance=2.0),
@@ -434,7 +435,7 @@ def test_an_ageing_of_ones_own():
     np.testing.assert_array_equal(found["mean_force"], known["mean_force"])
 
 
-@pytest.mark.takes(4)  # runs by two methods, and a sweep
+@pytest.mark.slow
 def test_a_barrier_of_ones_own():
     rig = rig_with(ss.Delay(0.1), ss.Gaussian(mean=1.0, std=0.1), distance=1.0)
     bell = ss.Bell(width=0.01, attempts=1e6)

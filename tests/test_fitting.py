@@ -394,7 +394,7 @@ def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
     assert [each.unit("x_s") for each in drawn] == pytest.approx(list(draws), rel=1e-7)
 
 
-@pytest.mark.takes(5)  # 64 rigs, each simulated
+@pytest.mark.slow
 def test_a_fitted_rig_is_judged_over_its_draws(found):
     """By runs, as contacts re-attach on arrest; a trace of stick-slip was fitted."""
     doubt = Doubt.of(found.rig(), Budget(math.inf))

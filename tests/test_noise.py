@@ -130,6 +130,7 @@ def test_a_light_slider_on_a_kinetic_equation_that_ages_settles(numbers):
     assert run.spring_force.std() < rig.method.rtol
 
 
+@pytest.mark.slow
 def test_a_population_fluctuates_as_theory_says():
     rig = replace(rig_of(TENTHS), method=ss.Population(100_000))
     force, _ = in_runs(rig, contact_noise(rig), error=0.03)

@@ -27,13 +27,11 @@ READ = "reproduced under the stated reading"
 PRINTED = "reproduced"
 NOT = "not reproduced"
 
-# Quick versions take their time, too: those of figures 9 to 11 for runs of some
-# thousand time units.
-LONG = {
-    name: pytest.mark.takes(seconds)
-    for name, seconds in {"fig4": 3, "fig6": 7, "fig7": 9, "fig8": 6}.items()
-}
-LONG |= dict.fromkeys(("fig9", "fig10", "fig11"), pytest.mark.slow)
+# Quick versions of these take their time, too, in searches for boundaries and runs of
+# some thousand time units.
+LONG = dict.fromkeys(
+    ("fig6", "fig7", "fig8", "fig9", "fig10", "fig11"), pytest.mark.slow
+) | {"fig4": pytest.mark.takes(3)}
 QUICKLY = [pytest.param(name, marks=LONG.get(name, ())) for name in FIGURES]
 
 # Claims about oscillations of which rounding tells all but the first digits, and how

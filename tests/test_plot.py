@@ -249,6 +249,7 @@ def test_a_prediction_shows_the_speeds_searched_and_a_dozen_cycles():
     assert 10 < (shown[-1] - shown[0]) * answer.frequency < 13  # not a black band
 
 
+@pytest.mark.slow
 def test_frequencies_on_a_map_are_in_hertz():
     found = chart(example("brake_pad"), ("velocity", "stiffness"), 10.0, 24)
     figure = plot.chart(found)

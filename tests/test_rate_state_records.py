@@ -116,7 +116,7 @@ def test_a_time_that_is_a_minute_off_is_a_hint(at):
     assert np.all(np.abs(pulls(found)) < 4.0)
 
 
-@pytest.mark.takes(4)
+@pytest.mark.slow
 def test_a_wrong_time_without_a_displacement_is_refused_soon(monkeypatch):
     """Counted in curves: some 2 ms each."""
     curves = []
@@ -175,6 +175,7 @@ def test_healing_in_the_holds_of_a_record():
     assert 0.5 < np.std(off) < 1.7
 
 
+@pytest.mark.slow
 def test_steps_by_decades_are_found_where_the_fast_ones_are_short():
     """Each piece goes as far; the fastest lasts a hundredth of the slowest."""
     speeds = np.array([1.0, 0.1, 1.0, 10.0, 100.0, 10.0])

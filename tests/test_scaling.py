@@ -26,7 +26,12 @@ RIG = ss.Rig(
 
 
 UNITS = pytest.mark.parametrize(
-    ("length", "time"), [(2e-3, 1e3), (4.0, 0.25), (900.0, 1e-6)]
+    ("length", "time"),
+    [
+        pytest.param(2e-3, 1e3, marks=pytest.mark.slow),
+        (4.0, 0.25),
+        pytest.param(900.0, 1e-6, marks=pytest.mark.slow),
+    ],
 )
 
 

@@ -866,7 +866,7 @@ def test_a_spring_and_a_delay_of_ageing_contacts_are_critical_where_the_count_ch
     ] == [0, 2]
 
 
-@pytest.mark.takes(7)
+@pytest.mark.slow
 def test_a_map_and_a_boundary_of_ageing_contacts():
     grids = np.array([0.5, 1.5]), np.array([0.8, 1.2, 2.5])
     found = stability_map(aged(1.5), values=grids, growth=True)

@@ -193,6 +193,7 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp_path):
     expected = run_cases(cases.logged, LOGGED_AXES, executor=Threads(1))
     for i, executor in enumerate(

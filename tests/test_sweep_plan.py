@@ -346,7 +346,7 @@ def test_the_master_equation_needs_no_seed_and_feels_the_smooth_start():
 # ---------------------------------------------------------------- the command
 
 
-@pytest.mark.takes(4)
+@pytest.mark.slow
 def test_a_second_start_runs_nothing_and_says_the_same(tmp_path, capsys, counted):
     """Of a grid, and of a refinement: each is kept, drawn and gone on with."""
     span = {"from": 0.5, "to": 8.0, "spacing": "log"}

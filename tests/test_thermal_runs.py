@@ -166,7 +166,7 @@ THERE_AND_BACK = (
 
 
 # where it is wide most break as they attach, and 1e-7 takes many steps
-@pytest.mark.takes(10)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NOT_FIXED)
 def test_the_tolerance_is_met_through_slips_holds_and_turns(name):
     """By the root mean square over the run, of the master equation at a temperature
@@ -358,6 +358,7 @@ def test_slide_hold_slide(name):
     assert float(contacts.peak[0]) == pytest.approx(peak, abs=4 * error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stiffness", "growth", "frequency"),
     [(0.0200, 0.0240, 2.370), (0.0216, -0.0239, 2.458)],

@@ -33,7 +33,7 @@ def verify(programme, monkeypatch, capsys):
     return run
 
 
-@pytest.mark.takes(4)  # a pool of processes
+@pytest.mark.slow
 def test_one_part_gives_a_report_for_machines_and_one_for_people(verify, tmp_path):
     code, out, err = verify(
         "gamma", "energy", "--workers", "1", "--report", str(tmp_path)
@@ -56,7 +56,7 @@ def test_one_part_gives_a_report_for_machines_and_one_for_people(verify, tmp_pat
     assert "http" not in page  # it asks nobody for anything
 
 
-@pytest.mark.takes(4)  # two pools of processes
+@pytest.mark.slow
 def test_only_what_is_stale_runs_again_and_the_rest_of_the_report_stays(
     verify, tmp_path
 ):

@@ -83,7 +83,7 @@ def run(house, **environment):
     return json.loads(done.stdout)
 
 
-@pytest.mark.takes(5)  # four interpreters start, as below
+@pytest.mark.slow
 def test_a_change_in_another_file_is_seen_and_what_did_not_change_is_not_compiled_again(
     house,
 ):
@@ -95,6 +95,7 @@ def test_a_change_in_another_file_is_seen_and_what_did_not_change_is_not_compile
     assert run(house)[:2] == [[4.0] * 3, [1] * 3]  # back on the other branch
 
 
+@pytest.mark.slow
 def test_the_first_use_is_told_from_later_ones(house):
     assert [run(house)[3] for _ in range(2)] == [False, True]
     done = subprocess.run(
@@ -111,7 +112,7 @@ def test_the_first_use_is_told_from_later_ones(house):
     assert "first use: the solvers are compiled" in done.stderr
 
 
-@pytest.mark.takes(5)
+@pytest.mark.slow
 def test_old_machine_code_is_swept_up(house):
     folders = []
     for factor in (1.0, 2.0, 3.0, 4.0):
@@ -121,6 +122,7 @@ def test_old_machine_code_is_swept_up(house):
     assert all(folder.parent == house / "kernels" / "__pycache__" for folder in folders)
 
 
+@pytest.mark.slow
 def test_kernels_in_a_folder_that_cannot_be_written_are_kept_for_the_user(house):
     # a file: no folder can be made there, not even by root
     (house / "kernels" / "__pycache__").write_text("")
@@ -135,6 +137,7 @@ def test_kernels_in_a_folder_that_cannot_be_written_are_kept_for_the_user(house)
     assert Path(place).parent.parent == temporary
 
 
+@pytest.mark.slow
 def test_a_cache_of_the_users_choice_is_used(house):
     folder = Path(run(house, NUMBA_CACHE_DIR=str(house / "chosen"))[2])
     assert folder.parent == house / "chosen"
@@ -157,7 +160,7 @@ def test_files_of_machine_code_that_were_cut_are_compiled_anew(house):
         assert run(house)[:2] == [[4.0] * 3, [1] * 3]
 
 
-@pytest.mark.takes(6)  # four interpreters start
+@pytest.mark.slow
 def test_without_a_home_machine_code_is_kept_among_temporary_files(house, tmp_path):
     here = tmp_path / "elsewhere"
     temporary = tmp_path / "tmp"

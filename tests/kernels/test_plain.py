@@ -175,6 +175,7 @@ def leaves(value, path=""):
         yield path, np.asarray(value, dtype=float)
 
 
+@pytest.mark.slow
 def test_plain_python_gives_the_same_numbers(compiled_and_plain):
     compiled, plain = (dict(leaves(result)) for result in compiled_and_plain)
     assert compiled.keys() == plain.keys()

@@ -104,6 +104,7 @@ def moments(interface):
     return m3 / (3 * cycle) - (m2 / (2 * cycle)) ** 2, m1 / cycle * (1 - m1 / cycle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "delay",
     [ss.Delay(0.0), ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.1), Several()],
@@ -174,6 +175,7 @@ def cycles(method):
     return period.mean(), period.std(ddof=1), drop.mean(), drop.std(ddof=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [100, 3_000])
 def test_cycles_are_those_of_contacts(count):
     seeds = 12
