@@ -2,9 +2,11 @@
 
 import math
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import RK45
 
 import stickslip as ss
 from stickslip.errors import InputError
@@ -160,6 +162,12 @@ RINGING = ss.Rig(
 )
 
 
+@cache
+def exact_run():
+    """Displacements at the samples."""
+    return ss.simulate(RINGING)["displacement"].to_numpy()
+
+
 def verlet(rig, dt):
     """Displacements at the samples, by the recipe of the docstring."""
     element = ss.Element(rig, rig.method)
@@ -183,12 +191,45 @@ def verlet(rig, dt):
 
 @pytest.mark.takes(5)
 def test_verlet_with_the_impulse_is_of_second_order():
-    exact = ss.simulate(RINGING)["displacement"].to_numpy()
+    exact = exact_run()
     steps = 4e-4, 2e-4, 1e-4, 1e-5
     errors = [float(np.abs(verlet(RINGING, dt) - exact).max()) for dt in steps]
     assert errors[-1] <= 5e-9
     order = math.log(errors[0] / errors[-1]) / math.log(steps[0] / steps[-1])
     assert order == pytest.approx(2.0, abs=0.1)
+
+
+def runge_kutta(rtol, commits):
+    """Largest error of RK45, with a callback or by commits on acceptance."""
+    element = ss.Element(RINGING, RINGING.method)
+    drive = element.force / RINGING.slider.stiffness
+    known = element.save(), 0.0
+
+    def slope(t, y):
+        if commits:
+            element.load(known[0])
+        h = t - (known[1] if commits else element.time)
+        force = element.step(h, float(y[0])).force if h > 0.0 else element.force
+        pull = RINGING.slider.stiffness * (drive + t - y[0])
+        return [y[1], (pull - force) / RINGING.slider.mass]
+
+    solver = RK45(slope, 0.0, [0.0, 1.3], 0.3, rtol=rtol, atol=1e-9)
+    while solver.status == "running":
+        solver.step()
+        if commits:
+            element.load(known[0])
+            element.step(solver.t - known[1], float(solver.y[0]))
+            known = element.save(), solver.t
+    return abs(solver.y[0] - exact_run()[-1])
+
+
+def test_a_callback_is_wrong_and_a_commit_on_acceptance_right():
+    callback, commits = (
+        [runge_kutta(rtol, commits) for rtol in (1e-3, 1e-6)]
+        for commits in (False, True)
+    )
+    assert callback[1] > 3.0 * commits[1]
+    assert commits[1] < 0.2 * commits[0]
 
 
 def test_a_saved_state_goes_on_bit_for_bit():
@@ -243,6 +284,44 @@ def test_a_rig_has_its_units_and_the_friction_of_theory():
     assert element.time == pytest.approx(60 * dt)
 
 
+HEAT = ss.Bell(width=0.05, attempts=1e3)
+GROWTH = ss.ExponentialGrowth(rate=2.0, newborn=0.1)
+THROUGH_ENGINES = {
+    "master equation": (BASE, ss.MasterEquation()),
+    "population": (BASE, ss.Population(100_000)),
+    "activation": (
+        ss.Interface(thresholds=TENTH, delay=SHORT, activation=HEAT),
+        ss.Contacts(1000),
+    ),
+    "growth": (
+        ss.Interface(thresholds=TENTH, delay=SHORT, ageing=GROWTH),
+        ss.Contacts(1000),
+    ),
+    "Langevin": (
+        ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.5)),
+        ss.Contacts(1000),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("interface", "method"), THROUGH_ENGINES.values(), ids=THROUGH_ENGINES
+)
+def test_other_methods_go_through_their_engines(interface, method):
+    element = ss.Element(interface, method)
+    gone(element, 60, [(3.0, 3.0)])
+    saved = element.save()
+    _, impulse = gone(element, 40, [(2.0, 2.0)])
+    last = element.force
+    force = ss.kinetic_friction(interface, velocity=1.0)
+    assert impulse / 2.0 == pytest.approx(force, rel=0.04)
+    element.load(saved)
+    assert gone(element, 40, [(2.0, 2.0)])[1] == impulse
+    assert element.force == last
+    with pytest.raises(InputError, match="have no next event that is known"):
+        element.next_event()
+
+
 STATE = ss.Element(BASE, ss.Contacts(10)).save()
 
 
@@ -258,6 +337,12 @@ STATE = ss.Element(BASE, ss.Contacts(10)).save()
         (lambda e: e.load(b""), r"Element\.load: state = b'': must be what Element"),
         (lambda _: ss.Element(BASE, "contacts"), "method = 'contacts': is not for"),
         (lambda _: ss.Element(ss.Contacts(10)), "must be a Rig or an Interface"),
+        (
+            lambda _: ss.Element(
+                ss.Interface(areas=ss.model.Areas(TENTH), ageing=GROWTH)
+            ),
+            r"Interface\.areas = .* leave one out",
+        ),
     ],
 )
 def test_bad_input_is_one_line(wrong, words):

@@ -191,12 +191,6 @@ def _loss(path: _Path, t: float) -> float:
 
 
 @inlined
-def _held_impulse(path: _Path, since: float, until: float) -> float:
-    """Integral of the way from the beginning of the path over a while."""
-    return _area(path, until) - _area(path, since)
-
-
-@inlined
 def _draw(m: Record, kind: int, slot: int, life: int) -> float:
     """Uniform number of a contact in one of its lives."""
     key = int(m.low_key), int(m.high_key)
@@ -265,26 +259,26 @@ def _live(state: ElementState, slot: int, path: _Path) -> None:
             until = max(_when(path, way), here) if breaks else path.h
             m.impulse += k * (
                 (path.x - contact.birth) * (until - here)
-                + _held_impulse(path, here, until)
+                + _area(path, until)
+                - _area(path, here)
             )
             if not breaks:
                 return
-            y = _slid(path, until) if state.draws.sliding_force > 0.0 else 0.0
+            y = _slid(path, until)
             m.lost += 0.5 * (k * contact.threshold**2 - y * y)
             m.breaks += 1.0
             wait = until + _delay(state, slot)
         else:
             until = min(wait, path.h)
             attaches = wait <= path.h
-            if state.draws.sliding_force > 0.0:
-                m.impulse += _free_impulse(path, until) - _free_impulse(path, here)
-                m.lost += _loss(path, until) - _loss(path, here)
+            m.impulse += _free_impulse(path, until) - _free_impulse(path, here)
+            m.lost += _loss(path, until) - _loss(path, here)
             if not attaches:
                 contact.until = (m.time + wait) + m.carry
                 return
             heading = path.side if path.side != 0.0 else m.direction
             x = _attach(state, slot, path.x + _way(path, until), heading)
-            y = _slid(path, until) if state.draws.sliding_force > 0.0 else 0.0
+            y = _slid(path, until)
             k = _stiffness(state.draws, contact.threshold)
             m.lost += 0.5 * (y * y - k * x * x)
         here = until
@@ -351,13 +345,12 @@ def _happens(m: Record, sums: Record, path: _Path) -> bool:
 
 
 @inlined
-def _pass(m: Record, sums: Record, path: _Path, force: float) -> None:
+def _pass(m: Record, sums: Record, path: _Path) -> None:
     """Carry contacts to which nothing happens."""
     m.impulse += sums.stiffness * (path.x * path.h + _area(path, path.h))
     m.impulse -= sums.origins * path.h
-    if force > 0.0:
-        m.impulse += sums.free * _free_impulse(path, path.h)
-        m.lost += sums.free * _loss(path, path.h)
+    m.impulse += sums.free * _free_impulse(path, path.h)
+    m.lost += sums.free * _loss(path, path.h)
 
 
 @inlined
@@ -365,12 +358,11 @@ def _events(state: ElementState, path: _Path) -> None:
     """Carry all contacts, those of most blocks at once."""
     m = state.motion[0]
     sums = state.sums[0]
-    force = state.draws.sliding_force
     _clear(sums)
     for b in range(state.blocks.size):
         block = state.blocks[b]
         if not _happens(m, block, path):
-            _pass(m, block, path, force)
+            _pass(m, block, path)
             _add(sums, block)
             continue
         # Those to which something happens are carried one by one, the others together.
@@ -389,7 +381,7 @@ def _events(state: ElementState, path: _Path) -> None:
                 touched |= 1 << (slot - first)
             else:
                 _count(state, slot, block)
-        _pass(m, block, path, force)
+        _pass(m, block, path)
         for i in range(last - first):
             if touched >> i & 1:
                 _live(state, first + i, path)
@@ -432,17 +424,17 @@ def _go(state: ElementState, v: float, a: float, h: float, end: float) -> float:
         if side != 0.0:
             m.direction = side
     path = _Path(m.position, v, a, h, end, side, m.slid, math.inf)
-    if draws.sliding_force > 0.0 and side != 0.0:
-        left = draws.sliding_force - side * m.slid
-        if side * (end - m.position) >= left:
-            path = _Path(m.position, v, a, h, end, side, m.slid, _when(path, left))
+    # without a sliding force they yield at once, and stay unstretched
+    left = draws.sliding_force - side * m.slid
+    if side != 0.0 and side * (end - m.position) >= left:
+        yields = _when(path, left)
+        path = _Path(m.position, v, a, h, end, side, m.slid, yields)
     if _happens(m, state.sums[0], path):
         _events(state, path)
     else:
-        _pass(m, state.sums[0], path, draws.sliding_force)
-    if draws.sliding_force > 0.0:
-        m.slid += end - m.position
-        m.slid = min(max(m.slid, -draws.sliding_force), draws.sliding_force)
+        _pass(m, state.sums[0], path)
+    m.slid += end - m.position
+    m.slid = min(max(m.slid, -draws.sliding_force), draws.sliding_force)
     m.position = end
     # compensated: as exact however many steps there are
     more = h + m.carry

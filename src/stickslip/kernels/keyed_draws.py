@@ -6,7 +6,6 @@ turns and exclusive ors of 32 bits, which 64 hold, so that plain Python counts a
 What is drawn follows through a table of its quantiles.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from .records import Counts, Floats
 
 _WORD = 0xFFFFFFFF
 _PARITY = 0x1BD11BDA  # of the key schedule
+_TURNS = ((17, 29, 16, 24), (13, 15, 26, 6))
 
 _DEGREE = 7
 _NODE = 0.5 * (1.0 - np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1)))
@@ -67,8 +67,6 @@ def tabulate_quantiles(kinds: list[list[Portion]]) -> Quantiles:
             pieces.append(found)
             below += weight
         first.append(sum(map(len, edges)))
-    if not edges:
-        return Quantiles(np.array(first), np.empty(0), np.empty((0, _DEGREE + 2)))
     return Quantiles(np.array(first), np.concatenate(edges), np.concatenate(pieces))
 
 
@@ -124,14 +122,6 @@ def quantile(table: Quantiles, kind: int, p: float) -> float:
     return float(total)
 
 
-@inlined
-def _turned(a: int, b: int, by: int) -> tuple[int, int]:
-    """One round."""
-    a = (a + b) & _WORD
-    b = ((b << by) | (b >> (32 - by))) & _WORD
-    return a, b ^ a
-
-
 @bare
 def threefry(key: tuple[int, int], counter: tuple[int, int]) -> tuple[int, int]:
     """Hash a counter of two words of 32 bits to two others."""
@@ -140,16 +130,9 @@ def threefry(key: tuple[int, int], counter: tuple[int, int]) -> tuple[int, int]:
     a = (counter[0] + low) & _WORD
     b = (counter[1] + high) & _WORD
     for group in range(1, 6):
-        if group % 2 == 1:
-            a, b = _turned(a, b, 13)
-            a, b = _turned(a, b, 15)
-            a, b = _turned(a, b, 26)
-            a, b = _turned(a, b, 6)
-        else:
-            a, b = _turned(a, b, 17)
-            a, b = _turned(a, b, 29)
-            a, b = _turned(a, b, 16)
-            a, b = _turned(a, b, 24)
+        for by in _TURNS[group % 2]:
+            a = (a + b) & _WORD
+            b = (((b << by) | (b >> (32 - by))) & _WORD) ^ a
         a = (a + high) & _WORD
         b = (b + third + group) & _WORD
         low, high, third = high, third, low
@@ -161,11 +144,3 @@ def uniform(key: tuple[int, int], counter: tuple[int, int]) -> float:
     """Uniform number of 53 bits, above 0 and below 1."""
     a, b = threefry(key, counter)
     return float(((a << 20) | (b >> 12)) + 0.5) * 2.0**-52
-
-
-NO_QUANTILES = tabulate_quantiles([])
-
-
-def key_of(words: Floats) -> tuple[int, int]:
-    """Return two words that a state holds as floats."""
-    return math.floor(words[0]), math.floor(words[1])

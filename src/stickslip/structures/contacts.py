@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.kernels import element as kernel
-from stickslip.kernels.keyed_draws import NO_QUANTILES, Portion, tabulate_quantiles
+from stickslip.kernels.keyed_draws import Portion, tabulate_quantiles
 from stickslip.kernels.survival import EMPTY
 from stickslip.model import Contacts, Delay, Interface, LogNormal, OnArrest
 from stickslip.model.distributions import Distribution
@@ -55,7 +55,7 @@ def draws_of(interface: Interface) -> kernel.Draws:
         [_whole(LogNormal(mean=1.0, std=scatter))] if scatter else [],
     ]
     return kernel.Draws(
-        tabulate_quantiles(kinds) if any(kinds) else NO_QUANTILES,
+        tabulate_quantiles(kinds),
         survival_of(thresholds) if newborn else EMPTY,
         fixed,
         interface.sliding_force,

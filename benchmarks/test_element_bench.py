@@ -1,0 +1,105 @@
+"""A step of the interface as an element beside one of LuGre's model in a plain loop,
+and beside a step of the event engine.
+
+LuGre's model is one exponential and a division a step, whatever it does. Of 1,000
+contacts one or two break in a step of 1e-3, and as many re-attach: each costs a look at
+the 32 contacts of its block, and each step one at the 32 blocks.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.kernels import element as kernel
+from stickslip.kernels._jit import jit
+from stickslip.simulation.engines.base import Beginning
+from stickslip.simulation.engines.contacts import EventByEvent
+from stickslip.structures.engines import DrivenEngine
+
+INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
+METHOD = ss.Contacts(1000, seed=1)
+STEPS = 20_000
+WAYS = {"sliding": 1e-3, "sticking": 1e-9}
+
+
+@jit
+def element_steps(
+    state: kernel.ElementState, count: int, dt: float, way: float
+) -> float:
+    """Sum of the impulses of steps of one length."""
+    total = 0.0
+    for _ in range(count):
+        end = state.motion[0].position + way
+        total += kernel.step(state, dt, math.nan, end)[1]
+    return total
+
+
+@jit
+def lugre_steps(z: float, count: int, dt: float, way: float) -> float:
+    """The same of LuGre's model, its bristle exact for a constant velocity."""
+    total = 0.0
+    for i in range(count):
+        # never the same: else the compiler takes the exponential out of the loop
+        velocity = way / dt * (1.0 + 1e-12 * i)
+        rest = 0.46 + 0.1 / (1.0 + velocity * velocity)
+        left = math.exp(-velocity * dt / rest)
+        slope = (rest - z) * (1.0 - left) * rest / max(velocity, 1e-30)
+        total += rest * dt - slope
+        z = rest + (z - rest) * left
+    return total
+
+
+def slid():
+    """An element in smooth sliding, and compiled."""
+    made = ss.Element(INTERFACE, METHOD)
+    made.step(10.0, 10.0)
+    element_steps(made._carrier.state, 1, 1e-3, 1e-9)
+    return made
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_lugre(benchmark, way):
+    lugre_steps(0.4, 1, 1e-3, way)
+    benchmark.group = f"{STEPS:,} steps of {way:g} x_s, 1,000 contacts"
+    benchmark.extra_info.update(role="plain")
+    benchmark.pedantic(lugre_steps, (0.4, STEPS, 1e-3, way), rounds=10)
+
+
+@pytest.mark.parametrize(("way", "promised"), [(1e-3, 150), (1e-9, 10)], ids=list(WAYS))
+def test_element(benchmark, way, promised):
+    state = slid()._carrier.state
+    benchmark.group = f"{STEPS:,} steps of {way:g} x_s, 1,000 contacts"
+    benchmark.extra_info.update(
+        role="cost", promised=promised, what="element, beside LuGre"
+    )
+    before = float(state.motion[0].breaks)
+    benchmark.pedantic(element_steps, (state, STEPS, 1e-3, way), rounds=5)
+    if way == WAYS["sliding"]:
+        assert state.motion[0].breaks > before + STEPS
+
+
+def python_steps(carrier):
+    """Steps from Python of what an element holds."""
+    for _ in range(200):
+        carrier.step(1e-3, math.nan, carrier.here[1] + 1e-3)
+
+
+def test_event_engine(benchmark):
+    beginning = Beginning(INTERFACE, None, 0.0)
+    driven = DrivenEngine(beginning, METHOD, EventByEvent)
+    driven.step(10.0, math.nan, 10.0)
+    benchmark.group = "200 steps from Python, 1,000 contacts sliding"
+    benchmark.extra_info.update(role="plain")
+    benchmark.pedantic(python_steps, (driven,), rounds=10)
+    assert np.isfinite(driven.force)
+
+
+def test_element_from_python(benchmark):
+    made = slid()
+    benchmark.group = "200 steps from Python, 1,000 contacts sliding"
+    benchmark.extra_info.update(
+        role="fast", promised=5, what="element, beside the event engine"
+    )
+    benchmark.pedantic(python_steps, (made._carrier,), rounds=10)
