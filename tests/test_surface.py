@@ -1,11 +1,14 @@
 """Surfaces: the solver against closed forms and kept numbers, and its contacts."""
 
+import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.cli import main
 from stickslip.io.rig_files import to_document
 from stickslip.surface import press, tangential_stiffness
 from stickslip.surface.estimate import births, stretchings
@@ -369,3 +372,58 @@ def test_what_is_no_length_or_no_si_rig_is_refused(found):
     natural = ss.Rig(ss.Interface(thresholds=thresholds), slider, ss.constant(1.0))
     with pytest.raises(ss.InputError, match="natural units"):
         SURFACE.rig(told, natural)
+
+
+# ------------------------------------------------------------------ command, pictures
+
+
+@pytest.fixture
+def heights(rough, tmp_path):
+    file = tmp_path / "lapped.npz"
+    step = float(rough["x"][1])
+    np.savez(file, height=1e6 * rough.to_numpy(), spacing=step, unit="um")
+    return file
+
+
+@pytest.mark.takes(8)  # a page of pictures
+def test_a_command_writes_a_rig_and_says_what_to_measure(heights, capsys):
+    rig, picture = (heights.with_name(name) for name in ("rig.toml", "seen.png"))
+    given = ["--pressure", "2 MPa", "--material", "pmma", "-o", str(rig)]
+    assert main(["surface", str(heights), *given, "--plot", str(picture)]) == 0
+    said = capsys.readouterr().out
+    assert "Measure next: one slow pull with a velocity step" in said
+    assert "give yours by --rig" in said
+    assert picture.stat().st_size > 10_000
+    made = ss.read_rig(rig)
+    assert made.assumed["interface.breaking_displacement"].factors[0] < 0.2
+
+
+def test_a_command_takes_numbers_of_a_material_and_prints_json(heights, capsys):
+    steel = ["--young", "200 GPa", "--poisson", "0.3", "--hardness", "6 GPa"]
+    given = ["--pressure", "130 MPa", *steel, "--length", "elastic", "--json"]
+    assert main(["surface", str(heights), *given]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["elastic"] < told["renewal"]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ([], "--material: is missing: glass or pmma"),
+        (["--material", "steel"], "of others give --young"),
+    ],
+)
+def test_a_command_asks_for_the_material(heights, given, words, capsys):
+    assert main(["surface", str(heights), "--pressure", "2 MPa", *given]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_the_picture_shows_the_contacts_and_the_doubt(found):
+    told = SURFACE.estimate(found)
+    doubt = SimpleNamespace(oscillates=0.25, undecided=0.5, draws=64)
+    figure = ss.plot.surface(found, told, SimpleNamespace(doubt=doubt))
+    axes = {ax.get_title(loc="left"): ax for ax in figure.axes}
+    assert f"{int(found['number'][0])} contacts on" in next(iter(axes))
+    assert len(axes["sizes at three resolutions"].lines) == 3
+    widths = [bar.get_width() for bar in axes["and so the verdict"].patches]
+    assert widths == pytest.approx([0.125, 0.375, 0.5])

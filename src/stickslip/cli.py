@@ -24,7 +24,7 @@ from stickslip.errors import (
     whole,
 )
 from stickslip.io import files
-from stickslip.progress import part
+from stickslip.progress import bar, part
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -223,6 +223,57 @@ class BenchValues:
             if self.contacts is None
             else trace.assign_attrs(contacts=self.contacts)
         )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """How heights are read, and of what both bodies are.
+
+    Parameters
+    ----------
+    unit
+        Of the heights, if the file does not say: um.
+    spacing
+        From node to node, if the file does not say: '0.5 um'.
+    shortest
+        Leave out shorter waves: '4 um'.
+    material
+        glass or pmma; of others give their numbers.
+    young
+        Young's modulus: '200 GPa'.
+    poisson
+        Poisson's ratio.
+    hardness
+        Largest pressure that contacts bear: '6 GPa'; else all is elastic.
+    """
+
+    unit: Text = None
+    spacing: Text = None
+    shortest: Text = None
+    material: Text = None
+    young: Text = None
+    poisson: Number = 0.3
+    hardness: Text = None
+
+    def body(self) -> ss.surface.Material:
+        """The material, by its name or by its numbers."""
+        from stickslip.model.quantities import read_value
+
+        if self.young is None and self.material is None:
+            raise InputError(
+                "--material: is missing: glass or pmma; of others give --young '200 "
+                "GPa' --poisson 0.3 --hardness '6 GPa'"
+            )
+        if self.young is None:
+            return ss.surface.material_named(str(self.material))
+        young = read_value("--young", self.young, "Pa", "200 GPa")
+        hardness = (
+            float("inf")
+            if self.hardness is None
+            else read_value("--hardness", self.hardness, "Pa", "6 GPa")
+        )
+        return ss.surface.Material(young=young, poisson=self.poisson, hardness=hardness)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -841,6 +892,65 @@ def fit(
         json,
         **written,
     )
+
+
+@app.command
+def surface(
+    heights: Path,
+    *,
+    pressure: str,
+    options: Surface = Surface(),
+    rig: Path | None = None,
+    friction: Number = 0.4,
+    length: Literal["renewal", "elastic"] | None = None,
+    output: Output = None,
+    json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Press a measured surface on a flat one: what its contacts tell of an interface,
+    as assumptions of a rig.
+
+    Parameters
+    ----------
+    heights
+        A map of heights: .npz, .csv or .asc; other files by SurfaceTopography.
+    pressure
+        Load over the area: '2 MPa'.
+    rig
+        Rig file of the machine, whose interface is replaced; by default the example
+        pmma_slider.
+    friction
+        Friction coefficient, which no map gives; it scales the elastic length.
+    length
+        Which length counts, if known; else the rig has a range over both.
+    output
+        Write the rig.
+    """
+    from stickslip.io.rig_files import to_toml
+
+    _check_outputs(output, picture=plot, read=heights)
+    body = options.body()
+    read = ss.surface.read(heights, unit=options.unit, spacing=options.spacing)
+    with bar("pressing") as progress:
+        found = ss.surface.contacts(
+            read,
+            pressure=pressure,
+            material=body,
+            shortest=options.shortest,
+            progress=progress,
+        )
+    told = ss.surface.estimate(found, friction=friction)
+    machine = ss.surface.rig(
+        told, rig or "pmma_slider", length=length, name=heights.stem
+    )
+    if output is not None:
+        files.write(output, to_toml(machine).encode())
+    _draw(plot, lambda: ss.plot.surface(found, told))
+    lines = [f"{heights.name}: {told}"]
+    if output is not None and rig is None:
+        lines.append("machine: the example pmma_slider; give yours by --rig")
+    content = told.to_dict() | {"rig": plain(output)}
+    _answer("\n".join(lines), content, json, rig=output, picture=plot)
 
 
 @app.command

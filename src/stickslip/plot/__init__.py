@@ -84,6 +84,7 @@ from stickslip.plot.style import (
     save,
     unit_text,
 )
+from stickslip.plot.surface import contact_sizes, surface, surface_map
 
 __all__ = [
     "BLACK",
@@ -100,6 +101,7 @@ __all__ = [
     "Frames",
     "attached",
     "chart",
+    "contact_sizes",
     "contacts",
     "drawn",
     "elastic_overview",
@@ -131,6 +133,8 @@ __all__ = [
     "sound",
     "spacetime",
     "steps_and_holds",
+    "surface",
+    "surface_map",
     "sweep_picture",
     "unit_text",
     "velocity",

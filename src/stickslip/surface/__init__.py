@@ -6,7 +6,13 @@ with the ranges that it leaves as assumptions. A map is a prior: it does not say
 length counts, nor the delay.
 """
 
-from stickslip.surface.contacts import MATERIALS, Material, contacts, loads
+from stickslip.surface.contacts import (
+    MATERIALS,
+    Material,
+    contacts,
+    loads,
+    material_named,
+)
 from stickslip.surface.estimate import Estimate, estimate, interface, rig
 from stickslip.surface.halfspace import press, tangential_stiffness
 from stickslip.surface.maps import from_drawing, low_pass, read, self_affine
@@ -21,6 +27,7 @@ __all__ = [
     "interface",
     "loads",
     "low_pass",
+    "material_named",
     "press",
 ]
 __all__ += ["read", "rig", "self_affine", "tangential_stiffness"]

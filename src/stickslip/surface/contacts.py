@@ -342,7 +342,6 @@ def loads(
     *,
     pressures: Sequence[float | str],
     material: Material | str,
-    shortest: Length | None = None,
     progress: Any = None,
 ) -> xr.Dataset:
     """Return what `contacts` says along ``resolution`` at each of several loads, along
@@ -368,7 +367,6 @@ def loads(
                 spacing,
                 pressure=pressure,
                 material=material,
-                shortest=shortest,
                 progress=into,
             )
             totals = found.drop_dims(["contact", "x", "y"])

@@ -48,13 +48,9 @@ def stretchings(
     the stiffness: where friction holds no more (elastic), or at its diameter (renewal).
     """
     area, force, stiffness = level(found, resolution).values()
-    x = friction * force / stiffness if length == "elastic" else diameters(area)
+    elastic = length == "elastic"
+    x = friction * force / stiffness if elastic else 2.0 * np.sqrt(area / np.pi)
     return x, stiffness / stiffness.sum()
-
-
-def diameters(area: Array) -> Array:
-    """Diameters of discs."""
-    return np.asarray(2.0 * np.sqrt(area / np.pi))
 
 
 def births(x: Array, stiffness: Array) -> tuple[float, float]:
@@ -293,12 +289,11 @@ def rig(
     chosen = LENGTHS[0] if length is None else length
     if chosen not in LENGTHS:
         raise refused("length", length, f"must be {' or '.join(map(repr, LENGTHS))}")
-    either = {"elastic": told.elastic_between, "renewal": told.renewal_between}
-    ends = (
-        (min(e[0] for e in either.values()), max(e[1] for e in either.values()))
-        if length is None
-        else either[chosen]
-    )
+    ranges: dict[Any, Range] = {
+        None: (told.elastic_between[0], told.renewal_between[1]),
+        "elastic": told.elastic_between,
+        "renewal": told.renewal_between,
+    }
     table = document["interface"]
     strength = before.scales.force * getattr(before.slider, "size", 1)
     for key in ("mu_s", "mu_k"):
@@ -313,7 +308,9 @@ def rig(
         marked = document.get(part, {})
         document[part] = {k: v for k, v in marked.items() if k not in _OURS}
     document["assumed"] |= {
-        "interface.breaking_displacement": [engineering(e, "m", 2) for e in ends],
+        "interface.breaking_displacement": [
+            engineering(end, "m", 2) for end in ranges[length]
+        ],
         "interface.thresholds.std": [float(number(e, 2)) for e in told.std_between],
     }
     _with_contacts(document, before, told, strength)

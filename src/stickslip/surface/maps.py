@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 from scipy import fft
 
@@ -96,17 +95,14 @@ def levelled(height: xr.DataArray) -> xr.DataArray:
     """Return a map without its mean plane, where that brings its opposite edges
     together, as a tilt does not; the note says so.
     """
-    values = height.to_numpy()
-    x, y = (np.arange(n) - (n - 1) / 2.0 for n in values.shape)
-    flat = values - values.mean()
-    slopes = (
-        float((flat * x[:, np.newaxis]).sum() / (x**2).sum() / y.size),
-        float((flat * y).sum() / (y**2).sum() / x.size),
-    )
-    plane = slopes[0] * x[:, np.newaxis] + slopes[1] * y
+    flat = height.to_numpy() - float(height.mean())
+    x, y = (np.arange(n) - (n - 1) / 2.0 for n in flat.shape)
+    along = float(np.polyfit(x, flat.mean(axis=1), 1)[0])
+    across = float(np.polyfit(y, flat.mean(axis=0), 1)[0])
+    plane = np.add.outer(along * x, across * y)
     if _mismatch(flat - plane) >= _mismatch(flat):
         return height.copy(data=flat)
-    tilt = math.hypot(*slopes) / spacing_of(height)
+    tilt = math.hypot(along, across) / spacing_of(height)
     notes = height.attrs.get("note", ""), f"a tilt of {1e3 * tilt:.3g} mrad was removed"
     note = "; ".join(filter(None, notes))
     return height.copy(data=flat - plane).assign_attrs(note=note)
@@ -142,34 +138,22 @@ def shortest_wave(height: xr.DataArray) -> float:
     """Length of the shortest waves of a map, in m: ``2 pi`` times the ratio of its rms
     slope to its rms curvature.
     """
-    power, wave = _power(height)
-    ratio = (power * wave**2).sum() / (power * wave**4).sum()
-    return 2.0 * math.pi * math.sqrt(ratio)
-
-
-def _power(height: xr.DataArray) -> tuple[Array, Array]:
     values = height.to_numpy()
-    wave = np.hypot(*wave_numbers(values.shape, spacing_of(height)))
-    power = np.abs(fft.rfft2(values)) ** 2
-    power[:, 1 : (values.shape[1] + 1) // 2] *= 2.0  # modes that stand for two
-    power[0, 0] = 0.0
-    return power, wave
+    square = sum(each**2 for each in wave_numbers(values.shape, spacing_of(height)))
+    slopes = np.abs(fft.rfft2(values)) ** 2 * square
+    return 2.0 * math.pi * math.sqrt(float(slopes.sum() / (slopes * square).sum()))
 
 
 def correlation_length(height: xr.DataArray) -> float:
-    """Distance over which heights stay alike, in m: where their autocorrelation, over
-    all directions, has fallen to 0.2 (ISO 25178-2: Sal, there of the fastest one).
+    """Distance over which heights stay alike, in m: where their autocorrelation, the
+    mean along both axes, has fallen to 0.2, as for Sal of ISO 25178-2.
     """
     values = height.to_numpy()
-    spacing = spacing_of(height)
     power = np.abs(fft.rfft2(values - values.mean())) ** 2
     alike = fft.irfft2(power, s=values.shape)
-    far = np.hypot(
-        *np.ix_(*(np.minimum(np.arange(n), n - np.arange(n)) for n in values.shape))
-    )
-    rings = far.astype(int).ravel()
-    mean = np.bincount(rings, alike.ravel()) / np.bincount(rings)
-    return spacing * float(np.argmax(mean < 0.2 * alike[0, 0]))
+    half = min(values.shape) // 2
+    mean = 0.5 * (alike[:half, 0] + alike[0, :half])
+    return spacing_of(height) * float(np.argmax(mean < 0.2 * alike[0, 0]))
 
 
 def self_affine(
@@ -384,14 +368,10 @@ def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
         begin += 1
         if found and (key := _NAMES.get((found[1] or found[2]).lower())):
             about[key] = found[3].replace(",", ".")
-    table = pd.read_csv(
-        path,
-        skiprows=begin,
-        header=None,
-        sep=r"[;,\s]+" if "," in "".join(lines[begin : begin + 1]) else r"[;\s]+",
-        engine="python",
-    )
-    values = table.dropna(axis="columns", how="all").to_numpy(dtype=float)
+    if begin == len(lines):
+        raise ValueError("it has no rows of numbers")
+    rows = [re.sub("[;,]", " ", line) for line in lines[begin:]]
+    values: Array = np.loadtxt(rows, ndmin=2)
     if "hole" in about:
         values[values == float(about.pop("hole"))] = np.nan
     return values, about
