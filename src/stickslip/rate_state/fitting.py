@@ -4,7 +4,6 @@ of a fit.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 from numbers import Real
 from typing import Any, NamedTuple, Self
 
@@ -121,16 +120,12 @@ def least_squares(
     low: Array,
     high: Array,
     *,
-    tried: Sequence[Array] = (),
-    like: Callable[[Array], Array] | None = None,
     tolerance: float = 1e-10,
     most: int = 200,
 ) -> LeastSquaresFit:
-    """Fit a model from several starts and the best of what is `tried`, by logarithms
-    where a range lies above 0.
+    """Fit a model from several starts, by logarithms where a range lies above 0.
 
-    A model may be NaN, or raise `UndecidedError`, where it has no curve. Of one `like`
-    it, and quicker, the derivatives are taken.
+    A model may be NaN, or raise `UndecidedError`, where it has no curve.
     """
     logarithmic = low > 0
     scale = float(np.ptp(data)) or 1.0
@@ -141,33 +136,26 @@ def least_squares(
     def places(value: Array) -> Array:
         return np.log(value, where=logarithmic, out=value.copy())
 
-    def residual(place: Array, model: Callable[[Array], Array] = model) -> Array:
+    def residual(place: Array) -> Array:
         try:
-            return np.nan_to_num(
-                np.clip((model(values(place)) - data) / scale, -1e3, 1e3), nan=1e3
-            )
+            off = np.clip((model(values(place)) - data) / scale, -1e3, 1e3)
+            return np.nan_to_num(off, nan=1e3)
         except UndecidedError:
             return np.full(data.size, 1e3)
 
     least = places(low)
     largest = places(high)
-    best_tried = sorted(
-        tried, key=lambda one: float(np.sum(residual(places(one)) ** 2))
-    )[:1]
     fits = (
         optimize.least_squares(
             residual,
             np.clip(places(start), least + 1e-9, largest - 1e-9),
             bounds=(least, largest),
-            jac="2-point"
-            if like is None
-            else partial(optimize.approx_fprime, f=partial(residual, model=like)),
             x_scale="jac",
             xtol=tolerance,
             ftol=tolerance,
             max_nfev=most,
         )
-        for start in (*starts, *best_tried)
+        for start in starts
     )
     best = min(fits, key=lambda one: one.cost)
     square = 2.0 * best.cost

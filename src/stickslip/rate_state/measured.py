@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import product
 from typing import Any, Literal, TypeVar
 
@@ -211,35 +211,28 @@ def _fitted(
     starts: Sequence[Array],
     *,
     trend: bool,
-    quick: Mapping[str, Any] | None = None,
     **how: Any,
 ) -> tuple[AnyFit, Array]:
     """Fit a step of some kind beside a line, and when it came; and the covariance of
     what was fitted.
 
     Fields of the kind are given, or fitted within their `ranges`, in the order of
-    `starts`. With the fields that are `quick` it is nearly the
-    same: derivatives are taken of that.
+    `starts`.
     """
     low, high = np.array([*ranges.values()]).T
     lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
     of_line = np.linalg.pinv(lines)
 
-    @lru_cache(maxsize=16)  # that of the best values is asked for again
-    def above(quickly: bool, *value: float) -> Array:
-        fields: dict[str, Any] = dict(zip(ranges, value, strict=True))
-        own = quick if quickly and quick else given
-        like_it = kind(step=step, **own, **fields)
+    def above(value: Array) -> Array:
+        fields: dict[str, Any] = dict(zip(ranges, value.tolist(), strict=True))
+        like_it = kind(step=step, **given, **fields)
         return like_it._rise(step.since(like_it.late))
 
-    def beside_a_line(value: Array, quickly: bool = False) -> Array:
-        up = above(quickly, *value.tolist())
+    def beside_a_line(value: Array) -> Array:
+        up = above(value)
         return up + lines @ (of_line @ (step.friction - up))
 
-    like = None if quick is None else partial(beside_a_line, quickly=True)
-    fit = least_squares(
-        beside_a_line, step.friction, starts, low, high, like=like, **how
-    )
+    fit = least_squares(beside_a_line, step.friction, starts, low, high, **how)
     # n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and not
     # less than one for each parameter.
     count = step.friction.size
@@ -265,7 +258,7 @@ def _fitted(
             f"no step as near the time {step.at:g} that was given as data is kept; "
             "correct the time"
         )
-    beside = of_line @ (step.friction - above(False, *fit.value.tolist()))
+    beside = of_line @ (step.friction - above(fit.value))
     line = dict(zip(("level", "trend"), beside.tolist(), strict=False))
     velocity = step.before if step.measured and late > 0 else step.after
     error = math.hypot(step.at_error, late.error / velocity)
@@ -567,26 +560,16 @@ def fit_contacts(
         "breaking_displacement": (0.2 * D, 20 * D),
         "stiffness": (0.1 * spring, 10 * spring),
     }
-    late = [rough.late] * (not step.at_error)
-    if late:
+    starts = [np.array([a, 0.8 * a, wide * D, spring]) for wide in (1.5, 3.0)]
+    if not step.at_error:
         ranges["late"] = (-step.near, step.near)
-    tried = [np.array([a, 0.8 * a, wide * D, spring, *late]) for wide in (1.5, 3.0)]
-    quick = {"thresholds": thresholds, "linear": True}
+        starts = [np.append(start, rough.late) for start in starts]
     # no finer than what is fitted
     how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4 if linear else ROUGH.rtol}
-    found, _ = _fitted(
-        ContactsFit, step, quick, ranges, [], tried=tried, most=50, **how
-    )
+    given: dict[str, Any] = {"thresholds": thresholds, "linear": True}
+    found, _ = _fitted(ContactsFit, step, given, ranges, starts, most=50, **how)
     if not linear:
+        given["linear"] = False
         start = np.array([getattr(found, name) for name in ranges])
-        found, _ = _fitted(
-            ContactsFit,
-            step,
-            quick | {"linear": False},
-            ranges,
-            [start],
-            quick=quick,
-            most=20,
-            **how,
-        )
+        found, _ = _fitted(ContactsFit, step, given, ranges, [start], most=20, **how)
     return found
