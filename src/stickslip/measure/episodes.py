@@ -2,14 +2,13 @@
 often, how strongly, and where most.
 """
 
-import itertools
 import math
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
-from stickslip.arrays import Array
 from stickslip.measure.catalogue import drops
 from stickslip.measure.periods import REGULAR
 from stickslip.measure.slips import SLIP_VELOCITY
@@ -58,50 +57,39 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
     minimum_drop : float
         Smaller drops of the force do not count; in the unit of the force.
     """
-    found = drops(run)
-    size = found["drop"].to_numpy()
-    counts = size >= minimum_drop
-    begin = found["start"].to_numpy()[counts]
-    end = found["end"].to_numpy()[counts]
-    fastest = found["peak_velocity"].to_numpy()[counts]
-    speeds = np.abs(run["drive_velocity"].to_numpy())
-    drive = np.interp(begin, run["time"].to_numpy(), speeds)
+    table = drops(run).to_dataframe()
+    table = table[table["drop"] >= minimum_drop]
+    if len(table) < _FEWEST:
+        return []
+    drive = np.abs(run["drive_velocity"])
+    table["drive"] = np.interp(table["start"], run["time"], drive)
+    waits = table["start"].diff()
+    episode = (waits > _longest(waits)).cumsum()
     return [
-        _episode(begin[part], end[part], size[counts][part], drive[part], fastest[part])
-        for part in _parts(begin)
-        if part.stop - part.start >= _FEWEST
+        _episode(part) for _, part in table.groupby(episode) if len(part) >= _FEWEST
     ]
 
 
-def _parts(times: Array) -> list[slice]:
-    """Drops with no wait between them that is longer than usual."""
-    waits = np.diff(times)
-    if not waits.size:
-        return []
-    low, usual, high = np.quantile(waits, [0.25, 0.5, 0.75])
+def _longest(waits: "pd.Series[float]") -> float:
+    """The longest wait that chance makes."""
+    low, usual, high = waits.quantile([0.25, 0.5, 0.75])
     # the standard deviation of normal waits, which a pause does not widen
     scatter = (high - low) / 1.349 / usual
-    longest = usual * max(2.0, 1.0 + scatter * math.log(waits.size / _CHANCE))
-    cuts = np.flatnonzero(waits > longest) + 1
-    bounds = [0, *cuts.tolist(), times.size]
-    return [slice(first, last) for first, last in itertools.pairwise(bounds)]
+    return float(usual * max(2.0, 1.0 + scatter * math.log(waits.count() / _CHANCE)))
 
 
-def _episode(
-    begin: Array, end: Array, size: Array, drive: Array, fastest: Array
-) -> Episode:
-    waits = np.diff(begin)
-    is_regular = np.std(waits, ddof=1) < REGULAR * np.mean(waits)
-    largest = int(np.argmax(size))
-    with np.errstate(divide="ignore"):
-        over_drive = fastest / drive  # infinite where the drive stands
+def _episode(part: pd.DataFrame) -> Episode:
+    waits = part["start"].diff()
+    is_regular = waits.std() < REGULAR * waits.mean()
+    worst = part.loc[part["drop"].idxmax()]
+    over_drive = part["peak_velocity"] / part["drive"]  # infinite where it stands
     return Episode(
-        begin=float(begin[0]),
-        end=float(end[-1]),
-        drops=begin.size,
-        frequency=float(1.0 / np.mean(waits)) if is_regular else math.nan,
-        worst=float(size[largest] / 2.0),
-        worst_time=float(begin[largest]),
-        worst_velocity=float(drive[largest]),
-        peak=float(np.median(over_drive)),
+        begin=float(part["start"].iloc[0]),
+        end=float(part["end"].iloc[-1]),
+        drops=len(part),
+        frequency=float(1.0 / waits.mean()) if is_regular else math.nan,
+        worst=float(worst["drop"] / 2.0),
+        worst_time=float(worst["start"]),
+        worst_velocity=float(worst["drive"]),
+        peak=float(over_drive.median()),
     )

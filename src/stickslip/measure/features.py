@@ -82,9 +82,6 @@ class Measured(NamedTuple):
     error: float = 0.0
 
 
-Row = tuple[str, float | Measured, float, Source, bool]
-
-
 class Loading(NamedTuple):
     """How a force climbs to its drops."""
 
@@ -93,13 +90,13 @@ class Loading(NamedTuple):
     gain: Measured = Measured(math.nan)  # rate times wait over the drop
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Criterion:
     """One test of a regime."""
 
     name: str  #: what is asked
     statistic: float  #: what was found
-    error: float = 0.0  #: its standard error, where it is known
+    error: float  #: its standard error; 0 where it is not known
     limit: float  #: what it is compared with
     source: Source  #: where the limit comes from: theory, statistics or a convention
     passed: bool  #: the answer
@@ -446,122 +443,85 @@ class Window:
     @property
     def tests(self) -> tuple[Criterion, ...]:
         """The tests of a regime, but for those of what is not known."""
-        criteria = []
-        for name, found, limit, source, passed in (*self._of_cycles, *self._of_slips):
-            value, error = found if isinstance(found, Measured) else (found, 0.0)
-            criteria.append(
-                Criterion(
-                    name=name,
-                    statistic=value,
-                    error=error,
-                    limit=limit,
-                    source=source,
-                    passed=passed,
-                )
-            )
-        return tuple(row for row in criteria if not math.isnan(row.statistic))
-
-    @property
-    def _of_cycles(self) -> tuple[Row, ...]:
-        """What is asked of drops and cycles, found, its limit, source and answer."""
-        wider = self.errors(CHANCE) / ERRORS
-        change = Measured(abs(self.change.value), wider * self.change.error)
+        value, error = self.change
+        change = Measured(abs(value), error * self.errors(CHANCE) / ERRORS)
+        gain = self.loading.gain
+        climbs = gain.value - ONE_SIDED * gain.error > CLIMBS
         white = 1.0 + ERRORS * self.white_noise.error
-        return (
-            (
-                "drops that stand out of the noise",
-                self.found.size,
-                1,
-                "statistics",
-                self.found.size >= 1,
-            ),
-            (SWING, self.swing, TINY, "convention", self.swing.value >= TINY),
-            (
-                "cycles in the window",
-                self.count,
-                FEWEST_CYCLES,
-                "statistics",
-                self.count >= FEWEST_CYCLES,
-            ),
-            (
+        velocity = SLIDER_VELOCITY
+        if math.isnan(self.seen_velocity):
+            velocity = "1 + falling rate over loading rate"
+        narrow = ERRORS * self.scatter / self.mean
+        rows = (
+            _test("drops that stand out of the noise", self.found.size, 1),
+            _test(SWING, self.swing, TINY, "convention"),
+            _test("cycles in the window", self.count, FEWEST_CYCLES),
+            _test(
                 "scatter over the noise of the sensor",
                 self.white_noise,
                 white,
-                "statistics",
-                self.is_white_noise,
+                passed=self.is_white_noise,
             ),
-            (
-                REPEATS,
-                self.correlation,
-                PERIODIC,
-                "convention",
-                self.correlation >= PERIODIC,
-            ),
-            (CHANGE, change, 0.5 * LASTING, "convention", self.persists),
-            (
+            _test(REPEATS, self.correlation, PERIODIC, "convention"),
+            _test(CHANGE, change, 0.5 * LASTING, "convention", self.persists),
+            _test(
                 "wait for a next drop over the longest by chance",
                 self.pause,
                 1.0,
-                "statistics",
-                self.pause <= 1.0,
+                passed=self.pause <= 1.0,
             ),
-            (
+            _test(
                 "second half, as a sawtooth, over the largest force",
                 self.ripple,
                 SMALL,
                 "convention",
                 self.ripple <= SMALL,
             ),
-        )
-
-    @property
-    def _of_slips(self) -> tuple[Row, ...]:
-        """The same of slips and of noise."""
-        gain = self.loading.gain
-        noise = self.contact_noise
-        velocity = SLIDER_VELOCITY
-        if math.isnan(self.seen_velocity):
-            velocity = "1 + falling rate over loading rate"
-        narrow = ERRORS * self.scatter / self.mean
-        return (
-            (velocity, self.slip_velocity, self.slip_limit, "theory", self.are_slips),
-            (
+            _test(velocity, self.slip_velocity, self.slip_limit, "theory"),
+            _test(
                 "loading rate times wait, over the drop",
                 gain,
                 CLIMBS,
                 "convention",
-                gain.value - ONE_SIDED * gain.error > CLIMBS,
+                climbs,
             ),
-            (
+            _test(
                 "scatter of the loading rate over it",
                 self.loading.scatter,
                 ONE_RATE,
                 "convention",
                 self.loading.scatter < ONE_RATE,
             ),
-            (NOISE, noise[0], noise[1], "theory", noise[0] >= noise[1]),
-            (
-                "kurtosis of the force",
-                self.kurtosis,
-                NORMAL,
-                "theory",
-                self.kurtosis.value >= NORMAL,
-            ),
-            (
+            _test(NOISE, *self.contact_noise, "theory"),
+            _test("kurtosis of the force", self.kurtosis, NORMAL, "theory"),
+            _test(
                 "three standard deviations over the mean",
                 narrow,
                 MOST,
                 "convention",
                 self.is_narrow,
             ),
-            (
+            _test(
                 "slider velocity off the drive's (rms), over it",
                 self.velocity_deviation,
                 RESTS,
                 "convention",
-                self.velocity_deviation >= RESTS,
             ),
         )
+        return tuple(row for row in rows if not math.isnan(row.statistic))
+
+
+def _test(
+    name: str,
+    found: float | Measured,
+    limit: float,
+    source: Source = "statistics",
+    passed: bool | None = None,
+) -> Criterion:
+    """A test; passed, if nothing else is said, where a number reaches its limit."""
+    value, error = found if isinstance(found, Measured) else (found, 0.0)
+    passed = value >= limit if passed is None else passed
+    return Criterion(name, value, error, limit, source, passed)
 
 
 def look_past_waves(seen: Window) -> Window:
