@@ -35,8 +35,10 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
         count = min(count, int(np.ptp(trace.t) / usual))
     if count >= 2 * FEWEST_CYCLES and np.ptp(trace.force):
         times += _steps(trace, count)
+    if not times:
+        return []
     ends = [-math.inf, *sorted(times), math.inf]
-    parts = [trace.part(*pair) for pair in pairwise(ends)] if times else []
+    parts = [trace.part(*pair) for pair in pairwise(ends)]
     return [part for part in parts if part.t.size >= FEWEST_READINGS]
 
 
@@ -44,48 +46,68 @@ def _steps(trace: Trace, count: int) -> list[float]:
     """When the level or the amplitude of so many blocks of a force steps."""
     first = trace.t.size % count
     blocks = trace.force[first:].reshape(count, -1)
-    scatter = blocks.std(axis=1)
-    scale = float(np.median(scatter)) or float(scatter.max())
-    scatter = np.maximum(scatter / scale, 1e-6)
-    series = np.array([blocks.mean(axis=1) / scale, np.log(scatter)])
-    # By medians, which steps do not move. Of a series with a memory r, differences of
-    # the next but one are larger by 1 + r in squares, and means scatter as if it were
-    # larger by (1 + r)/(1 - r).
-    one, two = (
-        np.maximum(_scatter(series[:, k:] - series[:, :-k], 0.0), STEADY)
-        for k in (1, 2)
-    )
-    r = np.clip((two / one) ** 2 - 1.0, 0.0, 0.99)
-    noise = one * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r)
-    edges = _edges(series / noise[:, None])
+    series = _levels_and_amplitudes(blocks)
+    edges = _edges(series / _noise(series))
     times = []
     for begin, edge, end in zip(edges, edges[1:], edges[2:], strict=False):
-        before = series[:, begin:edge]
-        after = series[:, edge:end]
-        # By the scatter of either segment, and Student's t: a peak that comes and goes
-        # has no level of its own.
-        error = np.hypot(*(_error(part) for part in (before, after)))
-        chance = stdtrit(min(edge - begin, end - edge) - 1, 1.0 - CHANCE)
-        change = after.mean(axis=1) - before.mean(axis=1)
-        near = after[:, :2].mean(axis=1) - before[:, -2:].mean(axis=1)
-        steps = np.abs(change) >= np.maximum(LARGE, chance * error)
-        at_once = near * change >= AT_ONCE * change**2
-        if np.any(steps & at_once):
-            begins = first + blocks.shape[1] * (edge - 2)
-            about = slice(begins, begins + 4 * blocks.shape[1])
-            times.append(float(trace.t[about][_likeliest(trace.force[about])]))
+        if not _is_step(series[:, begin:edge], series[:, edge:end]):
+            continue
+        size = blocks.shape[1]
+        start = first + size * (edge - 2)
+        about = slice(start, start + 4 * size)
+        at = _likeliest(trace.force[about])
+        times.append(float(trace.t[about][at]))
     return times
 
 
-def _scatter(series: Array, about: Array | float) -> Array:
-    """Standard deviation of each series by the median."""
-    return np.asarray(1.4826 * np.median(np.abs(series - about), axis=1))
+def _levels_and_amplitudes(blocks: Array) -> Array:
+    """Means of blocks, in their usual scatter, and the logarithms of their scatter."""
+    scatter = blocks.std(axis=1)
+    scale = float(np.median(scatter)) or float(scatter.max())
+    amplitudes = np.log(np.maximum(scatter / scale, 1e-6))
+    return np.array([blocks.mean(axis=1) / scale, amplitudes])
+
+
+def _noise(series: Array) -> Array:
+    """Scatter of means of each series about its steps.
+
+    By medians, which steps do not move. Of a series with a memory r, differences of
+    the next but one are larger by 1 + r in squares, and means scatter as if it were
+    larger by (1 + r)/(1 - r).
+    """
+    one = _scatter(series[:, 1:] - series[:, :-1])
+    two = _scatter(series[:, 2:] - series[:, :-2])
+    one = np.maximum(one, STEADY)
+    two = np.maximum(two, STEADY)
+    r = np.clip((two / one) ** 2 - 1.0, 0.0, 0.99)
+    return np.asarray(one * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r))
+
+
+def _is_step(before: Array, after: Array) -> bool:
+    """Whether one of two series steps from one segment to the next, at once.
+
+    By the scatter of either segment, and Student's t: a peak that comes and goes has
+    no level of its own.
+    """
+    error = np.hypot(_error(before), _error(after))
+    shorter = min(before.shape[1], after.shape[1])
+    chance = stdtrit(shorter - 1, 1.0 - CHANCE)
+    change = after.mean(axis=1) - before.mean(axis=1)
+    near = after[:, :2].mean(axis=1) - before[:, -2:].mean(axis=1)
+    is_large = np.abs(change) >= np.maximum(LARGE, chance * error[:, 0])
+    at_once = near * change >= AT_ONCE * change**2
+    return bool(np.any(is_large & at_once))
+
+
+def _scatter(series: Array) -> Array:
+    """Standard deviation about zero of each series, by the median."""
+    return 1.4826 * np.median(np.abs(series), axis=1, keepdims=True)
 
 
 def _error(part: Array) -> Array:
     """Standard error of the level of each series."""
     usual = np.median(part, axis=1, keepdims=True)
-    return _scatter(part, usual) / math.sqrt(part.shape[1])
+    return _scatter(part - usual) / math.sqrt(part.shape[1])
 
 
 def _pauses(trace: Trace, found: Slips) -> list[float]:
@@ -96,12 +118,13 @@ def _pauses(trace: Trace, found: Slips) -> list[float]:
     if not trace.measured or waits.size < FEWEST_CYCLES:
         return []
     usual = weighted_median(waits, waits)
-    ends = trace.t[found.end]
-    begins = found.times - usual
     all_waits = np.diff([trace.t[0], *found.times, trace.t[-1]])
     times = list[float]()
     for i in np.flatnonzero(all_waits > longest_wait(waits)).tolist():
-        times += [*ends[max(i - 1, 0) : i], *begins[i : i + 1]]
+        if i > 0:
+            times.append(trace.t[found.end[i - 1]])
+        if i < found.size:
+            times.append(found.times[i] - usual)
     return times
 
 
@@ -116,18 +139,17 @@ def _edges(series: Array) -> list[int]:
     # So much does a step that is none take off two series of unit scatter by chance
     # (chi squared with two degrees).
     price = 2.0 * math.log(count / CHANCE)
-    at = np.arange(count + 1)
-    lasts = np.maximum(at[:, None] - at, 1)
-    means = ((sums[:, :, None] - sums[:, None, :]) ** 2).sum(axis=0) / lasts
-    within = squares[:, None] - squares - means + price
     least = np.full(count + 1, math.inf)
     least[0] = 0.0
     edges = {0: [0]}
     for end in range(FEWEST_CYCLES, count + 1):
-        starts = slice(0, end - FEWEST_CYCLES + 1)
-        total = least[starts] + within[end, starts]
-        begin = int(np.argmin(total))
-        least[end] = total[begin]
+        begins = np.arange(end - FEWEST_CYCLES + 1)
+        totals = sums[:, [end]] - sums[:, begins]
+        explained = (totals**2).sum(axis=0) / (end - begins)
+        rest = squares[end] - squares[begins] - explained
+        costs = least[begins] + rest + price
+        begin = int(np.argmin(costs))
+        least[end] = costs[begin]
         edges[end] = [*edges[begin], end]
     return edges[count]
 

@@ -11,6 +11,7 @@ from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 from stickslip.measure.trace import FEWEST_READINGS, Array
 
 SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
+Mask = NDArray[np.bool_]
 FEW = 0.05  # largest part of the samples that may be faults of the sensor
 # samples, consecutive samples and peaks that make a saturated sensor
 FEWEST_FLAT = 10
@@ -50,37 +51,43 @@ def resolution(force: Array) -> float:
 def note_saturation(force: Array) -> tuple[str, ...]:
     """What looks like a fault of the sensor."""
     return tuple(
-        f"the {edge}s of the force are flat at {force[int(np.argmax(extreme))]:.4g}: "
-        "the sensor or its amplifier seems "
-        "to be saturated; drops are larger than what was recorded"
-        for extreme, edge in ((force, "top"), (-force, "bottom"))
-        if _is_flat(extreme)
+        f"the {edge}s of the force are flat at {extreme:.4g}: the sensor or its "
+        "amplifier seems to be saturated; drops are larger than what was recorded"
+        for edge, way, extreme in (
+            ("top", 1.0, force.max()),
+            ("bottom", -1.0, force.min()),
+        )
+        if _is_flat(way * force)
     )
 
 
-def far_outside(force: Array) -> NDArray[np.bool_]:
+def far_outside(force: Array) -> Mask:
     """Samples farther from all others than these ever are from one another: -9999,
     or a spark.
     """
-    found = ~np.isfinite(force) | _stands_for_none(force)
+    known = np.isfinite(force)
+    found = ~known | _stands_for_none(force)
     for side in (1.0, -1.0, 1.0):
         values = side * force[~found]
         if values.size < FEWEST_READINGS:
             break
-        values.partition(many := int(FEW * values.size))
-        few = np.sort(values[: many + 1])
-        below = np.flatnonzero(np.diff(few) > values.max() - few[1:])
+        many = int(FEW * values.size)
+        values.partition(many)
+        lowest = np.sort(values[: many + 1])
+        gaps = np.diff(lowest)
+        below = np.flatnonzero(gaps > values.max() - lowest[1:])
         if below.size:
-            found |= side * force <= few[below[-1]]
+            found |= side * force <= lowest[below[-1]]
     inner = np.flatnonzero(~found)
-    known = np.isfinite(force)
-    for end in (slice(inner[0]), slice(inner[-1] + 1, None)) if inner.size else ():
+    if inner.size:
         # as a bench is before and after the test
-        found[end] &= ~_unloaded(force[end], force[inner])
+        unloaded = _unloaded(force, force[inner])
+        unloaded[inner[0] : inner[-1] + 1] = False
+        found &= ~unloaded
     return found & known
 
 
-def _stands_for_none(force: Array) -> NDArray[np.bool_]:
+def _stands_for_none(force: Array) -> Mask:
     """Samples of one value that recurs farther from the others than these from one
     another: however many, they are no reading.
     """
@@ -93,14 +100,14 @@ def _stands_for_none(force: Array) -> NDArray[np.bool_]:
     return np.zeros(force.size, dtype=bool)
 
 
-def _unloaded(force: Array, others: Array) -> NDArray[np.bool_]:
+def _unloaded(force: Array, others: Array) -> Mask:
     """Which forces are smaller in size than all others: no load, rather than no
     reading.
     """
     return np.asarray(np.abs(force) < np.abs(others).min())
 
 
-def spikes(force: Array) -> NDArray[np.bool_]:
+def spikes(force: Array) -> Mask:
     """Electrical spikes: samples farther from the four beside them than these, as in
     a slip, from one another.
     """
@@ -109,17 +116,21 @@ def spikes(force: Array) -> NDArray[np.bool_]:
     values = force[known]
     lowest = minimum_filter(values, footprint=_BESIDE, mode="mirror")
     highest = maximum_filter(values, footprint=_BESIDE, mode="mirror")
-    apart = np.maximum(lowest - values, values - highest) > highest - lowest
+    beyond = np.maximum(lowest - values, values - highest)
+    apart = beyond > highest - lowest
     # not less those that slips spoil: these are no spikes
-    noise = 1.4826 * np.median(np.abs(np.diff(values, 2))) / math.sqrt(6.0)
+    bend = float(np.median(np.abs(np.diff(values, 2))))
+    noise = 1.4826 * bend / math.sqrt(6.0)
     noise = max(noise, resolution(values) / math.sqrt(12.0))
-    apart &= np.abs(values - median_filter(values, 5)) > SIGMAS * noise
+    off = np.abs(values - median_filter(values, 5))
+    apart &= off > SIGMAS * noise
     # At an end it is not seen whether a force comes back as a spike does: there it must
     # exceed what slips make of four, and be no bench without load.
     inner = values[1:-1][~apart[1:-1]]
     steps = maximum_filter(inner, 4) - minimum_filter(inner, 4)
     for end, beside in ((0, 1), (-1, -2)):
-        apart[end] &= abs(values[end] - values[beside]) > steps.max()
+        step = abs(values[end] - values[beside])
+        apart[end] &= step > steps.max()
         apart[end] &= not _unloaded(values[end], inner)
     # where many are so, they are no faults
     if np.count_nonzero(apart) <= FEW * values.size:
@@ -131,12 +142,13 @@ def _is_flat(force: Array) -> bool:
     """Whether a force stays at its largest value again and again, much longer than
     at values just below.
     """
-    top = float(force.max())
+    top = force.max()
     at = force == top
-    runs = np.diff(np.flatnonzero(np.diff(at, prepend=False, append=False)))[::2]
-    near = force[~at & (force > top - 0.2 * (top - float(force.min())))]
-    usual = (
-        float(np.median(np.unique(near, return_counts=True)[1])) if near.size else 1.0
-    )
-    often = FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size
-    return bool(often and np.count_nonzero(runs >= FLAT_RUN) >= FLAT_PEAKS)
+    edges = np.flatnonzero(np.diff(at, prepend=False, append=False))
+    runs = np.diff(edges)[::2]
+    if np.count_nonzero(runs >= FLAT_RUN) < FLAT_PEAKS:
+        return False
+    near = force[~at & (force > top - 0.2 * np.ptp(force))]
+    _, counts = np.unique(near, return_counts=True)
+    usual = float(np.median(counts)) if near.size else 1.0
+    return bool(FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size)

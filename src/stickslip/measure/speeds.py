@@ -3,11 +3,14 @@
 import math
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import FEWEST_READINGS, Array, Trace, memory, slope
+from stickslip.simulation import labelled
 
 # Preferred numbers of the series R10 (ISO 3): speeds that lie nearer to one another
 # than to the next of these count as one.
@@ -59,74 +62,65 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     trace = Trace.of(data)
     pieces = find_strokes(trace)[0] or [trace]
     size = max(FEWEST_READINGS, trace.t.size // _MOST_BLOCKS)
-    found = [_blocks(data, piece, size) for piece in pieces]
-    velocity, level = np.concatenate(found, axis=1)
-    fastest = float(velocity.max(initial=0.0))
+    blocks = pd.concat(_blocks(data, piece, size) for piece in pieces)
+    fastest = blocks["velocity"].max()
     if not fastest > 0.0:
         raise InputError("friction_at_speeds: the record never moves")
-    moves = velocity > LEAST_SPEED * fastest
-    bins = np.round(_PER_DECADE * np.log10(velocity[moves] / fastest))
-    alike = [np.flatnonzero(moves)[bins == each] for each in np.unique(bins)]
-    rows = [
-        (
-            float(velocity[these].mean()),
-            *_mean_and_error(level[these]),
-            these.size * size,
-        )
-        for these in alike
-        if these.size >= _FEWEST_BLOCKS
-    ]
+    blocks = blocks[blocks["velocity"] > LEAST_SPEED * fastest]
+    bins = (_PER_DECADE * np.log10(blocks["velocity"] / fastest)).round()
+    found = blocks.groupby(bins).filter(lambda alike: len(alike) >= _FEWEST_BLOCKS)
+    alike = found.groupby(bins)
+    table = alike.mean().assign(
+        error=alike["friction"].apply(_error), readings=alike.size() * size
+    )
     friction = data["mu" if "mu" in data else "spring_force"].attrs
     unit = str(friction.get("units", ""))
-    name = str(friction.get("long_name", "friction"))
-    of_speed = next(
-        str(data[key].attrs.get("units", ""))
-        for key in ("measured_velocity", "measured_displacement")
-        if key in data
-    )
-    if "measured_velocity" not in data:
-        of_speed += f"/{trace.time_unit}"
+    is_known = "measured_velocity" in data
+    moved = data["measured_velocity" if is_known else "measured_displacement"]
+    of_speed = str(moved.attrs.get("units", ""))
+    of_speed += "" if is_known else f"/{trace.time_unit}"
     about = {
         "velocity": (of_speed, "velocity"),
-        "friction": (unit, name),
+        "friction": (unit, str(friction.get("long_name", "friction"))),
         "error": (unit, "standard error"),
         "readings": ("1", "readings"),
     }
-    columns = np.array(rows).reshape(-1, len(about)).T
     return xr.Dataset(
         {
-            key: ("speed", values, {"units": units, "long_name": title})
-            for (key, (units, title)), values in zip(
-                about.items(), columns, strict=True
-            )
+            key: labelled(title, "speed", table[key].astype(float), units)
+            for key, (units, title) in about.items()
         },
         attrs={"source": str(data.attrs.get("source", ""))},
     )
 
 
-def _blocks(data: xr.Dataset, piece: Trace, size: int) -> Array:
+def _blocks(data: xr.Dataset, piece: Trace, size: int) -> pd.DataFrame:
     """Speed and friction in blocks of so many readings of a record, or a stroke."""
     within = data.sel(time=slice(piece.t[0], piece.t[-1]))
     friction = piece.force
     if "mu" in data:
         friction = friction * np.asarray(within["mu"] / within["spring_force"])
-    blocks = [slice(k, k + size) for k in range(0, friction.size - size + 1, size)]
+    count = friction.size // size
+
+    def blocks(values: ArrayLike) -> Array:
+        return np.asarray(values, dtype=float)[: count * size].reshape(count, size)
+
     if "measured_velocity" in data:
-        values = np.asarray(within["measured_velocity"].values, dtype=float)
-        speeds = [abs(float(values[block].mean())) for block in blocks]
-    elif (way := piece.displacement) is not None:
-        speeds = [abs(slope(way[block], piece.t[block])) for block in blocks]
+        speeds = blocks(within["measured_velocity"]).mean(axis=1)
+    elif piece.displacement is not None:
+        pairs = zip(blocks(piece.displacement), blocks(piece.t), strict=True)
+        speeds = np.array([slope(*pair) for pair in pairs])
     else:
         raise InputError(
             "friction_at_speeds: needs a column of the velocity or of the "
             "displacement: name it (velocity= or displacement=)"
         )
-    return np.array([speeds, [float(friction[block].mean()) for block in blocks]])
+    means = blocks(friction).mean(axis=1)
+    return pd.DataFrame({"velocity": np.abs(speeds), "friction": means})
 
 
-def _mean_and_error(values: Array) -> tuple[float, float]:
-    """The mean of blocks, and its standard error by their scatter and memory."""
-    mean = float(values.mean())
-    r = min(memory(values - mean), 1.0 - 2.0 / values.size)
-    independent = values.size * (1.0 - r) / (1.0 + r)
-    return mean, float(values.std(ddof=1)) / math.sqrt(independent)
+def _error(blocks: "pd.Series[float]") -> float:
+    """The standard error of a mean of blocks, by their scatter and memory."""
+    r = min(memory((blocks - blocks.mean()).to_numpy()), 1.0 - 2.0 / blocks.size)
+    independent = blocks.size * (1.0 - r) / (1.0 + r)
+    return float(blocks.std()) / math.sqrt(independent)
