@@ -1,6 +1,10 @@
-"""Structures on an interface: the interface as an element of them."""
+"""Structures on an interface: the interface as an element of them, and as other
+programs take it.
+"""
 
 from stickslip.structures.element import Element as Element
 from stickslip.structures.element import NextEvent as NextEvent
 from stickslip.structures.element import Reaction as Reaction
 from stickslip.structures.element import State as State
+from stickslip.structures.statespace import StateSpace as StateSpace
+from stickslip.structures.statespace import state_space as state_space
