@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import stickslip as ss
+from stickslip.cli import main
 from stickslip.errors import InputError
 from stickslip.io import datasets, rig_files, rig_keys
 from stickslip.model import ControlledAxis, Matrices, Modes, StateSpace
@@ -17,6 +18,7 @@ from stickslip.simulation.engines.base import Beginning
 from stickslip.simulation.engines.contacts import EventByEvent
 from stickslip.stability import count_unstable, dynamic_stiffness, roots
 from stickslip.stability.modes import smooth_sliding
+from stickslip.structures.hunting import Hunt, tracking
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
@@ -420,3 +422,76 @@ def test_a_controller_that_samples_quickly_is_the_continuous_one():
     for every, most in ((2e-3, 0.05), (2e-4, 0.005)):
         sampled = run_of(replace(axis, sample_time=every), 0.01)
         assert float(abs(sampled.displacement - seen.displacement).max()) < most
+
+
+# ---------------------------------------------------------------- hunting
+
+
+def axis_with(kp, *, delay=0.1, **more):
+    """An axis critically damped, with an integral of .3: the base case."""
+    gains = {"kp": kp, "ki": kp / 0.3, "kd": 2.0 * np.sqrt(kp * 1e-4)}
+    axis = ControlledAxis(mass=1e-4, **gains, **more)
+    interface = replace(INTERFACE, delay=ss.Delay(delay))
+    method = ss.Contacts(1000, seed=1)
+    return ss.Rig(interface, axis, ss.constant(1.0), method=method)
+
+
+# widths by moves of a brute-force study, times kp; what one slip tells, to 10 %
+@pytest.mark.parametrize(("kp", "width"), [(0.05, 0.575), (0.2, 0.92)])
+def test_how_far_an_axis_hunts(kp, width):
+    hunt = Hunt(axis_with(kp, moves=(1.5,)))
+    found = hunt.move(1.5)
+    assert found.hunts
+    assert kp * found.peak_to_peak == pytest.approx(width, rel=0.03)
+    told = hunt.slip.length + hunt.slip.break_away
+    assert told == pytest.approx(found.peak_to_peak, rel=0.1)
+
+
+def test_an_axis_that_hunts_is_bistable_up_to_a_fold():
+    hunt = Hunt(axis_with(0.3))
+    seen = {hunt.move(distance).hunts for distance in hunt.moves}
+    assert seen == {True, False}
+    assert hunt.fold() == pytest.approx(0.6, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("axis", "why"),
+    [
+        (axis_with(0.2, delay=0.0), "no delay, no ageing"),
+        (axis_with(2.0), "no further"),
+        (axis_with(0.2).replace(ki=0.0), "without an integral"),
+    ],
+)
+def test_an_axis_that_cannot_hunt(axis, why):
+    answer = ss.predict(axis)
+    assert not answer.possible
+    assert "at rest    cannot hunt" in str(answer)
+    assert why in str(answer)
+
+
+def test_without_delay_no_move_hunts():
+    hunt = Hunt(axis_with(0.2, delay=0.0))
+    assert not any(hunt.move(distance).hunts for distance in hunt.moves)
+
+
+def test_tracking_that_is_unsteady_without_an_integral_is_said():
+    found = tracking(rig(replace(AXIS, ki=1.0), 2.0))
+    assert (found.without_integral, found.limit) == (2, 0.0)
+    # at speed the limit of the base case, by hand
+    _, ki = neutral_integral(1.0, 5.5, 5.57)
+    assert tracking(rig(AXIS)).limit == pytest.approx(ki, rel=1e-9)
+
+
+def test_the_shipped_axis_is_answered_in_its_units(capsys):
+    main(["predict", "axis"])
+    text = capsys.readouterr().out
+    assert len(text.splitlines()) <= 20
+    assert "steady at 20 mm/s up to Ki = " in text
+    assert "at rest    may hunt, depending on the move, by " in text
+    assert "raise Kp above " in text
+
+
+@pytest.mark.parametrize("name", ["caliper", "drill_string"])
+def test_the_shipped_structures_stick_slip_at_their_speed(name):
+    answer = ss.predict(ss.example(name), fast=True)
+    assert answer.regime.kind == "stick-slip"

@@ -11,6 +11,7 @@ from typing import Any
 
 from stickslip.advise import survey as by_theory
 from stickslip.advise.answer import ElasticPrediction, Prediction
+from stickslip.advise.axis import AxisAnswer, complete_axis, judge_axis
 from stickslip.advise.bars import complete_waves, predict_waves
 from stickslip.advise.budget import (
     OSCILLATES,
@@ -47,7 +48,7 @@ from stickslip.model.parameters import (
     parameter_named,
 )
 from stickslip.model.rig import Ends, Rig
-from stickslip.model.structure import Structure
+from stickslip.model.structure import ControlledAxis, Structure
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
@@ -80,7 +81,7 @@ def predict(
     thorough: bool = False,
     smooth: Ends | None = None,
     progress: Progress | bool | None = None,
-) -> Prediction | ElasticPrediction:
+) -> Prediction | ElasticPrediction | AxisAnswer:
     """Say at which speeds a rig stick-slips, what it does at its own, how safely, and
     what would stop it.
 
@@ -104,7 +105,8 @@ def predict(
     Prediction
         It prints as a short text, and has ``plot()`` and ``to_dict()``. Every number is
         in the rig's own units. Of a `Chain` or a `Sheet`, `ElasticPrediction`: what
-        linear theory says of each wavelength.
+        linear theory says of each wavelength. Of a `ControlledAxis`, `AxisAnswer`:
+        whether it tracks steadily, and whether it hunts at rest.
 
     Raises
     ------
@@ -128,6 +130,8 @@ def predict(
             ),
         )
     with reporting(progress, "predict") as report:
+        if isinstance(rig.slider, ControlledAxis):
+            return judge_axis(rig, fast=fast, progress=report)
         if isinstance(rig.natural.slider, ElasticBody):
             check_body(rig)
             waves = part(report, 0.0, 1.0 if fast else 0.4)
@@ -227,16 +231,18 @@ def _shown(
 
 
 def complete(
-    found: Prediction | ElasticPrediction,
+    found: Prediction | ElasticPrediction | AxisAnswer,
     *,
     thorough: bool = False,
     pairs: bool = False,
     progress: Progress | None = None,
-) -> Prediction | ElasticPrediction:
+) -> Prediction | ElasticPrediction | AxisAnswer:
     """Go on from a verdict to what `predict` finds without ``fast``: speeds from
     rest, margins, mitigations.
     """
     report = progress or (lambda _done: None)
+    if isinstance(found, AxisAnswer):
+        return complete_axis(found, report)
     if isinstance(found, ElasticPrediction):
         return complete_waves(found, report)
     rig = found.rig

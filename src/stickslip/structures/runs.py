@@ -122,6 +122,19 @@ class SteppedStructure(Engine):
         kick = self._body.kick
         self._z[:] = state + kick * faster / float(self._body.moving @ kick)
 
+    def held_by(self, axis: ControlledAxis) -> "SteppedStructure":
+        """Return a copy that goes on with other gains of its controller, whose integral
+        keeps its force.
+        """
+        before = self.slider
+        assert isinstance(before, ControlledAxis)
+        other = self.copy()
+        other.slider = axis
+        other._system, other._body, other._controller = _parts(axis)
+        if not axis.sample_time:  # its state is the integral of the error
+            other._z[2] *= before.ki / axis.ki
+        return other
+
     def here(self) -> tuple[float, float]:
         """Time, and position of the contacts."""
         m = self._element.motion[0]

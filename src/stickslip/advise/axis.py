@@ -1,0 +1,212 @@
+"""The answer on a position-controlled axis: does it track steadily, does it hunt at
+rest, and what ends it.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from stickslip.answers import Answer
+from stickslip.model.drive import constant
+from stickslip.model.rig import Rig
+from stickslip.progress import Progress, part
+from stickslip.structures.hunting import (
+    Hunt,
+    Move,
+    Slip,
+    Tracking,
+    axis_of,
+    hunting_period,
+    strengthens,
+    tracking,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class AxisAnswer(Answer):
+    """Whether an axis tracks steadily and whether it hunts at rest.
+
+    Numbers are in natural units; it prints, and `to_dict` gives them, in the rig's own.
+    """
+
+    rig: Rig
+    tracking: Tracking | None  #: None for an axis that only holds a place
+    slip: Slip
+    possible: bool  #: whether hunting at rest is possible at all
+    moves: tuple[Move, ...] = ()  #: what was tried; nothing where it is not possible
+    #: gain above which hunting ends, damping ratio and time of the integral as they are
+    gain: float = math.nan
+    complete: bool = field(default=False, compare=False)
+
+    @property
+    def hunts(self) -> bool:
+        """Whether the axis hunts after one of the moves."""
+        return any(move.hunts for move in self.moves)
+
+    @property
+    def peak_to_peak(self) -> float:
+        """Width of hunting: of the largest that was seen, else what one slip tells."""
+        seen = [move.peak_to_peak for move in self.moves if move.hunts]
+        return max(seen) if seen else self.slip.length + self.slip.break_away
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one line."""
+        return f"{self.rig.name}: {self._at_speed}; at rest: {self._at_rest}"
+
+    def _length(self, value: float) -> str:
+        return self.rig.in_units(value, "x_s", 2)
+
+    @property
+    def _at_speed(self) -> str:
+        found = self.tracking
+        if found is None:
+            return "no speed to track at"
+        speed = self.rig.in_units(abs(self.rig.natural.velocity), "x_s/time", 3)
+        if found.without_integral:
+            return f"not steady at {speed}, even without an integral"
+        if found.limit == math.inf:
+            return f"steady at {speed}, whatever Ki"
+        how = "unsteady" if found.unstable else "steady"
+        but = "; steady" if found.unstable else ""
+        return f"{how} at {speed}{but} up to Ki = {self._integral(found.limit)}"
+
+    def _integral(self, value: float) -> str:
+        return self.rig.in_units(value, "k/time", 3)
+
+    @property
+    def _at_rest(self) -> str:
+        width = self._length(self.peak_to_peak)
+        if not self.possible:
+            return "cannot hunt"
+        if self.hunts:
+            which = "may hunt, depending on the move,"
+            if all(move.hunts for move in self.moves):
+                which = "hunts after every move tried,"
+            return f"{which} by {width} peak to peak"
+        if self.moves:
+            return f"hunts after none of {len(self.moves)} moves"
+        return f"may hunt, by about {width} peak to peak"
+
+    def __str__(self) -> str:
+        axis = axis_of(self.rig)
+        speed, rest = self._at_speed, self._at_rest
+        lines = [self.rig.name, f"  at speed   {speed}"]
+        found = self.tracking
+        if found is not None and math.isfinite(found.frequency):
+            per = "Hz" if self.rig.scales else "cycles per time unit"
+            rate = found.frequency * self.rig.unit("1/time")
+            lines.append(f"             beyond it oscillates at {rate:.3g} {per}")
+            lines.append(f"             Ki now: {self._integral(axis.ki)}")
+        lines.append(f"  at rest    {rest}")
+        lines += [f"             {line}" for line in self._evidence()]
+        if self.hunts and math.isfinite(self.gain):
+            kp = self.rig.in_units(self.gain, "k", 3)
+            lines.append(f"             raise Kp above {kp}, with Kd and Ki: the same")
+            lines.append("             damping and Kp/Ki; or hold without the integral")
+        if axis.sample_time:
+            lines.append("  roots of the continuous controller; moves with its samples")
+        return "\n".join(lines)
+
+    def _evidence(self) -> list[str]:
+        """Reasons, from roots to moves."""
+        axis = axis_of(self.rig)
+        if not strengthens(self.rig.interface):
+            return ["contacts do not strengthen with rest: no delay, no ageing"]
+        if axis.ki == 0.0:
+            return ["without an integral (Ki = 0) nothing pulls it off its place"]
+        if not self.slip.length:
+            return ["pulled slowly it slides off without a slip"]
+        away, slip = map(self._length, (self.slip.break_away, self.slip.length))
+        than = "further" if self.possible else "no further"
+        lines = [f"pulled slowly it breaks away after {away} and slips {slip}: {than}"]
+        for hunts, word in ((True, "hunts after"), (False, "settles after")):
+            moves = [m for m in self.moves if m.hunts is hunts]
+            if moves:
+                which = ", ".join(self._length(m.distance) for m in moves)
+                lines.append(f"{word} moves of {which}")
+        return lines
+
+    def text(self, width: int = 80, **_: Any) -> str:
+        """The answer as the command line prints it."""
+        del width
+        return str(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The answer as plain numbers in the rig's own units."""
+        rig = self.rig
+        length, time = rig.unit("x_s"), rig.unit("time")
+        found = self.tracking
+        limit = found.limit if found else math.nan
+        answer = {
+            "name": rig.name,
+            "unstable_roots": found.unstable if found else None,
+            "unstable_without_integral": found.without_integral if found else None,
+            "ki_limit": limit * rig.unit("k/time") if math.isfinite(limit) else None,
+            "ki_unit": rig.unit_name("k/time"),
+            "can_hunt": self.possible,
+            "hunts": self.hunts,
+            "peak_to_peak": self.peak_to_peak * length if self.possible else 0.0,
+            "break_away": self.slip.break_away * length,
+            "slip": self.slip.length * length,
+            "length_unit": rig.unit_name("x_s"),
+            "kp_to_stop": self.gain * rig.unit("k") if self.hunts else None,
+            "kp_unit": rig.unit_name("k"),
+        }
+        moves = [
+            {
+                "distance": move.distance * length,
+                "peak_to_peak": move.peak_to_peak * length,
+                "period": move.period * time if move.hunts else None,
+                "hunts": move.hunts,
+            }
+            for move in self.moves
+        ]
+        return answer | {"moves": moves}
+
+    def plot(self) -> "Axes":
+        """Draw the position after a move, the first that hunts if one does."""
+        import matplotlib.pyplot as plt
+
+        from stickslip.simulation import simulate
+
+        hunt = Hunt(self.rig)
+        order = sorted(self.moves, key=lambda move: not move.hunts)
+        distance = order[0].distance if order else hunt.moves[0]
+        hold = 40.0 * self.rig.interface.delay.moment(1)
+        if self.possible:
+            hold = 12.0 * hunting_period(hunt.axis, self.peak_to_peak)
+        drive = constant(hunt.speed, distance / hunt.speed).then(constant(0.0, hold))
+        run = simulate(replace(self.rig, drive=drive, method=hunt.method), long=True)
+        _, ax = plt.subplots()
+        run.displacement.plot(ax=ax)
+        ax.axhline(distance * self.rig.unit("x_s"), linestyle=":", color="gray")
+        return ax
+
+
+def judge_axis(rig: Rig, *, fast: bool, progress: Progress) -> AxisAnswer:
+    """Return the answer on an axis; `fast` stops before the moves."""
+    moving = rig.natural.velocity != 0.0
+    roots = tracking(rig) if moving else None
+    progress(0.2)
+    hunt = Hunt(rig)
+    found = AxisAnswer(rig=rig, tracking=roots, slip=hunt.slip, possible=hunt.possible)
+    return found if fast else complete_axis(found, part(progress, 0.3, 1.0), hunt)
+
+
+def complete_axis(
+    found: AxisAnswer, progress: Progress, hunt: Hunt | None = None
+) -> AxisAnswer:
+    """Return the answer with what the axis does after moves, and what ends hunting."""
+    hunt = hunt or Hunt(found.rig)
+    if not hunt.possible:
+        return replace(found, complete=True)
+    moves = []
+    for i, distance in enumerate(hunt.moves):
+        moves.append(hunt.move(distance))
+        progress(0.5 * (i + 1) / len(hunt.moves))
+    gain = hunt.fold() if any(move.hunts for move in moves) else math.nan
+    return replace(found, moves=tuple(moves), gain=gain, complete=True)

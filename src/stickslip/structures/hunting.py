@@ -1,0 +1,282 @@
+"""Does a position-controlled axis hunt: roots of steady tracking first, then one slip,
+then moves.
+
+Contacts that strengthen with rest let an axis stick, the integral of the controller
+pulls it off, and it slips past its place: it hunts. The slip of one slow pull by the
+proportional and derivative gains tells how far, and must be longer than the break-away
+displacement. Whether it happens depends on the move: up to a fold of the gain the axis
+may stand still, too.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import InputError, instance
+from stickslip.model import Contacts, Gaussian, Interface, Output, Rig, Slider
+from stickslip.model.drive import constant
+from stickslip.model.structure import ControlledAxis
+from stickslip.simulation.driver import follow
+from stickslip.simulation.engines.base import Beginning
+from stickslip.simulation.run import simulate
+from stickslip.stability import count_unstable, critical
+from stickslip.structures.runs import SteppedStructure
+
+MOST_CONTACTS = 2000  # of a move
+MOVES = (1.5, 3.0, 5.4, 8.0)  # in x_s, where none are given
+# A move has settled after so many periods of hunting, and is judged by the last ones.
+_PERIODS = 12
+_JUDGED = 5
+_HUNTS = 0.3  # of the break-away displacement, peak to peak: far from creeping to rest
+_RISE = 1.1  # of the gain, from which the fold is closed in on
+_HALVINGS = 3
+_LARGEST = 100.0  # gain sought, over that of the axis
+# Pulls: so slow against the free motion of the axis that its inertia counts no more
+_QUICK, _SLOW = 1e-3, 2e-4
+_SAMPLES = 40_000
+
+
+class Tracking(NamedTuple):
+    """Steady tracking at a speed."""
+
+    unstable: int  #: roots that grow with the gains of the axis
+    without_integral: int  #: and with ``ki = 0``
+    limit: float  #: ``ki`` up to which tracking is steady; infinite, or 0 for none
+    frequency: float  #: of the oscillation beyond, in cycles per time
+
+
+class Slip(NamedTuple):
+    """One slip of a slow pull on the proportional and derivative gains."""
+
+    break_away: float  #: displacement at which it begins
+    length: float  #: 0 where the axis does not slip
+
+
+@dataclass(frozen=True)
+class Move:
+    """What an axis does after a move."""
+
+    distance: float
+    peak_to_peak: float
+    period: float  #: NaN where it stands still
+    hunts: bool
+
+
+def axis_of(rig: Rig) -> ControlledAxis:
+    """Return the axis of a rig, or raise `InputError`."""
+    instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
+    instance("Rig.slider", rig.slider, ControlledAxis, "a ControlledAxis")
+    assert isinstance(rig.slider, ControlledAxis)
+    return rig.slider
+
+
+def with_gain(axis: ControlledAxis, kp: float) -> ControlledAxis:
+    """Return the axis with another gain, as well damped, and with the same time
+    ``kp/ki`` of its integral.
+    """
+    factor = kp / axis.kp
+    kd = axis.kd * math.sqrt(factor)
+    return replace(axis, kp=kp, ki=axis.ki * factor, kd=kd)
+
+
+def tracking(rig: Rig) -> Tracking:
+    """Return up to which integral gain an axis tracks steadily at the speed of a rig,
+    linear theory of the continuous controller, in natural units.
+
+    Where a mode is neutral ``kp + Re kappa(i w) = M w^2``, and
+    ``ki = w^2 (kd + M eta) + w Im kappa(i w)``. Nothing is asked of passivity: the
+    unstable roots are counted.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `ControlledAxis` as its slider.
+
+    Raises
+    ------
+    InputError
+        If it has none, or the interface has no steady sliding.
+
+    Examples
+    --------
+    >>> interface = ss.Interface(
+    ...     thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
+    ... )
+    >>> axis = ss.model.ControlledAxis(mass=1e-4, kp=2.0, kd=0.00424, ki=1.0)
+    >>> found = tracking(ss.Rig(interface, axis, ss.constant(1.0)))
+    >>> round(found.limit, 3), found.unstable
+    (4.352, 0)
+    """
+    axis = axis_of(rig)
+    natural = rig.natural
+    without = count_unstable(replace(natural, slider=replace(axis, ki=0.0)))
+    unstable = count_unstable(natural) if axis.ki else without
+    if without:
+        return Tracking(unstable, without, 0.0, math.nan)
+    # frictionless: M s^3 + (kd + M eta) s^2 + kp s + ki
+    routh = (axis.kd + axis.mass * axis.damping) * axis.kp / axis.mass
+    if routh == 0.0:
+        return Tracking(unstable, without, 0.0, math.nan)
+    some = replace(natural, slider=replace(axis, ki=1e-3 * routh))
+    found = critical(some, "ki", between=(1e-4 * routh, 2.0 * routh))
+    lost = next((edge for edge in found.edges if edge.loses_stability), None)
+    if lost is None:
+        return Tracking(unstable, without, math.inf, math.nan)
+    return Tracking(unstable, without, lost.value, lost.frequency / (2.0 * math.pi))
+
+
+def strengthens(interface: Interface) -> bool:
+    """Whether contacts strengthen with rest, without which no axis sticks."""
+    return interface.ageing is not None or interface.delay.moment(1) > 0.0
+
+
+def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Slip:
+    """Return the slip of an axis that is pulled slowly, from a rest at which all
+    contacts are unstretched.
+
+    Peak to peak, hunting is the slip and the break-away displacement together; no axis
+    hunts whose slip is not longer than that.
+    """
+    slider = Slider(
+        stiffness=axis.kp, mass=axis.mass, damping=axis.kd / axis.mass + axis.damping
+    )
+    mean = interface.threshold_distribution.moment(1)
+    fastest = math.sqrt((axis.kp + 1.0) / axis.mass) * mean
+    quick, slow = _QUICK * fastest, _SLOW * fastest
+    way = mean * (1.0 + 1.0 / axis.kp)
+    drive = constant(quick, 0.5 * way / quick).then(constant(slow, way / slow))
+    rest = replace(interface, initial=Gaussian(mean=0.0, std=0.0))
+    run = simulate(
+        Rig(rest, slider, drive),
+        method=method,
+        output=Output(interval=drive.duration / _SAMPLES),
+        long=True,
+    )
+    force = run.spring_force.to_numpy()
+    position = run.displacement.to_numpy()
+    velocity = run.velocity.to_numpy()
+    highest = np.maximum.accumulate(force)
+    fallen = np.flatnonzero(force < 0.8 * highest)
+    if not fallen.size:
+        return Slip(float(position[np.argmax(force)]), 0.0)
+    begin = int(np.argmax(force[: fallen[0]]))
+    rests = fallen[0] + np.flatnonzero(velocity[fallen[0] :] <= 2.0 * slow)
+    end = int(rests[0]) if rests.size else -1
+    return Slip(float(position[begin]), float(position[end] - position[begin]))
+
+
+def hunting_period(axis: ControlledAxis, peak_to_peak: float) -> float:
+    """Return about the time between two slips either way: the integral turns the force
+    round twice, at half the swing.
+    """
+    return 8.0 / (axis.ki * peak_to_peak)
+
+
+class Hunt:
+    """Moves of an axis, after each of which it is to stand still; in natural units.
+
+    Parameters
+    ----------
+    rig : Rig
+        With a `ControlledAxis`; moves are at the speed of its drive.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        natural = rig.natural
+        self.interface = natural.interface
+        self.axis = axis_of(natural)
+        own = natural.method
+        if not isinstance(own, Contacts):
+            own = Contacts(MOST_CONTACTS, seed=1)
+        self.method = Contacts(min(own.count, MOST_CONTACTS), seed=own.seed)
+        mean = self.interface.threshold_distribution.moment(1)
+        self.mean = mean
+        slow = mean * 1e-2 * math.sqrt(1.0 / self.axis.mass)
+        self.speed = abs(natural.velocity) or slow
+        self.slip = one_slip(self.interface, self.axis, self.method)
+
+    @property
+    def possible(self) -> bool:
+        """Whether the axis could hunt: there is an integral, contacts strengthen with
+        rest, and the slip is longer than the break-away displacement.
+        """
+        return (
+            self.axis.ki > 0.0
+            and strengthens(self.interface)
+            and self.slip.length > self.slip.break_away
+        )
+
+    @property
+    def moves(self) -> tuple[float, ...]:
+        """Distances that are tried."""
+        return self.axis.moves or tuple(self.mean * each for each in MOVES)
+
+    def move(self, distance: float) -> Move:
+        """Make a move, hold, and judge whether the axis hunts."""
+        found, _ = self._move(distance)
+        return found
+
+    def _move(self, distance: float) -> tuple[Move, SteppedStructure]:
+        beginning = Beginning(self.interface, self.axis, self.speed)
+        engine = SteppedStructure(beginning, self.method)
+        go = constant(self.speed, distance / self.speed)
+        follow(engine, go, 0.0, np.array([go.duration]))
+        return self._hold(engine, self.axis, distance), engine
+
+    def _hold(
+        self, engine: SteppedStructure, axis: ControlledAxis, place: float
+    ) -> Move:
+        """Let an axis stand at a place for some periods of hunting."""
+        swing = self.slip.length + self.slip.break_away
+        period = hunting_period(axis, swing) + 2.0 * self.interface.delay.moment(1)
+        hold = constant(0.0, _PERIODS * period)
+        begin, _ = engine.here()
+        times = begin + np.linspace(0.0, hold.duration, 100 * _PERIODS)
+        # the driver's clock begins anew with each drive
+        track = follow(engine, hold, place, times[:-1])
+        late = track["displacement"][-100 * _JUDGED :]
+        width = float(np.ptp(late))
+        hunts = width > max(_HUNTS * self.slip.break_away, 2.5 * axis.encoder_step)
+        every = _period(track.times[-late.size :], late) if hunts else math.nan
+        return Move(place, width, every, hunts)
+
+    def fold(self) -> float:
+        """Return the gain above which hunting ends: the gain of an axis that hunts is
+        raised, `with_gain`, until it stands still.
+
+        Raises
+        ------
+        InputError
+            If the axis does not hunt after any of its moves.
+        """
+        for distance in self.moves:
+            found, engine = self._move(distance)
+            if found.hunts:
+                break
+        else:
+            raise InputError("fold: the axis hunts after none of its moves")
+        low = self.axis.kp
+        high = low * _RISE
+        while high < _LARGEST * self.axis.kp:
+            raised = engine.held_by(with_gain(self.axis, high))
+            if not self._hold(raised, with_gain(self.axis, high), distance).hunts:
+                break
+            engine, low, high = raised, high, high * _RISE
+        for _ in range(_HALVINGS):
+            middle = math.sqrt(low * high)
+            raised = engine.held_by(with_gain(self.axis, middle))
+            if self._hold(raised, with_gain(self.axis, middle), distance).hunts:
+                engine, low = raised, middle
+            else:
+                high = middle
+        return high
+
+
+def _period(t: Array, x: Array) -> float:
+    """Mean time between rises through the middle."""
+    above = x > 0.5 * (x.max() + x.min())
+    rises = t[1:][above[1:] & ~above[:-1]]
+    return float(np.mean(np.diff(rises))) if rises.size > 1 else math.nan
