@@ -6,16 +6,16 @@ with the ranges that it leaves as assumptions. A map is a prior: it does not say
 length counts, nor the delay.
 """
 
-from stickslip.surface.contacts import (
+from stickslip.surface.halfspace import press, tangential_stiffness
+from stickslip.surface.maps import from_drawing, low_pass, read, self_affine
+from stickslip.surface.pressing import (
     MATERIALS,
     Material,
     contacts,
     loads,
     material_named,
 )
-from stickslip.surface.estimate import Estimate, estimate, interface, rig
-from stickslip.surface.halfspace import press, tangential_stiffness
-from stickslip.surface.maps import from_drawing, low_pass, read, self_affine
+from stickslip.surface.prior import Estimate, estimate, interface, rig
 
 __all__ = [
     "MATERIALS",

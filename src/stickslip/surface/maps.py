@@ -134,14 +134,19 @@ def low_pass(height: xr.DataArray, length: Length) -> xr.DataArray:
     return height.copy(data=fft.irfft2(kept, s=values.shape))
 
 
-def shortest_wave(height: xr.DataArray) -> float:
-    """Length of the shortest waves of a map, in m: ``2 pi`` times the ratio of its rms
-    slope to its rms curvature.
+def mean_waves(height: xr.DataArray) -> tuple[float, float]:
+    """Lengths of the waves that carry the heights of a map and of its shortest ones, in
+    m: ``2 pi`` times the ratios of rms height, slope and curvature.
     """
     values = height.to_numpy()
-    square = sum(each**2 for each in wave_numbers(values.shape, spacing_of(height)))
-    slopes = np.abs(fft.rfft2(values)) ** 2 * square
-    return 2.0 * math.pi * math.sqrt(float(slopes.sum() / (slopes * square).sum()))
+    wave = np.hypot(*wave_numbers(values.shape, spacing_of(height)))
+    power = np.abs(fft.rfft2(values)) ** 2
+    power[0, 0] = 0.0
+    heights, slopes, curvatures = (float((power * wave**n).sum()) for n in (0, 2, 4))
+    return (
+        2.0 * math.pi * math.sqrt(heights / slopes),
+        2.0 * math.pi * math.sqrt(slopes / curvatures),
+    )
 
 
 def correlation_length(height: xr.DataArray) -> float:

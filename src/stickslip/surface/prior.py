@@ -17,7 +17,7 @@ from stickslip.errors import InputError, refused
 from stickslip.io.rig_files import content_of, from_document, to_document
 from stickslip.model import Areas, Empirical, Interface, Rig
 from stickslip.model.quantities import read_value
-from stickslip.surface.contacts import FEWEST, SPANS, level
+from stickslip.surface.pressing import FEWEST, SPANS, level
 from stickslip.words import engineering, number, percent
 
 Which = Literal["renewal", "elastic"]

@@ -25,12 +25,12 @@ from stickslip.surface.maps import (
     length_of,
     levelled,
     low_pass,
-    shortest_wave,
+    mean_waves,
     spacing_of,
 )
 from stickslip.words import engineering, number, percent
 
-_SMOOTHINGS = (1.0, 2.0, 4.0)  # shortest waves, in those of the map
+_RESOLUTIONS = 3
 MOST_CONTACT = 0.10  # of the area: beyond it contacts do not act alone
 _MOST_PIXELS = 0.30  # of the contacts that are a single node
 _MOST_PIXEL_AREA = 0.02  # and of the area in these
@@ -114,8 +114,9 @@ def contacts(
 ) -> xr.Dataset:
     """Press a rough surface on a flat one and return its contacts.
 
-    The map is levelled and repeats itself. It is pressed as it is, and smoothed to
-    waves two and four times as long: what these resolutions change is not known.
+    The map is levelled and repeats itself. It is pressed as it is, and twice smoothed
+    to waves up to twice as long, not longer than those that carry its heights: what
+    these resolutions change is not known.
 
     Parameters
     ----------
@@ -156,7 +157,7 @@ def contacts(
     ... )
     >>> found = ss.surface.contacts(rough, pressure="3 MPa", material="pmma")
     >>> [int(count) for count in found["number"]]
-    [17, 9, 3]
+    [17, 12, 10]
     """
     body = material_named(material)
     load = read_value("pressure", pressure, "Pa", "2 MPa")
@@ -170,16 +171,18 @@ def contacts(
     surface = levelled(checked.assign_attrs(height.attrs))
     if shortest is not None:
         surface = low_pass(surface, shortest)
-    finest = shortest_wave(surface)
+    long, finest = mean_waves(surface)
+    ratio = min(2.0, math.sqrt(long / finest))
     rows = []
     with reporting(progress, "contacts") as report:
-        for k, factor in enumerate(_SMOOTHINGS):
-            smooth = _coarser(surface, factor * finest) if k else surface
-            into = part(report, k / len(_SMOOTHINGS), (k + 1) / len(_SMOOTHINGS))
+        for k in range(_RESOLUTIONS):
+            length = ratio**k * finest
+            smooth = _coarser(surface, length) if k else surface
+            into = part(report, k / _RESOLUTIONS, (k + 1) / _RESOLUTIONS)
             found = _pressed(smooth, load, body, into)
             if k == 0:
                 _check(found, spacing_of(surface))
-            rows.append(found.assign(shortest=factor * finest))
+            rows.append(found.assign(shortest=length))
         report(1.0)
     return _joined(surface, rows, load, body)
 

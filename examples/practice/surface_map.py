@@ -1,0 +1,56 @@
+"""
+What a surface tells
+====================
+
+A map of heights is a prior for the interface of a rig, not a prediction. Pressed on a
+flat surface, it gives the standard deviation of the thresholds, a few times what rigs
+usually assume, and two lengths: contacts that slip when friction holds no more break
+after some 0.1 µm, contacts that last while they overlap after some 10 µm. Which of the
+two counts it does not say, and the verdict turns on that. One slow pull with a velocity
+step decides.
+
+The stage of *Predict a rig and choose a mitigation* stick-slips with the values assumed
+there. On the interface of this map it slides smoothly with the one length, and
+oscillates with the other.
+
+Run it with ``python examples/practice/surface_map.py surface.png``.
+"""
+
+import sys
+
+from matplotlib.figure import Figure
+
+import stickslip as ss
+from stickslip import plot
+
+STAGE = {
+    "name": "light stage",
+    "slider": {"mass": "100 g", "stiffness": "20 MN/m", "damping_ratio": 0.15},
+    "interface": {
+        "contact_strength": "100 N",
+        "breaking_displacement": "10 um",
+        "thresholds": {"distribution": "gaussian", "std": 0.1},
+        "delay": "1 ms",
+    },
+    "drive": {"velocity": "1 mm/s"},
+    "simulation": {"contacts": 1000},
+}
+
+
+def draw() -> Figure:
+    """The map with its contacts, what they tell, and how many rigs within that
+    oscillate.
+    """
+    rough = ss.surface.self_affine(
+        rq="1 um", hurst=0.8, roll_off="60 um", cut_off="5 um", nodes=512
+    )
+    found = ss.surface.contacts(rough, pressure="2 MPa", material="pmma")
+    told = ss.surface.estimate(found)
+    rig = ss.surface.rig(told, ss.read_rig(STAGE), name="lapped PMMA")
+    return plot.surface(found, told, ss.predict(rig))
+
+
+if __name__ == "__main__":
+    figure = draw()
+    if sys.argv[1:]:
+        plot.save(figure, sys.argv[1])
