@@ -451,6 +451,12 @@ app.command(
 )
 
 
+app.command(
+    "stickslip.structures.command:export",
+    help="Write the interface for Simulink, Modelica, Simscape, MuJoCo or LuGre.",
+)
+
+
 def _rig_with(path: Path, settings: Sequence[str]) -> ss.Rig:
     """Read a rig, with what the command line sets."""
     from stickslip.io.settings import read_rig_with  # slow to load

@@ -10,6 +10,7 @@ enforced: ``kappa`` is not passive, and that is what makes stick-slip.
 import io
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,6 +60,10 @@ class StateSpace(Answer):
         points = np.asarray(s, dtype=complex)
         states = _transfers(self.A, self.B[:, 0], points.ravel()) @ self.C[0]
         return np.reshape(states + self.D[0, 0], points.shape)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the system as plain numbers and lists, with words about it."""
+        return {"about": str(self)} | super().to_dict()
 
     def mat(self) -> bytes:
         """Return the system as a file of MATLAB."""

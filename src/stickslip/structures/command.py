@@ -1,0 +1,47 @@
+"""``stickslip export``: the interface as another program takes it."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from stickslip.io.settings import read_rig_with
+from stickslip.structures.exports import Target
+from stickslip.structures.exports import export as write_export
+
+
+def export(
+    rig: Path,
+    *,
+    to: Target,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    speeds: Annotated[tuple[str, str] | None, Parameter(negative="")] = None,
+    poles: int | None = None,
+    settings: Annotated[
+        tuple[str, ...],
+        Parameter(name="--set", negative="", consume_multiple=False),
+    ] = (),
+) -> None:
+    """Write the interface of a rig as another program takes it.
+
+    Parameters
+    ----------
+    rig
+        A rig file in TOML, or the name of an example: `stickslip new` lists them.
+    to
+        A linear system of the dynamic stiffness (statespace: .mat, .json), or friction
+        in slow motion as other programs take it.
+    output
+        Write it to a file; by default it is printed.
+    speeds
+        Range of speeds of a table: '1 mm/s' '1 m/s'.
+    poles
+        Of the linear system: even, by default 6.
+    settings
+        A key of the rig file and its value, drive.velocity="2 mm/s"; may be given
+        again.
+    """
+    text = write_export(
+        read_rig_with(rig, settings), to, output, speeds=speeds, poles=poles
+    )
+    print(text if output is None else f"{to}: {output}\n", end="")
