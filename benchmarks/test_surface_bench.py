@@ -13,7 +13,7 @@ ARRAYS = 16  # of doubles, as large as the map, that a solution may hold at once
 
 @pytest.mark.parametrize(
     ("nodes", "role", "promised"),
-    [(256, "plain", 1), (512, "cost", 8), (1024, "cost", 50)],
+    [(256, "plain", 1), (512, "cost", 16), (1024, "cost", 80)],
 )
 def test_press_a_surface(benchmark, nodes, role, promised):
     rough = ss.surface.self_affine(

@@ -335,6 +335,36 @@ def test_a_file_that_is_missing_is_refused():
         SURFACE.read("nowhere.npz")
 
 
+def test_a_light_load_is_borne_by_few_nodes(rough):
+    p = press(rough.to_numpy(), 1e-6, 50, 1e9)
+    assert 1 <= np.count_nonzero(p) < 10
+    assert p.mean() == pytest.approx(50.0)
+
+
+ANY = (None, 5, -1.0, "x", [], [1, 2], {}, math.nan, object(), NOISE[0], True)
+
+
+@pytest.mark.parametrize("value", ANY, ids=lambda value: type(value).__name__)
+def test_what_is_no_argument_is_refused_in_one_line(value, rough, found):
+    told = SURFACE.estimate(found)
+    calls = {
+        "contacts": lambda: SURFACE.contacts(value, **PMMA),
+        "loads": lambda: SURFACE.loads(rough, pressures=value, material="pmma"),
+        "estimate": lambda: SURFACE.estimate(value),
+        "interface": lambda: SURFACE.interface(found, length=value),
+        "rig": lambda: SURFACE.rig(value),
+        "machine": lambda: SURFACE.rig(told, value),
+        "low_pass": lambda: SURFACE.low_pass(rough, value),
+        "read": lambda: SURFACE.read(value),
+        "press": lambda: press(value, 1.0, 1.0, 1.0),
+        "tangential_stiffness": lambda: tangential_stiffness(value, 1.0, 1.0, 0.3),
+    }
+    for name, call in calls.items():
+        with pytest.raises(ss.InputError) as error:
+            call()
+        assert "\n" not in str(error.value), name
+
+
 # ------------------------------------------------------------------ the rig
 
 

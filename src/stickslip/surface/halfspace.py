@@ -13,7 +13,7 @@ import numpy as np
 from scipy import fft
 
 from stickslip.arrays import Array
-from stickslip.errors import InputError
+from stickslip.errors import InputError, number, numbers, refused
 from stickslip.progress import Progress
 from stickslip.words import engineering
 
@@ -39,6 +39,15 @@ def _compliance(shape: tuple[int, ...], spacing: float, modulus: float) -> Array
 
 def _deformed(compliance: Array, load: Array) -> Array:
     return np.asarray(fft.irfft2(compliance * fft.rfft2(load), s=load.shape))
+
+
+def _plane(place: str, values: Array) -> Array:
+    """Numbers over a plane."""
+    given = np.asarray(values)
+    found = numbers(place, given.astype(float) if given.dtype == bool else given)
+    if found.ndim != 2:
+        raise refused(place, values, "must have two dimensions")
+    return found
 
 
 def _dot(a: Array, b: Array) -> float:
@@ -82,6 +91,11 @@ def press(
     >>> round(float(pressures.mean()), 9), round(float((pressures > 0).mean()), 2)
     (0.0005, 0.27)
     """
+    height = _plane("height", height)
+    for place, value in (("spacing", spacing), ("modulus", modulus)):
+        number(place, value, above=0)
+    pressure = number("pressure", pressure, above=0)
+    number("hardness", hardness, above=0, infinite=True)
     if pressure >= hardness:
         raise InputError(
             f"pressure = {engineering(pressure, 'Pa')}: is not below the hardness, "
@@ -117,6 +131,8 @@ def press(
         step = _dot(now, along) / _dot(moved - moved.mean(), along)
         old = p[free]
         p[free] = np.clip(old - step * along, 0.0, hardness)
+        if not p.any():
+            p[gap.argmin()] = load  # contact is smaller than a step sees
         _carry(p, load, hardness)
         change = float(np.abs(p[free] - old).sum()) / load
         # the cap may leave some of the load uncarried
@@ -162,7 +178,12 @@ def tangential_stiffness(
     Each mode of traction deforms the surface ``(1 - nu qx²/q²)/(1 - nu)`` times as far
     as one of pressure (Cerruti); `contact` is above 0 where surfaces touch.
     """
-    inside = contact > 0
+    inside = _plane("contact", contact) > 0.0
+    if not inside.any():
+        raise InputError("contact: nothing touches")
+    for place, value in (("spacing", spacing), ("modulus", modulus)):
+        number(place, value, above=0)
+    number("poisson", poisson, at_least=0, at_most=0.5)
     qx, qy = wave_numbers(inside.shape, spacing)
     wave = np.hypot(qx, qy)
     wave[0, 0] = np.inf

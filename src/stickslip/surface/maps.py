@@ -17,7 +17,7 @@ import xarray as xr
 from scipy import fft
 
 from stickslip.arrays import Array
-from stickslip.errors import InputError, refused, shown, whole
+from stickslip.errors import InputError, instance, refused, shown, whole
 from stickslip.model.quantities import read_value
 from stickslip.surface.halfspace import wave_numbers
 from stickslip.words import engineering, percent
@@ -127,7 +127,10 @@ def low_pass(height: xr.DataArray, length: Length) -> xr.DataArray:
     >>> float(ss.surface.low_pass(rough, "10 um").std() < rough.std())
     1.0
     """
+    instance("height", height, xr.DataArray, "a map, as surface.read returns it")
     shortest = length_of("length", length)
+    if shortest > min(height.shape) * spacing_of(height):
+        raise refused("length", length, "is longer than the map; give a shorter one")
     values = height.to_numpy()
     wave = np.hypot(*wave_numbers(values.shape, spacing_of(height)))
     kept = fft.rfft2(values) * (wave <= 2.0 * np.pi / shortest)
@@ -204,6 +207,7 @@ def self_affine(
         for name, value in (("rq", rq), ("roll_off", roll_off), ("cut_off", cut_off))
     )
     n = whole("nodes", nodes, at_least=FEWEST_NODES, at_most=4096)
+    start = whole("seed", seed, at_least=0)
     spacing = short / 8.0
     exponent = read_value("hurst", hurst, "1", "0.8")
     if exponent > 1.0:
@@ -216,7 +220,7 @@ def self_affine(
     wave = np.hypot(*wave_numbers((n, n), spacing)) / (2.0 * np.pi)
     amplitude = np.maximum(wave * long, 1.0) ** (-1.0 - exponent)
     amplitude[(wave > 1.0 / short) | (wave == 0.0)] = 0.0
-    noise = np.random.default_rng(seed).standard_normal((n, n))
+    noise = np.random.default_rng(start).standard_normal((n, n))
     values = fft.irfft2(amplitude * fft.rfft2(noise), s=(n, n))
     found: xr.DataArray = as_map(values * (rms / values.std()), spacing)
     return found

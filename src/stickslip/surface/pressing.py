@@ -13,7 +13,7 @@ from scipy import ndimage
 from scipy.sparse import coo_array, csgraph
 
 from stickslip.arrays import Array
-from stickslip.errors import InputError, instance, shown
+from stickslip.errors import InputError, instance, sequence, shown
 from stickslip.model.quantities import read_value
 from stickslip.model.records import Number, Record
 from stickslip.progress import part, reporting
@@ -362,6 +362,9 @@ def loads(
     {'load': 2, 'resolution': 3}
     """
     rows = []
+    pressures = sequence("pressures", pressures, "loads, such as ['2 MPa', '4 MPa']")
+    if not pressures:
+        raise InputError("pressures: is empty; give at least one load")
     with reporting(progress, "loads") as report:
         for k, pressure in enumerate(pressures):
             into = part(report, k / len(pressures), (k + 1) / len(pressures))

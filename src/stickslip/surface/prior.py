@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.errors import InputError, refused
+from stickslip.errors import InputError, instance, refused
 from stickslip.io.rig_files import content_of, from_document, to_document
 from stickslip.model import Areas, Empirical, Interface, Rig
 from stickslip.model.quantities import read_value
@@ -146,6 +147,9 @@ def estimate(found: xr.Dataset, *, friction: float = 0.4) -> Estimate:
     >>> told.elastic < told.renewal
     True
     """
+    instance("found", found, xr.Dataset, "a Dataset of surface.contacts")
+    if "effective_number" not in found:
+        raise InputError("found: must be a Dataset of surface.contacts")
     mu = read_value("friction", friction, "1", "0.4")
     few = float(found["effective_number"][0])
     if few < FEWEST:
@@ -219,8 +223,8 @@ def interface(
     >>> round(ss.surface.interface(found).thresholds.moment(1), 2)
     1.0
     """
-    if length not in LENGTHS:
-        raise refused("length", length, f"must be {' or '.join(map(repr, LENGTHS))}")
+    _check_length(length)
+    instance("kept", kept, bool, "True or False")
     estimate(found, friction=friction)
     if kept:
         area = level(found, 0)["area"]
@@ -228,6 +232,11 @@ def interface(
     x, stiffness = stretchings(found, 0, length, friction)
     mean = 1.0 / float((stiffness / x).sum())
     return Interface(thresholds=_histogram(x / mean, stiffness / x))
+
+
+def _check_length(length: object) -> None:
+    if not (isinstance(length, str) and length in LENGTHS):
+        raise refused("length", length, f"must be {' or '.join(map(repr, LENGTHS))}")
 
 
 def _histogram(values: Array, weights: Array | None = None) -> Empirical:
@@ -276,6 +285,10 @@ def rig(
     >>> made.assumed["interface.thresholds.std"].between[0] < 0.5
     True
     """
+    instance("told", told, Estimate, "a surface.Estimate")
+    instance("name", name, str, "a text")
+    known = (str, os.PathLike, Rig)
+    instance("machine", machine, known, "a Rig, or the file of one")
     document = (
         to_document(machine)
         if isinstance(machine, Rig)
@@ -287,8 +300,7 @@ def rig(
             "machine: is in natural units; a surface needs one in SI units"
         )
     chosen = LENGTHS[0] if length is None else length
-    if chosen not in LENGTHS:
-        raise refused("length", length, f"must be {' or '.join(map(repr, LENGTHS))}")
+    _check_length(chosen)
     ranges: dict[Any, Range] = {
         None: (told.elastic_between[0], told.renewal_between[1]),
         "elastic": told.elastic_between,
