@@ -28,7 +28,7 @@ from stickslip.measure.features import (
 )
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
 from stickslip.measure.part_table import part_table
-from stickslip.measure.segments import segments
+from stickslip.measure.segments import parts_between_pauses, segments
 from stickslip.measure.sensor import note_saturation, spikes
 from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.measure.strokes import find_strokes
@@ -93,6 +93,8 @@ class Regime(Answer):
     #: ... and rate at which it falls in a typical drop
     falling_rate: float | None = None
     drive_velocity: float | None = None  #: mean in the window, where it is known
+    #: measured speed of the drive at the beginning and at the end of the window
+    speeds: tuple[float, float] | None = None
     #: of the slider, over that of the drive, where they are known
     largest_velocity: float | None = None
     #: fraction of the time in which the slider is slower than a quarter of the drive
@@ -103,6 +105,7 @@ class Regime(Answer):
     quantity: str = "force"  #: what the force is: or "coefficient of friction"
     time_unit: str = ""  #: of the times above; empty where the data do not say
     force_unit: str = ""  #: of the forces above
+    velocity_unit: str = ""  #: of a measured speed
     #: what a reader should know of the data: a saturated sensor, gaps, a drift
     notes: tuple[str, ...] = ()
     #: of a reciprocating test: half the difference of the two plateaus of its strokes
@@ -396,18 +399,27 @@ def _judge_parts(trace: Trace, found: Slips | None = None) -> list[Regime]:
     parts = segments(trace, found)
     if not parts:
         return [_judge(trace, found)]
-    seen = [_judge(part) for part in parts]
+    judged_parts = [pair for part in parts for pair in _judge_part(part)]
     climbs = [
         each.loading_rate / _speed(part)
-        for part, each in zip(parts, seen, strict=True)
+        for part, each in judged_parts
         if each.loading_rate
     ]
     return [
         _judge(level)
         if each.kind == OPEN and (level := _as_sliding(part, climbs))
         else each
-        for part, each in zip(parts, seen, strict=True)
+        for part, each in judged_parts
     ]
+
+
+def _judge_part(part: Trace) -> list[tuple[Trace, Regime]]:
+    """A part and its regime; where that is open, as drops end that are small beside
+    those of other parts, what lies before and after, each with its own.
+    """
+    seen = _judge(part)
+    finer = parts_between_pauses(part, find_slips(part)) if seen.kind == OPEN else []
+    return [(each, _judge(each)) for each in finer] or [(part, seen)]
 
 
 def _speed(trace: Trace) -> float:
@@ -452,11 +464,43 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     if kind == OPEN:
         return seen
     if agree and {*lasts} <= {kind, OPEN}:
-        return seen
+        return _with_its_decay(seen, parts)
     runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
-    turns = ", ".join(f"{run[0].kind} until {_end(run[-1])}" for run in runs[:-1])
+    turns = ", ".join(f"{run[0].kind} until {_until(run)}" for run in runs[:-1])
     reason = f"{turns}, then {runs[-1][0].kind}"
     return replace(seen, kind=OPEN, reason=reason, window=window)
+
+
+def _with_its_decay(seen: Regime, parts: Sequence[Regime]) -> Regime:
+    """A regime of smooth sliding, with the end of an oscillation that decays before
+    it, where that is larger by the factor that persistence allows.
+    """
+    earlier = [
+        each
+        for each in parts
+        if each.window[1] <= seen.window[0]
+        and each.cycles >= FEWEST_CYCLES
+        and each.peak_to_peak > 2.0 * seen.peak_to_peak
+    ]
+    if seen.kind != SMOOTH or not earlier:
+        return seen
+    begin = _end(earlier[-1])
+    reason = f"an oscillation decays until {begin}; since then {seen.reason}"
+    return replace(seen, reason=reason)
+
+
+def _until(run: Sequence[Regime]) -> str:
+    """When a row of parts ends, and where its speed changed, at which."""
+    end = _end(run[-1])
+    first = run[0].speeds
+    last = run[-1].speeds
+    if first is None or last is None:
+        return end
+    change = last[1] - first[0]
+    if abs(change) <= CONSTANT_DRIVE * max(last[1], first[0]):
+        return end
+    speed = words.engineering(last[1], run[-1].velocity_unit, 2)
+    return f"{end} ({'up' if change > 0 else 'down'} to {speed})"
 
 
 def _end(part: Regime) -> str:
@@ -512,11 +556,13 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         loading_rate=seen.loading.rate if shows_loading else None,
         falling_rate=seen.falling_rate if shows_loading else None,
         drive_velocity=drive,
+        speeds=trace.speeds,
         largest_velocity=None if pace is None else float(pace.max()),
         stuck=trace.stuck,
         quantity=trace.quantity,
         time_unit=trace.time_unit,
         force_unit=trace.force_unit,
+        velocity_unit=trace.velocity_unit,
         notes=tuple(notes),
         table=seen.tests,
     )

@@ -35,6 +35,18 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
         count = min(count, int(np.ptp(trace.t) / usual))
     if count >= 2 * FEWEST_CYCLES and np.ptp(trace.force):
         times += _steps(trace, count)
+    return _between(trace, times)
+
+
+def parts_between_pauses(trace: Trace, found: Slips) -> list[Trace]:
+    """The parts of a trace between the ends and new beginnings of its drops; none
+    where they go on.
+    """
+    return _between(trace, _pauses(trace, found))
+
+
+def _between(trace: Trace, times: list[float]) -> list[Trace]:
+    """The parts of a trace between times, but for those with few readings."""
     if not times:
         return []
     ends = [-math.inf, *sorted(times), math.inf]

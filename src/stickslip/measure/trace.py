@@ -146,6 +146,7 @@ class Trace:
     measured: bool = False  # with noise, and a bench behind it
     time_unit: str = ""
     force_unit: str = ""
+    velocity_unit: str = ""
     quantity: str = "force"
 
     @classmethod
@@ -191,6 +192,7 @@ class Trace:
         for key in {"force", "X", "velocity", "drive"} & set(arrays):
             arrays[key] = sign * arrays[key]
         time = data["time"].attrs
+        velocity = data["measured_velocity"].attrs if "told_velocity" in arrays else {}
         told = data["spring_force"].attrs
         measured = drive is None or "stiffness" in data.attrs
         moves = arrays.get("told_velocity")
@@ -215,6 +217,7 @@ class Trace:
             measured=measured,
             time_unit=printable(str(time.get("units", ""))),
             force_unit=printable(str(told.get("units", ""))),
+            velocity_unit=printable(str(velocity.get("units", ""))),
             quantity=next(
                 (
                     name
@@ -244,6 +247,20 @@ class Trace:
         """
         drive = 0.0 if self.drive is None else float(np.median(self.drive))
         return self.velocity / drive if self.velocity is not None and drive else None
+
+    @property
+    def speeds(self) -> tuple[float, float] | None:
+        """Measured speed of the drive at the beginning and at the end; None where it
+        was not measured.
+        """
+        if self.told_velocity is None:
+            return None
+        speed = np.abs(self.told_velocity)
+        first, last = (
+            float(np.median(part))
+            for part in (speed[:FEWEST_READINGS], speed[-FEWEST_READINGS:])
+        )
+        return first, last
 
     @property
     def stuck(self) -> float | None:
