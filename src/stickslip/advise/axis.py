@@ -22,7 +22,7 @@ from stickslip.structures.hunting import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -148,7 +148,7 @@ class AxisAnswer(Answer):
             "ki_limit": limit * rig.unit("k/time") if math.isfinite(limit) else None,
             "ki_unit": rig.unit_name("k/time"),
             "can_hunt": self.possible,
-            "hunts": self.hunts,
+            "hunts": self.hunts if self.moves or not self.possible else None,
             "peak_to_peak": self.peak_to_peak * length if self.possible else 0.0,
             "break_away": self.slip.break_away * length,
             "slip": self.slip.length * length,
@@ -167,24 +167,30 @@ class AxisAnswer(Answer):
         ]
         return answer | {"moves": moves}
 
-    def plot(self) -> "Axes":
-        """Draw the position after a move, the first that hunts if one does."""
-        import matplotlib.pyplot as plt
-
+    def plot(self) -> "Figure":
+        """Draw the position after a move, the first that hunts if one does, with the
+        place that was to be reached.
+        """
+        from stickslip.plot import style
         from stickslip.simulation import simulate
 
         hunt = Hunt(self.rig)
         order = sorted(self.moves, key=lambda move: not move.hunts)
         distance = order[0].distance if order else hunt.moves[0]
-        hold = 40.0 * self.rig.interface.delay.moment(1)
-        if self.possible:
-            hold = 12.0 * hunting_period(hunt.axis, self.peak_to_peak)
-        drive = constant(hunt.speed, distance / hunt.speed).then(constant(0.0, hold))
-        run = simulate(replace(self.rig, drive=drive, method=hunt.method), long=True)
-        _, ax = plt.subplots()
-        run.displacement.plot(ax=ax)
-        ax.axhline(distance * self.rig.unit("x_s"), linestyle=":", color="gray")
-        return ax
+        swing = self.slip.length + self.slip.break_away
+        hold = 12.0 * hunting_period(hunt.axis, swing) if hunt.axis.ki else 100.0
+        go = constant(hunt.speed, distance / hunt.speed)
+        run = simulate(
+            replace(self.rig, drive=go.then(constant(0.0, hold)), method=hunt.method),
+            long=True,
+        )
+        with style.house_style():
+            figure = style.new_figure(style.PAGE)
+            ax = figure.add_subplot()
+            place = distance * self.rig.unit("x_s")
+            style.along_time(run, "displacement", ax)
+            ax.axhline(place, linestyle=":", color="gray")
+        return figure
 
 
 def judge_axis(rig: Rig, *, fast: bool, progress: Progress) -> AxisAnswer:

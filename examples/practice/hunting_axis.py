@@ -1,0 +1,72 @@
+"""
+Up to which gain does a positioning axis hunt?
+==============================================
+
+A position controller with an integral pulls an axis off its place wherever an error is
+left, and contacts that have rested hold it: it slips too far, and comes back the same
+way. Whether it does depends on the move, up to a fold of the gain; how far follows from
+one slip. The gains are raised together, so that damping and time of the integral stay.
+
+Run it with ``python examples/practice/hunting_axis.py hunting.png``.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import stickslip as ss
+from stickslip import plot
+from stickslip.structures.hunting import Hunt, with_gain
+
+RIG = "axis"
+FACTORS = np.geomspace(0.5, 4.0, 7)
+"""By which the gain is multiplied."""
+
+
+def widths(axis: ss.Rig) -> list[tuple[float, float, float]]:
+    """Gain in N/m, peak to peak after each move, and what one slip tells, in m."""
+    found = []
+    for factor in FACTORS:
+        gain = axis.slider.kp * float(factor)
+        hunt = Hunt(replace(axis, slider=with_gain(axis.slider, gain)))
+        told = hunt.slip.length + hunt.slip.break_away
+        for distance in hunt.moves[:3]:
+            seen = hunt.move(distance).peak_to_peak
+            found.append((gain * axis.unit("k"), seen, told if hunt.possible else 0.0))
+    return found
+
+
+def after(axis: ss.Rig, move: float, hold: float) -> tuple[np.ndarray, np.ndarray]:
+    """Time in s after the beginning of a move in m, and the error in m."""
+    speed = axis.velocity
+    drive = ss.constant(speed, move / speed).then(ss.constant(0.0, hold))
+    run = ss.simulate(axis.replace(drive=axis.to_natural(drive)))
+    return run["time"].to_numpy(), run["displacement"].to_numpy() - move
+
+
+def draw(rig: str | Path = RIG) -> Figure:
+    """Width of hunting against the gain, with its fold; the error after two moves."""
+    axis = ss.read_rig(rig)
+    length = axis.unit("length")
+    fold = Hunt(axis).fold() * axis.unit("k")
+    gain, seen, told = np.array(widths(axis)).T
+    with plot.house_style():
+        figure = plot.new_figure(plot.PAGE, 2.9)
+        left, right = figure.subplots(1, 2)
+        left.plot(1e-6 * gain, 1e6 * length * seen, "o", color=plot.BLUE)
+        left.plot(1e-6 * gain, 1e6 * length * told, color=plot.ORANGE)
+        left.axvline(1e-6 * fold, linestyle=":", color=plot.GREY)
+        left.set(xlabel="gain $K_p$ (N/µm)", ylabel="peak to peak at rest (µm)")
+        for move, colour in ((20e-6, plot.BLUE), (100e-6, plot.ORANGE)):
+            t, error = after(axis, move, 0.8)
+            right.plot(t, 1e6 * error, color=colour, label=f"{1e6 * move:.0f} µm")
+        right.set(xlabel="time (s)", ylabel="error after a move (µm)", ylim=(-60, 60))
+        right.legend(title="move")
+    return figure
+
+
+if __name__ == "__main__":
+    plot.save(draw(), sys.argv[1])
