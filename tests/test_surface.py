@@ -241,6 +241,11 @@ def test_a_map_that_shows_no_contacts_is_refused(name):
         SURFACE.contacts(height, "1 um", **(PMMA | given))
 
 
+def test_heights_of_unknown_unit_are_refused(rough):
+    with pytest.raises(ss.InputError, match=r"units is None; give heights in m"):
+        SURFACE.contacts(rough.drop_attrs(deep=False), **PMMA)
+
+
 def test_few_contacts_make_no_interface():
     seen = SURFACE.contacts(1e-3 * waves(128, 8), "1 um", **PMMA)
     with pytest.raises(ss.InputError, match="effective contacts; an interface of many"):

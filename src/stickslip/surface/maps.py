@@ -46,7 +46,7 @@ def length_of(place: str, value: Length) -> float:
     return read_value(place, value, "m", "0.5 um")
 
 
-def as_map(height: Array, spacing: float | tuple[float, float], note: str = "") -> Any:
+def as_map(height: Array, spacing: float | tuple[float, float]) -> xr.DataArray:
     """Return heights in m as a map with coordinates; refuse what is no map."""
     try:
         values = np.asarray(height, dtype=float)
@@ -70,20 +70,11 @@ def as_map(height: Array, spacing: float | tuple[float, float], note: str = "") 
         )
     if np.ptp(values) == 0.0:
         raise InputError("height: is the same everywhere; a rough surface is needed")
-    at = {
-        name: ("m", np.arange(size) * float(steps[0]))
-        for name, size in zip("xy", values.shape, strict=True)
-    }
-    return xr.DataArray(
-        values,
-        dims=("x", "y"),
-        coords={
-            name: (name, along, {"units": unit, "long_name": name})
-            for name, (unit, along) in at.items()
-        },
-        attrs={"units": "m", "long_name": "height", "note": note},
-        name="height",
-    )
+    found = xr.DataArray(values, dims=("x", "y"), name="height")
+    for name, size in zip("xy", values.shape, strict=True):
+        along = float(steps[0]) * np.arange(size)
+        found[name] = (name, along, {"units": "m", "long_name": name})
+    return found.assign_attrs(units="m", long_name="height", note="")
 
 
 def spacing_of(height: xr.DataArray) -> float:
@@ -222,8 +213,7 @@ def self_affine(
     amplitude[(wave > 1.0 / short) | (wave == 0.0)] = 0.0
     noise = np.random.default_rng(start).standard_normal((n, n))
     values = fft.irfft2(amplitude * fft.rfft2(noise), s=(n, n))
-    found: xr.DataArray = as_map(values * (rms / values.std()), spacing)
-    return found
+    return as_map(values * (rms / values.std()), spacing)
 
 
 _CUT_OFFS = {2e-8: 8e-5, 1e-7: 2.5e-4, 2e-6: 8e-4, 1e-5: 2.5e-3, math.inf: 8e-3}
@@ -345,8 +335,7 @@ def _sized(path: Path, values: Array, about: dict[str, Any]) -> xr.DataArray:
             f"{path}: the spacing of the nodes is missing; give it: --spacing '0.5 um' "
             "or read(file, spacing='0.5 um')"
         )
-    found: xr.DataArray = as_map(values, steps)
-    return found
+    return as_map(values, steps)
 
 
 def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
@@ -412,5 +401,4 @@ def _of_topography(topography: Any, place: str) -> xr.DataArray:
     if unit is None:
         raise InputError(f"{place}: the unit of the heights is missing")
     size = length_of("unit", f"1 {unit}")
-    found: xr.DataArray = as_map(size * values, tuple(size * s for s in steps))
-    return found
+    return as_map(size * values, tuple(size * s for s in steps))

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import numpy as np
 import xarray as xr
 from scipy import ndimage
-from scipy.sparse import coo_array, csgraph
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, sequence, shown
@@ -167,6 +166,11 @@ def contacts(
         height = as_map(height, length_of("spacing", spacing))
     elif set(height.dims) != {"x", "y"}:
         raise InputError(f"height: has the dimensions {height.dims}; must have x and y")
+    elif (unit := height.attrs.get("units")) != "m":
+        raise InputError(
+            f"height: its attribute units is {shown(unit)}; give heights in m and say "
+            "so: height.assign_attrs(units='m')"
+        )
     checked = as_map(height.transpose("x", "y").to_numpy(), spacing_of(height))
     surface = levelled(checked.assign_attrs(height.attrs))
     if shortest is not None:
@@ -244,21 +248,13 @@ def _pressed(
 
 def _labels(touching: Any) -> tuple[Any, int]:
     """Number the contacts, nodes that share an edge, from 1; the map repeats itself."""
-    labels, count = ndimage.label(touching)
-    pairs = np.concatenate(
-        [
-            np.stack([labels[0], labels[-1]]),
-            np.stack([labels[:, 0], labels[:, -1]]),
-        ],
-        axis=1,
-    )
-    pairs = pairs[:, pairs.all(axis=0)]
-    joined = coo_array(
-        (np.ones(pairs.shape[1]), (pairs[0], pairs[1])), shape=(count + 1, count + 1)
-    )
-    _, group = csgraph.connected_components(joined, directed=False)
+    labels, _ = ndimage.label(touching)
+    for first, last in ((labels[0], labels[-1]), (labels[:, 0], labels[:, -1])):
+        for at in np.flatnonzero(first * last):
+            labels[labels == last[at]] = first[at]
     # the ground has number 0 and comes first
-    return group[labels], int(group.max())
+    names, group = np.unique(labels, return_inverse=True)
+    return group.reshape(labels.shape), names.size - 1
 
 
 def _check(found: xr.Dataset, spacing: float) -> None:

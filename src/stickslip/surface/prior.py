@@ -159,15 +159,14 @@ def estimate(found: xr.Dataset, *, friction: float = 0.4) -> Estimate:
         )
     spans = found.attrs["spans"]
     error = max(_LARGE if spans >= SPANS else _SMALL, found.attrs["factor"])
-    values: dict[str, list[float]] = {name: [] for name in LENGTHS}
-    deviations: dict[str, list[float]] = {name: [] for name in LENGTHS}
-    for resolution in range(found.sizes["resolution"]):
-        for name in LENGTHS:
-            mean, std = births(*stretchings(found, resolution, name, mu))
-            values[name].append(mean)
-            deviations[name].append(std)
-    between = {name: (min(v) / error, max(v) * error) for name, v in values.items()}
-    every = [std for stds in deviations.values() for std in stds]
+    levels = range(found.sizes["resolution"])
+    means: dict[str, Array] = {}
+    stds: dict[str, Array] = {}
+    for name in LENGTHS:
+        laws = [births(*stretchings(found, level, name, mu)) for level in levels]
+        means[name], stds[name] = np.transpose(laws)
+    between = {n: (m.min() / error, m.max() * error) for n, m in means.items()}
+    every = np.concatenate([*stds.values()])
     area = found.attrs["map_area"]
     density = (
         float(found["effective_number"].min()) / area,
@@ -178,12 +177,12 @@ def estimate(found: xr.Dataset, *, friction: float = 0.4) -> Estimate:
         pressure=found.attrs["load"],
         contact_area=float(found["contact_area"][0]),
         effective_number=few,
-        elastic=values["elastic"][0],
+        elastic=float(means["elastic"][0]),
         elastic_between=between["elastic"],
-        renewal=values["renewal"][0],
+        renewal=float(means["renewal"][0]),
         renewal_between=between["renewal"],
-        std={name: stds[0] for name, stds in deviations.items()},
-        std_between=(min(every), max(every)),
+        std={name: float(each[0]) for name, each in stds.items()},
+        std_between=(float(every.min()), float(every.max())),
         density=density if spans >= SPANS else None,
         note=found.attrs["note"],
     )
