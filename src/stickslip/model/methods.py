@@ -2,7 +2,7 @@
 starts from.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from stickslip.errors import InputError
@@ -171,6 +171,9 @@ class Output(Record):
         Times at which to record the distribution of stretchings ``Q(x)``.
     bins : int
         Bins of a snapshot.
+    state : bool
+        Whether the run keeps the state at its end, from which another one goes on:
+        ``simulate(rig, start=run)``. Not in the provenance, as it changes no number.
     """
 
     interval: Annotated[float | None, Number("time", above=0)] = None
@@ -179,6 +182,7 @@ class Output(Record):
         ...,
     ] = ()
     bins: Annotated[int, Number(at_least=1, at_most=100_000)] = 200
+    state: bool = field(default=False, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()

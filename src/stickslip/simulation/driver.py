@@ -50,6 +50,7 @@ def follow(
     """
     report = progress or (lambda _: None)
     total = drive.duration
+    first = engine.here()[0]
     parts = (
         []
         if before is None
@@ -69,7 +70,9 @@ def follow(
             _stop(piece.until, X),
             looks[len(snapshots) :],
         )
-        rows, seen = follow_leg(engine, leg, lambda t: report(min(t / total, 1.0)))
+        rows, seen = follow_leg(
+            engine, leg, lambda t: report(min((t - first) / total, 1.0))
+        )
         at = leg.times[: len(rows)]
         parts.append(
             (

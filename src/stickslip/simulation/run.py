@@ -25,10 +25,11 @@ from stickslip.model import (
     Slider,
     Start,
 )
-from stickslip.model.drive import constant
+from stickslip.model.drive import Drive, constant
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
 from stickslip.progress import Progress, reporting
+from stickslip.simulation import states
 from stickslip.simulation.driver import Track, follow
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.engines.base import Array
@@ -48,7 +49,7 @@ def simulate(
     rig: Rig,
     *,
     method: Method | None = None,
-    start: Start | None = None,
+    start: Start | xr.Dataset | None = None,
     output: Output | None = None,
     progress: Progress | bool | None = None,
     long: bool = False,
@@ -62,8 +63,11 @@ def simulate(
         Interface, slider and drive.
     method : Contacts, MasterEquation or QuasiStatic, optional
         By default the rig's own.
-    start : FromRest, FromSliding or Prestressed, optional
-        By default the rig's own.
+    start : FromRest, FromSliding, Prestressed or xarray.Dataset, optional
+        By default the rig's own. From a run that was made with
+        ``output=Output(state=True)`` this one goes on, with the rig's drive as what
+        comes next: the Dataset is that of both, bit for bit as if made in one piece,
+        with the samples at the interval of the first.
     output : Output, optional
         Sampling and snapshots, as a rig holds them: in its unit of time, which is the
         second for one from a file; by default the rig's own. It
@@ -115,11 +119,18 @@ def simulate(
     'N'
     """
     instance("simulate: rig", rig, Rig, "a Rig(interface, slider, drive)")
-    changes = {"method": method, "start": start, "output": output}
+    before = start if isinstance(start, xr.Dataset) else None
+    changes = {
+        "method": method,
+        "start": start if before is None else None,
+        "output": output,
+    }
     given = rig.replace(
         **{name: value for name, value in changes.items() if value is not None}
     )
-    return record(given, progress=progress, long=long).dataset()
+    if before is None:
+        return record(given, progress=progress, long=long).dataset()
+    return _gone_on(given, before, progress, long).dataset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,29 +147,35 @@ class Recording:
         """The run with names, units and provenance, in the rig's units."""
         provenance = store.provenance("simulate", {"rig": self.rig})
         marks = self.engine.marks()
-        return self.rig.in_its_units(
-            dataset_of(
-                self.track, self.rig.slider, self.rig.output.bins, provenance, marks
-            )
+        output = self.rig.output
+        run = self.rig.in_its_units(
+            dataset_of(self.track, self.rig.slider, output.bins, provenance, marks)
         )
+        return states.keep(run, (self.track, self.engine)) if output.state else run
 
     def longer(self, duration: float) -> "Recording":
         """The run gone on with to a duration, at the speed that its drive ends with:
         by a piece more.
         """
-        engine = self.engine.copy()
-        interval = sample_interval(self.rig, self.engine.angle)
         drive = self.rig.drive
-        more = constant(drive.pieces[-1].end, duration - drive.duration)
+        return self.then(constant(drive.pieces[-1].end, duration - drive.duration))
+
+    def then(
+        self, more: Drive, progress: Progress | None = None, state: bool = False
+    ) -> "Recording":
+        """The run gone on with along a drive more; whether it keeps its `state`."""
+        engine = self.engine.copy()
+        interval = sample_interval(self.rig, engine.angle)
         rig = replace(
             self.rig,
-            drive=drive.then(more),
-            output=replace(self.rig.output, interval=interval),
+            drive=self.rig.drive.then(more),
+            output=replace(self.rig.output, interval=interval, state=state),
         )
         times = _sample_times(rig, engine.angle)[self.track.times.size :]
-        return Recording(
-            rig, follow(engine, more, self.track.end, times, before=self.track), engine
+        track = follow(
+            engine, more, self.track.end, times, (), progress, before=self.track
         )
+        return Recording(rig, track, engine)
 
 
 def record(
@@ -181,6 +198,33 @@ def record(
         origin = beginning.drive_position(engine.contact_force())
         track = follow(engine, case.drive, origin, times, case.output.snapshots, report)
     return Recording(rig, track, engine)
+
+
+def _gone_on(
+    rig: Rig, run: xr.Dataset, progress: Progress | bool | None, long: bool
+) -> Recording:
+    """Go on from the end of a run, along the drive of a rig that is else the same."""
+    before = rig_of(run)
+    changed = ("drive", "output", "start", "operation", "name")
+    alike = replace(rig, **{name: getattr(before, name) for name in changed})
+    if alike != before:
+        parts = ("interface", "slider", "method", "scales")
+        others = [p for p in parts if getattr(rig, p) != getattr(before, p)]
+        raise InputError(
+            f"simulate: start: the run is of another rig ({', '.join(others)}); only "
+            "the drive may change, give the rig that it was made of"
+        )
+    if rig.output.snapshots:
+        raise InputError(
+            "Output.snapshots: not available where a run goes on; leave them out"
+        )
+    if not long:
+        estimate(rig).check()
+    track, engine = states.kept(run)
+    with reporting(progress, "simulate") as report:
+        return Recording(before, track, engine).then(
+            rig.drive, report, rig.output.state
+        )
 
 
 def estimate(rig: Rig) -> Work:
@@ -327,7 +371,11 @@ def _sample_times(rig: Rig, angle: float) -> Array:
             f"Output.interval = {interval:g}: {count:.3g} samples; choose at least "
             f"{duration / 5e7:g}"
         )
-    # The last sample lies on the end if the interval divides the duration, rounding
-    # aside.
     times = interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
+    # The sample of a seam lies on it, rounding aside, as the last one does on the end:
+    # a run that goes on has the same as one in one piece.
+    seams = np.cumsum([piece.duration for piece in rig.drive.pieces])
+    near = np.minimum(np.rint(seams / interval).astype(int), times.size - 1)
+    on = np.abs(times[near] - seams) <= 1e-12 * seams
+    times[near[on]] = seams[on]
     return np.asarray(np.minimum(times, duration))

@@ -1,0 +1,85 @@
+"""States of engines in Datasets: what a run goes on from.
+
+A state is pickled. As a file may come from anywhere, only arrays, random generators and
+records of the rooms that engines are made of are read back.
+"""
+
+import io
+import pickle
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from stickslip.errors import InputError
+from stickslip.io import datasets as store
+
+NAME = "engine_state"
+_ROOMS = ("kernels", "model", "simulation", "structures")
+_NUMPY = frozenset(
+    [
+        "dtype",
+        "ndarray",
+        "record",
+        "recarray",
+        "_reconstruct",
+        "scalar",
+        "_frombuffer",
+        "PCG64",
+        "SeedSequence",
+        "__bit_generator_ctor",
+        "__generator_ctor",
+        "__pyx_unpickle_SeedSequence",
+    ]
+)
+
+
+def keep(run: xr.Dataset, state: object) -> xr.Dataset:
+    """Return the run with a state."""
+    content = np.frombuffer(pickle.dumps(state, protocol=5), np.uint8)
+    words = {"units": "1", "long_name": "state of the engine, for simulate(start=run)"}
+    return run.assign({NAME: ("byte", content, words)})
+
+
+def kept(run: xr.Dataset) -> Any:
+    """Return the state that a run keeps; `InputError` if there is none to be read."""
+    if NAME not in run:
+        raise InputError(
+            "simulate: start: the run keeps no state to go on from; make it with "
+            "output=Output(state=True)"
+        )
+    content = io.BytesIO(run[NAME].to_numpy().astype(np.uint8).tobytes())
+    try:
+        return _Unpickler(content, store.records().values()).load()
+    except InputError:
+        raise
+    except Exception as error:  # what is damaged, or of another version, raises any
+        raise InputError(
+            f"simulate: start: its state cannot be read ({type(error).__name__}): it "
+            "is damaged or of another version; make the run again"
+        ) from error
+
+
+class _Unpickler(pickle.Unpickler):
+    """Reads what engines are made of, and nothing else."""
+
+    def __init__(self, file: io.BytesIO, guests: Collection[type]) -> None:
+        super().__init__(file)
+        self._guests = {(kind.__module__, kind.__qualname__): kind for kind in guests}
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return a class by its name, if it may be read."""
+        if guest := self._guests.get((module, name)):
+            return guest
+        package, _, rest = module.partition(".")
+        if package == "numpy" and name in _NUMPY:
+            return super().find_class(module, name)
+        if package == "stickslip" and rest.partition(".")[0] in _ROOMS:
+            found = super().find_class(module, name)
+            if isinstance(found, type) and found.__module__ == module:
+                return found
+        raise InputError(
+            f"simulate: start: its state holds {module}.{name}, which no engine has; "
+            "make the run again"
+        )
