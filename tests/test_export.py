@@ -4,8 +4,11 @@ import io
 import json
 import re
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
 from scipy.io import loadmat
 from scipy.optimize import brentq
 
@@ -142,7 +145,14 @@ GROWING = PAD.replace(
         (PAD, "mujoco", {"speeds": (1.0, 2.0)}, "speeds: are for modelica, simscape"),
         (PAD, "lugre", {"speeds": ("1 N", "2 m/s")}, r"speeds\[0\] = '1 N': "),
         (PAD, "lugre", {"poles": 6}, "poles: are for statespace, not for lugre"),
-        (PAD, "statespace", {"path": "x.txt"}, "goes to a .mat or a .json file"),
+        (
+            PAD,
+            "statespace",
+            {"path": "x.txt"},
+            "goes to a .mat or .json",
+        ),
+        (PAD, "fmu", {}, "path: is missing; an FMU is a file"),
+        (GROWING, "fmu", {"path": "x.fmu"}, "ageing = .*: not available with an FMU"),
         (PAD, "statespace", {"path": "no/x.mat"}, "there is no directory"),
     ],
 )
@@ -150,3 +160,126 @@ def test_what_cannot_be_exported_is_refused_in_a_line(rig, to, more, words):
     with pytest.raises(InputError, match=words) as error:
         export(rig, to, **more)
     assert "\n" not in str(error.value)
+
+
+class Unit:
+    """A functional mock-up unit as another simulator runs it."""
+
+    def __init__(self, file, folder):
+        described = fmpy.read_model_description(file)
+        fmpy.extract(file, str(folder))
+        self.fmu = FMU2Slave(
+            guid=described.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=described.coSimulation.modelIdentifier,
+        )
+        self.start(0.0)
+        self.time = 0.0
+
+    def start(self, displacement):
+        self.fmu.instantiate()
+        self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+        self.fmu.setReal([0], [displacement])
+        self.fmu.exitInitializationMode()
+
+    def step(self, dt, start, end):
+        """Force, stiffness and impulse of a step."""
+        self.fmu.setReal([0, 1], [start, (end - start) / dt])
+        self.fmu.doStep(self.time, dt)
+        self.time += dt
+        return self.fmu.getReal([2, 3, 4])
+
+
+@pytest.fixture(scope="module")
+def pad_file(tmp_path_factory):
+    file = str(tmp_path_factory.mktemp("fmu") / "pad.fmu")
+    assert cli.main(["export", "brake_pad", "--to", "fmu", "-o", file]) == 0
+    return file
+
+
+@pytest.mark.takes(4)  # gcc
+def test_a_unit_is_valid_and_brakes_like_the_rig(pad_file, tmp_path):
+    assert validate_fmu(pad_file) == []
+    unit = Unit(pad_file, tmp_path)
+    natural_drag = PAD.unit("rate") * PAD.slider.damping * PAD.value("mass")
+    mass, stiffness = PAD.value("mass"), PAD.value("stiffness")
+    dt = 1e-5
+    x = v = pull = friction = 0.0
+    pulls = []
+    for i in range(1, 20_001):
+        before = x
+        x += dt * v + 0.5 * dt**2 * (pull - natural_drag * v - friction) / mass
+        friction, _, impulse = unit.step(dt, before, x)
+        last, pull = pull, stiffness * (PAD.velocity * i * dt - x)
+        v += (0.5 * dt * (last + pull) - dt * natural_drag * v - impulse) / mass
+        pulls.append(pull)
+    run = ss.simulate(PAD)
+    spring = run["spring_force"]
+    wanted = float(spring.where(spring["time"] > 0.05, drop=True).mean())
+    assert np.mean(pulls[5000:]) == pytest.approx(wanted, rel=0.01)
+
+
+def test_a_unit_goes_back_to_the_bit(pad_file, tmp_path):
+    unit = Unit(pad_file, tmp_path / "one")
+    other = Unit(pad_file, tmp_path / "other")
+    way = 25e-6
+    for i in range(20):
+        unit.step(1e-3, i * way, (i + 1) * way)
+    kept = unit.fmu.serializeFMUstate(unit.fmu.getFMUstate())
+    other.fmu.setFMUstate(other.fmu.deSerializeFMUstate(kept))
+    ends = [
+        [u.step(1e-3, i * way, (i + 1) * way) for i in range(20, 40)]
+        for u in (unit, other)
+    ]
+    assert ends[0] == ends[1]
+    unit.fmu.setFMUstate(unit.fmu.deSerializeFMUstate(kept))
+    assert [unit.step(1e-3, i * way, (i + 1) * way) for i in range(20, 40)] == ends[0]
+
+
+LIKE_ELEMENTS = {
+    "delays": ss.Interface(
+        thresholds=ss.Weibull(scale=1.0, shape=1.5),
+        delay=ss.RandomDelay(mean=0.1, std=0.1, negative="clip"),
+    ),
+    "arrests": ss.Interface(
+        thresholds=ss.Gaussian(mean=1.0, std=0.1),
+        delay=ss.OnArrest(),
+        slip_to_slip_scatter=0.2,
+    ),
+    "newborn": ss.Interface(
+        thresholds=ss.Exponential(mean=1.0),
+        delay=ss.Delay(0.1),
+        newborn=ss.Gaussian(mean=0.2, std=0.3),
+        sliding_force=0.3,
+    ),
+    "areas": ss.Interface(
+        areas=ss.model.Areas(ss.Gaussian(mean=1.0, std=0.1)), delay=ss.Delay(0.1)
+    ),
+}
+
+
+@pytest.mark.takes(4)  # gcc
+@pytest.mark.parametrize("kind", LIKE_ELEMENTS)
+def test_a_unit_is_the_element_in_c(kind, tmp_path):
+    rig = PAD.replace(interface=LIKE_ELEMENTS[kind], method=ss.Contacts(70, seed=3))
+    file = tmp_path / "unit.fmu"
+    export(rig, "fmu", file)
+    unit = Unit(str(file), tmp_path / "unit")
+    element = ss.Element(rig, rig.method)
+    x = 0.0
+    for i, way in enumerate([1.7, 0.4, -0.9, 0.3, 0.0, 2.5] * 3):
+        end = x + way * rig.unit("length")
+        dt = (0.1 + 0.01 * i) * rig.unit("time")
+        force, impulse, stiffness = element.step(dt, end)
+        wanted = force, stiffness, impulse
+        assert unit.step(dt, x, end) == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+        x = end
+
+
+def test_without_a_compiler_there_is_one_line(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    line = ["export", "brake_pad", "--to", "fmu", "-o", str(tmp_path / "pad.fmu")]
+    assert cli.main(line) == 2
+    assert capsys.readouterr().err.startswith("stickslip: gcc: is not installed, and")
+    assert not list(tmp_path.iterdir())

@@ -453,7 +453,7 @@ app.command(
 
 app.command(
     "stickslip.structures.command:export",
-    help="Write the interface for Simulink, Modelica, Simscape, MuJoCo or LuGre.",
+    help="Write the interface for Simulink, Modelica, MuJoCo: FMU, table, A B C D.",
 )
 
 

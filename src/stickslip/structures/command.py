@@ -29,8 +29,8 @@ def export(
     rig
         A rig file in TOML, or the name of an example: `stickslip new` lists them.
     to
-        A linear system of the dynamic stiffness (statespace: .mat, .json), or friction
-        in slow motion as other programs take it.
+        A linear system of the dynamic stiffness (statespace: .mat, .json), friction in
+        slow motion as other programs take it, or the contacts themselves (fmu).
     output
         Write it to a file; by default it is printed.
     speeds

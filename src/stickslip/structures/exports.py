@@ -18,10 +18,12 @@ from stickslip.model.rig import USUAL_RANGE, Ends, Rig
 from stickslip.model.units import engineering
 from stickslip.sliding import kinetic_friction
 from stickslip.sliding.rigid_motion import static_friction
+from stickslip.structures import fmu
 from stickslip.structures.statespace import state_space
 
-Target = Literal["statespace", "modelica", "simscape", "mujoco", "lugre"]
+Target = Literal["statespace", "modelica", "simscape", "mujoco", "lugre", "fmu"]
 _BY_SPEED = ("modelica", "simscape", "lugre")
+_SUFFIXES = {"statespace": (".mat", ".json"), "fmu": (".fmu",)}
 _POINTS = 13  # speeds of a table
 _LIMITS = "good for compensation and slow motion; predicts neither squeal nor hunting"
 
@@ -43,11 +45,14 @@ def export(
     ----------
     rig : Rig
         In SI units; in natural units it has a linear system only.
-    to : {"statespace", "modelica", "simscape", "mujoco", "lugre"}
+    to : {"statespace", "modelica", "simscape", "mujoco", "lugre", "fmu"}
         The linear system of `state_space`; ``SupportFriction``; ``Translational
-        Friction``; ``frictionloss`` of a slide joint; ``sigma_0`` and ``g(v)``.
+        Friction``; ``frictionloss`` of a slide joint; ``sigma_0`` and ``g(v)``; the
+        contacts themselves as a functional mock-up unit (FMI 2.0, co-simulation), for
+        which gcc is needed: what `Element` does.
     path : path, optional
-        Where to write it; a linear system goes to ``.mat`` or ``.json``.
+        Where to write it; a linear system goes to ``.mat`` or ``.json``, a unit to
+        ``.fmu``.
     speeds : (float, float), optional
         Range of speeds of a table, in the rig's unit or as texts with units. By default
         a factor 30 either way of the rig's velocity.
@@ -57,7 +62,7 @@ def export(
     Returns
     -------
     str
-        The content as text; of a linear system as JSON.
+        The content as text; of a linear system as JSON, of a unit its name.
 
     Raises
     ------
@@ -78,6 +83,9 @@ def export(
         text = json.dumps(system.to_dict(), indent=2) + "\n"
         to_matlab = path is not None and Path(path).suffix == ".mat"
         content = system.mat() if to_matlab else text.encode()
+    elif to == "fmu":
+        text = str(path)
+        content = fmu.unit_of(rig)
     else:
         text = _TEXTS[to](rig, _speeds(rig, speeds))
         content = text.encode()
@@ -102,11 +110,15 @@ def _check(rig: Rig, to: str, path: Any, speeds: Any, poles: Any) -> None:
         )
     if poles is not None and to != "statespace":
         raise InputError(f"poles: are for statespace, not for {to}; leave them out")
-    if path is None:
-        return
-    files.target(path)
-    if to == "statespace" and Path(path).suffix not in (".mat", ".json"):
-        raise InputError(f"{path}: a linear system goes to a .mat or a .json file")
+    if path is None and to == "fmu":
+        raise InputError("path: is missing; an FMU is a file: give NAME.fmu (-o)")
+    if path is not None:
+        files.target(path)
+        known = _SUFFIXES.get(to)
+        if known and Path(path).suffix not in known:
+            raise InputError(f"{path}: {to} goes to a {' or '.join(known)} file")
+    if to == "fmu":
+        fmu.check(rig)
 
 
 def _speeds(rig: Rig, speeds: Ends | None) -> Array:
