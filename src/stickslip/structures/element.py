@@ -109,7 +109,7 @@ class Element:
     -----
     **Right: couple by the impulse.** Each break is a jump of the force, so whatever
     looks at forces at the ends of steps is of first order. Verlet with the impulse is
-    of second (errors 8.9e-6, 1.2e-7 and 1.3e-9 of `x_s` at steps of 1e-3, 1e-4 and
+    of second (errors 8.9e-6, 1.2e-7 and 1.3e-9 ``x_s`` at steps of 1e-3, 1e-4 and
     1e-5, of a mass on 1,000 contacts; 7.2e-7 at 1e-5 with the force at the end)::
 
         x += dt * v + 0.5 * dt**2 * (pull - friction) / mass
@@ -117,7 +117,7 @@ class Element:
         before, pull = pull, pull_at(x)
         v += (0.5 * dt * (before + pull) - impulse) / mass
 
-    **Wrong: a callback in** `scipy.integrate.solve_ivp`. Its trial evaluations would
+    **Wrong: a callback in** ``scipy.integrate.solve_ivp``. Its trial evaluations would
     move the contacts: errors 3.7e-3, 4.5e-4, 2.2e-3 with `rtol` 1e-3, 1e-4, 1e-6. A
     solver that rejects steps has to `load` before each evaluation, and to step and
     `save` on acceptance: 1.1e-3, 2.7e-4, 5.7e-5.
