@@ -142,6 +142,12 @@ GROWING = PAD.replace(
         (PAD, "simulink", {}, "to = 'simulink': must be one of statespace, modelica"),
         (FIG, "modelica", {}, "takes SI units, and the rig is in natural units; give"),
         (GROWING, "modelica", {}, "ageing = .*: not available with static_friction"),
+        (
+            FIG.replace(drive=ss.constant(0.0, duration=1.0)),
+            "statespace",
+            {},
+            "drive.velocity = 0: ",
+        ),
         (PAD, "mujoco", {"speeds": (1.0, 2.0)}, "speeds: are for modelica, simscape"),
         (PAD, "lugre", {"speeds": ("1 N", "2 m/s")}, r"speeds\[0\] = '1 N': "),
         (PAD, "lugre", {"poles": 6}, "poles: are for statespace, not for lugre"),

@@ -103,6 +103,11 @@ def _check(rig: Rig, to: str, path: Any, speeds: Any, poles: Any) -> None:
             f"to = {to!r}: takes SI units, and the rig is in natural units; give "
             "contact_strength and breaking_displacement with units, or take statespace"
         )
+    if not rig.velocity > 0.0:
+        raise InputError(
+            f"drive.velocity = {rig.velocity:g}: must be above 0; an export is of "
+            "steady sliding at it"
+        )
     if speeds is not None and to not in _BY_SPEED:
         raise InputError(
             f"speeds: are for {', '.join(_BY_SPEED)}; {to} takes the rig's velocity, "
