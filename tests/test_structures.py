@@ -112,6 +112,7 @@ def test_neutral_frequencies_count_as_the_argument_principle_does(velocity, ki):
     assert roots.count(sliding) == roots.count_right_of(sliding, 1e-6)
 
 
+@pytest.mark.takes(4)  # of long moves, or of many steps
 def test_without_friction_the_limit_is_that_of_routh():
     # M s^3 + Kd s^2 + Kp s + Ki: very slow sliding has no more than that
     axis = rig(replace(AXIS, ki=1.0), 0.02)
@@ -283,6 +284,7 @@ def run_of(body, interval, duration=1.2, *, interface=INTERFACE, contacts=1000, 
     return ss.simulate(found, method=method, output=output, **more)
 
 
+@pytest.mark.takes(6)  # of long moves, or of many steps
 def test_a_mode_runs_as_the_slider_does_to_second_order():
     # through the first slip: contacts that attach draw other thresholds
     event_by_event = run_of(SLIDER, 0.01, 1.0)
@@ -381,6 +383,7 @@ def test_a_structure_that_starts_sliding_slides_on(body):
     assert float(seen.velocity.mean()) == pytest.approx(1.0, abs=0.03)
 
 
+@pytest.mark.takes(5)  # of long moves, or of many steps
 def test_a_run_of_a_structure_is_saved_made_again_and_judged(tmp_path):
     found = ss.read_rig(FILES["modes"] | BENCH).replace(method=ss.Contacts(200))
     seen = ss.simulate(found)
@@ -437,6 +440,7 @@ def axis_with(kp, *, delay=0.1, **more):
 
 
 # widths by moves of a brute-force study, times kp; what one slip tells, to 10 %
+@pytest.mark.takes(4)  # of long moves, or of many steps
 @pytest.mark.parametrize(("kp", "width"), [(0.05, 0.575), (0.2, 0.92)])
 def test_how_far_an_axis_hunts(kp, width):
     hunt = Hunt(axis_with(kp, moves=(1.5,)))
@@ -447,6 +451,7 @@ def test_how_far_an_axis_hunts(kp, width):
     assert told == pytest.approx(found.peak_to_peak, rel=0.1)
 
 
+@pytest.mark.takes(6)  # of long moves, or of many steps
 def test_an_axis_that_hunts_is_bistable_up_to_a_fold():
     hunt = Hunt(axis_with(0.3))
     seen = {hunt.move(distance).hunts for distance in hunt.moves}
@@ -469,6 +474,7 @@ def test_an_axis_that_cannot_hunt(axis, why):
     assert why in str(answer)
 
 
+@pytest.mark.takes(4)  # of long moves, or of many steps
 def test_without_delay_no_move_hunts():
     hunt = Hunt(axis_with(0.2, delay=0.0))
     assert not any(hunt.move(distance).hunts for distance in hunt.moves)
@@ -482,6 +488,7 @@ def test_tracking_that_is_unsteady_without_an_integral_is_said():
     assert tracking(rig(AXIS)).limit == pytest.approx(ki, rel=1e-9)
 
 
+@pytest.mark.takes(8)  # of long moves, or of many steps
 def test_the_shipped_axis_is_answered_in_its_units(capsys):
     main(["predict", "axis"])
     text = capsys.readouterr().out
@@ -491,6 +498,7 @@ def test_the_shipped_axis_is_answered_in_its_units(capsys):
     assert "raise Kp above " in text
 
 
+@pytest.mark.takes(5)  # of long moves, or of many steps
 @pytest.mark.parametrize("name", ["caliper", "drill_string"])
 def test_the_shipped_structures_stick_slip_at_their_speed(name):
     answer = ss.predict(ss.example(name), fast=True)
