@@ -33,7 +33,9 @@ def compile_some(drawn: bool) -> None:
         simulate(pair, drive=short, output=ss.Output(interval=0.01, snapshots=(0.01,)))
         if has_steady_force(pair.interface):
             simulate(pair, drive=short, start=ss.FromSliding())
-    if not drawn:
+    if drawn:  # and what steps of a structure compile
+        ss.simulate(ss.example("caliper").replace(drive=short))
+    else:
         results()
 
 
