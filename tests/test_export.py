@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import zipfile
 
 import fmpy
 import numpy as np
@@ -207,6 +208,8 @@ def pad_file(tmp_path_factory):
 @pytest.mark.takes(4)  # gcc
 def test_a_unit_is_valid_and_brakes_like_the_rig(pad_file, tmp_path):
     assert validate_fmu(pad_file) == []
+    entries = zipfile.ZipFile(pad_file).infolist()
+    assert all(entry.external_attr >> 16 & 0o444 for entry in entries)
     unit = Unit(pad_file, tmp_path)
     natural_drag = PAD.unit("rate") * PAD.slider.damping * PAD.value("mass")
     mass, stiffness = PAD.value("mass"), PAD.value("stiffness")

@@ -79,6 +79,7 @@ def unit_of(rig: Rig) -> bytes:
             # the same rig gives the same bytes
             entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16  # else unzip lets nobody read it
             archive.writestr(entry, content)
     return file.getvalue()
 
