@@ -42,8 +42,9 @@ class Choice(NamedTuple):
 
     def __str__(self) -> str:
         name, unit = self.heading
-        told = f' "{printable(name)}"' if name else ""
-        return f"column {self.place + 1}{told}{f' ({printable(unit)})' if unit else ''}"
+        told = f' "{name}"' if name else ""
+        told += f" ({unit})" if unit else ""
+        return printable(f"column {self.place + 1}{told}")
 
 
 def columns(content: bytes) -> list[Column]:
@@ -172,11 +173,8 @@ def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
         if given and unit_named(given) is None:
             continue
         names = {simple(key), simple(Heading.read(key).name)} - {""}
-        found = [
-            i
-            for i, heading in enumerate(table.headings)
-            if simple(heading.name) in names
-        ]
+        known = [simple(heading.name) for heading in table.headings]
+        found = [i for i, name in enumerate(known) if name in names]
         if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", key):
             found = [int(key) - 1]
         if len(found) == 1 and found[0] in table.numbers:

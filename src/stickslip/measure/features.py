@@ -133,11 +133,6 @@ class Window:
         return abs(float(self.trace.force.mean())) or 1e-300
 
     @cached_property
-    def drift(self) -> float:
-        """Rise of the force from the first to the last sample, by a line."""
-        return slope(self.trace.force, self.trace.t) * float(np.ptp(self.trace.t))
-
-    @cached_property
     def rest(self) -> Array:
         """The force without its drift."""
         return without_drift(self.trace.force)
@@ -175,7 +170,7 @@ class Window:
         that climbs by more may be that of a slider that is held. Under a constant drive
         a held slider makes no force fall.
         """
-        return -MOST * self.largest <= self.drift <= SMALL * self.largest
+        return -MOST * self.largest <= self.trace.rise <= SMALL * self.largest
 
     @cached_property
     def kurtosis(self) -> Measured:
@@ -218,7 +213,7 @@ class Window:
         level that wanders.
         """
         found = self.found
-        period, _, variation = mean_and_std(np.diff(found.times))
+        period, _, variation = mean_and_std(found.waits)
         known = found.cycles
         if (
             found.size > FEWEST_CYCLES
@@ -350,7 +345,7 @@ class Window:
             sizes = np.array([part.std() for part in forces])
             ends = np.linspace(trace.t[0], trace.t[-1], sizes.size + 1)
             times = 0.5 * (ends[1:] + ends[:-1])
-        return np.log(sizes[sizes > 0]), times[sizes > 0] / float(np.ptp(trace.t))
+        return np.log(sizes[sizes > 0]), times[sizes > 0] / trace.length
 
     @cached_property
     def change(self) -> Measured:
@@ -399,7 +394,7 @@ class Window:
     @cached_property
     def pause(self) -> float:
         """Time since the last drop over the longest wait that chance makes."""
-        waits = np.diff(self.found.times)
+        waits = self.found.waits
         if waits.size < FEWEST_CYCLES:
             return math.nan
         return float(self.trace.t[-1] - self.found.times[-1]) / longest_wait(waits)
@@ -532,7 +527,6 @@ def look_past_waves(seen: Window) -> Window:
     alone = trace.measured and trace.pace is None
     if not alone or seen.swing.value < TINY or seen.is_stick_slip:
         return seen
-    step = float(np.ptp(trace.t)) / (trace.t.size - 1)
     for part in WAVES:
         width = trace.t.size // part
         if width < 2 * FEWEST_READINGS:
@@ -541,8 +535,10 @@ def look_past_waves(seen: Window) -> Window:
         wave -= np.median(wave)
         shown = Window.of(replace(trace, force=trace.force - wave))
         found = shown.found
-        waits = np.diff(found.times)
-        slower = waits.size >= FEWEST_CYCLES - 1 and waits.mean() < width * step / 2
+        waits = found.waits
+        slower = (
+            waits.size >= FEWEST_CYCLES - 1 and waits.mean() < width * trace.step / 2
+        )
         if slower and shown.is_stick_slip and not shown.reversed.is_stick_slip:
             level = wave[found.peak]
             found = replace(

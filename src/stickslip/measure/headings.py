@@ -95,12 +95,8 @@ def ratio(unit: str, of: str) -> float | None:
 
 def simple(name: str) -> str:
     """A name as it is compared: in small letters, with blanks for what parts words."""
-    plain = (
-        name.replace("\N{MICRO SIGN}", "mu")
-        .replace("\N{GREEK SMALL LETTER MU}", "mu")
-        .lower()
-    )
-    return " ".join(re.split(r"[\s_.\-:/]+", plain)).strip()
+    plain = re.sub("[\N{MICRO SIGN}\N{GREEK SMALL LETTER MU}]", "mu", name).lower()
+    return re.sub(r"[\s_.\-:/]+", " ", plain).strip()
 
 
 def _named(name: str) -> Quantity:
@@ -188,18 +184,13 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
     """
     plain = [[_told(cell) for cell in row] for row in rows]
     plain = [row for row in plain[-_MOST_ROWS:] if any(row)]
-    holds = [_are_units(row, alone=len(plain) == 1) for row in plain]
-    names = next((k for k in range(len(plain) - 1, -1, -1) if not holds[k]), None)
-    units = next((k for k in range(len(plain) - 1, -1, -1) if holds[k]), None)
-    empty = [""] * width
-    return [
-        _joined(name, unit)
-        for name, unit in zip(
-            empty if names is None else plain[names],
-            empty if units is None else plain[units],
-            strict=True,
-        )
-    ]
+    names = units = [""] * width
+    for row in plain:
+        if _are_units(row, alone=len(plain) == 1):
+            units = row
+        else:
+            names = row
+    return [*map(_joined, names, units)]
 
 
 def _told(cell: str) -> str:
@@ -231,12 +222,11 @@ def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:
     """Give a bare friction column the unit 1: without a unit where the others have
     theirs, it is a coefficient.
     """
-    bare = (
-        Heading("friction")
-        if sum(bool(heading.unit) for heading in headings) >= 2
-        else None
-    )
+    if sum(bool(unit) for _, unit in headings) < 2:
+        return [*headings]
     return [
-        Heading(name, "1") if (simple(name), unit) == bare else Heading(name, unit)
+        Heading(name, unit or "1")
+        if simple(name) == "friction"
+        else Heading(name, unit)
         for name, unit in headings
     ]

@@ -66,18 +66,18 @@ def _missing(seen: Window) -> str:
         return ""
     if seen.found.size:
         lacking = FEWEST_CYCLES - seen.count
-        each = float(trace.t[-1] - trace.t[0]) / max(seen.count, 1)
+        each = trace.length / max(seen.count, 1)
         more = words.engineering(lacking * each, trace.time_unit, 2)
         return (
             f"too short: {seen.count} of the {FEWEST_CYCLES} complete cycles that a "
             f"verdict needs; {lacking} more, about {more}, would tell"
         )
     # as a sawtooth that scatters so, peak to peak
-    stands_out = abs(seen.drift) > math.sqrt(12.0) * seen.scatter
+    stands_out = abs(trace.rise) > math.sqrt(12.0) * seen.scatter
     if seen.is_mostly_noise and (seen.is_level or not stands_out):
         return _hidden(seen)
-    way = "rises" if seen.drift > 0 else "falls"
-    size = words.engineering(abs(seen.drift), trace.force_unit, 3)
+    way = "rises" if trace.rise > 0 else "falls"
+    size = words.engineering(abs(trace.rise), trace.force_unit, 3)
     return (
         f"the force still {way}, by {size} in the window, and shows no complete slip: "
         "a held slider, or a drift; stiffness and velocity tell"

@@ -127,7 +127,7 @@ def motion(
             f"{trace.time_unit!r}: must be units of force and of time; read the force, "
             "not a coefficient"
         )
-    step = _step_of(trace)
+    step = trace.step
     even = trace.t[0] + step * np.arange(trace.t.size)
     rate = K * V * second / newton
     noise = white_noise(trace.force)
@@ -161,11 +161,6 @@ def _units_of(trace: Trace) -> list[float | None]:
     """The units of a force and of its times in SI units."""
     known = (trace.force_unit, "N"), (trace.time_unit, "s")
     return [ratio(unit or si, si) for unit, si in known]
-
-
-def _step_of(trace: Trace) -> float:
-    """Mean sampling interval."""
-    return float(np.ptp(trace.t)) / (trace.t.size - 1)
 
 
 def rms_velocity_deviation(trace: Trace) -> float:
@@ -262,9 +257,8 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
         )
     metre = (_units_of(trace)[0] or 1.0) / float(data.attrs["stiffness"])
     second = _units_of(trace)[1] or 1.0
-    step = _step_of(trace)
     found = find_slips(trace)
-    wait, _, of_waits = mean_and_std(np.diff(found.times))
+    wait, _, of_waits = mean_and_std(found.waits)
     drop, _, of_drops = mean_and_std(found.drops)
     # of a free oscillation
     half = found.typical(trace.t[found.end] - trace.t[found.start]) / _EDGES
@@ -280,13 +274,13 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
         word = "stops and goes, without a period"
     else:
         word = "moves unevenly, without stops"
-    full = _full_rate(trace.force, step, found.noise)
+    full = _full_rate(trace.force, trace.step, found.noise)
     V = float(np.median(trace.drive))
     period = math.nan
     if word == "oscillates":
         period = second * (cycles.period if cycles.periodic else wait)
     # a mass known to a quarter
-    is_resolved = half * RESTS >= 2.0 * step
+    is_resolved = half * RESTS >= 2.0 * trace.step
     mass_that_moves = math.nan
     if is_resolved and word in ("sticks and slips", "oscillates"):
         mass_that_moves = data.attrs["stiffness"] * (second * half / math.pi) ** 2

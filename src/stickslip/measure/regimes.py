@@ -40,7 +40,6 @@ from stickslip.measure.trace import (
     Trace,
     dataset_of,
     mean_and_std,
-    slope,
 )
 from stickslip.words import prefixed
 
@@ -379,18 +378,15 @@ def _skip_loading(trace: Trace) -> tuple[Trace, Slips | None]:
     if not 0 < found.size < FEWEST_CYCLES:
         return late, found
     rest = late.part(float(late.t[found.end[-1]]))
-    if rest.t.size < FEWEST_READINGS or np.ptp(rest.t) < rest.t[0] - trace.t[0]:
+    if rest.t.size < FEWEST_READINGS or rest.length < rest.t[0] - trace.t[0]:
         return late, found
-    climb = slope(rest.force, rest.t) * float(np.ptp(rest.t))
-    return (rest, None) if climb < CLIMBS * found.drops.max() else (late, found)
+    return (rest, None) if rest.rise < CLIMBS * found.drops.max() else (late, found)
 
 
 def _drift_rate(trace: Trace) -> float:
     """Slope of the line that makes most of the range of a force; 0 if none does."""
-    if trace.t.size < 2:
-        return 0.0
-    rate = slope(trace.force, trace.t)
-    return rate if abs(rate) * np.ptp(trace.t) > MOST * np.ptp(trace.force) else 0.0
+    drifts = trace.t.size > 1 and abs(trace.rise) > MOST * np.ptp(trace.force)
+    return trace.rise / trace.length if drifts else 0.0
 
 
 def _judge_parts(trace: Trace, found: Slips | None = None) -> list[Regime]:
@@ -432,7 +428,7 @@ def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
     """A part without its drift, where it rises by less than a held slider's force
     does in other parts: that slides; None if it may be held.
     """
-    rate = slope(part.force, part.t)
+    rate = part.rise / part.length
     if not climbs or not 0.0 < rate < (1.0 - ONE_RATE) * min(climbs) * _speed(part):
         return None
     return replace(part, force=part.force - rate * (part.t - part.t.mean()))
@@ -528,7 +524,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
     slips = fast_ones(seen.trace, seen.found) if kind == SLIPS else seen.found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count = slips.size
-    period, _, variation = mean_and_std(np.diff(slips.times))
+    period, _, variation = mean_and_std(slips.waits)
     if seen.cycles and kind != SMOOTH:
         count = seen.cycles.count
         period = seen.cycles.period

@@ -31,8 +31,8 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     times = _pauses(trace, found)
     count = min(_MOST_BLOCKS, trace.t.size // FEWEST_READINGS)
     if found.size >= FEWEST_CYCLES:
-        usual = weighted_median(np.diff(found.times), found.drops[1:] ** 2)
-        count = min(count, int(np.ptp(trace.t) / usual))
+        usual = weighted_median(found.waits, found.drops[1:] ** 2)
+        count = min(count, int(trace.length / usual))
     if count >= 2 * FEWEST_CYCLES and np.ptp(trace.force):
         times += _steps(trace, count)
     return _between(trace, times)
@@ -126,7 +126,7 @@ def _pauses(trace: Trace, found: Slips) -> list[float]:
     """When the drops of a bench end and begin again: where a wait is longer than
     chance makes it.
     """
-    waits = np.diff(found.times)
+    waits = found.waits
     if not trace.measured or waits.size < FEWEST_CYCLES:
         return []
     usual = weighted_median(waits, waits)

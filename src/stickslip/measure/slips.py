@@ -68,6 +68,11 @@ class Slips:
         """Drop of the force in each slip."""
         return self.before - self.after
 
+    @property
+    def waits(self) -> Array:
+        """Times from each slip to the next."""
+        return np.diff(self.times)
+
     def loading_rates(self, t: Array) -> Array:
         """Rise of the force per time from each slip to the next."""
         rises = self.before[1:] - self.after[:-1]

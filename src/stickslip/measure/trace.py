@@ -228,6 +228,21 @@ class Trace:
             ),
         )
 
+    @property
+    def length(self) -> float:
+        """From the first reading to the last."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def step(self) -> float:
+        """Mean sampling interval."""
+        return self.length / (self.t.size - 1)
+
+    @cached_property
+    def rise(self) -> float:
+        """Rise of the force from the first to the last sample, by a line."""
+        return slope(self.force, self.t) * self.length
+
     @cached_property
     def clock(self) -> Array:
         """The times or, where the velocity of the drive was measured, its travel over
@@ -237,8 +252,7 @@ class Trace:
             return self.t
         speed = np.abs(self.told_velocity)
         travel = cumulative_trapezoid(speed, self.t, initial=0)
-        lasts = float(self.t[-1] - self.t[0])
-        return lasts / travel[-1] * travel if travel[-1] > 0.0 else self.t
+        return self.length / travel[-1] * travel if travel[-1] > 0.0 else self.t
 
     @cached_property
     def pace(self) -> Array | None:

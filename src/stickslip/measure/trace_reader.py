@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import words
-from stickslip.errors import InputError, refused, shortened
+from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
 from stickslip.measure.column_choice import Choice, choose
 from stickslip.measure.headings import WEIGHTS, ratio, unit_named
@@ -152,10 +153,8 @@ def read_trace(
             size, force_unit = _scale(scale, force_unit)
             values["force"] *= size
     except InputError as error:
-        told = InputError(f"{path}: {error}")
-        for note in getattr(error, "__notes__", ()):
-            told.add_note(note)
-        raise told from None
+        error.args = (one_line(f"{path}: {error}"),)  # which keeps its note
+        raise
     units = {"time": "s", "load": "N", "part": "1"}
     units |= {name: each.heading.unit for name, each in chosen.items()}
     units["force"] = force_unit
@@ -169,26 +168,27 @@ def read_trace(
 
 def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     """Which columns hold what, and how often the force was read, in words."""
-    order = [name for name in _TEXTS if name in chosen and name != "part"]
-    told = [f"{name}: {chosen[name]}" for name in ("time", *order) if name in chosen]
-    steps = np.diff(data["time"].values)
-    usual = words.engineering(float(np.median(steps)), data["time"].attrs["units"])
-    return "; ".join([*told, f"{data.sizes['time']} readings, one each {usual}"])
+    order = [name for name in ("time", *_TEXTS) if name in chosen and name != "part"]
+    told = [f"{name}: {chosen[name]}" for name in order]
+    usual = float(np.median(np.diff(data["time"])))
+    each = words.engineering(usual, data["time"].attrs["units"])
+    return "; ".join([*told, f"{data.sizes['time']} readings, one each {each}"])
 
 
 def _scale(text: str, unit: str) -> tuple[float, str]:
     """Factor to a force, and its unit, of a text such as 2.5 N/V."""
     match = _SCALE.fullmatch(text)
-    size = read_cell(match[1])[0] if match else None
-    kind = (unit_named(match[2]) or ("",))[0] if match else ""
-    of = match[3] if match else ""
-    fits = ratio(unit, of) if unit and of and unit != of else 1.0
-    if match is None or not size or kind not in ("force", "torque") or fits is None:
-        here = f", of a column in {unit}" if unit else ""
-        raise refused(
-            "scale", text, f"must be what a reading stands for{here}: 2.5 N/V, 3 mN"
-        )
-    return size * fits, match[2]
+    if match:
+        size = read_cell(match[1])[0]
+        kind = (unit_named(match[2]) or ("",))[0]
+        of = match[3] or unit
+        fits = ratio(unit, of) if unit and unit != of else 1.0
+        if size and fits and kind in ("force", "torque"):
+            return size * fits, match[2]
+    here = f", of a column in {unit}" if unit else ""
+    raise refused(
+        "scale", text, f"must be what a reading stands for{here}: 2.5 N/V, 3 mN"
+    )
 
 
 def _rows(
@@ -244,29 +244,25 @@ def _put_in_turn(
     times = values["time"]
     known = np.flatnonzero(np.isfinite(times))
     back = known[1:][np.diff(times[known]) <= 0]
-    begins = np.array([0, *back, times.size])
-    firsts = [times[known[known >= begin][0]] for begin in begins[:-1]]
+    tests = [test[np.isfinite(test)] for test in np.split(times, back)]
     restarts = all(
-        times[at] - first < 0.5 * (times[at - 1] - first)
-        for first, at in zip(firsts, back, strict=False)
+        after[0] - before[0] < 0.5 * (before[-1] - before[0])
+        for before, after in pairwise(tests)
     )
     line = lines[back[0]] if back.size else 0
     is_clock = ":" in table.line(line)
-    if back.size and (
-        is_clock or not restarts or np.diff(begins).min() < FEWEST_READINGS
-    ):
-        remedy = (
-            "where a clock was set back, write times with their offset from UTC"
-            if is_clock
-            else "sort the rows"
-        )
+    are_tests = restarts and min(map(len, tests)) >= FEWEST_READINGS
+    if back.size and (is_clock or not are_tests):
+        remedy = "sort the rows"
+        if is_clock:
+            remedy = (
+                "where a clock was set back, write times with their offset from UTC"
+            )
         raise InputError(
             f"line {line}: time {times[back[0]]:g} does not come after that of the row "
             f"before; times must rise: {remedy}, or give the step instead (--step, or "
             "step=)"
         )
-    if not back.size and "part" not in values:
-        return []
     usual = float(np.nanmedian(np.diff(times)))
     for at in back:
         times[at:] += float(np.nanmax(times[:at])) + usual - times[at]
@@ -275,10 +271,9 @@ def _put_in_turn(
     turns = np.flatnonzero(np.diff(steps)) + 1
     if np.diff([0, *turns, times.size]).min() < FEWEST_READINGS:
         turns = turns[:0]
-    edges = np.zeros(times.size)
-    edges[[*turns, *back]] = 1.0
+    edges = np.isin(np.arange(times.size), [*turns, *back])
     if edges.any():
-        values["part"] = 1.0 + np.cumsum(edges)
+        values["part"] = 1.0 + np.cumsum(edges, dtype=float)
     if not back.size:
         return []
     many = f"{back.size + 1} tests, put behind one another"
@@ -309,33 +304,30 @@ def _dataset(
     # each test by its own noise
     ends = np.flatnonzero(np.diff(values.get("part", np.zeros(1)))) + 1
     spiky = np.concatenate([spikes(part) for part in np.split(values["force"], ends)])
-    count = int(np.count_nonzero(spiky))
-    if count:
+    if count := int(np.count_nonzero(spiky)):
         many = f"{count} spike{'s' * (count > 1)} of a single sample"
         notes.append(f"{many}; the force there is interpolated")
     rows.loc[spiky, "force"] = np.nan
     known = np.flatnonzero(np.isfinite(rows["force"] + rows["time"]))
     rows = rows[known[0] : known[-1] + 1].dropna(subset="time").set_index("time")
-    if rows.isna().any(axis=None):
-        rows = rows[~_in_a_gap(rows["force"].isna())]
     missing = rows["force"].isna()
     if rows.isna().any(axis=None):
+        rows = rows[~_in_a_gap(missing)]
+        missing = rows["force"].isna()
         rows = rows.interpolate("index", limit_direction="both")
     rows["force"] *= -1.0 if flip else 1.0
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:
             units[name] = usual
             notes.append(f"the file names no unit of the {name}: {usual} assumed")
-    texts = dict(_TEXTS)
-    if is_torque:
-        texts["force"] = ("spring_force", "torque")
     units["load"] = units["load"] or units["force"]
     for name in ("force", "load"):
         if weight := WEIGHTS.get(units[name].lower()):
             notes.append(f"{units[name]} of the {name} is read as {weight}, a weight")
             units[name] = weight
+    force = "torque" if is_torque else "force"
     if units["force"] == "1":
-        texts["force"] = ("spring_force", "coefficient of friction")
+        force = "coefficient of friction"
     elif "load" in rows:
         alike = units["force"] == units["load"]
         if size := 1.0 if alike else ratio(units["force"], units["load"]):
@@ -345,11 +337,12 @@ def _dataset(
                 f"no coefficient of friction: the force is in {units['force']}, the "
                 f"load in {units['load']}"
             )
+    texts = {**_TEXTS, "force": ("spring_force", force)}
     rows["filled"] = missing
-    found = {}
-    for key in rows:
-        name, title = texts[key]
-        found[name] = labelled(title, "time", rows[key], units.get(key, "1"))
+    found = {
+        texts[key][0]: labelled(texts[key][1], "time", rows[key], units.get(key, "1"))
+        for key in rows
+    }
     time = labelled("time", "time", rows.index, units["time"])
     attrs = {
         "rows": values["force"].size,
