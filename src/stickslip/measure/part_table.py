@@ -1,8 +1,10 @@
 """The parts of a record as a table, a line each."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from stickslip import words
 from stickslip.errors import printable
@@ -12,22 +14,25 @@ if TYPE_CHECKING:
     from stickslip.measure.regimes import Regime
 
 MOST_LINES = 40
-_Number = Callable[["Regime"], float | None]
-_COLUMNS: list[tuple[str, str, _Number]] = [
-    ("from", "time", lambda part: part.window[0]),
-    ("to", "time", lambda part: part.window[1]),
-    ("mean", "force", lambda part: part.mean_force),
-    ("mu", "", lambda part: part.mean_mu),
-    ("peak to peak", "force", lambda part: part.peak_to_peak),
-    ("drop", "force", lambda part: part.drop if _cycles(part) else None),
-    ("each", "time", lambda part: part.period if _cycles(part) else None),
-    ("cycles", "", lambda part: _cycles(part)),
-]
+_COLUMNS = {
+    "from": "time",
+    "to": "time",
+    "mean": "force",
+    "mu": "",
+    "peak to peak": "force",
+    "drop": "force",
+    "each": "time",
+    "cycles": "",
+}
+"""The numbers of a part, and what they are."""
 
 
-def _cycles(part: "Regime") -> int | None:
-    """The cycles of a motion that has them."""
-    return part.cycles if part.kind != SMOOTH and part.cycles else None
+def _numbers(part: "Regime") -> list[float | None]:
+    """The numbers of a part, in the order of the columns."""
+    found = [*part.window, part.mean_force, part.mean_mu, part.peak_to_peak]
+    has_cycles = part.kind != SMOOTH and part.cycles > 0
+    of_cycles = [part.drop, part.period, part.cycles]
+    return found + (of_cycles if has_cycles else [None] * 3)
 
 
 def part_table(parts: Sequence["Regime"]) -> list[str]:
@@ -45,20 +50,17 @@ def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
         return []
     shown = parts[:MOST_LINES]
     columns = [["", *(str(k + 1) for k in range(len(shown)))]]
-    for title, of, number in _COLUMNS:
-        values = [number(part) for part in shown]
-        known = [
-            abs(value) for value in values if value is not None and math.isfinite(value)
-        ]
-        if not known:
+    units = {"time": shown[0].time_unit, "force": shown[0].force_unit, "": ""}
+    table = np.array([_numbers(part) for part in shown], dtype=float).T
+    for (title, of), values in zip(_COLUMNS.items(), table, strict=True):
+        known = np.abs(values[np.isfinite(values)])
+        if not known.size:
             continue
-        told = {"time": shown[0].time_unit, "force": shown[0].force_unit, "": ""}[of]
-        divisor, unit = words.prefixed(max(known), "" if told == "1" else told)
+        told = "" if units[of] == "1" else units[of]
+        divisor, unit = words.prefixed(float(known.max()), told)
         cells = [
-            words.number(value / divisor)
-            if value is not None and math.isfinite(value)
-            else ""
-            for value in values
+            words.number(value / divisor) if math.isfinite(value) else ""
+            for value in values.tolist()
         ]
         columns.append([f"{title} ({unit})" if unit else title, *cells])
     columns.insert(3, ["motion", *(part.kind for part in shown)])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.errors import InputError
 from stickslip.measure.strokes import find_strokes
-from stickslip.measure.trace import FEWEST_READINGS, Array, Trace, memory, slope
+from stickslip.measure.trace import FEWEST_READINGS, Array, Trace, independent, slope
 from stickslip.simulation import labelled
 
 # Preferred numbers of the series R10 (ISO 3): speeds that lie nearer to one another
@@ -121,6 +121,5 @@ def _blocks(data: xr.Dataset, piece: Trace, size: int) -> pd.DataFrame:
 
 def _error(blocks: "pd.Series[float]") -> float:
     """The standard error of a mean of blocks, by their scatter and memory."""
-    r = min(memory((blocks - blocks.mean()).to_numpy()), 1.0 - 2.0 / blocks.size)
-    independent = blocks.size * (1.0 - r) / (1.0 + r)
-    return float(blocks.std()) / math.sqrt(independent)
+    worth = independent((blocks - blocks.mean()).to_numpy())
+    return float(blocks.std()) / math.sqrt(worth)

@@ -363,11 +363,17 @@ def slope(values: Array, at: Array) -> float:
 
 
 def memory(rest: Array) -> float:
-    """How alike neighbouring residuals are, 0 to 1: n are worth n (1 - r)/(1 + r)
-    independent ones (Bartlett).
-    """
+    """How alike neighbouring residuals are, 0 to 1."""
     power = float(rest @ rest)
     return max(float(rest[1:] @ rest[:-1]) / power, 0.0) if power > 0 else 0.0
+
+
+def independent(rest: Array, least: float = 1.0) -> float:
+    """How many independent residuals these are worth: n (1 - r)/(1 + r) of a memory r
+    (Bartlett), and not less than some.
+    """
+    r = memory(rest)
+    return max(rest.size * (1.0 - r) / (1.0 + r), least)
 
 
 def mean_and_std(values: Array) -> tuple[float, float, float]:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from stickslip.answers import Answer
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.loops import HALVINGS, bounded
-from stickslip.measure.trace import Array, memory
+from stickslip.measure.trace import Array, independent
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import ROUGH, finite_step, small_step
@@ -233,11 +233,9 @@ def _fitted(
         return up + lines @ (of_line @ (step.friction - up))
 
     fit = least_squares(beside_a_line, step.friction, starts, low, high, **how)
-    # n samples whose neighbours correlate by r are worth n (1 - r)/(1 + r), and not
-    # less than one for each parameter.
-    count = step.friction.size
-    alike = memory(step.friction - fit.curve)
-    inflation = math.sqrt(count / max(count * (1.0 - alike) / (1.0 + alike), low.size))
+    # not less than one for each parameter
+    worth = independent(step.friction - fit.curve, least=low.size)
+    inflation = math.sqrt(step.friction.size / worth)
     values = dict(zip(ranges, fit.estimates(inflation), strict=True))
     if not fit.converged:
         raise _unidentified(

@@ -15,7 +15,7 @@ from scipy.signal import savgol_filter
 from stickslip.answers import Answer, plain
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.loops import HALVINGS, bounded
-from stickslip.measure.trace import RESTS, Array, memory
+from stickslip.measure.trace import RESTS, Array, independent
 from stickslip.progress import Progress, reporting
 from stickslip.rate_state.experiments import Record
 from stickslip.rate_state.fitting import Estimate
@@ -269,13 +269,10 @@ def _hold(record: Record, before: Piece, rest: Piece, after: Piece) -> Hold:
 
 
 def _level(record: Record, begin: float, end: float) -> Estimate:
-    """Mean friction between two times, with its error: of n samples whose neighbours
-    are alike by r, n (1 - r)/(1 + r) are independent.
-    """
+    """Mean friction between two times, with its error."""
     first, last = np.searchsorted(record.time, [begin, end]).tolist()
     part = record.friction[min(first, last - 1) : last]
-    alike = memory(part - part.mean())
-    many = max(part.size * (1.0 - alike) / (1.0 + alike), 1.0)
+    many = independent(part - part.mean())
     return Estimate(float(part.mean()), float(part.std()) / math.sqrt(many))
 
 
