@@ -29,6 +29,7 @@ from stickslip.sliding.response import ComplexArray
 _REACH = 0.6
 _POINTS = 60  # frequencies for each pair of poles, at least
 _TURNS = 30  # poles settle within ten
+_SETTLED = 1e-9  # renewal frequencies by which poles still move
 _FEWEST, _MOST = 4, 24
 
 
@@ -209,6 +210,8 @@ def _fit(s: ComplexArray, values: ComplexArray, pairs: int) -> tuple[Array, Arra
         both = np.hstack([states, -values[:, None] * states])
         smoothing = _least(both, wanted)[2 * pairs :]
         moved = np.linalg.eigvals(A - np.outer(B, smoothing))
-        A = _blocks(-np.abs(moved.real) + 1j * moved.imag)
+        before, A = A, _blocks(-np.abs(moved.real) + 1j * moved.imag)
+        if np.abs(A - before).max() <= _SETTLED:
+            break
     states = weight[:, None] * _transfers(A, _input(A), s)
     return A, _least(states, wanted)
