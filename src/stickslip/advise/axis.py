@@ -105,8 +105,10 @@ class AxisAnswer(Answer):
         lines += [f"             {line}" for line in self._evidence()]
         if self.hunts and math.isfinite(self.gain):
             kp = self.rig.in_units(self.gain, "k", 3)
-            lines.append(f"             raise Kp above {kp}, with Kd and Ki: the same")
-            lines.append("             damping and Kp/Ki; or hold without the integral")
+            lines += [
+                f"             to stop it, raise Kp above {kp}, Kd and Ki with it",
+                "             (same damping and Kp/Ki); or hold without the integral",
+            ]
         if axis.sample_time:
             lines.append("  roots of the continuous controller; moves with its samples")
         return "\n".join(lines)
