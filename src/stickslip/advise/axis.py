@@ -173,7 +173,7 @@ class AxisAnswer(Answer):
         """Draw the position after a move, the first that hunts if one does, with the
         place that was to be reached.
         """
-        from stickslip.plot import style
+        from stickslip.plot import PAGE, style
         from stickslip.simulation import simulate
 
         hunt = Hunt(self.rig)
@@ -187,7 +187,7 @@ class AxisAnswer(Answer):
             long=True,
         )
         with style.house_style():
-            figure = style.new_figure(style.PAGE)
+            figure = style.new_figure(PAGE)
             ax = figure.add_subplot()
             place = distance * self.rig.unit("x_s")
             style.along_time(run, "displacement", ax)
