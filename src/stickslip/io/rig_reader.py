@@ -148,17 +148,7 @@ class _Reader:
             for name, value in interface.items()
             if name == "normal_load"
         }
-        of_method = simulation | {
-            "count": simulation.get(
-                "contacts", 10_000 if self.body == "slider" else 100
-            )
-        }
-        method = _made(
-            METHODS[simulation["method"]],
-            of_method,
-            "simulation",
-            {"count": "contacts"},
-        )
+        method = self._method(simulation)
         speeds["friction"] = measured
         speeds["feasible"] = converted_ranges(feasible, scales.natural)
         operation = _made(Operation, speeds, "drive")
@@ -185,6 +175,13 @@ class _Reader:
             )
             rig = converted(rig, scales.natural)
         return self._with_what_follows(rig, scales, slider | interface | drive)
+
+    def _method(self, simulation: Values) -> Any:
+        """Return the method; on a slider of more contacts than on a block."""
+        usual = 10_000 if self.body == "slider" else 100
+        given = simulation | {"count": simulation.get("contacts", usual)}
+        kind = METHODS[simulation["method"]]
+        return _made(kind, given, "simulation", {"count": "contacts"})
 
     def _with_what_follows(self, rig: Rig, scales: Scales, values: Values) -> Rig:
         """Return the rig with what the file gives by numbers that belong together,
