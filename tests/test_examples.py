@@ -35,7 +35,7 @@ def test_example_rigs_can_be_read_and_say_what_was_assumed(name):
 def test_an_example_that_is_not_there_is_told():
     with pytest.raises(
         ss.InputError,
-        match=r"^whiper: no such file or example; examples are brake_pad, .*wiper$",
+        match=r"^whiper: no such file or example; examples are axis, .*wiper$",
     ):
         rig.example_file("whiper")
     with pytest.raises(

@@ -56,6 +56,15 @@ CASES = [
     KINDS["Sheet"](
         along=4, across=3, coupling=4.0, shear=1.5, mass=1.0, damping=0.1, leaf=0.2
     ),
+    KINDS["Modes"](masses=(1.0, 0.5), stiffnesses=(2.0, 3.0), dampings=(0.1, 0.2)),
+    KINDS["Matrices"](M=((1.0,),), C=((0.1,),), K=((2.0,),), contact=(1.0,)),
+    KINDS["StateSpace"](
+        A=((0.0, 1.0), (-2.0, -0.1)),
+        force=(0.0, -1.0),
+        drive=(0.0, 2.0),
+        contact=(1.0, 0.0),
+    ),
+    KINDS["ControlledAxis"](mass=1e-4, kp=2.0, ki=1.0, kd=0.004, sample_time=1e-3),
     KINDS["Operation"](
         speeds=(0.5, 1.0), between=(0.1, 2.0), feasible=(("mass", 1e-5, 1e-3),)
     ),

@@ -49,8 +49,8 @@ def records() -> dict[str, type]:
         for name, kind in vars(model).items()
         if isinstance(kind, type) and is_dataclass(kind)
     }
-    # the one holds functions, the other is what bodies have in common
-    del ours["Parameter"], ours["ElasticBody"]
+    # the first holds functions, the others what bodies and structures have in common
+    del ours["Parameter"], ours["ElasticBody"], ours["Structure"]
     # what a SteadyState of a guest's distribution may hold
     ours[Positive.__name__] = Positive
     tables = (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS, BODIES)

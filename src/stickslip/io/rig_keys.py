@@ -15,6 +15,7 @@ from typing import Any
 
 from stickslip.errors import InputError
 from stickslip.io.keys import Either, Key, natural_unit_of
+from stickslip.loops import bounded
 from stickslip.model import Areas, Chain, Interface, Prestressed, Sheet, Slider
 from stickslip.model.activation import ACTIVATIONS, Bell
 from stickslip.model.ageing import AGEING_MODELS
@@ -87,6 +88,9 @@ _USUAL = {"mean": 1.0, "scale": 1.0}
 """Default scale of a distribution: that of `breaking_displacement`."""
 
 
+_DEEPEST = 3  # lists within lists: a matrix is a list of lists
+
+
 def _keys(
     table: str, examples: Mapping[str, Any], record: type | None = None
 ) -> dict[str, Key]:
@@ -96,7 +100,9 @@ def _keys(
     found = {}
     for name, example in examples.items():
         first = example
+        turns = bounded("lists in an example", _DEEPEST)
         while isinstance(first, list):
+            next(turns)
             first = first[0]
         properties = (
             _of_field(record, name)

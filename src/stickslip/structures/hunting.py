@@ -16,6 +16,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError, instance
+from stickslip.loops import HALVINGS, bounded
 from stickslip.model import Contacts, Gaussian, Interface, Output, Rig, Slider
 from stickslip.model.drive import constant
 from stickslip.model.structure import ControlledAxis
@@ -260,7 +261,9 @@ class Hunt:
             raise InputError("fold: the axis hunts after none of its moves")
         low = self.axis.kp
         high = low * _RISE
+        turns = bounded("gains that hunt", HALVINGS)
         while high < _LARGEST * self.axis.kp:
+            next(turns)
             raised = engine.held_by(with_gain(self.axis, high))
             if not self._hold(raised, with_gain(self.axis, high), distance).hunts:
                 break

@@ -14,6 +14,7 @@ from stickslip.kernels import structure_steps as kernel
 from stickslip.kernels.drive import LOOK, STOPPED, Piece, Quadratic, Sampling
 from stickslip.kernels.element import force_of
 from stickslip.kernels.records import blank
+from stickslip.loops import bounded
 from stickslip.model import Contacts, Interface
 from stickslip.model.rig import Rig
 from stickslip.model.structure import ControlledAxis, LinearSystem, Structure
@@ -164,7 +165,9 @@ class SteppedStructure(Engine):
         room = np.zeros((3, columns))
         last = min(self._steps, int(run.steps) + _ADVANCE)
         why = LOOK
+        turns = bounded("looks at a run", len(looks))
         while why == LOOK:
+            next(turns)
             why = kernel.advance_structure(
                 self._element,
                 kernel.Motion(self._z, room, self._run, self._memory),

@@ -14,6 +14,7 @@ from scipy import fft
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError, number, numbers, refused
+from stickslip.loops import bounded
 from stickslip.progress import Progress
 from stickslip.words import engineering
 
@@ -195,7 +196,10 @@ def tangential_stiffness(
     along = left
     field = np.zeros(inside.shape)
     size = norm = _dot(left, left)
+    # As many turns as unknowns in exact arithmetic; rounding takes some more.
+    turns = bounded("conjugate gradients", 10 * at.size)
     while norm > _RESIDUAL**2 * size:
+        next(turns)
         field.ravel()[at] = along
         moved = _deformed(compliance, field).ravel()[at]
         step = norm / _dot(along, moved)
