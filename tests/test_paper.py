@@ -29,9 +29,10 @@ NOT = "not reproduced"
 
 # Quick versions of these take their time, too, in searches for boundaries and runs of
 # some thousand time units.
-LONG = dict.fromkeys(
-    ("fig6", "fig7", "fig8", "fig9", "fig10", "fig11"), pytest.mark.slow
-) | {"fig4": pytest.mark.takes(3)}
+SLOW = pytest.mark.slow
+LONG = dict.fromkeys(("fig6", "fig7", "fig8", "fig9", "fig10", "fig11"), SLOW) | {
+    "fig4": pytest.mark.takes(3)
+}
 QUICKLY = [pytest.param(name, marks=LONG.get(name, ())) for name in FIGURES]
 
 # Claims about oscillations of which rounding tells all but the first digits, and how
@@ -176,9 +177,12 @@ PAIR = {"reattachment": "at once", "initial_std": 0.01, "threshold_std": 0.1}
             )
         ),
         # Of the linear critical delay, too, as the paper has it.
-        ("fig6", 9, "linear", {}, "sustained", PRINTED),
+        pytest.param("fig6", 9, "linear", {}, "sustained", PRINTED, marks=SLOW),
         # smooth again, delays as in the paper
-        ("fig7", 12, "sustained", {"case": "0.12, clip"}, [0.5, 2.0], PRINTED),
+        pytest.param(
+            *("fig7", 12, "sustained", {"case": "0.12, clip"}, [0.5, 2.0], PRINTED),
+            marks=SLOW,
+        ),
         pytest.param(
             "fig10", 16, "v2", {"rate": 0.8}, math.nan, NOT, marks=pytest.mark.slow
         ),

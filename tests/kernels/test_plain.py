@@ -185,6 +185,7 @@ def test_plain_python_gives_the_same_numbers(compiled_and_plain):
         )
 
 
+@pytest.mark.slow
 def test_the_cases_hold_breaks_and_slips(compiled_and_plain):
     runs = [
         made
