@@ -21,7 +21,12 @@ from stickslip import cli, fitting
 from stickslip.advise import Doubt
 from stickslip.advise.budget import Budget
 from stickslip.errors import InputError
-from stickslip.fitting.bench import half_speed_of, read_pairs, strengthening_of
+from stickslip.fitting.bench import (
+    half_speed_of,
+    measured_velocity,
+    read_pairs,
+    strengthening_of,
+)
 from stickslip.fitting.inference import infer
 from stickslip.fitting.model import KEYS, Prior, sampled, simulate
 from stickslip.fitting.rigs import remade
@@ -122,6 +127,22 @@ def trace_of(force):
     return xr.Dataset(
         {"spring_force": ("time", force)}, coords={"time": 0.01 * np.arange(len(force))}
     )
+
+
+@pytest.mark.parametrize("of_the_slider", [False, True])
+def test_a_measured_velocity_is_that_of_the_drive(of_the_slider):
+    """A drive at .1 mm/s, on a spring of 2 N/mm, measured in mm/s with noise."""
+    t = 0.01 * np.arange(20_000)
+    force = 10.0 + 2.0 * 0.1 * np.interp(t % 1.5, [0.0, 1.2, 1.5], [0.0, 1.2, 0.0])
+    speed = 0.1 + RNG(2).normal(0.0, 0.01, t.size)
+    if of_the_slider:
+        speed -= np.gradient(force, t) / 2.0
+    trace = trace_of(force).assign(measured_velocity=("time", speed, {"units": "mm/s"}))
+    value, error = measured_velocity(trace, slips=133)["velocity"]
+    assert abs(value - 1e-4) < 3.0 * error < 3e-6
+    assert measured_velocity(trace_of(force), slips=133) == {}
+    trace["measured_velocity"].attrs["units"] = "rad/s"
+    assert measured_velocity(trace, slips=133) == {}
 
 
 RNG = np.random.default_rng

@@ -855,7 +855,7 @@ def fit(
     stiffness
         Stiffness of the driving spring: '350 N/m'.
     velocity
-        Velocity of the drive: '0.1 mm/s'.
+        Velocity of the drive: '0.1 mm/s'; by default that of a column of the trace.
     mass
         Mass of the slider: '0.4 kg'.
     load

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
@@ -16,7 +17,7 @@ from stickslip.fitting.events import Events
 from stickslip.io import files
 from stickslip.measure.headings import ratio
 from stickslip.measure.table_files import read_table
-from stickslip.measure.trace import Array
+from stickslip.measure.trace import Array, Trace, independent
 from stickslip.model import Gaussian
 from stickslip.model.quantities import read_value
 from stickslip.rate_state.fitting import Estimate, least_squares
@@ -57,6 +58,28 @@ def read_known(given: Mapping[str, object] | None) -> Known:
         )
         found[name] = (middle, error[0] if error else _USUAL_ERROR * middle)
     return found
+
+
+def measured_velocity(trace: xr.Dataset, slips: int) -> Known:
+    """Velocity of the drive, by one that was measured beside the force: of the drive
+    itself, or of a slider that makes so many slips; empty where there is none.
+    """
+    if "measured_velocity" not in trace:
+        return {}
+    size = ratio(str(trace["measured_velocity"].attrs.get("units", "")), "m/s")
+    if size is None:
+        return {}
+    seen = Trace.of(trace)
+    if seen.told_velocity is not None:
+        speed = np.abs(seen.told_velocity)
+        mean = float(speed.mean())
+        error = float(speed.std()) / math.sqrt(independent(speed - mean))
+    else:
+        assert seen.drive is not None
+        mean = float(seen.drive.mean())
+        # The slider is behind the drive by one slip at most, at either end.
+        error = mean / (math.sqrt(6.0) * slips)
+    return {"velocity": (size * mean, size * error)}
 
 
 def drawn(known: Known, name: str, count: int) -> Array:

@@ -23,6 +23,7 @@ from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
 from stickslip.measure.trace import Array
 from stickslip.model.rig import Rig
 from stickslip.progress import reporting
+from stickslip.rate_state.fitting import Estimate
 from stickslip.words import engineering
 
 if TYPE_CHECKING:
@@ -378,7 +379,8 @@ def fit(
     known : mapping, optional
         Of ``stiffness``, ``velocity``, ``mass``, ``load``, what is known: a number in
         SI units, a text such as ``"350 N/m"``, or either with its standard error,
-        ``("350 N/m", "10 N/m")``; 2 % where none is given.
+        ``("350 N/m", "10 N/m")``; 2 % where none is given. By default the velocity is
+        the mean of one that the trace holds, of the drive or of the slider.
     prior : Prior
         Ranges of the parameters that are possible.
     minimum_drop, after : float, optional
@@ -420,6 +422,13 @@ def fit(
     )
     given = bench.read_known(known)
     notes = list(check(events))
+    if isinstance(trace, xr.Dataset) and "velocity" not in given:
+        measured = bench.measured_velocity(trace, len(events))
+        given = {**given, **measured}
+        notes += [
+            f"velocity of the drive, as measured: {Estimate(*pair).words('m/s')}"
+            for pair in measured.values()
+        ]
     if (stretches := events.stretches) > 1:
         notes.append(
             f"{len(events)} slips are fitted in {stretches} stretches; intervals are "
