@@ -648,7 +648,7 @@ def test_five_million_rows_take_little_memory_and_a_few_times_what_numpy_reads_t
     assert code == "0"
     begun = time.process_time()
     np.loadtxt(path, delimiter=";")
-    # read, judged and reported; five copies of times and forces as numbers
+    # read, judged and reported; ten copies of times and forces as numbers
     assert float(cpu) <= 10.0 * (time.process_time() - begun)
     assert int(more) <= 10 * 5_000_000 * 2 * 8
 
