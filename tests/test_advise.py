@@ -109,6 +109,7 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
         assert ss.regime(run).kind == "smooth sliding", mitigation
 
 
+@pytest.mark.slow
 def test_the_noise_of_the_contacts_is_seen_before_the_limit(paper_s_rig):
     name, value = paper_s_rig.noise_limit
     limit = next(each.upper for each in paper_s_rig.margins if each.parameter == name)
@@ -137,6 +138,7 @@ def test_an_assumption_is_varied_within_the_range_that_the_file_gives():
     assert (short, wide > 0.9) == (0.0, True)
 
 
+@pytest.mark.slow
 def test_the_speeds_of_the_paper_s_rig(paper_s_rig):
     found = paper_s_rig
     # the slowest speeds take long to simulate

@@ -218,6 +218,7 @@ def test_a_band_ends_at_a_fold_the_boundary_or_the_range(
     assert str(answer).endswith("from rest, or of few contacts, it may decay before")
 
 
+@pytest.mark.slow
 def test_a_band_apart_from_any_linear_boundary():
     answer = ss.bistable_range(
         pulled(0.2, 0.12, "redraw"), "velocity", between=(0.5, 1.2), tolerance=0.01

@@ -128,6 +128,7 @@ def test_a_stiffer_spring_turns_stick_slip_into_sliding():
     assert kinds == ["stick-slip", "stick-slip", "smooth sliding"]
 
 
+@pytest.mark.slow
 def test_a_trace_tells_the_strength_of_its_contacts():
     trace = example("measured_trace")
     found = trace.fitted(draws=1500)

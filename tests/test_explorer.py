@@ -143,7 +143,7 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
     )
 
 
-@pytest.mark.takes(5)  # a boundary
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("document", "over"),
     [

@@ -211,7 +211,7 @@ def test_what_is_refused(name):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.takes(12)  # a table of 1,500 series
+@pytest.mark.slow
 def test_a_long_trace_is_fitted_in_stretches():
     """Each is compared with series as long; what they tell is their mean."""
     trace = fitting.pick_events(bench(count=340, noise=0.002))

@@ -528,6 +528,7 @@ def predicted():
     return ss.predict(replace(rig, method=ss.Contacts(20, seed=1)))
 
 
+@pytest.mark.slow
 def test_a_bar_is_stable_after_each_change_and_not_much_before(predicted):
     assert {each.parameter for each in predicted.mitigations} | {
         *predicted.attempts

@@ -375,6 +375,7 @@ def test_the_critical_spring_divides_stable_from_unstable(name):
     assert [count == 0 for count in counts] == [False, True, True]
 
 
+@pytest.mark.slow
 def test_the_critical_spring_is_the_stiffest_at_any_frequency():
     # Light, hardly damped: sharp resonances of the lives of contacts, and turns of the
     # delay where they are forgotten.
@@ -648,7 +649,7 @@ def test_boundary_over_stiffness_and_velocity_against_the_pointwise_answer():
     assert read_provenance(found)["arguments"]["within"] == [[0.2, 10.0], [0.2, 10.0]]
 
 
-@pytest.mark.takes(10)  # undamped: many neutral modes at high frequencies
+@pytest.mark.slow
 def test_boundary_holds_the_limit_without_oscillation():
     grown = replace(
         case(delay=Delay(0)), ageing=ExponentialGrowth(rate=1.0, newborn=0.5)
@@ -689,7 +690,7 @@ def test_boundary_goes_round_its_folds():
             assert float(away.min()) < 0.15**2
 
 
-@pytest.mark.takes(3)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("held", "over", "within"),
     [
