@@ -60,7 +60,7 @@ class RigAnswer(Answer):
     @property
     @abstractmethod
     def sections(self) -> Sequence[Section]:
-        """All sections, those without a sentence among them."""
+        """All sections, also those that hold no sentence."""
 
     @property
     def headline(self) -> str:

@@ -173,7 +173,7 @@ class Budget:
             self.allowed = allowed
 
     def spend(self, runs: float) -> None:
-        """Count runs, or raise `BudgetExhausted` if fewer are left."""
+        """Use up a number of runs; raise `BudgetExhausted` if fewer are left."""
         if self.spent + runs > self.allowed:
             raise BudgetExhausted
         self.spent += runs

@@ -339,7 +339,7 @@ class WaveAnswer:
     #: In blocks, along the drive; infinite where blocks in a row move alike, NaN where
     #: a wave does not reach into it.
     wavelength: float
-    stiffness: float  #: of the rigid slider that the mode amounts to
+    stiffness: float  #: of a rigid slider with the same motion as the mode
 
     #: Growth rate and frequency (in cycles per time) at the rig's speed; None where
     #: nothing decays exponentially.

@@ -128,7 +128,7 @@ class Regime(Answer):
 
     @property
     def is_in_turn(self) -> bool:
-        """Whether parts differ, each of them decided: then no word says it of all."""
+        """Whether all parts are decided and differ: no single kind holds for all."""
         kinds = {each.kind for each in self.segments}
         return self.kind == OPEN and OPEN not in kinds and bool(kinds)
 

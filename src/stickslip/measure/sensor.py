@@ -132,7 +132,7 @@ def spikes(force: Array) -> Mask:
         step = abs(values[end] - values[beside])
         apart[end] &= step > steps.max()
         apart[end] &= not _unloaded(values[end], inner)
-    # where many are so, they are no faults
+    # jumps at many readings belong to the motion, not to the sensor
     if np.count_nonzero(apart) <= FEW * values.size:
         found[known[apart]] = True
     return found

@@ -143,7 +143,7 @@ class Trace:
     told_velocity: Array | None = None  # of the drive, as measured beside the force
     rig: Rig | None = None
     contacts: int | None = None  # their number, where it is known
-    measured: bool = False  # with noise, and a bench behind it
+    measured: bool = False  # by a sensor with noise; False for a simulated run
     time_unit: str = ""
     force_unit: str = ""
     velocity_unit: str = ""

@@ -194,7 +194,7 @@ def _life(
 
 
 def ageing_constants(interface: Interface) -> Constants:
-    """Return what the kinetic equation of Eqs. (13)-(17) takes of an interface.
+    """Return the constants of the kinetic equation, Eqs. (13)-(17), of an interface.
 
     Raises `InputError` if thresholds do not age by `Langevin` from a Gaussian, or a
     delay or a temperature meets newborns without strength.

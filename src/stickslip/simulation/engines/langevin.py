@@ -72,7 +72,7 @@ _POOL = 65_536
 # seconds that cohorts take in a time of ageing or mean threshold, for an error of 1e-4;
 # of second order
 _AGED = 9.6e-3
-_CELL = 3.5e-8  # and a cell of a cohort in a step, where that is less
+_CELL = 3.5e-8  # seconds of a cell of a cohort in a step; the smaller of both counts
 # steps of a contact in an advance; with temperature each is a step of many
 _BUDGET = 500_000
 _HOT_BUDGET = 25_000
