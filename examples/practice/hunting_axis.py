@@ -69,4 +69,6 @@ def draw(rig: str | Path = RIG) -> Figure:
 
 
 if __name__ == "__main__":
-    plot.save(draw(), sys.argv[1])
+    figure = draw()
+    if sys.argv[1:]:
+        plot.save(figure, sys.argv[1])
