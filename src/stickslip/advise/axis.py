@@ -191,7 +191,8 @@ class AxisAnswer(Answer):
             ax = figure.add_subplot()
             place = distance * self.rig.unit("x_s")
             style.along_time(run, "displacement", ax)
-            ax.axhline(place, linestyle=":", color="gray")
+            ax.axhline(place, linestyle=":", color="gray", label="place to reach")
+            ax.legend(loc="upper right")
         return figure
 
 

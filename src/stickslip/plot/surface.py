@@ -134,6 +134,7 @@ def _draw_verdict(ax: Axes, told: Any, answer: Any) -> None:
     ax.plot(ends, [1, 1], color=BLACK, linewidth=7, solid_capstyle="butt")
     ax.plot(told.std["renewal"], 1, "|", color="white", markersize=7)
     names = ["std"]
+    title, words = "scatter of the thresholds", "standard deviation over the mean"
     doubt = getattr(answer, "doubt", None)
     if doubt is not None and np.isfinite(doubt.oscillates):
         known = 1.0 - doubt.undecided
@@ -146,9 +147,9 @@ def _draw_verdict(ax: Axes, told: Any, answer: Any) -> None:
             ax.barh(0, part, left=begin, height=0.5, color=COLOURS[kind])
             begin += part
         ax.barh(0, 1.0 - begin, left=begin, height=0.5, color="white", edgecolor=GREY)
-        words = f"{100 * doubt.oscillates:.0f} % of {doubt.draws} rigs oscillate"
-        ax.text(0.5, -0.55, words, ha="center", va="top", fontsize=7)
+        count = f"{100 * doubt.oscillates:.0f} % of {doubt.draws} rigs oscillate"
+        ax.text(0.5, -0.55, count, ha="center", va="top", fontsize=7)
         names = ["rigs", "std"]
-    words = "std (relative); fraction of rigs"
-    panel(ax, "and so the verdict", words, None, xlim=(0, 1), ylim=(-1.0, 1.6))
+        title, words = "and so the verdict", "std (relative); fraction of rigs"
+    panel(ax, title, words, None, xlim=(0, 1), ylim=(-1.0, 1.6))
     ax.set_yticks(range(2 - len(names), 2), names)
