@@ -224,6 +224,7 @@ REFUSED = {
     "texts": ([["a"]], {}, "array of numbers"),
     "single nodes": (1e-7 * NOISE, {}, r"not resolve them: .*shortest = '8 um'"),
     "much contact": (1e-3 * waves(64, 8), {"pressure": "80 MPa"}, "lower the pressure"),
+    "all in contact": (1e-3 * waves(64, 8), {"pressure": "80 GPa"}, "covers 100 %"),
     "too much load": (
         waves(64, 8),
         {"material": SURFACE.Material(young=3e9, hardness=1e6)},

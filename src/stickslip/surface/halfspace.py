@@ -182,6 +182,8 @@ def tangential_stiffness(
     inside = _plane("contact", contact) > 0.0
     if not inside.any():
         raise InputError("contact: nothing touches")
+    if inside.all():
+        raise InputError("contact: all of the map touches, which has no stiffness")
     for place, value in (("spacing", spacing), ("modulus", modulus)):
         number(place, value, above=0)
     number("poisson", poisson, at_least=0, at_most=0.5)

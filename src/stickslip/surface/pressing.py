@@ -183,7 +183,7 @@ def contacts(
             length = ratio**k * finest
             smooth = _coarser(surface, length) if k else surface
             into = part(report, k / _RESOLUTIONS, (k + 1) / _RESOLUTIONS)
-            found = _pressed(smooth, load, body, into)
+            found = _pressed(smooth, load, body, into, finest=k == 0)
             if k == 0:
                 _check(found, spacing_of(surface))
             rows.append(found.assign(shortest=length))
@@ -201,7 +201,7 @@ def _coarser(surface: xr.DataArray, length: float) -> xr.DataArray:
 
 
 def _pressed(
-    surface: xr.DataArray, load: float, body: Material, progress: Any
+    surface: xr.DataArray, load: float, body: Material, progress: Any, *, finest: bool
 ) -> xr.Dataset:
     """The contacts of a map at one resolution."""
     spacing = spacing_of(surface)
@@ -214,6 +214,8 @@ def _pressed(
         progress=progress,
     )
     whole_area = p.size * spacing**2
+    if finest:
+        _check_area(np.count_nonzero(p) / p.size)
     labels, count = _labels(p > 0.0)
     each = np.arange(1, count + 1)
     nodes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
@@ -257,14 +259,19 @@ def _labels(touching: Any) -> tuple[Any, int]:
     return group.reshape(labels.shape), names.size - 1
 
 
-def _check(found: xr.Dataset, spacing: float) -> None:
-    """Refuse a map that does not show its contacts."""
-    fraction = float(found["contact_area"])
+def _check_area(fraction: float) -> None:
+    """Refuse a load under which contacts feel each other; the stiffness of a map in
+    contact everywhere is infinite.
+    """
     if fraction > MOST_CONTACT:
         raise InputError(
             f"pressure: contact covers {percent(fraction)} of the map; above "
             f"{percent(MOST_CONTACT)} contacts do not act alone: lower the pressure"
         )
+
+
+def _check(found: xr.Dataset, spacing: float) -> None:
+    """Refuse a map that does not show its contacts."""
     single = float(found["single_nodes"])
     if single > _MOST_PIXELS or float(found["single_node_area"]) > _MOST_PIXEL_AREA:
         raise InputError(
