@@ -17,7 +17,7 @@ import xarray as xr
 from scipy import fft
 
 from stickslip.arrays import Array
-from stickslip.errors import InputError, instance, refused, shown, whole
+from stickslip.errors import SMALLEST, InputError, instance, refused, shown, whole
 from stickslip.model.quantities import read_value
 from stickslip.surface.halfspace import wave_numbers
 from stickslip.words import engineering, percent
@@ -49,9 +49,12 @@ def length_of(place: str, value: Length) -> float:
 def as_map(height: Array, spacing: float | tuple[float, float]) -> xr.DataArray:
     """Return heights in m as a map with coordinates; refuse what is no map."""
     try:
-        values = np.asarray(height, dtype=float)
-    except (TypeError, ValueError):
-        raise refused("height", height, "must be an array of numbers") from None
+        given = np.asarray(height)
+    except ValueError:  # rows of different lengths
+        given = np.asarray("")
+    if given.dtype.kind not in "fiu":
+        raise refused("height", height, "must be an array of real numbers")
+    values = given.astype(float)
     if values.ndim != 2 or min(values.shape) < FEWEST_NODES:
         raise InputError(
             f"height: has the shape {shown(values.shape)}; must have two dimensions of "
@@ -68,7 +71,7 @@ def as_map(height: Array, spacing: float | tuple[float, float]) -> xr.DataArray:
             f"spacing: {' and '.join(engineering(s, 'm') for s in steps)}: pixels must "
             "be square; resample the map to one spacing"
         )
-    if np.ptp(values) == 0.0:
+    if np.ptp(values) < SMALLEST:
         raise InputError("height: is the same everywhere; a rough surface is needed")
     found = xr.DataArray(values, dims=("x", "y"), name="height")
     for name, size in zip("xy", values.shape, strict=True):
