@@ -56,8 +56,11 @@ def draw(rig: str | Path = RIG) -> Figure:
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 2.9)
         left, right = figure.subplots(1, 2)
-        left.plot(1e-6 * gain, 1e6 * length * seen, "o", color=plot.BLUE)
-        left.plot(1e-6 * gain, 1e6 * length * told, color=plot.ORANGE)
+        left.plot(1e-6 * gain, 1e6 * length * seen, "o", color=plot.BLUE, label="moves")
+        left.plot(
+            1e-6 * gain, 1e6 * length * told, color=plot.ORANGE, label="by one slip"
+        )
+        left.legend()
         left.axvline(1e-6 * fold, linestyle=":", color=plot.GREY)
         left.set(xlabel="gain $K_p$ (N/µm)", ylabel="peak to peak at rest (µm)")
         for move, colour in ((20e-6, plot.BLUE), (100e-6, plot.ORANGE)):
