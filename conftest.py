@@ -46,6 +46,7 @@ import stickslip as ss
 
 ROOT = Path(__file__).parent
 BENCH = ROOT / "tests" / "data" / "guldstrand_force7.txt"  # measured by others
+ROCK = ROOT / "tests" / "data" / "giacomel_basalt_step.txt"
 RIGS = ROOT / "src" / "stickslip" / "examples"
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -68,6 +69,7 @@ def _begin(namespace):
         (folder / name).write_text(stage)
     for name in ("trace.csv", "force7.txt"):
         shutil.copy(BENCH, folder / name)
+    shutil.copy(ROCK, folder / "rock.csv")
     namespace.update(_folder=folder, _printed="")
 
 

@@ -522,7 +522,7 @@ def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
         bands=(stable, beyond),
         speeds_searched=(stable.low, beyond.high),
     )
-    assert "(or more): linear theory cannot tell" in found.verdict
+    assert "(or more): linear theory cannot decide" in found.verdict
     figure = found.plot()
     assert "not known" in {text.get_text() for text in figure.legends[0].get_texts()}
 
