@@ -244,6 +244,8 @@ def _put_in_turn(
     times = values["time"]
     known = np.flatnonzero(np.isfinite(times))
     back = known[1:][np.diff(times[known]) <= 0]
+    if not back.size and "part" not in values:
+        return []
     tests = [test[np.isfinite(test)] for test in np.split(times, back)]
     restarts = all(
         after[0] - before[0] < 0.5 * (before[-1] - before[0])
