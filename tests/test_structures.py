@@ -1,5 +1,6 @@
 """Linear structures and controllers: records, files, impedances, roots, runs."""
 
+import html
 import tomllib
 from dataclasses import replace
 
@@ -9,10 +10,15 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import stickslip as ss
+from stickslip.advise.budget import Budget
+from stickslip.advise.mitigations import Search, turnable
+from stickslip.advise.report import report
+from stickslip.advise.survey import PRECISION
 from stickslip.cli import main
 from stickslip.errors import InputError
 from stickslip.io import datasets, rig_files, rig_keys
 from stickslip.model import ControlledAxis, Matrices, Modes, StateSpace
+from stickslip.model.parameters import parameter_named
 from stickslip.model.structure import Structure, cascade
 from stickslip.simulation.engines.base import Beginning
 from stickslip.simulation.engines.contacts import EventByEvent
@@ -68,6 +74,40 @@ def test_a_slider_is_the_same_however_it_is_written(body):
     (edge,) = ss.critical(rig(body), "velocity", between=(0.5, 2.0)).edges
     (known,) = ss.critical(rig(SLIDER), "velocity", between=(0.5, 2.0)).edges
     assert edge.value == pytest.approx(known.value, rel=1e-9)
+
+
+HEAVY = ss.Slider(stiffness=2.0, mass=1e-2, damping=2.0)
+PULLED = Modes(masses=(1e-2,), stiffnesses=(0.0,), dampings=(2.0,), stiffness=2.0)
+ROWS = {"M": ((1e-2,),), "C": ((2e-2,),), "K": ((0.0,),)}
+
+
+@pytest.mark.parametrize(
+    ("body", "name"),
+    [
+        (PULLED, "damping_1"),
+        (Matrices(**ROWS, contact=(1.0,), stiffness=2.0), "damping"),
+    ],
+    ids=["modes", "matrices"],
+)
+def test_damping_that_a_structure_needs_is_that_of_the_slider(body, name):
+    found = ss.critical(rig(body), name, between=(1.0, 300.0))
+    (known,) = ss.critical(rig(HEAVY), "damping", between=(1.0, 300.0))
+    assert [edge.value for edge in found] == pytest.approx([known.value], rel=1e-9)
+    # and in runs from rest, as a change of the machine
+    assert parameter_named(name) in turnable(rig(body))
+    factors = []
+    for each, varied in ((body, name), (HEAVY, "damping")):
+        search = Search(rig(each).replace(method=ss.Contacts(200)), None, Budget(9.0))
+        factors.append(search.along((parameter_named(varied), 1), seeds=1).factor)
+    assert factors[0] == pytest.approx(factors[1], rel=2 * PRECISION)
+
+
+def test_damping_that_a_structure_does_not_have_is_refused():
+    with pytest.raises(InputError, match=r"has 1 modes, none with the number 2"):
+        rig(PULLED).with_values(damping_2=1.0)
+    undamped = Matrices(**ROWS | {"C": ((0.0,),)}, contact=(1.0,), stiffness=2.0)
+    with pytest.raises(InputError, match=r"Matrices.C: is 0; give damping"):
+        rig(undamped).with_values(damping=1.0)
 
 
 def test_a_spring_elsewhere_is_in_series_with_the_structure():
@@ -472,6 +512,13 @@ def test_an_axis_that_cannot_hunt(axis, why):
     assert not answer.possible
     assert "at rest    cannot hunt" in str(answer)
     assert why in str(answer)
+
+
+def test_a_page_to_forward_says_what_an_axis_does():
+    answer = ss.predict(axis_with(2.0))
+    page = report(answer)
+    assert page.count("data:image/svg+xml;base64,") == 1
+    assert page.count(html.escape(answer.headline)) == 1
 
 
 @pytest.mark.takes(4)  # of long moves, or of many steps

@@ -42,6 +42,20 @@ _CELLS = 60
 _COLUMNS = 80
 
 
+def as_html(answer: Answer, **more: Any) -> str:
+    """Return an answer with a headline and sections as a card, or as a page."""
+    # slow to load
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["shown"] = lambda text: Markup(escaped(text))
+    template = Path(__file__).with_name("answer.html").read_text(encoding="utf-8")
+    return environment.from_string(template).render(
+        answer=answer, colours=COLOURS, **more
+    )
+
+
 class RigAnswer(Answer):
     """An answer about a rig: a headline, and the sections beneath it."""
 
@@ -154,16 +168,7 @@ class RigAnswer(Answer):
         """Return the headline, the strip of speeds and the sections as a card, or as a
         page with what else is on it.
         """
-        # slow to load
-        from jinja2 import Environment
-        from markupsafe import Markup
-
-        environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        environment.filters["shown"] = lambda text: Markup(escaped(text))
-        template = Path(__file__).with_name("answer.html").read_text(encoding="utf-8")
-        return environment.from_string(template).render(
-            answer=self, colours=COLOURS, place=self._place, page=page
-        )
+        return as_html(self, place=self._place, page=page)
 
     def _place(self, speed: float) -> float:
         """Place of a speed on the strip of a card."""

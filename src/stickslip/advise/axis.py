@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from stickslip.advise.answer import as_html
+from stickslip.advise.sections import Section
 from stickslip.answers import Answer
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
@@ -19,6 +21,7 @@ from stickslip.structures.hunting import (
     hunting_period,
     strengthens,
     tracking,
+    with_gain,
 )
 
 if TYPE_CHECKING:
@@ -55,7 +58,17 @@ class AxisAnswer(Answer):
     @property
     def headline(self) -> str:
         """The verdict in one line."""
-        return f"{self.rig.name}: {self._at_speed}; at rest: {self._at_rest}"
+        return f"{self._at_speed}; at rest: {self._at_rest}"
+
+    @property
+    def sections(self) -> list[Section]:
+        """What it says beneath its name."""
+        lines = [line.strip() for line in str(self).splitlines()[1:]]
+        return [Section("axis", lines)]
+
+    def html(self, **page: Any) -> str:
+        """Return the answer as a page with what else is on it."""
+        return as_html(self, page=page)
 
     def _length(self, value: float) -> str:
         return self.rig.in_units(value, "x_s", 2)
@@ -73,6 +86,9 @@ class AxisAnswer(Answer):
         how = "unsteady" if found.unstable else "steady"
         but = "; steady" if found.unstable else ""
         return f"{how} at {speed}{but} up to Ki = {self._integral(found.limit)}"
+
+    def _gain_in_words(self, kp: float) -> str:
+        return f"Kp = {self.rig.in_units(kp, 'k', 3)}"
 
     def _integral(self, value: float) -> str:
         return self.rig.in_units(value, "k/time", 3)
@@ -171,9 +187,10 @@ class AxisAnswer(Answer):
 
     def plot(self) -> "Figure":
         """Draw the position after a move, the first that hunts if one does, with the
-        place that was to be reached.
+        place that was to be reached; and with the gain that ends hunting.
         """
         from stickslip.plot import PAGE, style
+        from stickslip.plot.palette import BLUE, GREEN
         from stickslip.simulation import simulate
 
         hunt = Hunt(self.rig)
@@ -182,17 +199,22 @@ class AxisAnswer(Answer):
         swing = self.slip.length + self.slip.break_away
         hold = 12.0 * hunting_period(hunt.axis, swing) if hunt.axis.ki else 100.0
         go = constant(hunt.speed, distance / hunt.speed)
-        run = simulate(
-            replace(self.rig, drive=go.then(constant(0.0, hold)), method=hunt.method),
-            long=True,
-        )
+        drive = go.then(constant(0.0, hold))
+        moved = replace(self.rig, drive=drive, method=hunt.method)
+        now = self._gain_in_words(hunt.axis.kp)
+        runs = {now: simulate(moved, long=True)}
+        if self.hunts and math.isfinite(self.gain):
+            quiet = with_gain(hunt.axis, self.gain)
+            after = replace(moved, slider=quiet)
+            runs[self._gain_in_words(self.gain)] = simulate(after, long=True)
         with style.house_style():
             figure = style.new_figure(PAGE)
             ax = figure.add_subplot()
             place = distance * self.rig.unit("x_s")
-            style.along_time(run, "displacement", ax)
+            for (label, run), color in zip(runs.items(), (BLUE, GREEN), strict=False):
+                style.along_time(run, "displacement", ax, label=label, color=color)
             ax.axhline(place, linestyle=":", color="gray", label="place to reach")
-            ax.legend(loc="upper right")
+            style.legend_above(ax)
         return figure
 
 

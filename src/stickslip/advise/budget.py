@@ -21,9 +21,11 @@ from stickslip.model import Contacts, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
+from stickslip.model.structure import Structure
 from stickslip.simulation import Recording, record
 from stickslip.simulation.estimates import way_of
 from stickslip.stability import contact_noise, growth_rate
+from stickslip.structures.runs import longest_step
 
 Answer = TypeVar("Answer")
 OSCILLATES = ("stick-slip", "sustained oscillation")
@@ -47,6 +49,9 @@ _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
 # followed in steps, and their response is an integral over all ages.
 _LIVES = {False: 4e5, True: 1.5e4}
 _LOOKS = {False: 10.0, True: 0.5}
+# steps of a structure that last as long as one run, and lives of its contacts
+_STEPS = 4e5
+_LIVES_IN_STEPS = 3e6
 _LEAST = 0.5  # what the shortest run counts, as its regime is to be found
 
 
@@ -143,6 +148,9 @@ def runs_of(rig: Rig) -> float:
     travel = sum(map(way_of, natural.drive.pieces))
     lives = travel / rig.interface.threshold_distribution.moment(1)
     contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
+    if isinstance(natural.slider, Structure):
+        steps = natural.drive.duration / longest_step(natural.slider)
+        return max(contacts * lives / _LIVES_IN_STEPS + steps / _STEPS, _LEAST)
     return max(contacts * lives / _LIVES[is_expensive(rig)], _LEAST)
 
 

@@ -154,12 +154,18 @@ class Findings:
         return not self.delays
 
     @property
+    def stiffness(self) -> float:
+        """What holds the contacts: the driving spring, or a structure at rest."""
+        slider = self.rig.natural.slider
+        return float(getattr(slider, "slowest", slider).stiffness * self.rig.unit("k"))
+
+    @property
     def stiffness_margin(self) -> float:
         """``K/K*``: above 1 there is no elastic instability; infinite if the force
         never falls.
         """
         return (
-            self.rig.value("stiffness") / self.critical_stiffness
+            self.stiffness / self.critical_stiffness
             if self.critical_stiffness > 0
             else math.inf
         )

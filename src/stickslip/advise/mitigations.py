@@ -49,6 +49,16 @@ TURNABLE = (
     parameters.MASS,
     parameters.LOAD,
 )
+
+
+def turnable(rig: Rig) -> tuple[Parameter, ...]:
+    """What can be changed on the machine of a rig, the damping of each mode of a
+    structure among it.
+    """
+    modes = range(1, len(getattr(rig.slider, "dampings", ())) + 1)
+    return (*TURNABLE, *map(parameters.damping_of_mode, modes))
+
+
 _OTHERS = (
     parameters.FRICTION,
     parameters.CONTACT_STIFFNESS,
@@ -155,10 +165,11 @@ class Search:
         self._range = 1.0 if between is None else speeds[-1] / speeds[0]
         self._rigs = [VELOCITY.set(setting, speed) for speed in speeds]
         self._budget = budget
+        self._turnable = turnable(rig)
         # of each parameter that is varied alone, what is known up and down
         self._known = {
             each: (_Outcome(), _Outcome())
-            for each in (*TURNABLE, *_OTHERS)
+            for each in (*self._turnable, *_OTHERS)
             if self._can_vary(each)
         }
 
@@ -198,7 +209,9 @@ class Search:
         parameter with a fair part of half of what is left of the budget; then by all
         runs, the smallest change first.
         """
-        for step, (group, seeds) in enumerate(product((TURNABLE, _OTHERS), (1, SEEDS))):
+        for step, (group, seeds) in enumerate(
+            product((self._turnable, _OTHERS), (1, SEEDS))
+        ):
             watch = part(report, 0.25 * step, 0.25 * (step + 1))
             self._vary_each(group, seeds, watch)
         found: list[Mitigation] = []
@@ -361,7 +374,7 @@ class Search:
         """
         helpful = [
             turn
-            for turn in product(TURNABLE, (1, -1))
+            for turn in product(self._turnable, (1, -1))
             if turn[0] in self._known
             and self._growth(turn, 1.0 + PRECISION) < self._growth(turn, 1.0)
         ]

@@ -29,10 +29,10 @@ from stickslip.advise.budget import (
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.findings import SEEN, Margin
 from stickslip.advise.mitigations import (
-    TURNABLE,
     Search,
     has,
     reach,
+    turnable,
 )
 from stickslip.advise.survey import Band, Survey, scaled, stability_along, theory_along
 from stickslip.cycles.edges import halved
@@ -48,7 +48,7 @@ from stickslip.model.parameters import (
     parameter_named,
 )
 from stickslip.model.rig import Ends, Rig
-from stickslip.model.structure import ControlledAxis, Structure
+from stickslip.model.structure import ControlledAxis
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
@@ -246,11 +246,8 @@ def complete(
     if isinstance(found, ElasticPrediction):
         return complete_waves(found, report)
     rig = found.rig
-    # runs of a structure are of steps, which slow ones have too many of
-    if (
-        isinstance(rig.slider, Structure)
-        or not found.has_verdict
-        or (found.theory_note and not isinstance(rig.interface.delay, OnArrest))
+    if not found.has_verdict or (
+        found.theory_note and not isinstance(rig.interface.delay, OnArrest)
     ):
         return replace(found, complete=True)
     budget = Budget(math.inf if thorough else _FOR_ALL)
@@ -374,7 +371,9 @@ def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
     """
     margins: list[Margin] = []
     missed: list[str] = []
-    for parameter in (each for each in PARAMETERS if has(rig, each)):
+    for parameter in dict.fromkeys((*PARAMETERS, *turnable(rig))):
+        if not has(rig, parameter) or parameter.rescales:
+            continue
         value = rig.value(parameter)
         try:
             bands = theory_along(budget, rig, parameter, *reach(rig, parameter))
@@ -406,7 +405,7 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
     limits = [
         each.nearest
         for each in margins
-        if each.nearest and parameter_named(each.parameter) in TURNABLE
+        if each.nearest and parameter_named(each.parameter) in turnable(rig)
     ]
     if not limits or not isinstance(rig.method, DRAWN):
         return None

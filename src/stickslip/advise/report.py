@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip import __version__, plot
 from stickslip.advise.answer import ElasticPrediction, Prediction
+from stickslip.advise.axis import AxisAnswer
 from stickslip.advise.chart import chart
 from stickslip.io.rig_files import to_toml
 from stickslip.model.drive import constant
@@ -27,7 +28,9 @@ _POINTS = 60
 
 
 def report(
-    found: Prediction | ElasticPrediction, *, progress: Progress | None = None
+    found: Prediction | ElasticPrediction | AxisAnswer,
+    *,
+    progress: Progress | None = None,
 ) -> str:
     """Return a page with the verdict, its pictures, what it rests on, and the rig; HTML
     that asks for no other file.
@@ -44,11 +47,12 @@ def report(
 
 
 def _pictures(
-    found: Prediction | ElasticPrediction, watch: Progress
+    found: Prediction | ElasticPrediction | AxisAnswer, watch: Progress
 ) -> Iterator[tuple[str, Figure]]:
     figure = found.plot()
     figure.suptitle("")  # the page has it as its headline
-    yield "What it does at each speed", figure
+    at = "after a move" if isinstance(found, AxisAnswer) else "at each speed"
+    yield f"What it does {at}", figure
     watch(0.3)
     if not isinstance(found, Prediction) or not (
         changes := found.combined or found.mitigations[:1]

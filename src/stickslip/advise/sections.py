@@ -20,6 +20,7 @@ from stickslip.measure.fronts import blocks_in_words
 from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import DELAY, parameter_named
 from stickslip.model.rig import Rig
+from stickslip.model.structure import Structure
 from stickslip.stability import contact_noise
 from stickslip.words import engineering, listed, number, percent
 
@@ -328,6 +329,8 @@ def numbers(found: Findings) -> Iterator[tuple[str, str]]:
     if found.growth_rate is not None:
         fastest = _mode(rig, found.growth_rate, found.mode_frequency)
         state += f"; fastest mode: growth rate {fastest}"
+    is_structure = isinstance(rig.slider, Structure)
+    holds = "structure at the contacts" if is_structure else "driving spring"
     margin = found.stiffness_margin
     jump = "softer: elastic" if margin < 1 else "stiffer: no elastic"
     yield "total contact strength N f_s", rig.in_units(1.0, "force")
@@ -341,7 +344,7 @@ def numbers(found: Findings) -> Iterator[tuple[str, str]]:
             "f_s",
         ),
         ("kinetic friction F_k at this speed", found.kinetic_friction, "f_s"),
-        ("stiffness K of the driving spring", rig.value("stiffness"), "k"),
+        (f"stiffness K of the {holds}", found.stiffness, "k"),
         (f"critical stiffness K* (first pull{aged})", found.critical_stiffness, "k"),
         (
             "critical stiffness without re-attachment",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError, refused
@@ -69,6 +71,34 @@ def _parameter_of_part(
         return float(getattr(held(rig), field))
 
     return Parameter(name=name, unit=unit, title=title, get=get, set=set_, **more)
+
+
+@lru_cache
+def damping_of_mode(number: int) -> Parameter:
+    """Return the damping of a mode of `Modes` as a parameter, ``damping_1`` and so
+    on.
+    """
+
+    def dampings(rig: Rig) -> list[float]:
+        found = [*getattr(rig.slider, "dampings", ())]
+        if not 0 < number <= len(found):
+            raise InputError(
+                f"Rig.slider: has {len(found)} modes, none with the number {number}"
+            )
+        return found
+
+    def set_(rig: Rig, new: float) -> Rig:
+        found = dampings(rig)
+        found[number - 1] = new
+        return replace(rig, slider=replace(rig.slider, dampings=tuple(found)))
+
+    return Parameter(
+        name=f"damping_{number}",
+        unit="1/time",
+        title=f"damping of mode {number}",
+        get=lambda rig: dampings(rig)[number - 1],
+        set=set_,
+    )
 
 
 def _set_velocity(rig: Rig, value: float) -> Rig:
@@ -237,6 +267,9 @@ def parameter_named(parameter: Parameter | str, place: str = "parameter") -> Par
     """
     if isinstance(parameter, Parameter):
         return parameter
+    mode = re.fullmatch(r"damping_(\d+)", str(parameter))
+    if mode:
+        return damping_of_mode(int(mode[1]))
     try:
         return BY_NAME[parameter]
     except (KeyError, TypeError):

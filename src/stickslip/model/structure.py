@@ -10,7 +10,7 @@ That is all that runs and theory ask of one (`LinearSystem`). Natural units, per
 contact.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -372,6 +372,18 @@ class Matrices(Structure):
                 "nothing holds the structure, a motion of it has no stiffness; give a "
                 "driving spring that does",
             )
+
+    @property
+    def damping(self) -> float:
+        """Mean rate ``trace C/trace M``."""
+        return float(np.trace(self.C) / np.trace(self.M))
+
+    def with_damping(self, damping: float) -> "Matrices":
+        """Return the structure with its damping matrix larger by a factor."""
+        if not self.damping:
+            raise _wrong("Matrices.C", "is 0; give damping before it is varied")
+        larger = damping / self.damping * np.array(self.C)
+        return replace(self, C=tuple(map(tuple, larger.tolist())))
 
     @property
     def system(self) -> LinearSystem:
