@@ -1,9 +1,18 @@
-"""Arrays of numbers, as types."""
+"""Arrays of numbers, as types, and labelled for a Dataset."""
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
+Labelled = tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]
+"""A variable for a Dataset: its dimensions, values and attributes."""
+
+
+def labelled(
+    name: str, dims: str | tuple[str, ...], values: ArrayLike, units: str
+) -> Labelled:
+    """Return a variable with its units and its long name, for a Dataset."""
+    return dims, np.asarray(values), {"units": units, "long_name": name}

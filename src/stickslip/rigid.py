@@ -15,7 +15,8 @@ from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, number, numbers
 from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
 from stickslip.model.distributions import SteadyState
-from stickslip.simulation import labelled, pull_rigidly
+from stickslip.simulation import pull_rigidly
+from stickslip.simulation.result import with_label
 from stickslip.sliding.rigid_motion import check_renewal, solved
 from stickslip.sliding.rigid_motion import static_friction as static_friction
 
@@ -85,8 +86,8 @@ def rigid_slide(
             "MasterEquation(...)"
         )
     place = "displacement"
-    data = {name: labelled(name, place, value) for name, value in values.items()}
-    return xr.Dataset(data, {place: labelled(place, place, X)})
+    data = {name: with_label(name, place, value) for name, value in values.items()}
+    return xr.Dataset(data, {place: with_label(place, place, X)})
 
 
 def effective_stiffness(

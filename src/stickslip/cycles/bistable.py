@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from stickslip.arrays import labelled
 from stickslip.cycles.branch import carried, first_point
 from stickslip.cycles.edges import TOLERANCE, Edge, Interval, Intervals, ParameterScan
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
-from stickslip.simulation import labelled
 from stickslip.stability import Crossing, Crossings, critical
 
 

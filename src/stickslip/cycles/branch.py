@@ -5,13 +5,13 @@ import math
 import numpy as np
 import xarray as xr
 
+from stickslip.arrays import labelled
 from stickslip.cycles.edges import CyclePoint, Edge, ParameterScan, halved
 from stickslip.errors import UndecidedError, number
 from stickslip.io import datasets as store
 from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
-from stickslip.simulation import labelled
 
 _TITLES = {
     "amplitude": ("peak to peak of the spring force", "f_s"),

@@ -353,15 +353,15 @@ def read_pairs(path: Path | None, unit: str) -> Pairs:
         table = read_table(files.read(path, "table of two columns", largest=1_000_000))
         sizes = [
             ratio(table.headings[i].unit or si, si) or math.nan
-            for i, si in zip(table.numbers, (unit, "N"), strict=False)
+            for i, si in zip(table.numeric, (unit, "N"), strict=False)
         ]
-        if len(table.numbers) != 2 or not np.isfinite(sizes).all():
+        if len(table.numeric) != 2 or not np.isfinite(sizes).all():
             raise InputError(
                 f"needs two columns of numbers, in {unit} and N; there are "
                 f"{table.listed()}"
             )
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    x, F = table.numbers.values()
+    x, F = table.read(table.numeric).values()
     rows = np.column_stack([x, F]) * sizes
     return tuple(map(tuple, rows.tolist()))

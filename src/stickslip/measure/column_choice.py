@@ -59,14 +59,15 @@ def columns(content: bytes) -> list[Column]:
     Column(key='force', heading='2: force (N)', preview='1 to 2, rises evenly')
     """
     table = read_table(content)
+    numbers = table.read(table.numeric)
     names = [simple(heading.name) for heading in table.headings]
     found = []
     for i, heading in enumerate(table.headings):
-        if i not in table.numbers:
+        if i not in numbers:
             continue
         is_alone = bool(names[i]) and names.count(names[i]) == 1
         key = heading.name if is_alone else str(i + 1)
-        low, high, rises = _range(table.numbers[i])
+        low, high, rises = _range(numbers[i])
         preview = f"{low} to {high}" if high else "no numbers"
         title = f"{i + 1}: {heading}".strip(": ")
         found.append(Column(key, title, preview + f", {rises}" * bool(rises)))
@@ -109,7 +110,7 @@ def choose(
         if name in chosen or (name == "time" and timed):
             continue
         taken = [each.place for each in chosen.values()]
-        free = [i for i in table.numbers if i not in taken]
+        free = [i for i in table.numeric if i not in taken]
         found = _told(table, free, name)
         if name == "time" and len(found) != 1:
             found, note = _rising_evenly(table, found or _unnamed(table, free))
@@ -145,10 +146,11 @@ def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list
     """The one of some columns that rises evenly, as a time does, or the first of
     several that are the same; none, where one just counts the rows.
     """
-    even = [i for i in candidates if rises_evenly(table.numbers[i])]
+    numbers = table.read(candidates) if candidates else {}
+    even = [i for i in candidates if rises_evenly(numbers[i])]
     if not even:
         return [], []
-    values = [table.numbers[i] for i in even]
+    values = [numbers[i] for i in even]
     if not all(np.array_equal(each, values[0], equal_nan=True) for each in values):
         return even, []
     if np.all(np.diff(values[0][np.isfinite(values[0])]) == 1.0):
@@ -177,7 +179,7 @@ def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
         found = [i for i, name in enumerate(known) if name in names]
         if not found and re.fullmatch(r"\s*[0-9]{1,6}\s*", key):
             found = [int(key) - 1]
-        if len(found) == 1 and found[0] in table.numbers:
+        if len(found) == 1 and found[0] in table.numeric:
             heading = table.headings[found[0]]
             return Choice(found[0], heading._replace(unit=given or heading.unit))
     raise InputError(
@@ -202,12 +204,12 @@ def _question(table: Table, name: str, found: list[int]) -> InputError:
 def _preview(table: Table) -> str:
     """All columns of numbers: number, heading, range, first values, what they do."""
     rows = [("column", "heading", "from", "to", "first values", "")]
-    for i, values in [*table.numbers.items()][:_MOST_SHOWN]:
+    for i, values in table.read(table.numeric[:_MOST_SHOWN]).items():
         low, high, rises = _range(values)
         name = str(table.headings[i])[:_LONGEST_NAME]
         first = ", ".join(map(words.number, values[np.isfinite(values)][:3].tolist()))
         if high:
             rows.append((str(i + 1), name, low, high, first, rises))
-    left = len(table.numbers) - _MOST_SHOWN
+    left = len(table.numeric) - _MOST_SHOWN
     more = [f"and {left} more columns"] if left > 0 else []
     return "\n".join([*aligned(rows), *more])

@@ -11,10 +11,10 @@ import pandas as pd
 import xarray as xr
 from scipy import ndimage
 
+from stickslip.arrays import labelled
 from stickslip.errors import InputError, instance
 from stickslip.measure.trace import Array, check_numbers, slope
 from stickslip.model import Chain, Rig
-from stickslip.simulation import labelled, rig_of
 from stickslip.words import engineering
 
 # a front has stopped where the next wait is so many times the median of so many before
@@ -309,6 +309,8 @@ def in_words(run: xr.Dataset) -> list[str]:
     """
     if "first_break" not in run:
         return []
+    from stickslip.simulation import rig_of  # brings all engines
+
     rig = rig_of(run)
     large = large_events(run)
     return [*_fronts_in_words(run, rig, large), _events_in_words(run, rig, large)]

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.answers import Answer
+from stickslip.arrays import labelled
 from stickslip.errors import InputError, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.periods import REGULAR, find_cycles
@@ -22,7 +23,6 @@ from stickslip.measure.trace import (
     mean_and_std,
 )
 from stickslip.model.quantities import read_value
-from stickslip.simulation import labelled
 from stickslip.words import engineering
 
 _STEADY = 1e-3  # relative change of a rate that is none

@@ -6,12 +6,12 @@ import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
+from stickslip.arrays import labelled
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.measure.headings import unit_named
 from stickslip.measure.slips import turning_points
 from stickslip.measure.trace import CONSTANT_DRIVE, Array, Trace
 from stickslip.model import Slider
-from stickslip.simulation import labelled
 from stickslip.words import engineering
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it

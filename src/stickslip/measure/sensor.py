@@ -27,8 +27,7 @@ def white_noise(force: Array) -> float:
     """Standard deviation of white noise, from second differences; those that many
     slips spoil are left out.
     """
-    every = max(1, force.size // _FOR_NOISE)
-    bend = np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
+    bend = _bends(force)
     first = noise = float(np.median(bend)) / 0.6745
     for _ in range(4):
         kept = bend[bend <= 2.0 * noise]
@@ -37,6 +36,12 @@ def white_noise(force: Array) -> float:
         # 0.6396: median of a half-normal cut at 2
         noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)
     return noise / math.sqrt(6.0)
+
+
+def _bends(force: Array) -> Array:
+    """Sizes of second differences, of some samples evenly over a long record."""
+    every = max(1, force.size // _FOR_NOISE)
+    return np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
 
 
 def resolution(force: Array) -> float:
@@ -119,19 +124,18 @@ def spikes(force: Array) -> Mask:
     beyond = np.maximum(lowest - values, values - highest)
     apart = beyond > highest - lowest
     # not less those that slips spoil: these are no spikes
-    bend = float(np.median(np.abs(np.diff(values, 2))))
-    noise = 1.4826 * bend / math.sqrt(6.0)
+    noise = 1.4826 * float(np.median(_bends(values))) / math.sqrt(6.0)
     noise = max(noise, resolution(values) / math.sqrt(12.0))
     off = np.abs(values - median_filter(values, 5))
     apart &= off > SIGMAS * noise
     # At an end it is not seen whether a force comes back as a spike does: there it must
     # exceed what slips make of four, and be no bench without load.
-    inner = values[1:-1][~apart[1:-1]]
-    steps = maximum_filter(inner, 4) - minimum_filter(inner, 4)
     for end, beside in ((0, 1), (-1, -2)):
-        step = abs(values[end] - values[beside])
-        apart[end] &= step > steps.max()
-        apart[end] &= not _unloaded(values[end], inner)
+        if apart[end]:
+            inner = values[1:-1][~apart[1:-1]]
+            steps = maximum_filter(inner, 4) - minimum_filter(inner, 4)
+            is_far = abs(values[end] - values[beside]) > steps.max()
+            apart[end] = is_far and not _unloaded(values[end], inner)
     # jumps at many readings belong to the motion, not to the sensor
     if np.count_nonzero(apart) <= FEW * values.size:
         found[known[apart]] = True

@@ -7,10 +7,10 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import labelled
 from stickslip.errors import InputError
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import FEWEST_READINGS, Array, Trace, independent, slope
-from stickslip.simulation import labelled
 
 # Preferred numbers of the series R10 (ISO 3): speeds that lie nearer to one another
 # than to the next of these count as one.

@@ -82,8 +82,13 @@ def _reversals(trace: Trace) -> list[int]:
 def _plateaus(force: Array) -> tuple[float, float] | None:
     """Two levels that a force takes in turn; None if they do not explain it."""
     low, high = (float(edge) for edge in np.quantile(force, (0.05, 0.95)))
+    middle = math.nan
     for _ in range(20):
-        above = force > 0.5 * (low + high)
+        before = middle
+        middle = 0.5 * (low + high)
+        if middle == before:
+            break
+        above = force > middle
         if above.all() or not above.any():
             return None
         low = float(force[~above].mean())

@@ -121,7 +121,8 @@ def _of_named(
     left = [name for name in long if name not in kept]
     return Table(
         with_coefficients(headings),
-        {i: long[name] for i, name in enumerate(kept)},
+        [*range(len(kept))],
+        lambda places: {i: long[kept[i]].copy() for i in places},
         np.arange(1, length + 1),
         "sample {}".format,
         notes=_left_out(read.format(length), kind, left),

@@ -56,14 +56,16 @@ Numbered = list[tuple[int, str]]
 
 
 class Table(NamedTuple):
-    """A table: its headings, its columns of numbers by their places, NaN where a cell
-    holds none, and the line of each row; the step in s where the file says so.
+    """A table: its headings, the places of its columns of numbers, and the line of
+    each row; the step in s where the file says so.
 
-    `line` returns the text of a line; `notes` say what of the file was left out.
+    `read` returns columns by their places, NaN where a cell holds none; `line` the text
+    of a line; `notes` say what of the file was left out.
     """
 
     headings: list[Heading]
-    numbers: dict[int, Array]
+    numeric: list[int]
+    read: Callable[[list[int]], dict[int, Array]]
     rows: NDArray[np.int64]
     line: Callable[[int], str]
     step: float | None = None
@@ -74,7 +76,7 @@ class Table(NamedTuple):
         shown = []
         for i, heading in enumerate(self.headings):
             named = f"{i + 1} '{heading}'" if heading.name else f"{i + 1}"
-            none = "" if i in self.numbers else " (no numbers such as 1234.5)"
+            none = "" if i in self.numeric else " (no numbers such as 1234.5)"
             shown.append(named + none)
         return ", ".join(shown[:12] or ["none"]) + (" ..." if len(shown) > 12 else "")
 
@@ -236,14 +238,27 @@ def read_text(
             headings[i] = Heading(headings[i].name or "time", "s")
         headings[i] = _with_unit_of_cells(headings[i], units[i], i)
     quoted = '"' in "".join(sample)
-    numbers, rows = _numbers(lines, start, units, width, layout, quoted=quoted)
-    clocks = [i for i in numeric if ":" in columns[i][0]]
-    for i in clocks:
-        numbers[i] = _since_first(numbers[i])
+    clocks = {i for i in numeric if ":" in columns[i][0]}
+    begins = lines.begins[start:-1]
+    ends = [end.start() + 1 for end in _NO_ROW.finditer(raw, begins[0])]
+    keep = ~np.isin(begins, ends)
+
+    def read(places: list[int]) -> dict[int, Array]:
+        cells = _cells(lines, start, [*places, width], layout, quoted=quoted)
+        surplus = _is_surplus(cells.pop(width), layout.comma)
+        numbers = {}
+        for i in places:
+            values = _as_numbers(cells.pop(i), units[i], layout.comma)
+            values[surplus] = math.nan
+            values = values[keep]
+            numbers[i] = _since_first(values) if i in clocks else values
+        return numbers
+
     return Table(
         with_coefficients(headings),
-        numbers,
-        rows,
+        numeric,
+        read,
+        np.flatnonzero(keep) + start + 1,
         lambda row: lines.line(row - 1).strip(),
         step,
     )
@@ -332,33 +347,14 @@ def _labview(
     return read_cell(told.get("Delta_X", [""])[0], layout.comma)[0] or None
 
 
-def _numbers(
-    lines: _Lines,
-    start: int,
-    units: dict[int, str],
-    width: int,
-    layout: _Layout,
-    *,
-    quoted: bool,
-) -> tuple[dict[int, Array], NDArray[np.int64]]:
-    """Columns of numbers, and the line, from one, of each row: of a row with a number
-    or a unit beyond the last column there are none.
-    """
-    cells = _cells(lines, start, [*units, width], layout, quoted=quoted)
-    begins = lines.begins[start:-1]
-    ends = _NO_ROW.finditer(lines.raw, begins[0])
-    keep = ~np.isin(begins, [end.start() + 1 for end in ends])
-
-    def is_surplus(beyond: str) -> bool:
-        number, _ = read_cell(str(beyond), layout.comma)
-        return number is not None or unit_named(str(beyond)) is not None
-
-    surplus = cells.pop(width).map(is_surplus) == True  # noqa: E712
-    numbers = {}
-    for i, unit in units.items():
-        values = _as_numbers(cells.pop(i), unit, layout.comma)
-        numbers[i] = np.where(surplus, math.nan, values)[keep]
-    return numbers, np.flatnonzero(keep) + start + 1
+def _is_surplus(beyond: "pd.Series[Any]", comma: bool) -> NDArray[np.bool_]:
+    """Rows with a number or a unit beyond the last column: no number of them counts."""
+    texts = [str(text) for text in beyond.cat.categories]
+    wrong = [
+        read_cell(text, comma)[0] is not None or unit_named(text) is not None
+        for text in texts
+    ]
+    return np.isin(beyond.cat.codes, np.flatnonzero(wrong))
 
 
 def _since_first(times: Array) -> Array:

@@ -20,7 +20,6 @@ from stickslip.arrays import Array as Array
 from stickslip.errors import SMALLEST, InputError, extreme, printable, whole
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
-from stickslip.simulation import rig_of
 
 FEWEST_READINGS = 16
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
@@ -202,8 +201,12 @@ class Trace:
             arrays["drive"] = np.full(t.size, abs(mean))
         rig = None
         contacts = data.attrs.get("contacts")
-        with suppress(InputError):  # not every run says what it was made of
-            rig = rig_of(data)
+        if "provenance" in data.attrs:
+            # brings all engines, which no measured trace needs
+            from stickslip.simulation import rig_of
+
+            with suppress(InputError):  # not every run says what it was made of
+                rig = rig_of(data)
         if rig is not None and isinstance(rig.method, DRAWN):
             contacts = rig.method.count * getattr(rig.slider, "size", 1)
         return cls(
@@ -337,17 +340,23 @@ def without_drift(values: Array) -> Array:
     too slow to be told from a drift.
     """
     count = values.size
-    at = np.arange(0.5, count)
-    rest = values - values.mean() - slope(values, at) * (at - 0.5 * count)
+    at = np.arange(count) - 0.5 * (count - 1)  # from the middle
+    rest = values - values.mean()
+    # the sum of the squares of `at` is count (count^2 - 1)/12
+    rise = 12.0 * np.einsum("i,i->", at, rest) / (count * (count**2 - 1.0))
+    work = np.multiply(rise, at)
+    rest -= work
     # The slowest cosines, orthogonal to one another, each from the two before. A
     # transform and its inverse would do the same, in twenty times the time where a
-    # large prime divides the length.
-    first = np.cos(np.pi / count * at)
-    before = np.ones(1)
-    wave = first
+    # large prime divides the length. Long arrays are written over: new memory costs
+    # more than the sums.
+    wave = np.cos(np.pi / count * (at + 0.5 * count))
+    twice = np.multiply(2.0, wave, out=at)
+    before = np.ones(count)
     for _ in range(1, 2 * FEWEST_CYCLES):
-        rest -= 2.0 / count * float((rest * wave).sum()) * wave
-        after = 2.0 * first * wave - before
+        height = 2.0 / count * np.einsum("i,i->", rest, wave)
+        rest -= np.multiply(height, wave, out=work)
+        after = np.subtract(np.multiply(twice, wave, out=work), before, out=before)
         before = wave
         wave = after
     return np.asarray(rest)

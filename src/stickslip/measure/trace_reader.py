@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import words
+from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
 from stickslip.measure.column_choice import Choice, choose
@@ -21,7 +22,6 @@ from stickslip.measure.table_files import read_table
 from stickslip.measure.tables import Table, read_cell
 from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import read_value
-from stickslip.simulation import labelled
 
 LARGEST_FILE = 100_000_000  # bytes
 # 2.5 N/V: a number, a unit, and that of the reading, if it has one
@@ -198,7 +198,8 @@ def _rows(
     read; `InputError` if many cannot.
     """
     lines = table.rows
-    values = {name: table.numbers[each.place] for name, each in chosen.items()}
+    read = table.read([each.place for each in chosen.values()])
+    values = {name: read[each.place] for name, each in chosen.items()}
     force = values["force"]
     outside = far_outside(force)
     # What a logger writes for no reading is one value, however often it comes; before

@@ -9,7 +9,7 @@ from stickslip.simulation.driver import follow_leg
 from stickslip.simulation.engines import Beginning, Leg
 from stickslip.simulation.engines.base import engine_of as check_method
 from stickslip.simulation.engines.panels import Panels
-from stickslip.simulation.result import LABELS, labelled
+from stickslip.simulation.result import LABELS, with_label
 from stickslip.simulation.run import (
     Recording,
     estimate,
@@ -30,7 +30,7 @@ __all__ = [
     "check_method",
     "estimate",
     "follow_leg",
-    "labelled",
+    "with_label",
 ]
 __all__ += [
     "pull_rigidly",

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from stickslip.arrays import Labelled, labelled
 from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS
 from stickslip.model import ElasticBody, Sheet, Slider
 from stickslip.model.structure import Structure
@@ -15,9 +16,6 @@ from stickslip.simulation.engines.base import Array
 
 STATE = "state "
 """How the columns of an engine that hold the state of a structure begin."""
-
-Labelled = tuple[str | tuple[str, ...], Array, dict[str, str]]
-"""A variable as `xarray.Dataset` takes it: dimensions, values, attributes."""
 
 LABELS: Mapping[str, Mapping[str, str]] = {
     "time": {"units": "time", "long_name": "time"},
@@ -108,16 +106,9 @@ LABELS: Mapping[str, Mapping[str, str]] = {
 """Units and names of every variable of a run."""
 
 
-def labelled(
-    name: str, dims: str | tuple[str, ...], values: ArrayLike, units: str | None = None
-) -> Labelled:
-    """Return a variable with its units and its long name, for a Dataset: of
-    `LABELS`, or `name` with `units`.
-    """
-    attributes = (
-        dict(LABELS[name]) if units is None else {"units": units, "long_name": name}
-    )
-    return dims, np.asarray(values), attributes
+def with_label(name: str, dims: str | tuple[str, ...], values: ArrayLike) -> Labelled:
+    """Return a variable of a run with its units and its long name, of `LABELS`."""
+    return dims, np.asarray(values), dict(LABELS[name])
 
 
 def dataset_of(
@@ -131,7 +122,7 @@ def dataset_of(
     `marks` of the blocks.
     """
     variables: dict[str, Labelled] = {}
-    coordinates = {"time": labelled("time", "time", track.times)}
+    coordinates = {"time": with_label("time", "time", track.times)}
     if isinstance(slider, ElasticBody):
         values = {name: track.rows[:, i] for i, name in enumerate(SUMS)}
         values["drive_velocity"] = track.drive_velocity
@@ -147,11 +138,13 @@ def dataset_of(
             else _of_slider(track, slider)
         )
     variables |= {
-        name: labelled(name, "time", values[name]) for name in LABELS if name in values
+        name: with_label(name, "time", values[name])
+        for name in LABELS
+        if name in values
     }
     if isinstance(slider, Structure):
         states = [name for name in track.columns if name.startswith(STATE)]
-        variables["state"] = labelled(
+        variables["state"] = with_label(
             "state", ("time", "coordinate"), np.stack([values[n] for n in states], 1)
         )
     if track.snapshots:
@@ -160,11 +153,11 @@ def dataset_of(
         high = max(float(one.stretching.max(initial=0.0)) for one in seen)
         edges = np.linspace(low, max(high, low + 1e-12) * (1 + 1e-12), bins + 1)
         densities = [_density(one, edges) for one in seen]
-        variables["stretching_density"] = labelled(
+        variables["stretching_density"] = with_label(
             "stretching_density", ("snapshot", "x"), densities
         )
-        coordinates["snapshot"] = labelled("snapshot", "snapshot", times)
-        coordinates["x"] = labelled("x", "x", 0.5 * (edges[1:] + edges[:-1]))
+        coordinates["snapshot"] = with_label("snapshot", "snapshot", times)
+        coordinates["x"] = with_label("x", "x", 0.5 * (edges[1:] + edges[:-1]))
     return xr.Dataset(variables, coordinates, {"provenance": provenance})
 
 
@@ -187,15 +180,15 @@ def _of_blocks(
         len(track.rows), len(OF_BLOCKS), body.size
     )
     found = {
-        name: labelled(name, ("time", "block"), fields[:, i])
+        name: with_label(name, ("time", "block"), fields[:, i])
         for i, name in enumerate(OF_BLOCKS)
     }
-    found |= {name: labelled(name, "block", values) for name, values in marks.items()}
+    found |= {name: with_label(name, "block", values) for name, values in marks.items()}
     pulled = np.flatnonzero(body.pulled)
     if pulled.size:
         stretched = track.drive_position[:, None] - found["displacement"][1][:, pulled]
         force = body.pulled[pulled] * stretched + marks["preload"][pulled]
-        found["pulling_force"] = labelled("pulling_force", ("time", "pulled"), force)
+        found["pulling_force"] = with_label("pulling_force", ("time", "pulled"), force)
     for name, per_block in (
         ("displacement", "displacement of a block"),
         ("velocity", "velocity of a block"),
@@ -209,9 +202,9 @@ def _of_blocks(
 def _places(body: ElasticBody) -> dict[str, Labelled]:
     """Coordinates of the blocks; those of a sheet have a row as well."""
     number = np.arange(body.size)
-    found = {"block": labelled("block", "block", number)}
+    found = {"block": with_label("block", "block", number)}
     if body.pulled.any():
-        found["pulled"] = labelled("pulled", "pulled", np.flatnonzero(body.pulled))
+        found["pulled"] = with_label("pulled", "pulled", np.flatnonzero(body.pulled))
     if isinstance(body, Sheet):
         found["along"] = labelled(
             "place along the drive", "block", number % body.along, "1"

@@ -23,7 +23,7 @@ from stickslip.model import (
 from stickslip.model.drive import constant
 from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, Engine, engine_of
-from stickslip.simulation.result import labelled
+from stickslip.simulation.result import with_label
 
 # part of the distance that is slid at the velocity before a step, and recorded
 _APPROACH = 0.05
@@ -110,7 +110,9 @@ def velocity_step(
     values["displacement"] = values["displacement"] - values["displacement"][first]
     values["drive_velocity"] = np.where(track.times <= approach, v, w)
     values["time"] = track.times - approach
-    variables = {name: labelled(name, "time", value) for name, value in values.items()}
+    variables = {
+        name: with_label(name, "time", value) for name, value in values.items()
+    }
     arguments = {
         "rig": rig,
         "before": before,
@@ -224,8 +226,8 @@ def slide_hold_slide(
         zip(("relaxation", "peak", "slip_to_peak"), np.array(rows).T, strict=True)
     )
     columns["hold"] = times
-    variables = {name: labelled(name, "hold", part) for name, part in columns.items()}
-    variables["sliding_force"] = labelled("sliding_force", (), steady)
+    variables = {name: with_label(name, "hold", part) for name, part in columns.items()}
+    variables["sliding_force"] = with_label("sliding_force", (), steady)
     arguments = {
         "rig": rig,
         "velocity": velocity,
