@@ -246,6 +246,19 @@ def test_units_and_damping_can_be_told_in_the_other_way(page):
     )
 
 
+def test_a_measured_friction_curve_takes_the_place_of_strength_and_delay(bench):
+    before = bench.input_value("#field-interface-contact_strength")
+    enter(bench, "interface-friction", "0.1 mm/s, 5 N; 1 mm/s, 4 N; 10 mm/s, 3.5 N")
+    assert not bench.is_visible("#field-interface-contact_strength")
+    assert "4 N" in bench.input_value("#field-interface-friction")
+    enter(bench, "interface-friction", "0.1 mm/s, 5 N; 1 mm/s", "refused")
+    assert "must be a point" in bench.text_content(
+        "#field-interface-friction-complaint"
+    )
+    enter(bench, "interface-friction", "none")
+    assert bench.input_value("#field-interface-contact_strength") == before
+
+
 def test_nothing_is_simulated_while_a_number_is_typed_and_the_newest_move_wins(page):
     page.evaluate(
         """() => { window.runs = []; const send = WebSocket.prototype.send;

@@ -25,6 +25,23 @@ const delayStd = {
   },
 };
 
+// A measured curve is written point by point: "0.1 mm/s, 5 N; 1 mm/s, 4 N". It takes the place of other keys, which are kept.
+let besides = {};
+const curve = {
+  read: (doc) => (Array.isArray(at(doc, "interface.friction")) ? at(doc, "interface.friction").map((point) => point.join(", ")).join("; ") : undefined),
+  write: (doc, value) => {
+    const others = ["contact_strength", "mu_k", "areas", "delay", "v_half", "newborn", "ageing", "activation"];
+    if (value === "none") {
+      doc.interface = { ...doc.interface, ...besides };
+      return put(doc, "interface.friction", undefined);
+    }
+    if (!at(doc, "interface.friction")) besides = Object.fromEntries(others.map((key) => [key, at(doc, `interface.${key}`)]));
+    for (const key of others) put(doc, `interface.${key}`, undefined);
+    put(doc, "interface.friction", value.split(";").map((point) => point.split(",").map((cell) => (
+      isNaN(numeric(cell)) ? cell.trim() : numeric(cell)))));
+  },
+};
+
 // A file gives the time 1/beta^2 in which thresholds age; the page shows the rate beta.
 const seconds = { s: 1, ms: 1e-3, us: 1e-6, "µs": 1e-6, ns: 1e-9, min: 60, h: 3600 };
 const ageing = {
@@ -58,7 +75,7 @@ const solver = {
 };
 /* The fields of a rig, from the glossary that the server sends: it has their words, units and ranges. A field is shown if its
    key stands in the document, or something is known to stand for it. */
-const SPECIAL = { "interface.delay": delay, "interface.delay.std": delayStd, "interface.ageing.time": ageing, "simulation.method": solver };
+const SPECIAL = { "interface.friction": curve, "interface.delay": delay, "interface.delay.std": delayStd, "interface.ageing.time": ageing, "simulation.method": solver };
 export const fieldsOf = (glossary) => glossary.filter(({ field }) => field).map(({ key, field, term, unit, text }) => (
   { key, ...field, help: `${term}${unit ? ` (${unit})` : ""}. ${text}`, read: (doc) => at(doc, key), write: (doc, value) => put(doc, key, value),
     when: (doc) => at(doc, key) !== undefined || field.missing !== undefined || field.zero, ...SPECIAL[key] }));

@@ -193,6 +193,7 @@ function enter(made, text) {
   const { field } = made, trimmed = text.trim().replace(/^([-+]?\d+)[.](?!\d)/, "$1"), number = numeric(trimmed);
   if (!isNaN(number)) field.write(state.doc, bare(field) ? number : `${trimmed} ${made.unit}`);
   else field.write(state.doc, trimmed);
+  if (field.replaces) return rebuild(), changed(); // other keys: their fields come and go
   if (document.activeElement !== made.slider) place(made);
   changed();
 }
@@ -202,7 +203,8 @@ export function complain(errors) {
   tellParts("refused");
   mark("run", "refused");
   const rest = [];
-  for (const { key, message } of errors) {
+  for (const { key: place, message } of errors) {
+    const key = place && place.split("[")[0]; // of a list, the whole is in one field
     const made = key && rows.find((r) => key === r.field.key) || key && rows.find((r) => r.field.key.startsWith(`${key}.`) ||
       key.startsWith(`${r.field.key}.`));
     if (!made) { rest.push({ message }); continue; }
