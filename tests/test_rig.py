@@ -307,9 +307,10 @@ def test_every_key_is_in_a_file_above():
     }
     for i, table in enumerate(("interface", "drive", "simulation"), 1):
         used |= {(table, name) for kind in FILES for name in FILES[kind][i].split()}
-    # those of structures, of which test_structures.py writes files
+    # those of which test_structures.py and test_loads.py write files
     used |= {("slider", name) for name in rig_keys.STRUCTURES}
     used |= {("controller", name) for name in rig_keys.TABLES["controller"]}
+    used |= {("drive", "load"), ("drive", "force")}
     used |= {
         ("interface", name) for name in ("breaking_displacement", "contact_strength")
     }
@@ -402,7 +403,7 @@ MISTAKES = [
         "'clip'",
     ),
     ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
-    ("drive.pieces", [], "drive", "give velocity or pieces, not both"),
+    ("drive.pieces", [], "drive", "give velocity or pieces or force, not both"),
     (
         "interface.ageing",
         {"distribution": "langevin", "time": "1 s"},

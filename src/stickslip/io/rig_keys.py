@@ -74,8 +74,9 @@ RULES: Mapping[str, tuple[Either, ...]] = {
         Either("friction", "delay", "v_half", "newborn", "activation"),
     ),
     "drive": (
-        Either("velocity", "pieces", needed=True),
+        Either("velocity", "pieces", "force", needed=True),
         Either("distance", "duration", "pieces"),
+        Either("distance", "force"),
     ),
 }
 
@@ -192,18 +193,23 @@ OF_SLIDER = {
     "matrices": ("matrices", "stiffness"),
     "state_space": ("state_space",),
     "controller": ("mass", "damping"),
+    "force": ("mass", "damping", "stiffness"),
 }
-"""Keys of `slider` where it is a mass on a spring, a structure, or an axis with a
-controller.
+"""Keys of `slider` where it is a mass on a spring, a structure, an axis with a
+controller, or a mass that a force pulls.
 """
 
 
 def keys_of_slider(kind: str) -> dict[str, Key]:
     """Return the keys of `slider` where it is of a kind of `OF_SLIDER`; of a structure
-    the driving spring may be left out, of an axis the damping.
+    the driving spring may be left out, of an axis and of a mass the damping.
     """
     keys = {name: TABLES["slider"][name] for name in OF_SLIDER[kind]}
-    optional = {"": (), "controller": ("damping",)}.get(kind, ("stiffness",))
+    optional = {
+        "": (),
+        "controller": ("damping",),
+        "force": ("damping", "stiffness"),
+    }.get(kind, ("stiffness",))
     for name in {*optional} & {*keys}:
         keys[name] = replace(keys[name], required=False, default=0.0, sign="at least 0")
     return keys

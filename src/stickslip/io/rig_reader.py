@@ -6,7 +6,7 @@ Every mistake is noted, and all are reported in one line.
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial, reduce
@@ -31,7 +31,7 @@ from stickslip.model import (
 )
 from stickslip.model.body import BODIES
 from stickslip.model.delays import DelayModel, OnArrest
-from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, ramp
+from stickslip.model.drive import USUAL_DISTANCE, Drive, constant, pull, ramp
 from stickslip.model.measured_friction import MeasuredFriction
 from stickslip.model.methods import METHODS, check_start
 from stickslip.model.newborn import half_distance
@@ -123,7 +123,7 @@ class _Reader:
                 partial(self._record, interface[name], f"interface.{name}")
             )
         measured = file.part(partial(self._measured, interface))
-        driven = file.part(partial(self._drive, drive))
+        driven = file.part(partial(self._drive, drive, interface.get("normal_load")))
         feasible = self._feasible(top.get("feasible", {}))
         assumed = self._assumed(top.get("assumed", {}))
         fitted = self._fitted(top.get("fitted", {}))
@@ -222,7 +222,8 @@ class _Reader:
                 else USUAL_DISTANCE
             )
             velocity = rig.drive.pieces[0].start
-            rig = replace(rig, drive=constant(velocity, distance / abs(velocity)))
+            pieces = constant(velocity, distance / abs(velocity)).pieces
+            rig = replace(rig, drive=replace(rig.drive, pieces=pieces))
         return rig
 
     def _table(self, name: str, content: object) -> Values:
@@ -328,7 +329,8 @@ class _Reader:
     def _check_body(self, values: Values) -> None:
         """Note missing keys that a damping ratio or the material needs."""
         if self.kind and self.body != "slider":
-            self.file.wrong("controller", "is of a slider; leave it out")
+            place = "drive.force" if self.kind == "force" else "controller"
+            self.file.wrong(place, "is of a slider; leave it out")
         if "damping_ratio" in values and values.get("mass") == 0:
             self.file.wrong(
                 "slider.mass",
@@ -339,10 +341,55 @@ class _Reader:
                 if name not in values:
                     self.file.missing(f"{self.body}.{name}", TABLES[self.body][name])
 
-    def _drive(self, values: Values) -> tuple[Drive, Values]:
+    def _drive(self, values: Values, normal_load: float | None) -> tuple[Drive, Values]:
         """Make the drive, and return the speeds at which the rig works; how long it
         goes follows where it is not given.
         """
+        drive, speeds = self._pulled(values)
+        if "load" not in values:
+            return drive, speeds
+        own = TABLES["drive"]["load"]
+        usual = TABLES["interface"]["normal_load"]
+
+        def load(value: Any, place: str) -> float:
+            if not isinstance(value, str) or self.file.natural:
+                key = replace(own, also=())
+                return float(key.read(value, place, natural=self.file.natural))
+            found = usual.read(value, place, natural=False)
+            if normal_load is None:
+                raise MissingError("interface.normal_load", usual.example)
+            return float(found / normal_load)
+
+        points = self._points(values["load"], "drive.load", load)
+        with at("drive"):
+            return drive.under(points), speeds
+
+    def _points(
+        self, content: Any, place: str, read: Callable[[Any, str], float]
+    ) -> Any:
+        """Read a list of points, times and values, or a value that is not read yet."""
+        if isinstance(content, float):
+            return content
+        if not isinstance(content, list):
+            return read(content, place)
+        time = replace(TABLES["drive"]["duration"], sign="at least 0")
+        found = []
+        for i, point in enumerate(content):
+            where = f"{place}[{i}]"
+            if not isinstance(point, list) or len(point) != 2:
+                raise refused(where, point, "must be a time and a value")
+            at_time = time.read(point[0], where, natural=self.file.natural)
+            found.append((at_time, read(point[1], where)))
+        return found
+
+    def _pulled(self, values: Values) -> tuple[Drive, Values]:
+        """Make the drive without its load, and return the speeds."""
+        if "force" in values:
+            key = replace(TABLES["drive"]["force"], also=())
+            force = partial(key.read, natural=self.file.natural)
+            points = self._points(values["force"], "drive.force", force)
+            with at("drive"):
+                return pull(points, values.get("duration")), {}
         place = "drive.pieces"
         content = values.get("pieces")
         if content is not None:
@@ -516,9 +563,7 @@ class _Reader:
                 found[0],
                 found[1] * interface["normal_load"],
             )
-        fastest = max(
-            abs(end) for piece in drive.pieces for end in (piece.start, piece.end)
-        )
+        fastest = max(map(abs, drive.velocities), default=0.0)
         x_s = self.length
         # The unit of time drops out of every result; this one keeps the numbers near 1.
         with at(

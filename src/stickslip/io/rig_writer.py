@@ -19,6 +19,7 @@ from stickslip.model import (
     FromRest,
     FromSliding,
     Gaussian,
+    Mass,
     Prestressed,
     Slider,
 )
@@ -169,6 +170,8 @@ class _Writer:
         slider = self.rig.slider
         if isinstance(slider, Structure):
             return self._structure(slider)
+        if isinstance(slider, Mass):
+            return {"slider": self._values(slider, rig_keys.keys_of_slider("force"))}
         name = self._name_of(slider, {"slider": Slider} | BODIES)
         # Section and material became springs and masses.
         found = self._values(slider, rig_keys.tables()[name], defaults=False)
@@ -329,6 +332,21 @@ class _Writer:
         return {}
 
     def drive(self) -> Document:
+        drive = self.rig.drive
+        load = [
+            [self.quantity(point.time, "time"), self._number(point.load)]
+            for point in drive.load
+        ]
+        found = {"force": self._force()} if drive.force else self._pieces()
+        return found | ({"load": load} if load else {})
+
+    def _force(self) -> list[Any]:
+        return [
+            [self.quantity(point.time, "time"), self.quantity(point.force, "f_s")]
+            for point in self.rig.drive.force
+        ]
+
+    def _pieces(self) -> Document:
         pieces = self.rig.drive.pieces
         operation = self.rig.operation
         if any(piece.until is not None for piece in pieces):

@@ -7,9 +7,10 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from stickslip.errors import refused
+from stickslip.errors import InputError, refused
 from stickslip.io import rig_keys
 from stickslip.io.tables import Tables, Values, at
+from stickslip.model.body import Mass
 from stickslip.model.structure import (
     ControlledAxis,
     Matrices,
@@ -28,14 +29,18 @@ def structure_kind(document: Mapping[str, Any]) -> str:
     """
     if "controller" in document:
         return "controller"
+    if "force" in rig_keys.within(document, "drive"):
+        return "force"
     slider = rig_keys.within(document, "slider")
     return next((kind for kind in rig_keys.STRUCTURES if kind in slider), "")
 
 
 def structure_of(
     file: Tables, kind: str, slider: Values, controller: object
-) -> Structure:
+) -> Structure | Mass:
     """Return the structure that a file describes, in the units of the file."""
+    if kind == "force":
+        return _mass(**slider)
     if kind == "controller":
         return _axis(file, slider, controller)
     place = f"slider.{kind}"
@@ -47,6 +52,17 @@ def structure_of(
         if kind == "matrices":
             return Matrices(**values, stiffness=spring)
         return StateSpace(**values)
+
+
+def _mass(mass: float, damping: float, stiffness: float) -> Mass:
+    if stiffness:
+        raise InputError(
+            "slider.stiffness: drive.force pulls a mass without a spring; leave one of "
+            "them out",
+            "slider.stiffness",
+        )
+    with at("slider"):
+        return Mass(mass=mass, damping=damping)
 
 
 def _axis(file: Tables, slider: Values, controller: object) -> ControlledAxis:

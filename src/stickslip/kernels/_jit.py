@@ -105,7 +105,7 @@ def _sweep(home: Path) -> None:
         for folder in home.glob("kernels-*")
         if re.fullmatch("kernels-[0-9a-f]{16}", folder.name)
     ]
-    with contextlib.suppress(FileNotFoundError):  # another process sweeps, too
+    with contextlib.suppress(FileNotFoundError):  # another process removed it
         folders.sort(key=lambda folder: folder.stat().st_mtime)
         for old in folders[:-_KEPT]:
             shutil.rmtree(old, ignore_errors=True)

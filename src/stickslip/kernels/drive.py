@@ -5,6 +5,8 @@ piece ends early.
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from ._jit import inlined
 from .records import Floats
 
@@ -78,6 +80,24 @@ def drive_at(drive: Quadratic, time: float) -> tuple[float, float]:
     v = drive.velocity
     a = drive.acceleration
     return drive.position + u * (v + 0.5 * a * u), v + a * u
+
+
+NO_LOAD = np.empty((0, 2))
+
+
+@inlined
+def load_at(load: Floats, time: float) -> float:
+    """Load by its points, rows of time and value: linear between them, constant
+    beyond; 1 without any.
+    """
+    n = load.shape[0]
+    if n == 0:
+        return 1.0
+    i = int(np.searchsorted(load[:, 0], time, side="right"))
+    if i == 0 or i == n:
+        return float(load[max(i - 1, 0), 1])
+    since = (time - load[i - 1, 0]) / (load[i, 0] - load[i - 1, 0])
+    return float(load[i - 1, 1] + since * (load[i, 1] - load[i - 1, 1]))
 
 
 @inlined

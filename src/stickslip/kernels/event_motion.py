@@ -61,10 +61,12 @@ class Constants(NamedTuple):
     """Constants of a call: Eq. (11), the sliding force of detached contacts, the number
     of contacts.
 
-    `near` is the time up to which the short Taylor expansion does.
+    `near` is the time up to which the short Taylor expansion does. `pull` is the force
+    over the position of the drive: K, or 1 where the drive gives a force and K is 0.
     """
 
     K: float
+    pull: float
     inverse_mass: float
     eta: float
     drag: float
@@ -98,28 +100,35 @@ def constants(slider: Slider, f_d: float, N: float, stiffest: float) -> Constant
     """Return the constants of a call; `stiffest` is the largest mean stiffness that
     the contacts can reach.
     """
-    part = 1.0 / N
-    if math.isinf(slider.stiffness):
-        return Constants(0.0, 0.0, 0.0, 0.0, math.inf, f_d, N, part, True, False)
-    if slider.mass == 0.0:
-        return Constants(
-            slider.stiffness, 0.0, 0.0, 0.0, math.inf, f_d, N, part, False, True
-        )
-    inverse_mass = 1.0 / slider.mass
-    drag = slider.damping / inverse_mass
-    fastest = slider.damping + math.sqrt((slider.stiffness + stiffest) * inverse_mass)
+    rigid = math.isinf(slider.stiffness)
+    massless = slider.mass == 0.0
+    K = 0.0 if rigid else slider.stiffness
+    inverse_mass = 0.0
+    drag = 0.0
+    near = math.inf
+    if not (rigid or massless):
+        inverse_mass = 1.0 / slider.mass
+        drag = slider.damping / inverse_mass
+        near = NEAR / (slider.damping + math.sqrt((K + stiffest) * inverse_mass))
     return Constants(
-        slider.stiffness,
+        K,
+        K if K > 0.0 else 1.0,
         inverse_mass,
         slider.damping,
         drag,
-        NEAR / fastest,
+        near,
         f_d,
         N,
-        part,
-        False,
-        False,
+        1.0 / N,
+        rigid,
+        massless,
     )
+
+
+@inlined
+def driving_force(c: Constants, D: float, X: float) -> float:
+    """Force of the spring with the drive at `D`, or `D` itself as a force."""
+    return D if c.K == 0.0 else c.K * (D - X)
 
 
 @inlined
@@ -145,7 +154,7 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> FlightLeg:
     D, drive_v = drive_at(drive, t)
     n = m.stiffness
     free = c.N - m.attached if c.f_d > 0.0 else 0.0
-    F_d = c.K * (D - X)
+    F_d = driving_force(c, D, X)
     stiffness = n + free if m.slides == 0 else n
     if c.rigid or c.massless:
         v = drive_v if c.rigid else c.K * drive_v / (c.K + stiffness * c.part)
@@ -161,8 +170,8 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> FlightLeg:
         c.near,
         m.velocity,
         (F_d - F_c * c.part) * c.inverse_mass,
-        c.K * drive_v * c.inverse_mass,
-        0.5 * c.K * drive.acceleration * c.inverse_mass,
+        c.pull * drive_v * c.inverse_mass,
+        0.5 * c.pull * drive.acceleration * c.inverse_mass,
     )
     return FlightLeg(t, X, n, free, F_d, drive_v, flight)
 
@@ -238,7 +247,7 @@ def sample_until(
         m.sample += 1
         if piece.stop.kind != NOWHERE:
             D = drive_at(drive, time)[0]
-            if holds(piece.stop, row[0], c.K * (D - row[0])):
+            if holds(piece.stop, row[0], driving_force(c, D, row[0])):
                 m.time = time
                 m.position = row[0]
                 m.velocity = row[1]

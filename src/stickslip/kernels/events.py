@@ -39,11 +39,13 @@ from .drive import (
     DRAWS_USED_UP,
     FINISHED,
     LOOK,
+    NO_LOAD,
     PAUSED,
     STOPPED,
     Piece,
     Quadratic,
     Sampling,
+    load_at,
 )
 from .event_motion import Constants, FlightLeg
 from .event_queue import (
@@ -60,7 +62,17 @@ from .event_queue import (
     used,
     wide,
 )
-from .flight import Flight, at, first_crossing, first_turn, heading, out_of_reach, soon
+from .flight import (
+    NEAR,
+    NEAREST,
+    Flight,
+    at,
+    first_crossing,
+    first_turn,
+    heading,
+    out_of_reach,
+    soon,
+)
 from .hazard import rate
 from .oscillator import Slider
 from .records import Counts, Floats, Record, Records
@@ -96,7 +108,8 @@ class ContactDraws(NamedTuple):
     them from `delays`. Contacts attach with the `stretchings` along the motion; without
     any, unstretched. With `on_arrest` they attach when the slider first stops after a
     break, and with `tracks`, `advance_events` returns then. `variates`, between 0 and
-    1, decide when contacts in boxes break.
+    1, decide when contacts in boxes break. Thresholds and stretchings are to be
+    multiplied by the `load` at the time.
     """
 
     thresholds: Floats
@@ -106,6 +119,7 @@ class ContactDraws(NamedTuple):
     on_arrest: bool = False
     tracks: bool = False
     variates: Floats = np.empty(0)
+    load: Floats = NO_LOAD
 
 
 class ContactsState(NamedTuple):
@@ -488,7 +502,8 @@ def _attach(
     """
     m = state.motion[0]
     i = m.thresholds_used
-    threshold = draws.thresholds[i]
+    load = load_at(draws.load, m.time)
+    threshold = load * draws.thresholds[i]
     k = 1.0
     if boxes is not None:
         if boxes.own.size:
@@ -501,7 +516,7 @@ def _attach(
                 and i < m.thresholds_used + _TRIES - 1
             ):
                 i += 1
-                threshold = draws.thresholds[i]
+                threshold = load * draws.thresholds[i]
             if not can_hold(boxes.rule, threshold, m.velocity):
                 m.thresholds_used = i + 1
                 _forget(state, slot, boxes)
@@ -512,7 +527,7 @@ def _attach(
     m.thresholds_used = i + 1
     birth = m.position
     if draws.stretchings.size:
-        birth -= m.direction * draws.stretchings[i]
+        birth -= m.direction * load * draws.stretchings[i]
     motion.count_in(m, birth, k, c)
     m.attachments += 1
     if boxes is not None:
@@ -743,6 +758,8 @@ def _next_event(
     there; `_TURN`; 0: the limit, or the end of what was searched.
     """
     v = leg.motion.v
+    if leg.motion.w2 == 0.0:  # a free mass flies as far as the expansion goes
+        most = min(most, leg.motion.near * (NEAREST / NEAR))
     to_ahead = max(min(ahead, edges.ahead, edges.high) - leg.X, 0.0)
     h = 0.0
     y = 0.0

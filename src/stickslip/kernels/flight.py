@@ -66,7 +66,7 @@ def take_off(
     q1 = v
     q2 = 0.0
     inverse = 0.0
-    if w2 > 0:  # else rigid motion
+    if w2 > 0:  # else rigid motion, or a free mass
         inverse = 1.0 / w2
         q2 = f2 * inverse
         q1 = (f1 - 2.0 * eta * q2) * inverse
@@ -166,7 +166,15 @@ def derivative(f: Flight, order: int, h: float) -> tuple[float, float]:
     v = f.v0
     a = 2.0 * (f.c2 - f.q2)
     g = 0.5 * f.eta
-    if f.w2 < 0.5 * g * g:
+    if f.w2 == 0.0:  # a free mass, by the expansion and the equation of motion
+        y, v = taylor(f, h)
+        rate = 6.0 * f.c3 + 2.0 * f.eta * f.c2
+        a = 2.0 * f.c2 + rate * h - f.eta * (v - f.v)
+        y -= f.q1 * h
+        v -= f.q1
+        j = rate - f.eta * a
+        k = -f.eta * j
+    elif f.w2 < 0.5 * g * g:
         # Two modes, far apart. Derivatives of their sum would lose the slow one in the
         # rounding of the fast one.
         b = math.sqrt(g * g - f.w2)
@@ -273,7 +281,9 @@ def _parts(f: Flight, most: float, lowest: int, cuts: Floats) -> int:
     """
     g2 = f.w2 - 0.25 * f.eta * f.eta
     # of the slowest part
-    decay = 0.5 * f.eta if g2 > 0.0 else f.w2 / (0.5 * f.eta + math.sqrt(-g2))
+    decay = 0.5 * f.eta
+    if not g2 > 0.0 and f.w2 > 0.0:
+        decay = f.w2 / (decay + math.sqrt(-g2))
     cuts[0] = 0.0
     cuts[1] = most
     count = 2
@@ -291,7 +301,7 @@ def first_turn(f: Flight, most: float, cuts: Floats) -> float:
     """First time up to `most`, within what `first_crossing` has searched, at which
     the slider stops, or infinity.
     """
-    if f.w2 == 0.0:  # rigid motion
+    if f.near == math.inf:  # rigid motion
         return math.inf
     count = _parts(f, most, _ACCELERATION, cuts)
     left = _start(f, _VELOCITY)
@@ -317,7 +327,7 @@ def first_crossing(
     once. On each of its parts the displacement is monotone and no crossing can hide.
     """
     distance = to_ahead if f.v > 0 else to_behind
-    if f.w2 == 0.0:  # rigid motion
+    if f.near == math.inf:  # rigid motion
         if f.v == 0.0 or most * abs(f.v) < distance:
             return most, 0
         return distance / abs(f.v), 1 if f.v > 0 else -1
@@ -419,7 +429,8 @@ def energies(
     """Work of the drive and integral of the squared velocity over a time `h`, in closed
     form.
 
-    `force` is the spring force at the start. The free oscillation ``u`` obeys
+    `force` is the spring force at the start; without a spring `drive_v` is its rate,
+    and `drive_a` 0. The free oscillation ``u`` obeys
     ``u'' + eta u' + w2 u = 0``, hence ``(u'^2 + w2 u^2)/2`` falls at the rate
     ``eta u'^2`` and the integral of ``u`` follows from the change of ``u'`` and ``u``.
     """
@@ -431,9 +442,12 @@ def energies(
     change = u - f.y0
     area = -((du - f.v0) + f.eta * change) * f.inverse
     path = f.q0 * h + 0.5 * f.q1 * h2 + f.q2 * h2 * h / 3.0 + area
-    work = drive_v * (
-        force * h + K * (0.5 * drive_v * h2 + drive_a * h2 * h / 6.0 - path)
-    )
+    if K == 0.0:
+        work = force * y + drive_v * (h * y - path)
+    else:
+        work = drive_v * (
+            force * h + K * (0.5 * drive_v * h2 + drive_a * h2 * h / 6.0 - path)
+        )
     if drive_a != 0.0:
         moment = -(h * du - change + f.eta * (h * u - area)) * f.inverse
         path_moment = (
@@ -475,7 +489,10 @@ def _short_energies(
         (0.5 * f.v + h * (1.0 / 6.0) * a)
         + h2 * ((1.0 / 12.0) * b + h * (0.05 * c + h * (1.0 / 6.0) * f.c5))
     )
-    work = drive_v * (force * h + K * (0.5 * drive_v * h2 - path))
+    if K == 0.0:
+        work = force * y + drive_v * (h * y - path)
+    else:
+        work = drive_v * (force * h + K * (0.5 * drive_v * h2 - path))
     if drive_a != 0.0:
         moment = (
             h2

@@ -62,8 +62,8 @@ def life_moments(
             x = mean * u * middle
             for i in range(1, m + 1):
                 out[i] = time * rate(hazard, x, x + mean * delta * z[i])
-        # Crank-Nicolson rings on the abrupt start; the oldest ages, which hardly anyone
-        # reaches, damp that.
+        # Crank-Nicolson rings on the abrupt start. Implicit steps damp that, at the
+        # oldest ages, which hardly any contact reaches.
         implicit = 0.5 if j < steps - 8 else 1.0
         explicit = (1.0 - implicit) * da
         implicit *= da

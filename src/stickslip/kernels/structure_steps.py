@@ -16,6 +16,7 @@ from typing import NamedTuple
 from ._jit import bare, inlined
 from .drive import FINISHED, LOOK, PAUSED, STOPPED, Piece, Sampling, drive_at, holds
 from .element import ElementState, energy_of, force_of, step
+from .quadrature import dot
 from .records import Floats, Record, record
 
 RUN = record("begin steps force sample work damped lost_before")
@@ -88,14 +89,6 @@ class Controller(NamedTuple):
 
 
 @inlined
-def _dot(row: Floats, z: Floats) -> float:
-    total = 0.0
-    for i in range(z.size):
-        total += row[i] * z[i]
-    return total
-
-
-@inlined
 def _form(matrix: Floats, z: Floats) -> float:
     """Quadratic form of a state."""
     total = 0.0
@@ -108,13 +101,13 @@ def _form(matrix: Floats, z: Floats) -> float:
 @inlined
 def _pull(body: Body, z: Floats, D: float, V: float) -> float:
     """Force that pulls the structure."""
-    return _dot(body.pull, z) + body.pull_drive * D + body.pull_rate * V
+    return dot(body.pull, z) + body.pull_drive * D + body.pull_rate * V
 
 
 @inlined
 def _velocity(body: Body, z: Floats, D: float, V: float) -> float:
     """Velocity of the contacts."""
-    return _dot(body.moving, z) + body.moving_drive * D + body.moving_rate * V
+    return dot(body.moving, z) + body.moving_drive * D + body.moving_rate * V
 
 
 @inlined
@@ -219,7 +212,7 @@ def advance_structure(
         power = _form(body.lost, z)
         for k in range(z.size):
             after[k] = (
-                _dot(way.state[k], z)
+                dot(way.state[k], z)
                 + way.force[k] * run.force
                 + way.drive[k] * D
                 + way.velocity[k] * V
@@ -227,7 +220,7 @@ def advance_structure(
             )
         for k in range(z.size):
             z[k] = after[k]
-        end = _dot(body.contact, z) + body.track * next_D
+        end = dot(body.contact, z) + body.track * next_D
         _, impulse, _ = step(element, h, v, end)
         for k in range(z.size):
             z[k] += body.kick[k] * (impulse - run.force * h)

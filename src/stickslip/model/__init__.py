@@ -15,7 +15,7 @@ from stickslip.model.ageing import (
     LogarithmicGrowth,
     TabulatedGrowth,
 )
-from stickslip.model.body import Chain, ElasticBody, Sheet, Slider
+from stickslip.model.body import Chain, ElasticBody, Mass, Sheet, Slider
 from stickslip.model.delays import (
     Delay,
     DelayModel,
@@ -38,9 +38,12 @@ from stickslip.model.drive import (
     Drive,
     ForceAbove,
     ForceBelow,
+    ForcePoint,
+    LoadPoint,
     Piece,
     Travel,
     constant,
+    pull,
     ramp,
 )
 from stickslip.model.interface import Areas, Interface
@@ -89,14 +92,17 @@ __all__ = [
     "FixedGrowth",
     "ForceAbove",
     "ForceBelow",
+    "ForcePoint",
     "FromRest",
     "FromSliding",
     "Gamma",
     "Gaussian",
     "Interface",
     "Langevin",
+    "LoadPoint",
     "LogNormal",
     "LogarithmicGrowth",
+    "Mass",
     "MasterEquation",
     "Matrices",
     "Method",
@@ -126,6 +132,7 @@ __all__ = [
     "Uniform",
     "Weibull",
     "constant",
+    "pull",
     "ramp",
     "read_value",
 ]

@@ -67,6 +67,33 @@ class Slider(Record):
         return 0.5 * self.damping / self.frequency
 
 
+@dataclass(frozen=True, kw_only=True)
+class Mass(Record):
+    """A slider without a driving spring, pulled by a force (`pull`), per contact.
+
+    As a function it is its mechanical impedance ``Z(s) = M s^2 + M eta s``.
+
+    Parameters
+    ----------
+    mass : float
+        ``M/N`` in units of ``f_s * time**2 / x_s``.
+    damping : float
+        ``eta`` in 1/time.
+
+    Examples
+    --------
+    >>> ss.model.Mass(mass=0.5).damping
+    0.0
+    """
+
+    mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N")]
+    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")] = 0.0
+
+    def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
+        """Force over displacement for motion as ``exp(s t)``, at each `s` in 1/time."""
+        return np.asarray(self.mass * s * (s + self.damping), dtype=complex)
+
+
 BODIES, register = registry("body")
 """The elastic bodies by the name of their table in rig files; ``@register("chain")``
 gives a class its name there.

@@ -101,6 +101,16 @@ def damping_of_mode(number: int) -> Parameter:
     )
 
 
+def _velocity(rig: Rig) -> float:
+    if rig.drive.force:
+        raise InputError(
+            "Drive.force: is for runs alone, and this asks for a velocity; give one, "
+            "and a slider on a spring, or simulate",
+            "Drive.force",
+        )
+    return rig.drive.velocity
+
+
 def _set_velocity(rig: Rig, value: float) -> Rig:
     """The same path of the drive at another speed; from rest a constant velocity,
     for as long.
@@ -109,7 +119,8 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     before = VELOCITY.get(rig)
     if before == 0 or drive == constant(before, drive.duration):
         longer = abs(before / value) if before and value else 1.0
-        return replace(rig, drive=constant(value, drive.duration * longer))
+        pieces = constant(value, drive.duration * longer).pieces
+        return replace(rig, drive=replace(drive, pieces=pieces))
     if value * before < 0:
         raise InputError(
             f"velocity = {value:g}: the drive begins with {before:g}, the other way; "
@@ -132,7 +143,7 @@ VELOCITY = Parameter(
     name="velocity",
     unit="x_s/time",
     title="speed",
-    get=lambda rig: rig.drive.pieces[0].start,
+    get=_velocity,
     set=_set_velocity,
 )
 """Velocity of the drive at its beginning; the path of the drive stays."""

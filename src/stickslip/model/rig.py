@@ -237,7 +237,17 @@ class Rig(Answer):
 
     @property
     def velocity(self) -> float:
-        """Velocity of the drive at its beginning, in the rig's own units."""
+        """Velocity of the drive at its beginning, in the rig's own units.
+
+        What is computed at it is of the load at which contacts have their strength:
+        raises `InputError` of a drive with a load, or with a force in its place.
+        """
+        if self.drive.load:
+            raise InputError(
+                "Drive.load: is for runs alone; leave it out for an answer at the load "
+                "at which the contacts have their strength, or simulate",
+                "Drive.load",
+            )
         return self.value("velocity")
 
     def value(self, parameter: Parameter | str) -> float:

@@ -3,12 +3,28 @@ progress.
 """
 
 from dataclasses import astuple, dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.kernels.drive import FORCE_ABOVE, FORCE_BELOW, TRAVEL, Quadratic, Stop
-from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
+from stickslip.kernels.drive import (
+    FORCE_ABOVE,
+    FORCE_BELOW,
+    NO_LOAD,
+    TRAVEL,
+    Quadratic,
+    Stop,
+)
+from stickslip.model.drive import (
+    Condition,
+    Drive,
+    ForceAbove,
+    ForceBelow,
+    ForcePoint,
+    Piece,
+    Travel,
+)
 from stickslip.progress import Progress
 from stickslip.simulation.engines import Engine, Leg, Stretchings
 from stickslip.simulation.engines.base import MOTION, Array, advances
@@ -58,17 +74,18 @@ def follow(
     )
     snapshots = [] if before is None else [*before.snapshots]
     filled = 0
-    for piece in drive.pieces:
+    load = load_points(drive, first)
+    for piece in drive.pieces or pairwise(drive.force):
         begin, X = engine.here()
-        end = begin + piece.duration
-        motion = Quadratic(begin, position, piece.start, piece.acceleration)
+        motion, end, until = _leg(piece, begin, first, position)
         last = np.searchsorted(times, end * (1 + 1e-12), side="right")
         leg = Leg(
             motion,
             end,
             times[filled:last],
-            _stop(piece.until, X),
+            _stop(until, X),
             looks[len(snapshots) :],
+            load,
         )
         rows, seen = follow_leg(
             engine, leg, lambda t: report(min((t - first) / total, 1.0))
@@ -92,6 +109,31 @@ def follow(
     return Track(
         engine.columns, times, rows, velocity, place, tuple(snapshots), position
     )
+
+
+def load_points(drive: Drive, first: float) -> Array:
+    """Return times and loads of a drive that begins at a time, shape (n, 2)."""
+    if not drive.load:
+        return NO_LOAD
+    return np.array([(first + point.time, point.load) for point in drive.load])
+
+
+def _leg(
+    piece: Piece | tuple[ForcePoint, ForcePoint],
+    begin: float,
+    first: float,
+    position: float,
+) -> tuple[Quadratic, float, Condition | None]:
+    """Return how the drive moves in a piece, or how its force goes; when that ends, and
+    the condition that ends it early.
+    """
+    if isinstance(piece, Piece):
+        motion = Quadratic(begin, position, piece.start, piece.acceleration)
+        return motion, begin + piece.duration, piece.until
+    before, after = piece
+    lasts = after.time - before.time
+    rate = (after.force - before.force) / lasts if lasts else 0.0
+    return Quadratic(begin, before.force, rate, 0.0), first + after.time, None
 
 
 def follow_leg(

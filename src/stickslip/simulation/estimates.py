@@ -19,7 +19,14 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.errors import InputError
-from stickslip.model import Contacts, ElasticBody, FromSliding, QuasiStatic, Slider
+from stickslip.model import (
+    Contacts,
+    ElasticBody,
+    FromSliding,
+    Mass,
+    QuasiStatic,
+    Slider,
+)
 from stickslip.model.drive import Piece, Travel
 from stickslip.model.rig import Rig
 from stickslip.progress import in_time
@@ -146,20 +153,22 @@ def course_of(rig: Rig) -> Course:
     pieces = rig.drive.pieces
     mean = rig.interface.threshold_distribution.moment(1)
     distance = sum(way_of(piece) for piece in pieces) / mean
-    if not isinstance(slider, Slider) or slider.mass == 0:
+    if not isinstance(slider, Slider | Mass) or slider.mass == 0:
         return Course(distance)
-    frequency = math.sqrt((slider.stiffness + 1.0) / slider.mass)
+    stiffness = getattr(slider, "stiffness", 0.0)
+    frequency = math.sqrt((stiffness + 1.0) / slider.mass)
     # A slip leaves the slider ringing, the longer, the less it is damped.
     damping_ratio = slider.damping / (2.0 * frequency)
     turns = frequency * duration
     rings = 1.0 / damping_ratio if damping_ratio > 0 else math.inf
     shaken = 0.0
     if isinstance(rig.start, FromSliding):
-        largest = float(np.max(np.abs(rig.start.perturbation))) * abs(pieces[0].start)
+        velocity = abs(rig.drive.velocity)
+        largest = float(np.max(np.abs(rig.start.perturbation))) * velocity
         shaken = largest / (mean * frequency) * min(turns, rings)
     # as does a drive that jumps to another velocity
     jumps = sum(a.end != b.start for a, b in pairwise(pieces))
-    slips = 1.0 + jumps + distance * min(slider.stiffness, 1.0)
+    slips = 1.0 + jumps + distance * min(stiffness, 1.0)
     return Course(distance, shaken, turns, min(turns, 10.0 * rings * slips))
 
 
@@ -173,7 +182,7 @@ def way_of(piece: Piece) -> float:
 
 def oscillation(rig: Rig, radians: float) -> tuple[Part, ...]:
     """Return the work of following a slider with mass."""
-    if not isinstance(rig.slider, Slider) or rig.slider.mass == 0:
+    if not isinstance(rig.slider, Slider | Mass) or rig.slider.mass == 0:
         return ()
     what = f"{radians:.2g} rad of the slider's oscillation"
     return (

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Labelled, labelled
 from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS
-from stickslip.model import ElasticBody, Sheet, Slider
+from stickslip.model import ElasticBody, Mass, Sheet, Slider
 from stickslip.model.structure import Structure
 from stickslip.simulation.driver import Track
 from stickslip.simulation.engines import Stretchings
@@ -24,6 +24,10 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "spring_force": {"units": "f_s", "long_name": "spring force per contact"},
     "friction_force": {"units": "f_s", "long_name": "friction force, per contact"},
     "attached": {"units": "1", "long_name": "fraction of attached contacts"},
+    "load": {
+        "units": "1",
+        "long_name": "normal load, over that at which contacts have their strength",
+    },
     "drive_velocity": {"units": "x_s/time", "long_name": "velocity of the drive"},
     "work": {"units": "f_s x_s", "long_name": "work of the drive, per contact"},
     "kinetic_energy": {
@@ -113,7 +117,7 @@ def with_label(name: str, dims: str | tuple[str, ...], values: ArrayLike) -> Lab
 
 def dataset_of(
     track: Track,
-    slider: Slider | ElasticBody | Structure,
+    slider: Slider | Mass | ElasticBody | Structure,
     bins: int,
     provenance: str,
     marks: Mapping[str, Array] | None = None,
@@ -161,13 +165,19 @@ def dataset_of(
     return xr.Dataset(variables, coordinates, {"provenance": provenance})
 
 
-def _of_slider(track: Track, slider: Slider) -> dict[str, Array]:
-    """What follows from the motion of a rigid slider and its drive."""
+def _of_slider(track: Track, slider: Slider | Mass) -> dict[str, Array]:
+    """What follows from the motion of a rigid slider and its drive; without a spring
+    the "position" of the drive is its force.
+    """
+    kinetic_energy = 0.5 * slider.mass * track["velocity"] ** 2
+    if isinstance(slider, Mass):
+        force = track.drive_position
+        return {"spring_force": force, "kinetic_energy": kinetic_energy}
     spring_force = slider.stiffness * (track.drive_position - track["displacement"])
     return {
         "drive_velocity": track.drive_velocity,
         "spring_force": spring_force,
-        "kinetic_energy": 0.5 * slider.mass * track["velocity"] ** 2,
+        "kinetic_energy": kinetic_energy,
         "spring_energy": 0.5 * spring_force**2 / slider.stiffness,
     }
 

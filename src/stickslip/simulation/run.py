@@ -7,6 +7,7 @@ and the kinetic equation of Eqs. (13)-(17).
 """
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,9 @@ from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
 from stickslip.model import (
     ElasticBody,
+    ExponentialGrowth,
     Interface,
+    Mass,
     MasterEquation,
     Method,
     OnArrest,
@@ -24,13 +27,14 @@ from stickslip.model import (
     Population,
     Slider,
     Start,
+    TabulatedGrowth,
 )
-from stickslip.model.drive import Drive, constant
+from stickslip.model.drive import Drive, constant, ramp
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
 from stickslip.progress import Progress, reporting
 from stickslip.simulation import states
-from stickslip.simulation.driver import Track, follow
+from stickslip.simulation.driver import Track, follow, load_points
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.engines.base import Array
 from stickslip.simulation.estimates import (
@@ -42,7 +46,8 @@ from stickslip.simulation.estimates import (
     sample_interval,
     sampling,
 )
-from stickslip.simulation.result import dataset_of
+from stickslip.simulation.result import dataset_of, with_label
+from stickslip.sliding.rigid_motion import static_friction
 
 
 def simulate(
@@ -148,9 +153,12 @@ class Recording:
         provenance = store.provenance("simulate", {"rig": self.rig})
         marks = self.engine.marks()
         output = self.rig.output
-        run = self.rig.in_its_units(
-            dataset_of(self.track, self.rig.slider, output.bins, provenance, marks)
-        )
+        run = dataset_of(self.track, self.rig.slider, output.bins, provenance, marks)
+        if self.rig.drive.load:
+            times, loads = load_points(self.rig.drive, 0.0).T
+            load = np.interp(self.track.times, times, loads)
+            run["load"] = with_label("load", "time", load)
+        run = self.rig.in_its_units(run)
         return states.keep(run, (self.track, self.engine)) if output.state else run
 
     def longer(self, duration: float) -> "Recording":
@@ -191,7 +199,10 @@ def record(
         work.check()
     announce(rig.name, work.seconds, work.longest.what)
     solver = engine_of(case.interface, case.method, case.slider)
-    beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
+    loads = [point.load for point in case.drive.load] or [1.0]
+    beginning = Beginning(
+        case.interface, case.slider, case.drive.velocity, case.start, loads[0]
+    )
     times = _sample_times(case, solver.angle)
     with reporting(progress, "simulate") as report:
         engine = solver(beginning, case.method)
@@ -230,11 +241,37 @@ def _gone_on(
 def estimate(rig: Rig) -> Work:
     """Return what a run of a rig would take; `InputError` if no solver takes it."""
     engine = engine_of(rig.interface, rig.method, rig.slider)
-    work = Work(rig=rig, parts=engine.cost(rig, rig.method, course_of(rig)))
+    _check_drive(rig, engine)
+    costed = _with_velocities(rig)
+    parts = engine.cost(costed, rig.method, course_of(costed))
+    work = Work(rig=rig, parts=parts)
     if work.bytes > LARGEST:  # as arrays of all blocks are, by which samples are chosen
         return work
     others = *pieces_and_looks(rig, engine.piece), sampling(rig, engine.angle)
     return replace(work, parts=work.parts + others)
+
+
+def _with_velocities(rig: Rig) -> Rig:
+    """Return a rig whose contacts break as often, at most: with the velocity of a free
+    mass in place of a force, and a longer way in place of a smaller load.
+    """
+    drive = rig.drive
+    if drive.force:
+        largest = max(abs(point.force) for point in drive.force)
+        fastest = largest / rig.slider.mass * drive.duration
+        with suppress(ZeroDivisionError):
+            terminal = largest / (rig.slider.mass * rig.slider.damping)
+            fastest = min(fastest, terminal)
+        with suppress(InputError):  # not known where contacts age
+            if largest < static_friction(rig.interface)[0]:
+                fastest = 0.0
+        drive = replace(ramp(0.0, fastest, drive.duration), load=drive.load)
+    least = min((point.load for point in drive.load), default=1.0)
+    pieces = tuple(
+        replace(piece, start=piece.start / least, end=piece.end / least)
+        for piece in drive.pieces
+    )
+    return replace(rig, drive=replace(drive, pieces=pieces))
 
 
 def pull_rigidly(
@@ -307,7 +344,7 @@ def _check(rig: Rig) -> None:
     slider = rig.slider
     drive = rig.drive
     snapshots = rig.output.snapshots
-    bodies = (Slider, ElasticBody, Structure)
+    bodies = (Slider, Mass, ElasticBody, Structure)
     instance(
         "simulate: Rig.slider",
         slider,
@@ -325,6 +362,44 @@ def _check(rig: Rig) -> None:
         raise InputError(
             f"Output.snapshots: {snapshots[-1]:g} lies beyond the end of the drive "
             f"({drive.duration:g})"
+        )
+
+
+_LOADED = {"newborn", "slip_to_slip_scatter", "on_arrest", "ageing"}
+"""Mechanisms whose forces and lengths are all in proportion to a threshold."""
+
+
+def _check_drive(rig: Rig, engine: type[Engine]) -> None:
+    """Raise `InputError` for a load or a force that cannot be taken, or a force on a
+    spring.
+    """
+    drive = rig.drive
+    interface = rig.interface
+    if bool(drive.force) != isinstance(rig.slider, Mass):
+        raise InputError(
+            "Drive.force: pulls a Mass, and a velocity the spring of any other slider; "
+            "give both, as pull(0.6, duration=10) and Mass(mass=1.0)",
+            "Drive.force",
+        )
+    for part in ("load", "force"):
+        if getattr(drive, part) and part not in engine.drives:
+            raise InputError(
+                f"Drive.{part}: takes Contacts without a structure or blocks, not "
+                f"{type(rig.method).__name__} on a {type(rig.slider).__name__}; use "
+                "these, or leave it out",
+                f"Drive.{part}",
+            )
+    ageing = interface.ageing
+    scales = ageing is None or isinstance(ageing, TabulatedGrowth)
+    if isinstance(ageing, ExponentialGrowth):
+        scales = ageing.newborn == 0.0
+    others = interface.mechanisms - (_LOADED if scales else _LOADED - {"ageing"})
+    if drive.load and others:
+        part = min(others)
+        raise InputError(
+            f"Interface.{part} = {getattr(interface, part)!r}: not available with "
+            "Drive.load, as it is not in proportion to it; leave one out",
+            f"Interface.{part}",
         )
 
 
@@ -374,7 +449,7 @@ def _sample_times(rig: Rig, angle: float) -> Array:
     times = interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
     # The sample of a seam lies on it, rounding aside, as the last one does on the end:
     # a run that goes on has the same as one in one piece.
-    seams = np.cumsum([piece.duration for piece in rig.drive.pieces])
+    seams = np.array(rig.drive.ends)
     near = np.minimum(np.rint(seams / interval).astype(int), times.size - 1)
     on = np.abs(times[near] - seams) <= 1e-12 * seams
     times[near[on]] = seams[on]

@@ -466,6 +466,7 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
     instance("rig.slider", rig.slider, Slider | ElasticBody | Structure, moves)
     starts = "'from rest' or 'sliding' in a sweep"
     instance("rig.simulation.start", rig.start, FromRest | FromSliding, starts)
+    number("rig.drive.velocity", rig.velocity, above=0)
     first, *others = rig.drive.pieces
     if others or first.start != first.end:
         raise InputError(
@@ -475,7 +476,6 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
     check_method(rig.interface, rig.method, rig.slider)
     if getattr(rig.slider, "mass", 1.0) == 0 and "mass" not in axes:
         raise InputError("rig.slider.mass = 0: a run needs a mass above 0")
-    number("rig.drive.velocity", rig.velocity, above=0)
     for name in axes:
         if name in BY_NAME:
             rig.value(name)  # it has one

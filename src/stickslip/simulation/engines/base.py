@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array as Array
 from stickslip.errors import InputError, shown
-from stickslip.kernels.drive import Quadratic, Stop
+from stickslip.kernels.drive import NO_LOAD, Quadratic, Stop
 from stickslip.kernels.oscillator import RIGID
 from stickslip.kernels.oscillator import Slider as SliderConstants
 from stickslip.model import (
@@ -28,6 +28,7 @@ from stickslip.model import (
     FromRest,
     FromSliding,
     Interface,
+    Mass,
     Prestressed,
     QuasiStatic,
     Slider,
@@ -62,7 +63,8 @@ class Leg(NamedTuple):
     to the first sample with `stop`.
 
     `times` are those of the samples still wanted, `looks` those at which stretchings
-    are. Looking never changes the motion.
+    are. Looking never changes the motion. The `load` is as `kernels.drive.load_at`
+    takes it. On a mass without a spring the "position" of the drive is a force.
     """
 
     drive: Quadratic
@@ -70,6 +72,7 @@ class Leg(NamedTuple):
     times: Array
     stop: Stop
     looks: tuple[float, ...] = ()
+    load: Array = NO_LOAD
 
     def drive_position(self, t: Array) -> Array:
         """Position of the drive at times `t`."""
@@ -116,9 +119,10 @@ class Beginning:
     """
 
     interface: Interface
-    slider: Slider | ElasticBody | Structure | None
+    slider: Slider | Mass | ElasticBody | Structure | None
     velocity: float
     start: Start = FromRest()
+    load: float = 1.0
 
     def __post_init__(self) -> None:
         start = self.start
@@ -200,6 +204,7 @@ class Beginning:
             return 0.0
         if isinstance(self.slider, Structure):
             return self.slider.sliding(self.velocity, contact_force)[1]
+        assert not isinstance(self.slider, Mass)  # which starts at rest
         drag = self.slider.mass * self.slider.damping * self.velocity
         if isinstance(self.slider, Slider):
             return (contact_force + drag) / self.slider.stiffness
@@ -225,6 +230,8 @@ class Engine(Protocol):
     """What it takes of `Interface.mechanisms` besides ageing; the rest is refused
     before it is asked.
     """
+    drives: ClassVar[frozenset[str]] = frozenset()
+    """What it takes of a drive besides velocities: load, force."""
     smooth: ClassVar[bool] = False
     """Whether thresholds must have a density."""
     piece: ClassVar[float] = 2e-4
@@ -417,15 +424,14 @@ def _refusal(interface: Interface, method: object, slider: object) -> InputError
 
 
 def slider_constants(
-    slider: Slider | ElasticBody | Structure | None,
+    slider: Slider | Mass | ElasticBody | Structure | None,
 ) -> SliderConstants:
     """Return a slider as the kernels take it; none is rigid motion."""
-    assert slider is None or isinstance(slider, Slider)
-    return (
-        RIGID
-        if slider is None
-        else SliderConstants(slider.stiffness, slider.mass, slider.damping)
-    )
+    assert slider is None or isinstance(slider, Slider | Mass)
+    if slider is None:
+        return RIGID
+    stiffness = getattr(slider, "stiffness", 0.0)
+    return SliderConstants(stiffness, slider.mass, slider.damping)
 
 
 def check_newborns(interface: Interface) -> None:

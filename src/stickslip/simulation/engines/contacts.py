@@ -5,6 +5,7 @@ rule of `stickslip.kernels.thinning`.
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -98,6 +99,7 @@ class EventByEvent(Engine):
 
     columns = COLUMNS
     angle = 0.1
+    drives = frozenset({"load", "force"})
     mechanisms = frozenset(
         {
             "sliding_force",
@@ -124,7 +126,12 @@ class EventByEvent(Engine):
         self._factor = track_factor(interface, self._tracks)
         self.slider = slider_constants(beginning.slider)
         self._rule = rule_of(interface)
-        x, strength, pending, since = self._first(beginning, method.count)
+        # All lengths that contacts have are in proportion to the load.
+        load = beginning.load
+        unloaded = replace(beginning, velocity=beginning.velocity / load)
+        x, strength, pending, since = self._first(unloaded, method.count)
+        x *= load
+        strength *= load
         slides = int(beginning.sliding and interface.sliding_force > 0)
         motion = make_motion(
             0.0, beginning.slider_velocity, interface.sliding_force, slides
@@ -362,6 +369,7 @@ class EventByEvent(Engine):
     def advance(self, leg: Leg) -> Advance:
         """Go on by some events."""
         m = self._state.motion[0]
+        self._draws = self._draws._replace(load=leg.load)
         sampling = Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
         seen: list[Stretchings] = []
         m.sample = 0
