@@ -150,6 +150,11 @@ LABVIEW_WITHOUT_COMMENTS = (
         ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, {"units": ("s", "kN")}),
         ("Time / s;Force / mN\n" + SEMICOLONS, {"units": ("s", "mN")}),
         ("time_s,force_kN\n" + PAIRS, {"units": ("s", "kN")}),
+        ("t/s,F/kN\n" + PAIRS, {"units": ("s", "kN")}),
+        (
+            "Time (s),Extension (mm),Load (kN)\n" + rows(lambda t, f: f"{t},{t},{f}"),
+            {"units": ("s", "kN")},
+        ),
         (
             "Time  Load cell\n" + rows(lambda t, f: f"{t} ms {f} kN"),
             {"units": ("ms", "kN")},
@@ -461,6 +466,12 @@ BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
             "no unit of the force: N assumed.*no unit of the time: s assumed",
         ),
         ("t (s),F (N)\n" + PAIRS, "force", {}, "^$"),
+        (
+            "timestamp,F (N)\n" + rows(lambda t, f: f"{1.7e12 + 1e3 * t:.0f},{f}"),
+            "force",
+            {},
+            "^the times are taken for ms since 1970$",
+        ),
     ],
 )
 def test_forces_and_coefficients_are_told_apart_and_units_not_named_are_assumed(

@@ -21,6 +21,10 @@ _CLOCKS = [
     re.compile(rf"{_DATES['day']}{_BETWEEN}{_TIME}(?:{_HALF})?(?:{_OFFSET})?"),
     re.compile(rf"{_DATES['month']}{_BETWEEN}{_TIME}{_HALF}(?:{_OFFSET})?"),
 ]
+_SINCE_1970 = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}
+"""What a clock since 1970 shows in 2001, in its units; it shows 2.2 times as much in
+2038, the end of its signed 32 bits.
+"""
 _FIRST_DAY = dt.date(2000, 1, 1).toordinal()
 
 
@@ -50,3 +54,12 @@ def seconds_of(text: str) -> float | None:
         east = -east
     seconds = float((told["seconds"] or "0").replace(",", "."))
     return _DAY * days + 3600.0 * hours + 60.0 * int(told["minutes"]) + seconds - east
+
+
+def unit_since_1970(count: float) -> str:
+    """The unit in which a number counts the time since 1970, if it is of this century;
+    else nothing.
+    """
+    return next(
+        (unit for unit, least in _SINCE_1970.items() if 1.0 <= count / least < 2.2), ""
+    )

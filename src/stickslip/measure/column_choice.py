@@ -135,7 +135,18 @@ def _told(table: Table, free: list[int], name: str) -> list[int]:
         named = [i for i in found if table.headings[i].is_told_by_name]
         if found:
             return named or found
+    if name == "force" and not _unnamed(table, free):
+        return [i for i in free if _is_pulled_with(table.headings[i])]
     return []
+
+
+def _is_pulled_with(heading: Heading) -> bool:
+    """Whether a load may be the force of the test: testing machines call so what they
+    pull with.
+    """
+    words = {*simple(heading.name).split()}
+    across = {"normal", "vertical", "nominal", "applied", "axial"}
+    return heading.quantity == "load" and "load" in words and not words & across
 
 
 def _unnamed(table: Table, free: list[int]) -> list[int]:

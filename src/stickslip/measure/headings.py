@@ -136,8 +136,8 @@ class Heading(NamedTuple):
         if bracket := _BRACKET.fullmatch(cell):
             return cls(**bracket.groupdict())
         tail = _TAIL.fullmatch(cell)
-        # F_N is the normal force, and no force in N
-        if tail and _NAMED.get(simple(cell)) != "load":
+        # F_N is the normal force, and no force in N; F/N is one (ISO 80000)
+        if tail and ("/" in cell or _NAMED.get(simple(cell)) != "load"):
             unit = unit_named(tail["unit"])
             named = _named(tail["name"])
             if unit and unit[0] in _TABLES["kinds"].get(named, ()):

@@ -23,6 +23,7 @@ _EXPORTED = {
     b"PAR1": "Parquet: pandas.read_parquet(file).to_csv(...)",
     b"\x1f\x8b": "packed by gzip: unpack it first",
     b"SQLite format 3": "an SQLite database: export the table as .csv",
+    b"{": "JSON: write the columns as .csv",
     b"%PDF": "a PDF: export the table as .csv",
     b"\x89PNG": "a picture: export the table as .csv",
     b"\xff\xd8\xff": "a picture: export the table as .csv",

@@ -15,6 +15,7 @@ from stickslip import words
 from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
+from stickslip.measure.clocks import unit_since_1970
 from stickslip.measure.column_choice import Choice, choose
 from stickslip.measure.headings import WEIGHTS, ratio, unit_named
 from stickslip.measure.sensor import far_outside, spikes
@@ -319,6 +320,9 @@ def _dataset(
         missing = rows["force"].isna()
         rows = rows.interpolate("index", limit_direction="both")
     rows["force"] *= -1.0 if flip else 1.0
+    if not units["time"] and (unit := unit_since_1970(float(rows.index[0]))):
+        units["time"] = unit
+        notes.append(f"the times are taken for {unit} since 1970")
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:
             units[name] = usual
