@@ -114,15 +114,15 @@ def test_a_force_moves_a_mass_beyond_the_static_friction_by_what_it_has_in_exces
     static, _ = ss.static_friction(AT_ONCE)
     kinetic = ss.kinetic_friction(AT_ONCE, velocity=1.0)
     noise = 0.5 / math.sqrt(many.count)  # of the force of a contact, at most
-    rises = pull([(0.0, 0.0), (200.0, 1.2 * static)])
+    rises = pull(0.0, 1.2 * static, duration=200.0)
     slow = ss.simulate(pulled(AT_ONCE, rises, Mass(mass=0.01, damping=5.0), many))
     onset = slow["spring_force"][int(np.argmax(slow["velocity"].values > 0.5))]
     assert onset == pytest.approx(static, abs=4.0 * noise)
     sticks = ss.simulate(
-        pulled(AT_ONCE, pull(0.5 * static, 50.0), Mass(mass=0.1), many)
+        pulled(AT_ONCE, pull(0.5 * static, duration=50.0), Mass(mass=0.1), many)
     )
     assert sticks["displacement"].max() < 1.5
-    pushed = pulled(AT_ONCE, pull(2.0 * static, 20.0), Mass(mass=2.0), many)
+    pushed = pulled(AT_ONCE, pull(2.0 * static, duration=20.0), Mass(mass=2.0), many)
     run = ss.simulate(pushed)
     speed = run["velocity"].sel(time=slice(5.0, None))
     rate = float((speed[-1] - speed[0]) / (speed.time[-1] - speed.time[0]))
@@ -135,7 +135,7 @@ def test_a_force_moves_a_mass_beyond_the_static_friction_by_what_it_has_in_exces
 @pytest.mark.parametrize("damping", [0.0, 0.7])
 def test_a_mass_that_nothing_holds_moves_as_newton_says(damping):
     gone = ss.Interface(thresholds=TENTH, delay=ss.Delay(math.inf))
-    drive = pull([(0.0, 2.0), (4.0, 1.0), (4.0, -1.0)], 8.0)
+    drive = pull(2.0, 1.0, duration=4.0).then(pull(-1.0, duration=4.0))
     run = ss.simulate(pulled(gone, drive, Mass(mass=0.5, damping=damping)))
     assert imbalance(run) < 1e-11
     for begin, end, first, rate in ((2.5, 4.0, 1.375, -0.25), (4.5, 8.0, -1.0, 0.0)):
@@ -165,7 +165,7 @@ def test_a_mass_that_nothing_holds_moves_as_newton_says(damping):
             ss.constant(1.0, 0.7),
             ss.ramp(1.0, 2.0, 0.6).under([(0.0, 1.0), (0.3, 2.0)]),
         ),
-        (Mass(mass=0.1), pull([(0.0, 0.0), (0.7, 0.9)]), pull(0.3, 0.6)),
+        (Mass(mass=0.1), pull(0.0, 0.9, duration=0.7), pull(0.3, duration=0.6)),
     ],
     ids=["then 1", "load", "force"],
 )
@@ -196,7 +196,12 @@ BRAKE = {
 }
 WEIGHT = BRAKE | {
     "slider": {"mass": "1 kg"},
-    "drive": {"force": [["1 ms", "-3 N"], ["7.7 ms", "90 N"]], "duration": "9 ms"},
+    "drive": {
+        "force": [
+            {"start": "-3 N", "end": "90 N", "duration": "7.7 ms"},
+            {"start": "60 N", "end": "60 N", "duration": "1.1 ms"},
+        ],
+    },
 }
 
 
@@ -207,13 +212,13 @@ def test_a_file_gives_loads_and_forces_at_times():
     assert float(run["load"][0]) == 0.5
     assert float(run["load"][-1]) == 1.7
     weight = from_document(WEIGHT)
-    assert [p.force for p in weight.drive.force] == [-0.03, -0.03, 0.9, 0.9]
+    assert weight.drive.force[0].start == -0.03
     assert ss.simulate(weight)["spring_force"].max() == pytest.approx(90.0)
     for rig in (brake, weight):
         assert from_document(to_document(rig)).replace(given=()) == rig
-    constant = WEIGHT["drive"] | {"force": "40 N"}
+    constant = {"force": "40 N", "duration": "3 ms"}
     drive = from_document(WEIGHT | {"drive": constant}).drive
-    assert {point.force for point in drive.force} == {0.4}
+    assert [(p.start, p.end) for p in drive.force] == [(0.4, 0.4)]
 
 
 @pytest.mark.parametrize(
@@ -222,17 +227,22 @@ def test_a_file_gives_loads_and_forces_at_times():
         (BRAKE, {"load": "-1 N"}, "drive.load = '-1 N': must be above 0"),
         (BRAKE, {"load": 0.0}, "drive.load = 0.0: must be above 0"),
         (BRAKE, {"load": "3 mm"}, "drive.load = '3 mm'"),
-        (BRAKE, {"load": [["0 s", "3 kg"]]}, "drive.load[0] = '3 kg'"),
+        (BRAKE, {"load": [["0 s", "3 kg"]]}, "drive.load = '3 kg'"),
         (BRAKE, {"load": [["0 s", 1.0, 2.0]]}, "drive.load[0] = "),
         (BRAKE, {"load": [[0, 1.0]]}, "drive.load[0] = 0: has no unit"),
         (BRAKE, {"load": [["2 s", 1.0], ["1 s", 1.0]]}, "drive.load[1]: is at 1"),
         (BRAKE, {"load": []}, "drive.load"),
         (BRAKE, {"force": "3 N"}, "give velocity or pieces or force, not both"),
         (WEIGHT, {"distance": "1 mm"}, "not both"),
-        (WEIGHT, {"force": [["0 s", 3.0]]}, "drive.force[0] = 3.0: has no unit"),
-        (WEIGHT, {"force": []}, "drive.force"),
+        (
+            WEIGHT,
+            {"force": [{"start": 3.0}]},
+            "drive.force[0].start = 3.0: has no unit",
+        ),
+        (WEIGHT, {"force": []}, "drive.force = []: must be a list"),
         (WEIGHT, {"force": "3 m"}, "drive.force = '3 m'"),
-        (WEIGHT, {"duration": "3 ms"}, "times that rise"),
+        (WEIGHT, {"force": "3 N"}, "drive.duration: is missing"),
+        (WEIGHT, {"duration": "3 ms"}, "has durations; leave drive.duration out"),
     ],
 )
 def test_what_a_file_gives_wrongly_is_said_in_one_line(document, changes, words):
@@ -251,7 +261,7 @@ def test_a_load_in_newtons_needs_the_normal_load_and_a_force_no_spring():
 
 
 LOADED = pulled(DELAYED, ss.constant(1.0, 5.0).under(2.0))
-FORCED = pulled(DELAYED, pull(0.3, 5.0), Mass(mass=1.0))
+FORCED = pulled(DELAYED, pull(0.3, duration=5.0), Mass(mass=1.0))
 CHAIN = ss.Chain(blocks=3, coupling=9.0, mass=1.0, damping=0.1, leaf=0.2)
 MODES = ss.model.Modes(
     masses=(1.0,), stiffnesses=(1.0,), dampings=(0.1,), contact=(1.0,)
@@ -302,11 +312,10 @@ def test_all_else_refuses_them_in_one_line(act, rig):
         lambda: ss.constant(1.0).under([(2.0, 1.0), (1.0, 1.0)]),
         lambda: ss.constant(1.0).under(0.0),
         lambda: ss.constant(1.0).under("2 N"),
-        lambda: ss.constant(1.0).under(2.0).until(ss.model.Travel(1.0)),
-        lambda: ss.constant(1.0).then(pull(0.3, 5.0)),
-        lambda: pull(0.3),
-        lambda: pull([], 2.0),
-        lambda: pull([(0.0, math.inf)], 2.0),
+        lambda: ss.constant(1.0).under([]),
+        lambda: ss.constant(1.0).then(pull(0.3, duration=5.0)),
+        lambda: pull(0.3, duration=0.0),
+        lambda: pull(math.inf, duration=2.0),
         lambda: ss.model.Drive(load=((0.0, 1.0),)),
         lambda: FORCED.velocity,
         lambda: LOADED.velocity,

@@ -104,7 +104,18 @@ def small_cases():
             f"{method}, rigid": partial(rigid, delayed, method),
             f"{method}, ageing": partial(run, ageing, method, drive=BACK),
         }
+    ramp = [(0.5, 1.0), (1.2, 2.0)]
+    rise = ss.model.pull(0.0, 3.0, duration=1.0)
     cases |= {
+        "contacts, a load that changes": partial(
+            run, delayed, few, drive=THERE_AND_BACK.under(ramp)
+        ),
+        **{
+            f"contacts, a force, {damping}": partial(
+                run, delayed, few, ss.model.Mass(mass=0.1, damping=damping), rise
+            )
+            for damping in (0.0, 1.0)
+        },
         "memoryless": partial(
             run, delayed, ss.MasterEquation(rtol=1e-2, memoryless=True)
         ),

@@ -22,7 +22,7 @@ from stickslip.model.ageing import AGEING_MODELS
 from stickslip.model.body import BODIES
 from stickslip.model.delays import DELAYS
 from stickslip.model.distributions import DISTRIBUTIONS, Empirical
-from stickslip.model.drive import Piece
+from stickslip.model.drive import ForcePiece, Piece
 from stickslip.model.methods import METHODS
 from stickslip.model.records import Number, choices_of, declared
 from stickslip.model.structure import ControlledAxis, Matrices, StateSpace
@@ -217,6 +217,8 @@ def keys_of_slider(kind: str) -> dict[str, Key]:
 
 PIECE = _keys("piece", _EXAMPLES["drive"]["pieces"][0], Piece)
 """Keys of each of `drive.pieces`."""
+FORCE = _keys("force", _WITHIN["force"], ForcePiece)
+"""Keys of each of `drive.force`."""
 START = _keys("start", _WITHIN["start"], Prestressed)
 """Keys of `simulation.start` as a table."""
 RUN = _keys("run", _WITHIN["run"])

@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial, reduce
 from typing import Any
 
-from stickslip.errors import InputError, refused, shown
+from stickslip.errors import InputError, pair, refused, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Either, Key, Sign, natural_unit_of, toml
 from stickslip.io.rig_keys import MATERIAL, RULES, SCALES, SHAPE, TABLES, keys_of
@@ -346,61 +346,58 @@ class _Reader:
         goes follows where it is not given.
         """
         drive, speeds = self._pulled(values)
-        if "load" not in values:
-            return drive, speeds
+        if "load" in values:
+            load = self._load(values["load"], normal_load)
+            with at("drive"):
+                drive = drive.under(load)
+        return drive, speeds
+
+    def _load(self, content: Any, normal_load: float | None) -> Any:
+        """Read a load over the usual one: a number, or a list of times and loads."""
+        place = "drive.load"
+        natural = self.file.natural
         own = TABLES["drive"]["load"]
         usual = TABLES["interface"]["normal_load"]
-
-        def load(value: Any, place: str) -> float:
-            if not isinstance(value, str) or self.file.natural:
-                key = replace(own, also=())
-                return float(key.read(value, place, natural=self.file.natural))
-            found = usual.read(value, place, natural=False)
-            if normal_load is None:
-                raise MissingError("interface.normal_load", usual.example)
-            return float(found / normal_load)
-
-        points = self._points(values["load"], "drive.load", load)
-        with at("drive"):
-            return drive.under(points), speeds
-
-    def _points(
-        self, content: Any, place: str, read: Callable[[Any, str], float]
-    ) -> Any:
-        """Read a list of points, times and values, or a value that is not read yet."""
-        if isinstance(content, float):
-            return content
-        if not isinstance(content, list):
-            return read(content, place)
-        time = replace(TABLES["drive"]["duration"], sign="at least 0")
-        found = []
-        for i, point in enumerate(content):
-            where = f"{place}[{i}]"
-            if not isinstance(point, list) or len(point) != 2:
-                raise refused(where, point, "must be a time and a value")
-            at_time = time.read(point[0], where, natural=self.file.natural)
-            found.append((at_time, read(point[1], where)))
-        return found
+        if isinstance(content, list):
+            time = replace(TABLES["drive"]["duration"], sign="at least 0")
+            found = []
+            for i, point in enumerate(content):
+                where = f"{place}[{i}]"
+                moment, load = pair(where, point, 'a time and a load, ["1 s", 1.5]')
+                moment = time.read(moment, where, natural=natural)
+                found.append((moment, self._load(load, normal_load)))
+            return found
+        if natural or not isinstance(content, str):
+            return own.read(content, place, natural=natural)
+        load = usual.read(content, place, natural=natural)
+        if normal_load is None:
+            raise MissingError("interface.normal_load", usual.example)
+        return load / normal_load
 
     def _pulled(self, values: Values) -> tuple[Drive, Values]:
         """Make the drive without its load, and return the speeds."""
-        if "force" in values:
-            key = replace(TABLES["drive"]["force"], also=())
-            force = partial(key.read, natural=self.file.natural)
-            points = self._points(values["force"], "drive.force", force)
+        by_force = "force" in values
+        place = "drive.force" if by_force else "drive.pieces"
+        content = values.get("force" if by_force else "pieces")
+        lasts = values.get("duration")
+        if isinstance(content, float):
+            if lasts is None:
+                raise MissingError("drive.duration", "10 s")
             with at("drive"):
-                return pull(points, values.get("duration")), {}
-        place = "drive.pieces"
-        content = values.get("pieces")
+                return pull(content, duration=lasts), {}
         if content is not None:
             if not isinstance(content, list) or not content:
                 raise refused(place, content, "must be a list of at least one table")
+            if lasts is not None:
+                raise refused(place, content, "has durations; leave drive.duration out")
+            keys = rig_keys.FORCE if by_force else rig_keys.PIECE
+            make: Callable[..., Drive] = pull if by_force else ramp
             read = [
-                self.file.whole(piece, rig_keys.PIECE, f"{place}[{i}]")
+                self.file.whole(piece, keys, f"{place}[{i}]")
                 for i, piece in enumerate(content)
             ]
             with at(place):
-                return reduce(Drive.then, [ramp(**piece) for piece in read]), {}
+                return reduce(Drive.then, [make(**piece) for piece in read]), {}
         if "velocity" not in values:
             raise NotedError("")
         velocity, speeds = self._speeds(values["velocity"], "drive.velocity")

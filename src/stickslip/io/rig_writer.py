@@ -333,24 +333,19 @@ class _Writer:
 
     def drive(self) -> Document:
         drive = self.rig.drive
+        if any(piece.until is not None for piece in drive.parts):
+            raise self._refuse("a drive with conditions")
         load = [
             [self.quantity(point.time, "time"), self._number(point.load)]
             for point in drive.load
         ]
-        found = {"force": self._force()} if drive.force else self._pieces()
+        force = [self._values(piece, rig_keys.FORCE) for piece in drive.force]
+        found = {"force": force} if force else self._pieces()
         return found | ({"load": load} if load else {})
-
-    def _force(self) -> list[Any]:
-        return [
-            [self.quantity(point.time, "time"), self.quantity(point.force, "f_s")]
-            for point in self.rig.drive.force
-        ]
 
     def _pieces(self) -> Document:
         pieces = self.rig.drive.pieces
         operation = self.rig.operation
-        if any(piece.until is not None for piece in pieces):
-            raise self._refuse("a drive with conditions")
         if len(pieces) > 1 or pieces[0].start != pieces[0].end:
             return {"pieces": [self._values(piece, rig_keys.PIECE) for piece in pieces]}
         velocity = pieces[0].start

@@ -71,8 +71,6 @@ class Slider(Record):
 class Mass(Record):
     """A slider without a driving spring, pulled by a force (`pull`), per contact.
 
-    As a function it is its mechanical impedance ``Z(s) = M s^2 + M eta s``.
-
     Parameters
     ----------
     mass : float
@@ -88,10 +86,6 @@ class Mass(Record):
 
     mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N")]
     damping: Annotated[float, Number("1/time", at_least=0, hint="eta")] = 0.0
-
-    def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
-        """Force over displacement for motion as ``exp(s t)``, at each `s` in 1/time."""
-        return np.asarray(self.mass * s * (s + self.damping), dtype=complex)
 
 
 BODIES, register = registry("body")

@@ -9,10 +9,10 @@ Drives are values: comparable, printable, joined by `Drive.then`.
 450.0
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import accumulate, groupby
-from typing import Annotated, Any, Self
+from itertools import accumulate, groupby, pairwise
+from typing import Annotated, Self
 
 from stickslip.answers import card, table
 from stickslip.errors import InputError, instance, number, pair, refused, sequence
@@ -46,6 +46,10 @@ class ForceBelow(Record):
 
 
 Condition = Travel | ForceAbove | ForceBelow
+Duration = Annotated[float, Number("time", above=0, place="drive duration")]
+Until = Annotated[
+    Condition | None, Part("Travel, ForceAbove or ForceBelow", place="drive until")
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +63,8 @@ class Piece(Record):
 
     start: Velocity
     end: Velocity
-    duration: Annotated[float, Number("time", above=0, place="drive duration")]
-    until: Annotated[
-        Condition | None, Part("Travel, ForceAbove or ForceBelow", place="drive until")
-    ] = None
+    duration: Duration
+    until: Until = None
 
     @property
     def acceleration(self) -> float:
@@ -70,98 +72,85 @@ class Piece(Record):
         return (self.end - self.start) / self.duration
 
 
-Moment = Annotated[float, Number("time", at_least=0, place="Drive.time")]
-Points = float | Iterable[tuple[float, float]]
-"""A value that stays, or pairs of a time and a value."""
-
-
 @dataclass(frozen=True)
 class LoadPoint(Record):
     """The normal load at a time, over that at which contacts have their strength."""
 
-    time: Moment
+    time: Annotated[float, Number("time", at_least=0, place="Drive.load time")]
     load: Annotated[float, Number(above=0, place="Drive.load")]
 
 
-@dataclass(frozen=True)
-class ForcePoint(Record):
-    """The force of the drive at a time, per contact."""
+@dataclass(frozen=True, kw_only=True)
+class ForcePiece(Record):
+    """A stretch of time in which the force of the drive goes linearly from `start` to
+    `end`; `until` as of a `Piece`.
+    """
 
-    time: Moment
-    force: Force
+    start: Force
+    end: Force
+    duration: Duration
+    until: Until = None
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A sequence of pieces, made with `constant` and `ramp`, or a force, made with
+    """A sequence of pieces, made with `constant` and `ramp`, or of forces, made with
     `pull`; and the normal load, which is 1 unless `under` sets it.
 
-    Load and force are given at times from the beginning on, and linear between them.
-    Two points at one time are a jump. The load is constant before its first point and
-    after its last.
+    The load is given at times since the beginning. It is linear between them and
+    constant beyond; two points at one time are a jump.
     """
 
     pieces: tuple[Piece, ...] = ()
     load: tuple[LoadPoint, ...] = ()
-    force: tuple[ForcePoint, ...] = ()
+    force: tuple[ForcePiece, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_points("load", self.load, LoadPoint)
-        _check_points("force", self.force, ForcePoint)
-        if self.load and any(piece.until is not None for piece in self.pieces):
-            raise InputError(
-                "Drive.load: is given at times, so not available with a piece that "
-                "ends on a condition; leave one out",
-                "Drive.load",
-            )
-        if self.force:
-            if self.pieces or self.force[0].time != 0 or self.duration == 0:
-                raise InputError(
-                    "Drive.force: must begin at 0, have a duration, and go without "
-                    "velocities; make a drive with pull(0.6, duration=10)",
-                    "Drive.force",
-                )
-            return
-        instance(
-            "Drive.pieces",
-            self.pieces,
-            tuple,
-            "a tuple of pieces; make a drive with constant() or ramp()",
-        )
-        for i, piece in enumerate(self.pieces):
-            instance(
-                f"Drive.pieces[{i}]",
-                piece,
-                Piece,
-                "a piece; make a drive with constant() or ramp()",
-            )
-        if not self.pieces:
+        for name, kind in (
+            ("pieces", Piece),
+            ("load", LoadPoint),
+            ("force", ForcePiece),
+        ):
+            place = f"Drive.{name}"
+            hint = "{}; make a drive with constant() or ramp(), under() or pull()"
+            parts = getattr(self, name)
+            instance(place, parts, tuple, hint.format("a tuple of pieces"))
+            for i, part in enumerate(parts):
+                instance(f"{place}[{i}]", part, kind, hint.format("a piece"))
+        if bool(self.pieces) == bool(self.force):
             raise InputError(
                 "Drive.pieces: must hold at least one piece; make one with constant() "
-                "or ramp()"
+                "or ramp(), or else a force with pull()"
             )
+        for i, (before, after) in enumerate(pairwise(self.load)):
+            if after.time < before.time:
+                raise InputError(
+                    f"Drive.load[{i + 1}]: is at {after.time:g}, before "
+                    f"{before.time:g}; give times that rise",
+                    f"Drive.load[{i + 1}]",
+                )
 
     def _repr_html_(self) -> str:
         """A card for a notebook: each piece, with its natural units."""
-        rows = [("from (x_s/time)", "to (x_s/time)", "for (time)")] * bool(self.pieces)
-        for piece in self.pieces:
-            numbers = piece.start, piece.end, piece.duration
-            first, last, duration = map("{:.4g}".format, numbers)
-            rows.append((first, last, duration))
-        rows += [(str(point), "", "") for point in (*self.force, *self.load)]
+        unit = "x_s/time" if self.pieces else "f_s"
+        rows = [(f"from ({unit})", f"to ({unit})", "for (time)")]
+        for piece in self.parts:
+            first, last = f"{piece.start:.4g}", f"{piece.end:.4g}"
+            rows.append((first, last, f"{piece.duration:.4g}"))
+        rows += [(str(point), "", "") for point in self.load]
         return card("Drive, in natural units", table(rows))
 
     @property
-    def ends(self) -> list[float]:
-        """Times at which the pieces end, if no condition ends one early."""
-        # in order, as a run adds them up
-        ends = accumulate(piece.duration for piece in self.pieces)
-        return [point.time for point in self.force] or [*ends]
+    def parts(self) -> tuple[Piece | ForcePiece, ...]:
+        """Its pieces, of velocity or of force."""
+        return self.pieces or self.force
 
     @property
     def duration(self) -> float:
         """Time the whole drive lasts if no condition ends a piece early."""
-        return self.ends[-1]
+        # in order, as a run adds them up
+        *_, total = accumulate(piece.duration for piece in self.parts)
+        return total
 
     @property
     def velocity(self) -> float:
@@ -177,18 +166,17 @@ class Drive:
     def then(self, other: "Drive") -> "Drive":
         """Return this drive followed by another; without points the load is 1."""
         instance("Drive.then", other, Drive, "a drive, made with constant() or ramp()")
-        seam = self.duration
         load = self.load
         if load or other.load:
+            seam = self.duration
             load = load or (LoadPoint(0.0, 1.0),)
             after = other.load or (LoadPoint(0.0, 1.0),)
             stays = LoadPoint(seam, load[-1].load), LoadPoint(seam, after[0].load)
-            load = *load, *stays, *_later(after, seam)
-        return Drive(
-            self.pieces + other.pieces, load, (*self.force, *_later(other.force, seam))
-        )
+            later = [replace(point, time=seam + point.time) for point in after]
+            load = *load, *stays, *later
+        return Drive(self.pieces + other.pieces, load, self.force + other.force)
 
-    def under(self, load: Points) -> "Drive":
+    def under(self, load: float | Iterable[tuple[float, float]]) -> "Drive":
         """Return the drive under a normal load, over that at which the contacts have
         their strength: a number, or pairs of a time and a load.
 
@@ -196,15 +184,24 @@ class Drive:
         >>> braking.load[-1]
         LoadPoint(time=10.0, load=3.0)
         """
-        points = _pairs("Drive.load", load)
-        return replace(self, load=tuple(LoadPoint(*each) for each in points))
+        hint = "a number, or pairs of a time and a load, such as [(0, 1), (5, 2)]"
+        pairs = [(0.0, load)] if isinstance(load, int | float) else load
+        points = [
+            LoadPoint(*pair("Drive.load", each, hint))
+            for each in sequence("Drive.load", pairs, hint)
+        ]
+        if not points:
+            raise refused("Drive.load", pairs, f"must be {hint}")
+        return replace(self, load=tuple(points))
 
     def until(self, condition: Condition) -> "Drive":
         """Return the drive with its last piece ended early, at the first sample
         where the condition holds.
         """
-        pieces = (*self.pieces[:-1], replace(self.pieces[-1], until=condition))
-        return replace(self, pieces=pieces)
+        name = "pieces" if self.pieces else "force"
+        *before, last = self.parts
+        ended = replace(last, until=condition)
+        return replace(self, **{name: (*before, ended)})  # type: ignore[arg-type]
 
     def faster(self, factor: float) -> Self:
         """Return the same path at velocities that are larger by a factor, in as much
@@ -246,45 +243,12 @@ def ramp(start: float, end: float, duration: float) -> Drive:
     return Drive((Piece(start=start, end=end, duration=duration),))
 
 
-def pull(force: Points, duration: float | None = None) -> Drive:
-    """Pull a `Mass` with a force per contact, in ``f_s``: a number, or pairs of a time
-    and a force, such as ``[(0, 0), (30, 0.6)]``; by default until the last of them.
+def pull(start: float, end: float | None = None, *, duration: float) -> Drive:
+    """Pull a `Mass` with a force per contact, in ``f_s``: constant, or going linearly
+    from `start` to `end`.
 
-    >>> pull([(0.0, 0.0), (30.0, 0.6)], duration=40.0).force[-1]
-    ForcePoint(time=40.0, force=0.6)
+    >>> pull(0.0, 0.6, duration=30).then(pull(0.6, duration=10)).duration
+    40.0
     """
-    points = [ForcePoint(*each) for each in _pairs("Drive.force", force)]
-    if points[0].time > 0:
-        points.insert(0, replace(points[0], time=0.0))
-    if duration not in (None, points[-1].time):
-        points.append(replace(points[-1], time=duration))
-    return Drive(force=tuple(points))
-
-
-def _pairs(place: str, values: Points) -> list[tuple[float, float]]:
-    hint = "a number, or pairs of a time and a value, such as [(0, 1), (5, 2)]"
-    if isinstance(values, int | float):
-        return [(0.0, values)]
-    found = [pair(place, each, hint) for each in sequence(place, values, hint)]
-    if not found:
-        raise refused(place, values, f"must be {hint}")
-    return found
-
-
-def _later(points: tuple[Any, ...], by: float) -> Iterator[Any]:
-    return (replace(point, time=by + point.time) for point in points)
-
-
-def _check_points(name: str, points: tuple[Any, ...], kind: type) -> None:
-    """Raise `InputError` unless these are points whose times do not fall."""
-    place = f"Drive.{name}"
-    last = 0.0
-    for i, point in enumerate(points):
-        where = f"{place}[{i}]"
-        instance(where, point, kind, f"a {kind.__name__}(time, {name})")
-        if point.time < last:
-            raise InputError(
-                f"{where}: is at {point.time:g}, before {last:g}; give times that rise",
-                place,
-            )
-        last = point.time
+    last = start if end is None else end
+    return Drive(force=(ForcePiece(start=start, end=last, duration=duration),))

@@ -209,7 +209,9 @@ class Interface(Record):
             fields | {"on_arrest"} if isinstance(self.delay, OnArrest) else fields
         )
 
-    def allow(self, mechanisms: Collection[str], who: str) -> None:
+    def allow(
+        self, mechanisms: Collection[str], who: str, otherwise: str = ", or simulate"
+    ) -> None:
         """Raise `InputError` if the interface has a mechanism that is not among
         those that `who` can take.
         """
@@ -218,7 +220,7 @@ class Interface(Record):
             raise InputError(
                 (
                     f"Interface.{field} = {getattr(self, field)!r}: not available with "
-                    f"{who}; leave it out, or simulate"
+                    f"{who}; leave it out{otherwise}"
                 ),
                 f"Interface.{field}",
             )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from stickslip.answers import Answer
 from stickslip.errors import InputError, instance, number, pair
-from stickslip.model.body import ElasticBody
+from stickslip.model.body import ElasticBody, Mass
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
 from stickslip.model.measured_friction import MeasuredFriction
@@ -215,7 +215,7 @@ class Rig(Answer):
         known = (
             hasattr(self.slider, "stiffness")
             or callable(self.slider)
-            or isinstance(self.slider, ElasticBody)
+            or isinstance(self.slider, ElasticBody | Mass)
         )
         if isinstance(self.slider, type) or not known:
             raise InputError(

@@ -3,7 +3,6 @@ progress.
 """
 
 from dataclasses import astuple, dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -16,15 +15,7 @@ from stickslip.kernels.drive import (
     Quadratic,
     Stop,
 )
-from stickslip.model.drive import (
-    Condition,
-    Drive,
-    ForceAbove,
-    ForceBelow,
-    ForcePoint,
-    Piece,
-    Travel,
-)
+from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
 from stickslip.progress import Progress
 from stickslip.simulation.engines import Engine, Leg, Stretchings
 from stickslip.simulation.engines.base import MOTION, Array, advances
@@ -75,15 +66,19 @@ def follow(
     snapshots = [] if before is None else [*before.snapshots]
     filled = 0
     load = load_points(drive, first)
-    for piece in drive.pieces or pairwise(drive.force):
+    for piece in drive.parts:
         begin, X = engine.here()
-        motion, end, until = _leg(piece, begin, first, position)
+        end = begin + piece.duration
+        rate = (piece.end - piece.start) / piece.duration
+        motion = Quadratic(begin, position, piece.start, rate)
+        if drive.force:  # in place of a position
+            motion = Quadratic(begin, piece.start, rate, 0.0)
         last = np.searchsorted(times, end * (1 + 1e-12), side="right")
         leg = Leg(
             motion,
             end,
             times[filled:last],
-            _stop(until, X),
+            _stop(piece.until, X),
             looks[len(snapshots) :],
             load,
         )
@@ -116,24 +111,6 @@ def load_points(drive: Drive, first: float) -> Array:
     if not drive.load:
         return NO_LOAD
     return np.array([(first + point.time, point.load) for point in drive.load])
-
-
-def _leg(
-    piece: Piece | tuple[ForcePoint, ForcePoint],
-    begin: float,
-    first: float,
-    position: float,
-) -> tuple[Quadratic, float, Condition | None]:
-    """Return how the drive moves in a piece, or how its force goes; when that ends, and
-    the condition that ends it early.
-    """
-    if isinstance(piece, Piece):
-        motion = Quadratic(begin, position, piece.start, piece.acceleration)
-        return motion, begin + piece.duration, piece.until
-    before, after = piece
-    lasts = after.time - before.time
-    rate = (after.force - before.force) / lasts if lasts else 0.0
-    return Quadratic(begin, before.force, rate, 0.0), first + after.time, None
 
 
 def follow_leg(

@@ -15,9 +15,9 @@ import xarray as xr
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
+from stickslip.kernels.drive import load_at
 from stickslip.model import (
     ElasticBody,
-    ExponentialGrowth,
     Interface,
     Mass,
     MasterEquation,
@@ -30,6 +30,7 @@ from stickslip.model import (
     TabulatedGrowth,
 )
 from stickslip.model.drive import Drive, constant, ramp
+from stickslip.model.records import converted
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
 from stickslip.progress import Progress, reporting
@@ -199,9 +200,9 @@ def record(
         work.check()
     announce(rig.name, work.seconds, work.longest.what)
     solver = engine_of(case.interface, case.method, case.slider)
-    loads = [point.load for point in case.drive.load] or [1.0]
+    load = load_at(load_points(case.drive, 0.0), 0.0)
     beginning = Beginning(
-        case.interface, case.slider, case.drive.velocity, case.start, loads[0]
+        case.interface, case.slider, case.drive.velocity, case.start, load
     )
     times = _sample_times(case, solver.angle)
     with reporting(progress, "simulate") as report:
@@ -257,21 +258,16 @@ def _with_velocities(rig: Rig) -> Rig:
     """
     drive = rig.drive
     if drive.force:
-        largest = max(abs(point.force) for point in drive.force)
-        fastest = largest / rig.slider.mass * drive.duration
-        with suppress(ZeroDivisionError):
-            terminal = largest / (rig.slider.mass * rig.slider.damping)
-            fastest = min(fastest, terminal)
+        largest = max(abs(f) for each in drive.force for f in (each.start, each.end))
+        slider = rig.slider
+        # in free flight, and at most as fast as damping allows
+        fastest = largest / slider.mass / max(slider.damping, 1.0 / drive.duration)
         with suppress(InputError):  # not known where contacts age
-            if largest < static_friction(rig.interface)[0]:
-                fastest = 0.0
-        drive = replace(ramp(0.0, fastest, drive.duration), load=drive.load)
-    least = min((point.load for point in drive.load), default=1.0)
-    pieces = tuple(
-        replace(piece, start=piece.start / least, end=piece.end / least)
-        for piece in drive.pieces
-    )
-    return replace(rig, drive=replace(drive, pieces=pieces))
+            fastest *= largest > static_friction(rig.interface)[0]
+        drive = ramp(0.0, fastest, drive.duration)
+    least = min((point.load for point in rig.drive.load), default=1.0)
+    slower = converted(drive, lambda x, unit: x / least if unit == "x_s/time" else x)
+    return replace(rig, drive=slower)
 
 
 def pull_rigidly(
@@ -366,7 +362,10 @@ def _check(rig: Rig) -> None:
 
 
 _LOADED = {"newborn", "slip_to_slip_scatter", "on_arrest", "ageing"}
-"""Mechanisms whose forces and lengths are all in proportion to a threshold."""
+_SCALED = TabulatedGrowth | None
+"""Mechanisms whose forces and lengths are all in proportion to a threshold; of ageing
+these kinds, and growth from nothing.
+"""
 
 
 def _check_drive(rig: Rig, engine: type[Engine]) -> None:
@@ -374,33 +373,24 @@ def _check_drive(rig: Rig, engine: type[Engine]) -> None:
     spring.
     """
     drive = rig.drive
-    interface = rig.interface
     if bool(drive.force) != isinstance(rig.slider, Mass):
         raise InputError(
             "Drive.force: pulls a Mass, and a velocity the spring of any other slider; "
             "give both, as pull(0.6, duration=10) and Mass(mass=1.0)",
             "Drive.force",
         )
-    for part in ("load", "force"):
-        if getattr(drive, part) and part not in engine.drives:
-            raise InputError(
-                f"Drive.{part}: takes Contacts without a structure or blocks, not "
-                f"{type(rig.method).__name__} on a {type(rig.slider).__name__}; use "
-                "these, or leave it out",
-                f"Drive.{part}",
-            )
-    ageing = interface.ageing
-    scales = ageing is None or isinstance(ageing, TabulatedGrowth)
-    if isinstance(ageing, ExponentialGrowth):
-        scales = ageing.newborn == 0.0
-    others = interface.mechanisms - (_LOADED if scales else _LOADED - {"ageing"})
-    if drive.load and others:
-        part = min(others)
+    part = "force" if drive.force else "load"
+    if getattr(drive, part) and not engine.takes_loads:
         raise InputError(
-            f"Interface.{part} = {getattr(interface, part)!r}: not available with "
-            "Drive.load, as it is not in proportion to it; leave one out",
-            f"Interface.{part}",
+            f"Drive.{part}: not available with {type(rig.method).__name__} on a "
+            f"{type(rig.slider).__name__}; use Contacts(...) and a rigid slider",
+            f"Drive.{part}",
         )
+    ageing = rig.interface.ageing
+    unlike = getattr(ageing, "newborn", not isinstance(ageing, _SCALED))
+    if drive.load:
+        taken = _LOADED - {"ageing"} if unlike else _LOADED
+        rig.interface.allow(taken, "Drive.load", "")
 
 
 def _check_arrest(rig: Rig) -> None:
@@ -449,7 +439,7 @@ def _sample_times(rig: Rig, angle: float) -> Array:
     times = interval * np.arange(math.floor(count * (1 + 1e-12)) + 1)
     # The sample of a seam lies on it, rounding aside, as the last one does on the end:
     # a run that goes on has the same as one in one piece.
-    seams = np.array(rig.drive.ends)
+    seams = np.cumsum([piece.duration for piece in rig.drive.parts])
     near = np.minimum(np.rint(seams / interval).astype(int), times.size - 1)
     on = np.abs(times[near] - seams) <= 1e-12 * seams
     times[near[on]] = seams[on]

@@ -230,8 +230,8 @@ class Engine(Protocol):
     """What it takes of `Interface.mechanisms` besides ageing; the rest is refused
     before it is asked.
     """
-    drives: ClassVar[frozenset[str]] = frozenset()
-    """What it takes of a drive besides velocities: load, force."""
+    takes_loads: ClassVar[bool] = False
+    """Whether it takes a drive with a load, or with a force."""
     smooth: ClassVar[bool] = False
     """Whether thresholds must have a density."""
     piece: ClassVar[float] = 2e-4

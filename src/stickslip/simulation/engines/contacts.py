@@ -99,7 +99,7 @@ class EventByEvent(Engine):
 
     columns = COLUMNS
     angle = 0.1
-    drives = frozenset({"load", "force"})
+    takes_loads = True
     mechanisms = frozenset(
         {
             "sliding_force",
