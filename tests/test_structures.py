@@ -15,6 +15,7 @@ from stickslip.advise.mitigations import Search, turnable
 from stickslip.advise.report import report
 from stickslip.advise.survey import PRECISION
 from stickslip.cli import main
+from stickslip.cycles import is_sustained
 from stickslip.errors import InputError
 from stickslip.io import datasets, rig_files, rig_keys
 from stickslip.model import ControlledAxis, Matrices, Modes, StateSpace
@@ -465,6 +466,69 @@ def test_a_controller_that_samples_quickly_is_the_continuous_one():
     for every, most in ((2e-3, 0.05), (2e-4, 0.005)):
         sampled = run_of(replace(axis, sample_time=every), 0.01)
         assert float(abs(sampled.displacement - seen.displacement).max()) < most
+
+
+# ---------------------------------------------------------------- stick-slip that lasts
+
+HELD = Modes(masses=(1e-2,), stiffnesses=(2.0,), dampings=(2.0,))
+DRIVEN = ControlledAxis(mass=1e-2, kp=2.0, kd=2e-2, ki=0.05)
+
+
+@pytest.mark.parametrize("body", [PULLED, HELD, DRIVEN], ids=["modes", "held", "axis"])
+def test_stick_slip_of_a_structure_lasts_where_that_of_the_slider_does(body):
+    for velocity in (0.8, 1.3):
+        known = is_sustained(rig(HEAVY, velocity))
+        found = is_sustained(rig(body, velocity).replace(method=ss.Contacts(4000)))
+        assert (found.kind, found.sustained) == (known.kind, known.sustained)
+    assert found.peak_to_peak == pytest.approx(known.peak_to_peak, rel=0.1)
+    assert found.period == pytest.approx(known.period, rel=0.1)
+
+
+@pytest.mark.takes(6)  # of cycles that settle at several speeds
+def test_a_structure_is_bistable_where_the_slider_is():
+    ends = {"between": (0.9, 1.5), "step": 0.3, "tolerance": 0.03}
+    light = replace(HEAVY, mass=1e-3, damping=13.4)
+    mode = replace(PULLED, masses=(1e-3,), dampings=(13.4,))
+    (known,) = ss.bistable_range(rig(light), "velocity", **ends)
+    found = ss.bistable_range(rig(mode).replace(method=ss.Contacts(1000)), **ends)
+    (band,) = found
+    assert (band.low.kind, band.high.kind) == ("fold", "linear")
+    assert band.low.value == pytest.approx(known.low.value, rel=0.06)
+    assert band.high.value == pytest.approx(known.high.value, rel=1e-6)
+    assert "with the noise of 1000 contacts" in str(found)
+
+
+def test_a_cycle_that_takes_too_many_steps_is_refused():
+    with pytest.raises(InputError, match=r"the slider could oscillate .*; give at"):
+        is_sustained(rig(TWO, 1e-6))
+
+
+def test_a_window_of_stick_slip_of_a_structure():
+    held = rig(PULLED).replace(method=ss.Contacts(1000))
+    (window,) = ss.sustained(
+        held, "velocity", between=(0.8, 1.6), points=4, tolerance=0.1
+    )
+    # beyond the linear boundary at once: the cycle shrinks to nothing there
+    assert window.low.value == pytest.approx(1.05, rel=0.1)
+    assert window.high.kind == "end of range"
+
+
+WIDE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.3), delay=ss.Delay(0.05))
+
+
+@pytest.mark.parametrize("body", [TWO, SAME["held mode"], SAME["axis"]])
+def test_noise_of_contacts_under_a_structure_is_that_of_its_runs(body):
+    sliding = ss.Rig(WIDE, body, ss.constant(1.5, 40.0), start=ss.FromSliding())
+    sliding = sliding.replace(method=ss.Contacts(1000, seed=3))
+    told = ss.stability.contact_noise(sliding)
+    seen = ss.simulate(sliding, output=ss.Output(interval=0.02))
+    for name, size in (
+        ("spring_force", told.spring_force),
+        ("velocity", told.velocity),
+    ):
+        assert float(seen[name].std()) == pytest.approx(size, rel=0.15)
+    mean = float(seen.spring_force.mean())
+    assert mean == pytest.approx(told.mean_spring_force, rel=0.005)
 
 
 # ---------------------------------------------------------------- hunting

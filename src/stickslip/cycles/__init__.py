@@ -18,7 +18,10 @@ nonlinear and belongs to a start, and the branch of a cycle that is followed end
 
 All of it rests on forward runs of the master equation, Eqs. (1)-(4) and (11). With the
 error of `METHOD`, 1e-4, ``tau*`` of Fig. 6 is .07574, as with 1e-5; 1e-3 moves it by
-.4 %.
+.4 %. A linear structure runs on single contacts, those of the rig's method or 10,000:
+where smooth sliding is stable, an oscillation within six standard deviations of their
+noise is none. Of 1,000 contacts folds lie some 4 % beyond those of the master equation,
+of 10,000 some 2 %.
 """
 
 from stickslip.cycles.bistable import BistableRange, bistable_range, bistable_region

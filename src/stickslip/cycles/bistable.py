@@ -11,11 +11,13 @@ import xarray as xr
 
 from stickslip.arrays import labelled
 from stickslip.cycles.branch import carried, first_point
+from stickslip.cycles.cycle_run import contacts_of
 from stickslip.cycles.edges import TOLERANCE, Edge, Interval, Intervals, ParameterScan
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
+from stickslip.model.structure import Structure
 from stickslip.stability import Crossing, Crossings, critical
 
 
@@ -29,15 +31,20 @@ class BistableRange(Intervals):
 
     bands: tuple[Interval, ...]  #: rising
     crossings: Crossings  #: the linear boundaries in the range
+    contacts: int | None = None  #: of the runs of a structure; no noise without
     notes: tuple[str, ...] = ()  #: what was looked at and found to be no band, and why
 
     def __str__(self) -> str:
         found = f"no bistable band found {self.where}"
         if self.bands:
+            followed = (
+                f"with the noise of {self.contacts} contacts"
+                if self.contacts
+                else "without noise: from rest, or of few contacts, it may decay before"
+            )
             found = (
                 f"{self.where}, both smooth sliding and stick-slip persist "
-                f"{' and '.join(map(str, self))}; the cycle is followed without noise: "
-                "from rest, or of few contacts, it may decay before"
+                f"{' and '.join(map(str, self))}; the cycle is followed {followed}"
             )
         return "\n".join([found, *self.notes])
 
@@ -123,6 +130,7 @@ def bistable_range(
         **scan.about,
         bands=tuple(each for each in found if isinstance(each, Interval)),
         crossings=crossings,
+        contacts=contacts_of(rig).count if isinstance(rig.slider, Structure) else None,
         notes=tuple(each for each in found if isinstance(each, str)),
     )
 

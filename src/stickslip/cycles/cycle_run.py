@@ -4,6 +4,7 @@ other parameters.
 
 import itertools
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -15,6 +16,7 @@ from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.measure.features import TINY
 from stickslip.measure.periods import rises
 from stickslip.model import (
+    Contacts,
     FromRest,
     FromSliding,
     MasterEquation,
@@ -24,6 +26,7 @@ from stickslip.model import (
 )
 from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
+from stickslip.model.structure import Structure
 from stickslip.progress import in_time
 from stickslip.simulation import (
     Beginning,
@@ -35,16 +38,26 @@ from stickslip.simulation import (
 )
 from stickslip.simulation.engines.panel_trial import seconds_since
 from stickslip.simulation.estimates import Work
+from stickslip.stability import contact_noise
+from stickslip.structures.runs import (
+    RADIAN,
+    SteppedStructure,
+    engine_for,
+    longest_step,
+)
 
 # the largest error that keeps the settled numbers; see `stickslip.cycles`
 METHOD = MasterEquation(rtol=1e-4)
 # of a free oscillation in one cycle, in radian, above which times are not known to a
 # part of one
 MOST_TURNS = 1e11
+MOST_TURNS_STEPPED = 3e6  # of a structure, which is followed in steps: some minutes
 # in a cycle: beside the steps of a slider that rings they cost little
 MOST_SAMPLES = 100_000
 LOOK = 3.0  # cycles, by their expected length, between two looks at the amplitude
 
+_MANY = Contacts(10_000, seed=1)
+_NOISE = 6.0  # standard deviations from peak to peak of an oscillation
 _LONG = 20.0  # seconds from which a look is compared with the whole run by estimate
 _LOOKS = 7  # that a run takes, about: five steps that shrink, and where it begins
 
@@ -58,13 +71,17 @@ def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
         "cycles: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)"
     )
     instance("cycles: method", method, MasterEquation, "MasterEquation(...)")
-    instance("Rig.slider", rig.slider, Slider, "a Slider")
+    instance(
+        "Rig.slider", rig.slider, Slider | Structure, "a Slider or a linear structure"
+    )
     if method.memoryless:
         raise InputError(
             "MasterEquation.memoryless: without memory the oscillation is spurious; "
             "leave it False here"
         )
-    if check_method(rig.interface, method) is not Panels:
+    if isinstance(rig.slider, Structure):
+        engine_for(rig.interface, contacts_of(rig))
+    elif check_method(rig.interface, method) is not Panels:
         raise InputError(
             f"Interface.ageing = {rig.interface.ageing}, activation = "
             f"{rig.interface.activation}: cycles are "
@@ -72,12 +89,45 @@ def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
             "growth by a rule alone; leave one "
             "out, or simulate"
         )
-    if rig.slider.mass == 0:
+    if isinstance(rig.slider, Slider) and rig.slider.mass == 0:
         raise InputError(
             "Slider.mass = 0: a cycle needs a mass above 0; the massless limit is for "
             "`stability` only"
         )
     number("velocity", rig.velocity, above=0, hint=rig.unit_name("velocity"))
+
+
+def contacts_of(rig: Rig) -> Contacts:
+    """Contacts that the runs of a structure are of: its own, or many."""
+    return rig.method if isinstance(rig.method, Contacts) else _MANY
+
+
+def noise_of(rig: Rig) -> float:
+    """Peak to peak of the force that single contacts make under a structure in stable
+    smooth sliding, in natural units; 0 under a slider, whose contacts are not counted.
+    """
+    if not isinstance(rig.slider, Structure):
+        return 0.0
+    count = contacts_of(rig).count
+    with suppress(InputError, UndecidedError):
+        return _NOISE * contact_noise(rig.natural, contacts=count).spring_force
+    return _NOISE / math.sqrt(count)
+
+
+def _frequency(rig: Rig) -> float:
+    """Angular frequency of the slider, or of the slowest oscillation of a structure."""
+    if not isinstance(rig.slider, Structure):
+        return float(rig.slider.frequency)
+    roots = np.linalg.eigvals(rig.slider.system.A)
+    turning = np.abs(roots[np.abs(roots.imag) > 0.0])
+    return float(turning.min() if turning.size else np.abs(roots).max())
+
+
+def _fastest(rig: Rig) -> float:
+    """Angular frequency of the slider, or of the fastest motion of a structure."""
+    if not isinstance(rig.slider, Structure):
+        return float(rig.slider.frequency)
+    return 1.0 / (RADIAN * longest_step(rig.slider))
 
 
 def work_of_run(rig: Rig, start: Start) -> Work:
@@ -86,7 +136,8 @@ def work_of_run(rig: Rig, start: Start) -> Work:
     cycle = _expected_cycle(rig) / velocity
     duration = _LOOKS * LOOK * cycle
     output = Output(interval=_interval(rig, cycle))
-    natural = replace(rig.natural, start=start, method=METHOD, output=output)
+    method = contacts_of(rig) if isinstance(rig.slider, Structure) else METHOD
+    natural = replace(rig.natural, start=start, method=method, output=output)
     return estimate(replace(natural, drive=constant(velocity, duration)))
 
 
@@ -95,10 +146,11 @@ class _Meter:
     after each advance.
     """
 
-    def __init__(self, rig: Rig, engine: Panels) -> None:
+    def __init__(self, rig: Rig, engine: Panels | SteppedStructure) -> None:
         self.rig = rig
         self.engine = engine
-        self.before = engine.state.used
+        if isinstance(engine, Panels):
+            self.before = engine.state.used
         self.spent = 0.0
         self.most = _LONG
 
@@ -106,8 +158,11 @@ class _Meter:
         """Raise `UndecidedError` once a look has taken longer than the run by estimate:
         what it waits for is not in reach.
         """
-        self.spent += seconds_since(self.before, self.engine)
-        self.before = self.engine.state.used
+        if isinstance(self.engine, Panels):
+            self.spent += seconds_since(self.before, self.engine)
+            self.before = self.engine.state.used
+        else:
+            self.spent += self.engine.seconds
         if self.spent > self.most:
             estimated = work_of_run(self.rig, FromRest()).seconds
             if self.spent > max(estimated, _LONG):
@@ -140,7 +195,7 @@ class CycleRun:
     """
 
     rig: Rig  # with the scales that reasons are given in
-    engine: Panels
+    engine: Panels | SteppedStructure
     drive: Quadratic
     cycle: float  # expected travel of the drive in one
     # rows of the cycle that the last look has left unfinished
@@ -155,16 +210,23 @@ class CycleRun:
         """
         velocity = rig.natural.velocity
         cycle = _expected_cycle(rig)
-        turns = rig.slider.frequency * cycle / velocity
-        if turns > MOST_TURNS:
+        turns = _fastest(rig) * cycle / velocity
+        most = MOST_TURNS
+        if isinstance(rig.slider, Structure):
+            most = MOST_TURNS_STEPPED
+        if turns > most:
             raise InputError(
                 f"velocity = {rig.in_units(velocity, 'velocity')}: the slider could "
                 f"oscillate {turns:.2g} rad "
                 "on its spring in one cycle, more than a run resolves; give at least "
-                f"{rig.in_units(velocity * turns / MOST_TURNS, 'velocity', 2)}"
+                f"{rig.in_units(velocity * turns / most, 'velocity', 2)}"
             )
         beginning = Beginning(rig.interface, rig.slider, velocity, start)
-        engine = Panels(beginning, method)
+        engine: Panels | SteppedStructure = (
+            SteppedStructure(beginning, contacts_of(rig))
+            if isinstance(rig.slider, Structure)
+            else Panels(beginning, method)
+        )
         return cls(
             rig,
             engine,
@@ -178,7 +240,6 @@ class CycleRun:
         """Go on for a few cycles and say what they show; stretches of the drive too
         short for that are doubled.
         """
-        stiffness = self.rig.slider.stiffness
         velocity = self.drive.velocity
         engine = self.engine.copy()
         rows = self._samples(engine, LOOK * self.cycle / velocity)
@@ -186,14 +247,12 @@ class CycleRun:
         joined = (
             rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
         )
-        completed, rest = _cycles(joined, stiffness, velocity)
+        completed, rest = _cycles(joined)
         run = replace(
             self, engine=engine, begun=joined[:, rest:] if completed.size else None
         )
-        cycles = (
-            completed if self.begun is None else _cycles(rows, stiffness, velocity)[0]
-        )
-        _, force, speed = rows
+        cycles = completed if self.begun is None else _cycles(rows)[0]
+        _, force, speed, _ = rows
         fastest = float(speed.max()) / velocity
         if cycles.shape[1] == 0:
             oscillation = float(np.ptp(force))
@@ -209,36 +268,44 @@ class CycleRun:
             float(oscillation), float(period), fastest, float(mean), completed[0]
         )
 
-    def _samples(self, engine: Panels, duration: float) -> Array:
-        """Follow the drive; times, spring force and slider velocity of fine samples,
-        as rows.
+    def _samples(self, engine: Panels | SteppedStructure, duration: float) -> Array:
+        """Follow the drive; times, spring force, slider velocity and slope of the force
+        at fine samples, as rows.
         """
-        slider = self.rig.slider
         begin = engine.here()[0]
         each = self.cycle / self.drive.velocity
         count = math.ceil(duration / _interval(self.rig, each))
         times = begin + duration * np.arange(1, count + 1) / count
         leg = Leg(self.drive, begin + duration, times, Stop())
         samples, _ = follow_leg(engine, leg, _Meter(self.rig, engine))
-        return np.stack(
-            [
-                times,
-                slider.stiffness * (leg.drive_position(times) - samples[:, 0]),
-                samples[:, 1],
-            ]
-        )
+        speed = samples[:, 1]
+        if isinstance(engine, SteppedStructure):
+            force = samples[:, engine.columns.index("spring_force")]
+            slope = np.gradient(force, times)
+        else:
+            stiffness = self.rig.slider.stiffness
+            force = stiffness * (leg.drive_position(times) - samples[:, 0])
+            slope = stiffness * (self.drive.velocity - speed)
+        return np.stack([times, force, speed, slope])
 
     def turned(self, rig: Rig) -> "CycleRun":
         """Return what goes on as another rig; forces and positions stay, and the
         drive goes on from where it is.
         """
-        engine = self.engine.turned(rig.interface, rig.slider)
-        time, X = engine.here()
-        stretched = (
-            self.drive.position + self.drive.velocity * (time - self.drive.start) - X
-        )
-        stretched *= self.rig.slider.stiffness / rig.slider.stiffness
-        drive = Quadratic(time, X + stretched, rig.natural.velocity, 0.0)
+        before = self.drive
+        velocity = rig.natural.velocity
+        time, X = self.engine.here()
+        place = before.position + before.velocity * (time - before.start)
+        engine: Panels | SteppedStructure
+        if isinstance(self.engine, SteppedStructure):
+            engine = self.engine.turned(rig.slider, rig.interface)
+            pull = self.engine.pull(place, before.velocity)
+            place = engine.place_for(pull, velocity, place)
+        else:
+            engine = self.engine.turned(rig.interface, rig.slider)
+            ratio = self.rig.slider.stiffness / rig.slider.stiffness
+            place = X + (place - X) * ratio
+        drive = Quadratic(time, place, velocity, 0.0)
         cycle = self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig)
         return CycleRun(rig, engine, drive, cycle)
 
@@ -247,8 +314,7 @@ def _interval(rig: Rig, cycle: float) -> float:
     """Time between samples: a slip takes about half a period of the slider on its
     spring; a cap keeps very quick slips affordable.
     """
-    slider: Slider = rig.slider
-    finest = min(cycle / 200, 0.3 / slider.frequency)
+    finest = min(cycle / 200, 0.3 / _fastest(rig))
     return max(finest, cycle / MOST_SAMPLES)
 
 
@@ -256,30 +322,29 @@ def _expected_cycle(rig: Rig) -> float:
     """Expected travel of the drive in a cycle: a contact loaded to its threshold, or
     an oscillation of the slider.
     """
-    slider: Slider = rig.slider
+    slider: Slider = getattr(rig.slider, "slowest", rig.slider)
     stretch = rig.interface.threshold_distribution.moment(1)
     return max(
         stretch * (1.0 + 1.0 / slider.stiffness),
-        rig.natural.velocity * 2.0 * math.pi / slider.frequency,
+        rig.natural.velocity * 2.0 * math.pi / _frequency(rig),
     )
 
 
-def _cycles(rows: Array, stiffness: float, velocity: float) -> tuple[Array, int]:
+def _cycles(rows: Array) -> tuple[Array, int]:
     """Peak-to-peak of the spring force, period and mean force of each complete cycle,
     shape (3, n); where the next is.
 
     A cycle goes from one rise through three quarters of the range to the next, with a
-    drop below one quarter in between. The extremes lie where the slider is as fast as
-    the drive, between the samples.
+    drop below one quarter in between. The extremes lie where the force is level,
+    between the samples.
     """
-    t, force, speed = rows
+    t, force, _, slope = rows
     low = float(force.min())
     high = float(force.max())
     quarter = 0.75 * low + 0.25 * high
     risen, times = rises(t, force, quarter, 0.25 * low + 0.75 * high)
     if risen.size < 2:
         return np.empty((3, 0)), 0
-    slope = stiffness * (velocity - speed)
     oscillations = []
     means = []
     for a, b in itertools.pairwise(risen.tolist()):

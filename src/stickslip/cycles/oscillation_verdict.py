@@ -8,7 +8,13 @@ import numpy as np
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.cycles.cycle_run import METHOD, CycleRun, Look, check_rig
+from stickslip.cycles.cycle_run import (
+    METHOD,
+    CycleRun,
+    Look,
+    check_rig,
+    noise_of,
+)
 from stickslip.errors import InputError, UndecidedError
 from stickslip.loops import bounded
 from stickslip.measure.features import TINY
@@ -120,6 +126,7 @@ def is_sustained(
         `FromRest` contacts with a narrow distribution are the paper's start;
         ``FromSliding(perturbation=...)`` asks for small perturbations.
     method : MasterEquation
+        A linear structure runs on contacts, those of the rig's own method or 10,000.
 
     Returns
     -------
@@ -160,6 +167,8 @@ def settle(run: CycleRun) -> tuple[Verdict, CycleRun]:
     looks = list[Look]()
     growing = linearly_unstable(run.rig)
     floor = TINY * _friction(rig)
+    if growing is False:
+        floor = max(floor, noise_of(rig))
     fate: tuple[bool | None, float, str] | None = None
     turns = bounded("settle", 5 * PATIENCE + 3)
     while fate is None:

@@ -46,6 +46,14 @@ class Quadratics(NamedTuple):
     lost: Array
 
 
+class Pull(NamedTuple):
+    """The force that pulls a structure, ``state z + drive D + rate V``."""
+
+    state: Array
+    drive: float
+    rate: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Structure(Record):
     """What every linear structure has; as a function it is its mechanical impedance at
@@ -63,6 +71,13 @@ class Structure(Record):
     def energies(self) -> Quadratics | None:
         """Its energies, where they are known."""
         return None
+
+    @property
+    def pull(self) -> Pull:
+        """The force of its driving spring or controller; without one, what the
+        deflection of the contacts would hold at rest.
+        """
+        return _deflection(self)
 
     @property
     def passive(self) -> bool:
@@ -161,6 +176,21 @@ def _second_order(
     )
 
 
+def _deflection(structure: Structure) -> Pull:
+    """Return what the deflection of the contacts would hold at rest."""
+    system = structure.system
+    static = float(structure(np.zeros(1))[0].real)
+    return Pull(-static * system.contact, static * (1.0 - system.track), 0.0)
+
+
+def _pull_of(body: "Modes | Matrices") -> Pull:
+    """Return the force of a driving spring, if there is one."""
+    if not body.stiffness:
+        return _deflection(body)
+    place = -body.stiffness * np.array(body.drive)
+    return Pull(np.append(place, np.zeros(place.size)), body.stiffness, 0.0)
+
+
 def _quadratics(mass: Array, damping: Array, stiffness: Array) -> Quadratics:
     """Energies in the state ``(q, q')``, without that of the driving spring."""
     nothing = np.zeros_like(mass)
@@ -242,6 +272,11 @@ class Modes(Structure):
                 "is 0: nothing holds the slider, one of its modes has no stiffness; "
                 "give the driving spring",
             )
+
+    @property
+    def pull(self) -> Pull:
+        """The force of its driving spring."""
+        return _pull_of(self)
 
     @property
     def _diagonals(self) -> tuple[Array, Array, Array]:
@@ -372,6 +407,11 @@ class Matrices(Structure):
                 "nothing holds the structure, a motion of it has no stiffness; give a "
                 "driving spring that does",
             )
+
+    @property
+    def pull(self) -> Pull:
+        """The force of its driving spring."""
+        return _pull_of(self)
 
     @property
     def damping(self) -> float:
@@ -545,6 +585,12 @@ class ControlledAxis(Structure):
             contact=np.array([1.0, 0.0, 0.0])[:n],
             track=0.0,
         )
+
+    @property
+    def pull(self) -> Pull:
+        """The force of its controller."""
+        gains = np.array([-self.kp, -self.kd, self.ki])
+        return Pull(gains[: len(self.system.A)], self.kp, self.kd)
 
     @property
     def energies(self) -> Quadratics:

@@ -27,6 +27,7 @@ from stickslip.loops import HALVINGS, bounded
 from stickslip.model.distribution import nodes_between
 from stickslip.model.methods import DRAWN, Contacts
 from stickslip.model.rig import Rig
+from stickslip.model.structure import Structure
 from stickslip.sliding import kinetic_friction
 from stickslip.sliding.response import Fluctuations, whole_axis
 from stickslip.stability import modes, roots
@@ -225,7 +226,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     Parameters
     ----------
     rig : Rig
-        Interface, slider (or an impedance with a spring) and velocity.
+        Interface, slider (a structure, or an impedance with a spring) and velocity.
     contacts : int, optional
         Number of contacts ``N``; by default that of the rig's method.
 
@@ -266,7 +267,8 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
             "infinitely many, without noise; "
             "give their number, such as contacts=1000"
         )
-    if not stiffness > 0:
+    structure = body if isinstance(body, Structure) else None
+    if not (structure or stiffness > 0):
         raise InputError(
             f"Rig.slider = {body!r}: no driving spring, whose force could be measured; "
             "give it a stiffness"
@@ -282,14 +284,21 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     known: Any = _spectrum if is_plain(body) else _spectrum.__wrapped__
     omega, weight, displaced = known(sliding)
     moved = omega**2 * displaced
-    pulled = stiffness**2 * displaced
+    stretched = _pulls(structure, omega) if structure else stiffness**2
+    pulled = stretched * displaced
     whole, square, fast = (
         float(weight @ each) / math.pi for each in (pulled, pulled**2, moved)
     )
     memory = square / whole**2
-    slow = 1e-6 / memory
-    drag = velocity / slow * float(body(np.array([1j * slow]))[0].imag)
-    mean = kinetic_friction(rig.interface, velocity) + drag
+    friction = kinetic_friction(rig.interface, velocity)
+    if structure:
+        state, place = structure.sliding(velocity, friction)
+        pull = structure.pull
+        mean = float(pull.state @ state) + pull.drive * place + pull.rate * velocity
+    else:
+        slow = 1e-6 / memory
+        drag = velocity / slow * float(body(np.array([1j * slow]))[0].imag)
+        mean = friction + drag
     force, speed, time = (rig.unit(unit) for unit in ("f_s", "x_s/time", "time"))
     count = method.count
     per_hertz = 2.0 * time / count
@@ -304,6 +313,16 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
             rig, omega, force**2 * per_hertz * pulled, speed**2 * per_hertz * moved
         ),
         rig=rig,
+    )
+
+
+def _pulls(structure: Structure, omega: Array) -> Array:
+    """Return the square of the pulling force over the displacement of the contacts."""
+    A, force, _, _, contact, _ = structure.system
+    shifted = 1j * omega[:, None, None] * np.eye(len(A)) - A
+    states = np.linalg.solve(shifted, force[None, :, None])[..., 0]
+    return np.asarray(
+        np.abs(states @ structure.pull.state) ** 2 / np.abs(states @ contact) ** 2
     )
 
 

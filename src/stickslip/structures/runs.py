@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from stickslip.arrays import Array
 from stickslip.errors import InputError, refused
 from stickslip.kernels import structure_steps as kernel
 from stickslip.kernels.drive import LOOK, STOPPED, Piece, Quadratic, Sampling
@@ -16,8 +15,9 @@ from stickslip.kernels.element import force_of
 from stickslip.kernels.records import blank
 from stickslip.loops import bounded
 from stickslip.model import Contacts, Interface
+from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
-from stickslip.model.structure import ControlledAxis, LinearSystem, Structure
+from stickslip.model.structure import ControlledAxis, LinearSystem, Pull, Structure
 from stickslip.simulation.engines.base import (
     COLUMNS,
     Advance,
@@ -29,12 +29,15 @@ from stickslip.simulation.engines.base import (
 from stickslip.simulation.engines.base import engine_of as engine_of_slider
 from stickslip.simulation.estimates import Course, Part
 from stickslip.simulation.result import STATE
-from stickslip.structures.contacts import element_of
+from stickslip.structures.contacts import draws_of, element_of
 
 # Radians of the fastest motion that the contacts could have, in a step: it errs by a
 # 24th of the square of that, 4e-6
 _STEP = 0.01
+RADIAN = 1.0 / _STEP  # steps of the fastest motion in a radian
 _UPDATE = 20  # steps between two updates of a controller, at least
+_ROUNDING = 1e-10  # of a step, within which times are the same
+_OF_INTEGRAL = 3  # states of an axis with an integral
 _ADVANCE = 50_000  # steps between two reports
 _SECONDS = 1e-6, 1e-9  # of a step: by itself, and for each contact
 _CONTACT = 400.0  # bytes
@@ -123,18 +126,44 @@ class SteppedStructure(Engine):
         kick = self._body.kick
         self._z[:] = state + kick * faster / float(self._body.moving @ kick)
 
-    def held_by(self, axis: ControlledAxis) -> "SteppedStructure":
-        """Return a copy that goes on with other gains of its controller, whose integral
-        keeps its force.
+    def turned(
+        self, structure: Structure, interface: Interface | None = None
+    ) -> "SteppedStructure":
+        """Return a copy that goes on with another structure of the same kind, the
+        integral of whose controller keeps its force, and with contacts that will draw
+        as those of another interface.
         """
         before = self.slider
-        assert isinstance(before, ControlledAxis)
         other = self.copy()
-        other.slider = axis
-        other._system, other._body, other._controller = _parts(axis)
-        if not axis.sample_time:  # its state is the integral of the error
-            other._z[2] *= before.ki / axis.ki
+        other.slider = structure
+        other._system, other._body, other._controller = _parts(structure)
+        if interface is not None:
+            draws = draws_of(hashable(interface))
+            other._element = self._element._replace(draws=draws)
+        integral = self._z.size == _OF_INTEGRAL and not self._controller.sample_time
+        if isinstance(before, ControlledAxis) and integral:
+            assert isinstance(structure, ControlledAxis)
+            other._z[-1] *= before.ki / structure.ki  # that of the error
         return other
+
+    def pull(self, place: float, velocity: float) -> float:
+        """Force that pulls the structure, with the drive at a place."""
+        body = self._body
+        own = body.pull @ self._z + body.pull_rate * velocity
+        return float(own + body.pull_drive * place)
+
+    def place_for(self, pull: float, velocity: float, place: float) -> float:
+        """Place of the drive at which it is pulled so; as it was where the pull does
+        not depend on it.
+        """
+        slope = float(self._body.pull_drive)
+        return (pull - self.pull(0.0, velocity)) / slope if slope else place
+
+    @property
+    def seconds(self) -> float:
+        """Seconds that an advance takes, at most."""
+        alone, each = _SECONDS
+        return _ADVANCE * (alone + each * float(self._element.contacts.size))
 
     def here(self) -> tuple[float, float]:
         """Time, and position of the contacts."""
@@ -160,6 +189,11 @@ class SteppedStructure(Engine):
         columns = len(self.columns)
         sampling = Sampling(leg.times, np.empty((leg.times.size, columns)))
         run.sample = 0.0
+        # the clock of the steps rounds as large times do
+        rounding = 8.0 * np.finfo(float).eps * abs(leg.end)
+        if rounding > _ROUNDING * self._way.h:
+            earlier = np.minimum(leg.times, leg.end - rounding)
+            sampling = sampling._replace(times=earlier)
         seen: list[Stretchings] = []
         looks = (*leg.looks, math.inf)
         room = np.zeros((3, columns))
@@ -238,23 +272,12 @@ def _parts(
     if isinstance(structure, ControlledAxis) and structure.sample_time > 0.0:
         return _sampled(structure)
     system = structure.system
-    A, _, drive, rate, contact, track = system
     spring = float(getattr(structure, "stiffness", 0.0))
+    works = kernel.BY_DRIVE if spring > 0.0 else kernel.BY_TRACK
     if isinstance(structure, ControlledAxis):
-        M = structure.mass
-        pull = M * A[1] + np.eye(len(A))[1] * M * structure.damping
-        pulled = (pull, M * drive[1], M * rate[1])
         works = kernel.BY_CONTROLLER
-    elif spring > 0.0:
-        place = np.array(getattr(structure, "drive", ()))
-        pull = np.concatenate([-spring * place, np.zeros(len(A) - place.size)])
-        pulled = (pull, spring, 0.0)
-        works = kernel.BY_DRIVE
-    else:  # what the deflection of the contacts would hold at rest
-        static = float(structure(np.zeros(1))[0].real)
-        pulled = (-static * contact, static * (1.0 - track), 0.0)
-        works = kernel.BY_TRACK
-    return system, _body(structure, system, pulled, spring, works), _UNSAMPLED
+    body = _body(structure, system, structure.pull, spring, works)
+    return system, body, _UNSAMPLED
 
 
 _UNSAMPLED = kernel.Controller(0.0, 0.0, 0.0, 0.0, 0.0)
@@ -274,7 +297,7 @@ def _sampled(
         contact=np.array([1.0, 0.0, 0.0]),
         track=0.0,
     )
-    pulled = (np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
+    pulled = Pull(np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
     gains = axis.kp, axis.ki, axis.kd, axis.sample_time, axis.encoder_step
     body = _body(axis, system, pulled, 0.0, kernel.BY_CONTROLLER)
     return system, body, kernel.Controller(*gains)
@@ -283,7 +306,7 @@ def _sampled(
 def _body(
     structure: Structure,
     system: LinearSystem,
-    pulled: tuple[Array, float, float],
+    pulled: Pull,
     spring: float,
     works: int,
 ) -> kernel.Body:
@@ -293,16 +316,15 @@ def _body(
     for form, known in zip(forms, structure.energies or (), strict=False):
         form[: len(known), : len(known)] = known[:n, :n]
     kinetic, elastic, lost = forms
-    pull, pull_drive, pull_rate = pulled
     return kernel.Body(
         contact=contact,
         moving=contact @ A,
         moving_drive=float(contact @ drive),
         moving_rate=float(contact @ rate) + track,
         kick=force,
-        pull=pull,
-        pull_drive=pull_drive,
-        pull_rate=pull_rate,
+        pull=pulled.state,
+        pull_drive=pulled.drive,
+        pull_rate=pulled.rate,
         track=track,
         spring=spring,
         kinetic=kinetic,
