@@ -92,9 +92,8 @@ def test_contacts_that_hold_keep_their_strength_and_sliding_reaches_the_new_fric
 def test_a_verdict_that_is_open_says_that_the_load_or_the_force_still_rises():
     ramp = ss.constant(1.0, 10.0).under([(1.0, 1.0), (10.0, 6.0)])
     loaded = ss.simulate(pulled(DELAYED, ramp))
-    forced = ss.simulate(
-        pulled(DELAYED, pull([(0.0, 0.0), (9.0, 0.6)]), Mass(mass=1.0))
-    )
+    rise = pull(0.0, 0.6, duration=9.0)
+    forced = ss.simulate(pulled(DELAYED, rise, Mass(mass=1.0)))
     assert "the load changes meanwhile" in ss.regime(loaded).reason
     assert "it is the drive itself" in ss.regime(forced).reason
 
