@@ -90,8 +90,9 @@ def test_contacts_that_hold_keep_their_strength_and_sliding_reaches_the_new_fric
 
 
 def test_a_verdict_that_is_open_says_that_the_load_or_the_force_still_rises():
-    ramp = ss.constant(1.0, 10.0).under([(1.0, 1.0), (10.0, 6.0)])
-    loaded = ss.simulate(pulled(DELAYED, ramp))
+    ramp = ss.constant(1.0, 5.0).under([(1.0, 1.0), (5.0, 5.0)])
+    soft = ss.Slider(stiffness=0.5, mass=1e-2, damping=10.0)
+    loaded = ss.simulate(pulled(DELAYED, ramp, soft, ss.Contacts(2000)))
     rise = pull(0.0, 0.6, duration=9.0)
     forced = ss.simulate(pulled(DELAYED, rise, Mass(mass=1.0)))
     assert "the load changes meanwhile" in ss.regime(loaded).reason

@@ -413,13 +413,14 @@ class Window:
         count = trace.contacts
         if not count or not self.found.size or self.is_still:
             return math.nan, ERRORS
-        if trace.rig is not None and trace.drive is not None:
-            speed = float(np.mean(trace.drive)) / trace.rig.unit("velocity")
+        rig = trace.rig
+        if rig is not None and trace.drive is not None and not rig.drive.load:
+            speed = float(np.mean(trace.drive)) / rig.unit("velocity")
             # rounded, so that it is asked once
             speed = float(f"{speed:.12g}")
-            known = noise_of(trace.rig.interface, trace.rig.slider, speed)
+            known = noise_of(rig.interface, rig.slider, speed)
             if known is not None:
-                unit = trace.rig.unit("f_s") / math.sqrt(count)
+                unit = rig.unit("f_s") / math.sqrt(count)
                 return self.scatter / (known * unit), ERRORS
         usual = min(NOISE_OF_CONTACTS * self.largest, self.mean)
         return self.scatter / usual * math.sqrt(count), 1.0
