@@ -167,7 +167,7 @@ def test_a_mass_that_nothing_holds_moves_as_newton_says(damping):
         ),
         (Mass(mass=0.1), pull(0.0, 0.9, duration=0.7), pull(0.3, duration=0.6)),
     ],
-    ids=["then 1", "load", "force"],
+    ids=["load stays", "load", "force"],
 )
 def test_a_run_goes_on_bit_for_bit(slider, first, second):
     output = ss.Output(interval=0.05, state=True)

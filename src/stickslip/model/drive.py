@@ -164,16 +164,15 @@ class Drive:
         return [velocity for velocity, _ in groupby(through)]
 
     def then(self, other: "Drive") -> "Drive":
-        """Return this drive followed by another; without points the load is 1."""
+        """Return this drive followed by another; the load stays until that sets one."""
         instance("Drive.then", other, Drive, "a drive, made with constant() or ramp()")
         load = self.load
-        if load or other.load:
+        if other.load:
             seam = self.duration
-            load = load or (LoadPoint(0.0, 1.0),)
-            after = other.load or (LoadPoint(0.0, 1.0),)
-            stays = LoadPoint(seam, load[-1].load), LoadPoint(seam, after[0].load)
-            later = [replace(point, time=seam + point.time) for point in after]
-            load = *load, *stays, *later
+            last = load[-1].load if load else 1.0
+            later = [replace(point, time=seam + point.time) for point in other.load]
+            jump = LoadPoint(seam, last), LoadPoint(seam, other.load[0].load)
+            load = *load, *jump, *later
         return Drive(self.pieces + other.pieces, load, self.force + other.force)
 
     def under(self, load: float | Iterable[tuple[float, float]]) -> "Drive":

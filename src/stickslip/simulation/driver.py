@@ -48,9 +48,10 @@ def follow(
     looks: tuple[float, ...] = (),
     progress: Progress | None = None,
     before: Track | None = None,
+    load: Array = NO_LOAD,
 ) -> Track:
     """Follow a drive from piece to piece, from time 0 on, or what was `before`; a
-    condition may end a piece early.
+    condition may end a piece early. The `load` is at times of the whole run.
 
     A sample on the seam of two pieces belongs to the earlier one. Raises `InputError`,
     naming the moment, if the numbers of the run stop being finite.
@@ -65,7 +66,6 @@ def follow(
     )
     snapshots = [] if before is None else [*before.snapshots]
     filled = 0
-    load = load_points(drive, first)
     for piece in drive.parts:
         begin, X = engine.here()
         end = begin + piece.duration
@@ -106,11 +106,9 @@ def follow(
     )
 
 
-def load_points(drive: Drive, first: float) -> Array:
-    """Return times and loads of a drive that begins at a time, shape (n, 2)."""
-    if not drive.load:
-        return NO_LOAD
-    return np.array([(first + point.time, point.load) for point in drive.load])
+def load_points(drive: Drive) -> Array:
+    """Return times and loads of a drive, shape (n, 2)."""
+    return np.array([*map(astuple, drive.load)]).reshape(-1, 2)
 
 
 def follow_leg(

@@ -18,6 +18,7 @@ from stickslip.io import datasets as store
 from stickslip.kernels.drive import load_at
 from stickslip.model import (
     ElasticBody,
+    ExponentialGrowth,
     Interface,
     Mass,
     MasterEquation,
@@ -156,7 +157,7 @@ class Recording:
         output = self.rig.output
         run = dataset_of(self.track, self.rig.slider, output.bins, provenance, marks)
         if self.rig.drive.load:
-            times, loads = load_points(self.rig.drive, 0.0).T
+            times, loads = load_points(self.rig.drive).T
             load = np.interp(self.track.times, times, loads)
             run["load"] = with_label("load", "time", load)
         run = self.rig.in_its_units(run)
@@ -181,8 +182,9 @@ class Recording:
             output=replace(self.rig.output, interval=interval, state=state),
         )
         times = _sample_times(rig, engine.angle)[self.track.times.size :]
+        load = load_points(rig.drive)
         track = follow(
-            engine, more, self.track.end, times, (), progress, before=self.track
+            engine, more, self.track.end, times, (), progress, self.track, load
         )
         return Recording(rig, track, engine)
 
@@ -200,15 +202,17 @@ def record(
         work.check()
     announce(rig.name, work.seconds, work.longest.what)
     solver = engine_of(case.interface, case.method, case.slider)
-    load = load_at(load_points(case.drive, 0.0), 0.0)
+    load = load_points(case.drive)
+    first = load_at(load, 0.0)
     beginning = Beginning(
-        case.interface, case.slider, case.drive.velocity, case.start, load
+        case.interface, case.slider, case.drive.velocity, case.start, first
     )
     times = _sample_times(case, solver.angle)
     with reporting(progress, "simulate") as report:
         engine = solver(beginning, case.method)
         origin = beginning.drive_position(engine.contact_force())
-        track = follow(engine, case.drive, origin, times, case.output.snapshots, report)
+        looks = case.output.snapshots
+        track = follow(engine, case.drive, origin, times, looks, report, load=load)
     return Recording(rig, track, engine)
 
 
@@ -257,15 +261,15 @@ def _with_velocities(rig: Rig) -> Rig:
     mass in place of a force, and a longer way in place of a smaller load.
     """
     drive = rig.drive
+    least = min((point.load for point in drive.load), default=1.0)
     if drive.force:
         largest = max(abs(f) for each in drive.force for f in (each.start, each.end))
         slider = rig.slider
         # in free flight, and at most as fast as damping allows
         fastest = largest / slider.mass / max(slider.damping, 1.0 / drive.duration)
         with suppress(InputError):  # not known where contacts age
-            fastest *= largest > static_friction(rig.interface)[0]
+            fastest *= largest > least * static_friction(rig.interface)[0]
         drive = ramp(0.0, fastest, drive.duration)
-    least = min((point.load for point in rig.drive.load), default=1.0)
     slower = converted(drive, lambda x, unit: x / least if unit == "x_s/time" else x)
     return replace(rig, drive=slower)
 
@@ -362,9 +366,9 @@ def _check(rig: Rig) -> None:
 
 
 _LOADED = {"newborn", "slip_to_slip_scatter", "on_arrest", "ageing"}
-_SCALED = TabulatedGrowth | None
-"""Mechanisms whose forces and lengths are all in proportion to a threshold; of ageing
-these kinds, and growth from nothing.
+_SCALED = TabulatedGrowth | ExponentialGrowth | None
+"""Mechanisms whose forces and lengths are all in proportion to a threshold, and kinds
+of ageing, from nothing.
 """
 
 
@@ -379,18 +383,19 @@ def _check_drive(rig: Rig, engine: type[Engine]) -> None:
             "give both, as pull(0.6, duration=10) and Mass(mass=1.0)",
             "Drive.force",
         )
+    if drive.load:
+        ageing = rig.interface.ageing
+        alike = isinstance(ageing, _SCALED) and not getattr(ageing, "newborn", 0.0)
+        taken = _LOADED if alike else _LOADED - {"ageing"}
+        rig.interface.allow(taken, "Drive.load", "")
     part = "force" if drive.force else "load"
     if getattr(drive, part) and not engine.takes_loads:
         raise InputError(
-            f"Drive.{part}: not available with {type(rig.method).__name__} on a "
-            f"{type(rig.slider).__name__}; use Contacts(...) and a rigid slider",
+            f"Drive.{part}: takes Contacts on a rigid slider, without Langevin, not "
+            f"{type(rig.method).__name__} on a {type(rig.slider).__name__}; use these, "
+            "or leave it out",
             f"Drive.{part}",
         )
-    ageing = rig.interface.ageing
-    unlike = getattr(ageing, "newborn", not isinstance(ageing, _SCALED))
-    if drive.load:
-        taken = _LOADED - {"ageing"} if unlike else _LOADED
-        rig.interface.allow(taken, "Drive.load", "")
 
 
 def _check_arrest(rig: Rig) -> None:
