@@ -96,7 +96,7 @@ def test_a_verdict_that_is_open_says_that_the_load_or_the_force_still_rises():
     rise = pull(0.0, 0.6, duration=9.0)
     forced = ss.simulate(pulled(DELAYED, rise, Mass(mass=1.0)))
     assert "the load changes meanwhile" in ss.regime(loaded).reason
-    assert "it is the drive itself" in ss.regime(forced).reason
+    assert "the force is the drive itself" in ss.regime(forced).reason
 
 
 def test_at_rest_a_larger_load_changes_nothing():

@@ -79,9 +79,7 @@ def _missing(seen: Window) -> str:
     way = "rises" if trace.rise > 0 else "falls"
     size = words.engineering(abs(trace.rise), trace.force_unit, 3)
     cause = "a held slider, or a drift; stiffness and velocity tell"
-    if trace.rig is not None and trace.rig.drive.force:
-        cause = "it is the drive itself; the velocity shows when the slider breaks away"
-    elif trace.rig is not None and trace.rig.drive.load:
+    if trace.rig is not None and trace.rig.drive.load:
         cause = "the load changes meanwhile; `after` it, a longer run tells"
     return (
         f"the force still {way}, by {size} in the window, and shows no complete slip: "

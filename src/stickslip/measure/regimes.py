@@ -579,6 +579,8 @@ def _find_fault(trace: Trace, seen: Window) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not
     constant; empty if it may have one.
     """
+    if trace.rig is not None and trace.rig.drive.force:
+        return "the force is the drive itself; the velocity shows whether it slides"
     if trace.measured:
         if not np.any(trace.force != trace.largest):
             return "the force never changes: is the sensor connected?"
