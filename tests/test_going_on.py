@@ -42,8 +42,10 @@ def test_it_is_that_of_one_piece_bit_for_bit(rig, tmp_path):
     whole = ss.simulate(rig.replace(drive=FIRST.then(SECOND)))
     joined = ss.simulate(rig.replace(drive=SECOND), start=first)
     assert joined.drop_vars("engine_state").identical(whole.drop_vars("engine_state"))
+    assert '"state": true' in first.attrs["provenance"]
     again = ss.simulate(rig.replace(drive=SECOND), start=joined, output=ss.Output())
     assert "engine_state" not in again
+    assert '"state"' not in again.attrs["provenance"]
     assert again.sizes["time"] > joined.sizes["time"]
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -422,6 +423,20 @@ def test_a_structure_that_starts_sliding_slides_on(body):
         balance = float(first.spring_force - first.friction_force)
         assert balance == pytest.approx(drag, abs=1e-9)
     assert float(seen.velocity.mean()) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("body", [PULLED, TWO], ids=["modes", "two masses"])
+def test_the_picture_of_a_run_has_a_strip_for_each_part(body):
+    seen = run_of(body, 0.01, contacts=20)
+    moved = seen.parts @ xr.DataArray(np.array(body.contact), dims="mode")
+    if body is PULLED:  # a mode, as it moves the contacts
+        moved = seen.parts.sum("mode")
+    assert moved.to_numpy() == pytest.approx(seen.displacement.to_numpy(), abs=1e-5)
+    labels = [ax.get_ylabel() for ax in ss.plot.overview(seen).axes]
+    strips = [f"{seen.parts.long_name.split()[-1]} {i + 1}" for i in range(2)]
+    assert labels[-3].startswith("friction") or body is PULLED
+    last = labels[-seen.sizes["mode"] :]
+    assert all(map(str.startswith, last, strips))
 
 
 @pytest.mark.takes(5)  # of long moves, or of many steps

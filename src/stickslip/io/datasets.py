@@ -73,7 +73,12 @@ def encode(value: object) -> Plain:
     strings.
     """
     if is_dataclass(value) and not isinstance(value, type):
-        names = [field.name for field in fields(value) if field.init and field.compare]
+        names = [
+            field.name
+            for field in fields(value)
+            # what changes no number is said where it is not as usual
+            if field.init and (field.compare or getattr(value, field.name) is True)
+        ]
         return {
             "class": _name_of(type(value)),
             **{name: encode(getattr(value, name)) for name in names},

@@ -173,7 +173,7 @@ class Output(Record):
         Bins of a snapshot.
     state : bool
         Whether the run keeps the state at its end, from which another one goes on:
-        ``simulate(rig, start=run)``. Not in the provenance, as it changes no number.
+        ``simulate(rig, start=run)``. It changes no number of the run.
     """
 
     interval: Annotated[float | None, Number("time", above=0)] = None

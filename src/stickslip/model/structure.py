@@ -80,6 +80,11 @@ class Structure(Record):
         return _deflection(self)
 
     @property
+    def parts(self) -> tuple[str, Array]:
+        """What its parts are called, and their displacements in its state."""
+        return "", np.empty((0, len(self.system.A)))
+
+    @property
     def passive(self) -> bool:
         """Whether it only takes energy out of a motion that does not drive it."""
         return isinstance(self, Modes | Matrices)
@@ -174,6 +179,11 @@ def _second_order(
         contact=np.concatenate([contact, np.zeros(n)]),
         track=float(spring == 0),
     )
+
+
+def _first(rows: Array) -> Array:
+    """Return rows for coordinates as rows for the state, with their velocities."""
+    return np.hstack([rows, np.zeros_like(rows)])
 
 
 def _deflection(structure: Structure) -> Pull:
@@ -277,6 +287,11 @@ class Modes(Structure):
     def pull(self) -> Pull:
         """The force of its driving spring."""
         return _pull_of(self)
+
+    @property
+    def parts(self) -> tuple[str, Array]:
+        """What each mode moves the contacts."""
+        return "mode", _first(np.diag(self.contact))
 
     @property
     def _diagonals(self) -> tuple[Array, Array, Array]:
@@ -412,6 +427,11 @@ class Matrices(Structure):
     def pull(self) -> Pull:
         """The force of its driving spring."""
         return _pull_of(self)
+
+    @property
+    def parts(self) -> tuple[str, Array]:
+        """Its coordinates."""
+        return "coordinate", _first(np.eye(len(self.M)))
 
     @property
     def damping(self) -> float:

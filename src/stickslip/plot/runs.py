@@ -1,7 +1,8 @@
 """Pictures of a run or of a measured trace."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -31,6 +32,7 @@ from stickslip.plot.palette import (
 from stickslip.plot.style import (
     along_time,
     dress,
+    envelope,
     given_or_new,
     house_style,
     legend_above,
@@ -40,6 +42,9 @@ from stickslip.plot.style import (
 from stickslip.words import engineering, number, prefixed
 
 _MANY_SLIPS = 60  # more are marked by smaller dots
+_STRIP = 1.1  # height of one
+_MOST_STRIPS = 6
+_DRIFT = 2.0  # a part has gone so much further than it swings
 _ZOOM = 6  # slips of a measured trace that are drawn by themselves
 # a velocity this many times that of the drive asks for a logarithmic axis
 _WIDE_RANGE = 25.0
@@ -94,7 +99,9 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     ax, speed = along_time(run, "velocity", ax, color=GREEN, label="slider")
     if "drive_velocity" in run:
-        _, drive = along_time(run, "drive_velocity", ax, label="drive", **COMPARED)
+        drive = variable(run, "drive_velocity")
+        thinned = envelope(run["time"].values, drive.values)
+        ax.plot(*thinned, label="drive", **COMPARED)
         usual = float(abs(drive).max())
         if 0.0 < _WIDE_RANGE * usual < float(abs(speed).max()):
             # decades within the linear part would crowd around 0
@@ -137,6 +144,38 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     )
     panel(ax, "", speed, force)
     return ax
+
+
+@house_style()
+def part(run: xr.Dataset, ax: Axes | None = None, *, number: int = 1) -> Axes:
+    """Draw the displacement by one mode or coordinate of a structure against time; what
+    goes along with the drive, less its mean motion.
+    """
+    every = run["parts"]
+    one = every.isel(mode=number - 1)
+    time = run["time"].values
+    line = np.polynomial.Polynomial.fit(time, one.values, 1)(time)
+    rest = one - line
+    drifts = bool(np.ptp(line) > _DRIFT * np.ptp(rest.values))
+    name = str(every.attrs["long_name"]).removeprefix("displacement by each ")
+    words = f"{name} {number}" + " less drift" * drifts
+    drawn = (rest if drifts else one).assign_attrs(every.attrs | {"long_name": words})
+    ax, _ = along_time(run.assign(one=drawn), "one", ax, color=SKY, linewidth=0.8)
+    return ax
+
+
+def _at_contacts(run: xr.Dataset, ax: Axes) -> Axes:
+    """Draw the friction force against time."""
+    own = run["friction_force"].assign_attrs(long_name="friction")
+    return along_time(run.assign(own=own), "own", ax, color=GREY, linewidth=0.8)[0]
+
+
+def _largest_parts(run: xr.Dataset) -> list[int]:
+    """Numbers of the parts of a structure that move most, in their order."""
+    if "parts" not in run:
+        return []
+    spread = run["parts"].std("time").to_numpy()
+    return sorted((np.argsort(-spread)[:_MOST_STRIPS] + 1).tolist())
 
 
 _ENERGIES = {
@@ -184,7 +223,7 @@ def overview(
     run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime | None = None
 ) -> Figure:
     """Draw a run at a glance: force with its slips marked, velocities, attached
-    fraction; whatever of these there is.
+    fraction, and each mode or coordinate of a structure; whatever of these there is.
 
     Of a chain, the force with its events, and the velocity of every block. Of a
     measured trace that stick-slips, six of its slips besides, how large drops are,
@@ -212,9 +251,15 @@ def overview(
         seen, found = regime_and_drops(run)
         events = found if events is None and seen.kind == "stick-slip" else events
     below = {"velocity": velocity, "attached": attached}
+    panels: list[Callable[[xr.Dataset, Axes], Axes]]
     panels = [draw for name, draw in below.items() if name in run]
-    rows = 1 + len(panels)
     heights = [2.4, *[1.7] * len(panels)]
+    strips: list[Callable[[xr.Dataset, Axes], Axes]]
+    strips = [partial(part, number=number) for number in _largest_parts(run)]
+    strips = strips and [_at_contacts, *strips]
+    panels += strips
+    heights += [_STRIP] * len(strips)
+    rows = 1 + len(panels)
     measured = (
         "attached" not in run
         and events is not None

@@ -105,6 +105,7 @@ LABELS: Mapping[str, Mapping[str, str]] = {
     "pulled": {"units": "1", "long_name": "block that the drive pulls"},
     "x": {"units": "x_s", "long_name": "stretching"},
     "snapshot": {"units": "time", "long_name": "time of the snapshot"},
+    "parts": {"units": "x_s", "long_name": "displacement by each part"},
     "state": {"units": "1", "long_name": "state of the structure, in natural units"},
 }
 """Units and names of every variable of a run."""
@@ -148,9 +149,13 @@ def dataset_of(
     }
     if isinstance(slider, Structure):
         states = [name for name in track.columns if name.startswith(STATE)]
-        variables["state"] = with_label(
-            "state", ("time", "coordinate"), np.stack([values[n] for n in states], 1)
-        )
+        state = np.stack([values[n] for n in states], 1)
+        variables["state"] = with_label("state", ("time", "coordinate"), state)
+        name, rows = slider.parts
+        if name:
+            found = with_label("parts", ("time", "mode"), state @ rows.T)
+            found[2]["long_name"] = f"displacement by each {name}"
+            variables["parts"] = found
     if track.snapshots:
         times, seen = zip(*track.snapshots, strict=True)
         low = min(float(one.stretching.min(initial=0.0)) for one in seen)
