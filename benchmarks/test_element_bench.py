@@ -1,5 +1,5 @@
 """A step of the interface as an element beside one of LuGre's model in a plain loop,
-and beside a step of the event engine.
+and beside a step of the event engine; runs of a structure beside both.
 
 LuGre's model is one exponential and a division a step, whatever it does. Of 1,000
 contacts one or two break in a step of 1e-3, and as many re-attach: each costs a look at
@@ -14,9 +14,13 @@ import pytest
 import stickslip as ss
 from stickslip.kernels import element as kernel
 from stickslip.kernels._jit import jit
+from stickslip.model import Modes
+from stickslip.simulation.driver import follow
 from stickslip.simulation.engines.base import Beginning
 from stickslip.simulation.engines.contacts import EventByEvent
+from stickslip.structures.contacts import element_of
 from stickslip.structures.engines import DrivenEngine
+from stickslip.structures.runs import SteppedStructure, longest_step
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1))
 METHOD = ss.Contacts(1000, seed=1)
@@ -103,3 +107,79 @@ def test_element_from_python(benchmark):
         role="fast", promised=5, what="element, beside the event engine"
     )
     benchmark.pedantic(python_steps, (made._carrier,), rounds=10)
+
+
+SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
+MODE = Modes(masses=(1e-4,), stiffnesses=(0.0,), dampings=(42.4,), stiffness=2.0)
+PULL = ss.constant(1.0, 3.0)  # through one slip, and another
+
+
+@jit
+def verlet_steps(
+    state: kernel.ElementState,
+    count: int,
+    dt: float,
+    slider: tuple[float, float, float],
+) -> float:
+    """The loop that a user would write: Verlet's method with the impulse, pulled at
+    velocity 1.
+    """
+    K, M, eta = slider
+    x = v = pulled = 0.0
+    friction = kernel.force_of(state)
+    for i in range(count):
+        end = x + dt * v + 0.5 * dt * dt * ((pulled - friction) / M - eta * v)
+        friction, impulse, _ = kernel.step(state, dt, v, end)
+        before = pulled
+        pulled = K * ((i + 1) * dt - end)
+        v += (0.5 * dt * (before + pulled) - impulse) / M - eta * (end - x)
+        x = end
+    return x
+
+
+def begun(body):
+    """A run of a body before its first step."""
+    kind = EventByEvent if body is SLIDER else SteppedStructure
+    engine = kind(Beginning(INTERFACE, body, 1.0), METHOD)
+    return (engine, PULL, 0.0, np.array([PULL.duration])), {}
+
+
+def test_plain_loop(benchmark):
+    h = longest_step(MODE)
+    constants = (SLIDER.stiffness, SLIDER.mass, SLIDER.damping)
+
+    def start():
+        state = element_of(Beginning(INTERFACE, None, 0.0), METHOD)
+        return (state, round(PULL.duration / h), h, constants), {}
+
+    verlet_steps(*start()[0])
+    benchmark.group = "steps of a mass on a spring, 1,000 contacts, two slips"
+    benchmark.extra_info.update(role="plain")
+    end = benchmark.pedantic(verlet_steps, setup=start, rounds=10)
+    assert 0.0 < end < PULL.duration
+
+
+def test_structure_beside_a_plain_loop(benchmark):
+    follow(*begun(MODE)[0])
+    benchmark.group = "steps of a mass on a spring, 1,000 contacts, two slips"
+    benchmark.extra_info.update(
+        role="cost", promised=8, what="run of a mode, beside a plain loop"
+    )
+    track = benchmark.pedantic(follow, setup=lambda: begun(MODE), rounds=10)
+    assert np.isfinite(track.rows).all()
+
+
+@pytest.mark.parametrize("body", [SLIDER, MODE], ids=["slider", "mode"])
+def test_structure_beside_the_event_engine(benchmark, body):
+    follow(*begun(body)[0])
+    benchmark.group = "run of 1,000 contacts through two slips"
+    benchmark.extra_info.update(
+        {"role": "plain"}
+        if body is SLIDER
+        else {
+            "role": "cost",
+            "promised": 80,
+            "what": "run of a mode, beside the event engine",
+        }
+    )
+    benchmark.pedantic(follow, setup=lambda: begun(body), rounds=10)
