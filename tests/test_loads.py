@@ -89,14 +89,19 @@ def test_contacts_that_hold_keep_their_strength_and_sliding_reaches_the_new_fric
     assert set(np.unique(after["load"])) == {1.0, 3.0}
 
 
-def test_a_verdict_that_is_open_says_that_the_load_or_the_force_still_rises():
-    ramp = ss.constant(1.0, 5.0).under([(1.0, 1.0), (5.0, 5.0)])
-    soft = ss.Slider(stiffness=0.5, mass=1e-2, damping=10.0)
-    loaded = ss.simulate(pulled(DELAYED, ramp, soft, ss.Contacts(2000)))
-    rise = pull(0.0, 0.6, duration=9.0)
-    forced = ss.simulate(pulled(DELAYED, rise, Mass(mass=1.0)))
-    assert "the load changes meanwhile" in ss.regime(loaded).reason
-    assert "the force is the drive itself" in ss.regime(forced).reason
+def test_a_verdict_is_of_the_last_load_and_a_force_has_none():
+    def seen(drive, **options):
+        return ss.regime(ss.simulate(pulled(DELAYED, drive, **options)))
+
+    ramp = [(1.0, 1.0), (10.0, 6.0)]
+    assert "load changes until 10" in seen(ss.constant(1.0, 10.0).under(ramp)).reason
+    held = seen(ss.constant(1.0, 40.0).under(ramp))
+    assert held.kind != "undecided"
+    assert held.window[0] >= 10.0
+    for force, moves in ((0.3, "rests"), (0.9, "slides")):
+        told = seen(pull(force, duration=20.0), slider=Mass(mass=1.0))
+        assert told.kind == "undecided"
+        assert moves in told.reason
 
 
 def test_at_rest_a_larger_load_changes_nothing():

@@ -303,6 +303,7 @@ def _select_late_window(trace: Trace) -> tuple[Trace, Slips | None]:
     last = trace.drive[-1]
     differs = np.flatnonzero(np.abs(trace.drive - last) > CONSTANT_DRIVE * abs(last))
     first = int(differs[-1]) + 1 if differs.size else 0
+    first = max(first, int(np.searchsorted(trace.t, trace.steady_load_from)))
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
         return trace, None
     end = trace.t[-1]
@@ -575,12 +576,24 @@ def _last_slip(trace: Trace, slips: Slips) -> float:
     return float(t[slips.end[fast[-1] + 1]]) if fast.size else math.nan
 
 
+def _driven_by_force(trace: Trace) -> str:
+    """What is seen of a slider that a force drives, which holds it at no speed."""
+    assert trace.rig is not None
+    assert trace.X is not None
+    late = trace.part(0.5 * float(trace.t[0] + trace.t[-1]))
+    assert late.X is not None
+    way = abs(float(late.X[-1] - late.X[0]))
+    # so far contacts stretch without sliding
+    moves = "slides" if way > trace.rig.unit("length") else "rests"
+    return f"the force is the drive itself, and holds no speed; the slider {moves}"
+
+
 def _find_fault(trace: Trace, seen: Window) -> str:
     """Why a window has no regime: a fault of the sensor, or a drive that is not
     constant; empty if it may have one.
     """
     if trace.rig is not None and trace.rig.drive.force:
-        return "the force is the drive itself; the velocity shows whether it slides"
+        return _driven_by_force(trace)
     if trace.measured:
         if not np.any(trace.force != trace.largest):
             return "the force never changes: is the sensor connected?"

@@ -231,6 +231,13 @@ class Trace:
             ),
         )
 
+    @cached_property
+    def steady_load_from(self) -> float:
+        """When the normal load of a run has come to its last value."""
+        if self.rig is None or not self.rig.drive.load:
+            return -math.inf
+        return self.rig.drive.load[-1].time * self.rig.unit("time")
+
     @property
     def length(self) -> float:
         """From the first reading to the last."""
