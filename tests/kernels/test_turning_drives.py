@@ -228,7 +228,8 @@ def test_contacts_move_as_in_a_plain_loop(seed):
         end = begin + piece.duration
         drive = Piece(Quadratic(begin, place, piece.start, piece.acceleration), end)
         assert (
-            kernel.advance_events(state, slider, drive, sampling, draws, 10**8)
+            # with `None` as the engine says, or it is compiled once more
+            kernel.advance_events(state, slider, drive, sampling, draws, 10**8, None)
             == FINISHED
         )
         begin = end
