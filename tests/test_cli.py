@@ -250,6 +250,11 @@ def test_what_can_be_refused_is_refused_before_the_run(
             "is given for two outputs",
         ),
         (("measure", "trace.csv", "--events", "/dev/null"), "/dev/null", "is a device"),
+        (
+            ("measure", "trace.csv", "--events", "a.csv", "--curve", "a.csv"),
+            "rig.toml",
+            "is given for two outputs",
+        ),
         (("plot", "trace.csv", "kept.png"), "kept.png", "is read-only"),
         (("predict", "rig.toml", "--plot", "kept.png"), "kept.png", "is read-only"),
         (

@@ -338,8 +338,7 @@ def _fail(message: str, code: int = 2) -> int:
 
 
 def _check_outputs(
-    output: Path | None = None,
-    *,
+    *outputs: Path | None,
     picture: Path | None = None,
     read: Path | None = None,
     kind: str = "",
@@ -347,20 +346,23 @@ def _check_outputs(
     """Complain before any work is done of a place that cannot be written, or that
     holds the file that is read.
     """
-    places = {
-        place: files.target(place) for place in (output, picture) if place is not None
-    }
-    for given, place in places.items():
+    places = list[Path]()
+    for given in (*outputs, picture):
+        if given is None:
+            continue
+        place = files.target(given)
         with suppress(OSError):  # one of the two is not there
             if read is not None and place.samefile(read):
                 raise InputError(
                     f"{given}: is the file to be read; choose another name for what is "
                     "written"
                 )
-    if output is not None and picture is not None and places[output] == places[picture]:
-        raise InputError(
-            f"{output}: is given for two outputs; choose another name for one of them"
-        )
+        if place in places:
+            raise InputError(
+                f"{given}: is given for two outputs; choose another name for one of "
+                "them"
+            )
+        places.append(place)
     if picture is not None:
         from stickslip.plot.style import format_of
 
@@ -671,9 +673,9 @@ def measure(
     from stickslip.io.datasets import as_csv
     from stickslip.words import engineering
 
-    _check_outputs(events, picture=plot, read=data)
+    _check_outputs(events, curve, picture=plot, read=data)
     if curve is not None and curve.suffix != ".csv":
-        _check_outputs(picture=curve, read=data)
+        _check_outputs(picture=curve)
     trace = bench.read(data, columns)
     since, smallest = _limits_of_trace(trace, after, minimum_drop)
     seen, catalogue = ss.measure.regime_and_drops(
