@@ -244,8 +244,8 @@ class Rig(Answer):
         """
         if self.drive.load:
             raise InputError(
-                "Drive.load: is for runs alone; leave it out for an answer at the load "
-                "at which the contacts have their strength, or simulate",
+                "Drive.load: is for runs alone; leave it out, and ask at another load "
+                "by rig.replace(friction=...), or simulate",
                 "Drive.load",
             )
         return self.value("velocity")
