@@ -17,13 +17,14 @@ from stickslip.loops import HALVINGS, bounded
 from stickslip.measure import Regime, regime
 from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, TINY
 from stickslip.measure.trace import ERRORS
-from stickslip.model import Contacts, Slider
+from stickslip.model import Contacts, Langevin, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
 from stickslip.simulation import Recording, record
-from stickslip.simulation.estimates import way_of
+from stickslip.simulation.engines.start import lifetimes_in
+from stickslip.simulation.estimates import Course
 from stickslip.stability import contact_noise, growth_rate
 from stickslip.structures.runs import longest_step
 
@@ -44,11 +45,11 @@ _LONGEST = 8.0  # runs: what stays undecided is made twice as long, up to that
 SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 # contacts: noise of more is below what a regime takes for nothing
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
-# Lives of contacts, from attaching to breaking, that count as one run, and looks at
-# linear theory that do. By `is_expensive`: contacts that age or break by heat are
-# followed in steps, and their response is an integral over all ages.
-_LIVES = {False: 4e5, True: 1.5e4}
-_LOOKS = {False: 10.0, True: 0.5}
+# Lives of contacts, from one attachment to the next, that count as one run: of most,
+# of those that `is_expensive` tells, and of those of them that are followed in steps.
+_LIVES = 4e5, 6e4, 1.5e4
+# looks at linear theory that do, by `is_expensive`: an integral over all ages
+_LOOKS = {False: 10.0, True: 1.0}
 # steps of a structure that last as long as one run, and lives of its contacts
 _STEPS = 4e5
 _LIVES_IN_STEPS = 3e6
@@ -144,14 +145,13 @@ def is_expensive(rig: Rig) -> bool:
 
 def runs_of(rig: Rig) -> float:
     """Number of usual runs as which a run counts, by the lives of its contacts."""
-    natural = rig.natural
-    travel = sum(map(way_of, natural.drive.pieces))
-    lives = travel / rig.interface.threshold_distribution.moment(1)
+    lives = float(lifetimes_in(rig.natural, Course(0.0))[0])
     contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
-    if isinstance(natural.slider, Structure):
-        steps = natural.drive.duration / longest_step(natural.slider)
+    if isinstance(rig.natural.slider, Structure):
+        steps = rig.natural.drive.duration / longest_step(rig.natural.slider)
         return max(contacts * lives / _LIVES_IN_STEPS + steps / _STEPS, _LEAST)
-    return max(contacts * lives / _LIVES[is_expensive(rig)], _LEAST)
+    kind = is_expensive(rig) + isinstance(rig.interface.ageing, Langevin)
+    return max(contacts * lives / _LIVES[kind], _LEAST)
 
 
 class BudgetExhausted(Exception):  # noqa: N818 - not an error: it ends a search
@@ -226,16 +226,19 @@ class Budget:
         """Whether the runs of each rig with other contacts, by their number from 1 on,
         slide smoothly at last.
 
-        The second of each lasts until its slowest mode has decayed. What does not
-        slide, the first shows most often.
+        The first shows most often what does not slide. What comes after it lasts as
+        long as that took to decide, the second until its slowest mode has decayed.
         """
         try:
             for other, rig in product(others, rigs):
                 lasts = 0.0
+                if other > 1:
+                    first = self.regime(trial(rig, other=1))
+                    lasts = first.window[1] * rig.natural.velocity
                 if other == 2:
                     length = length_of(rig)
-                    until = self.theory(until_decayed, rig)
-                    lasts = min(_PATIENCE * length, max(until, 2.0 * length))
+                    until = max(self.theory(until_decayed, rig), 2.0 * length)
+                    lasts = max(lasts, min(_PATIENCE * length, until))
                 if self.regime(trial(rig, lasts, other)).kind != "smooth sliding":
                     return False
         except InputError:  # such a rig cannot be simulated
@@ -303,12 +306,18 @@ class Budget:
         noise does, or as much.
 
         It decides where the velocity fluctuates by more than its mean, which the linear
-        theory of noise does not cover.
+        theory of noise does not cover. Of a run that is made longer they are asked
+        once.
         """
-        assert isinstance(run.rig.method, DRAWN)
-        method = replace(run.rig.method, count=4 * run.rig.method.count)
-        many = self.record(replace(run.rig, method=method))
-        return fluctuation(many, seen) < math.sqrt(0.5) * fluctuation(run, seen)
+        rig = run.rig
+        assert isinstance(rig.method, DRAWN)
+        key = "fades", replace(rig, drive=constant(rig.natural.velocity))
+        if key not in self._known:
+            method = replace(rig.method, count=4 * rig.method.count)
+            many = fluctuation(self.record(replace(rig, method=method)), seen)
+            self._known[key] = many
+        noise: float = self._known[key]
+        return noise < math.sqrt(0.5) * fluctuation(run, seen)
 
 
 def _doubtful(seen: Regime) -> Regime:

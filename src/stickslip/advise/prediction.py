@@ -59,9 +59,9 @@ from stickslip.stability import contact_noise, count_unstable
 # Runs, by convention, that a verdict and all of an answer may take. The fractions of
 # what is left at its turn that other speeds, and what is assumed, get.
 _FOR_VERDICT = 30.0
-_FOR_ALL = 340.0
+_FOR_ALL = 160.0
 _FOR_SPEEDS = 0.5
-_FOR_DOUBT = 0.2
+_FOR_DOUBT = 0.15
 # an oscillation is small below this part of static friction, peak to peak: a convention
 _SMALL = 0.05
 # contacts that are few: where one run of them decides little, by convention

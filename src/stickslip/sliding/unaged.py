@@ -52,6 +52,7 @@ from stickslip.sliding.response import (
 # wave number times the standard deviation of thresholds, beyond which nothing is left
 # of P^
 _REMEMBERED = 100.0
+_FEWEST = 64  # wave numbers of a table
 _MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
 
 
@@ -140,8 +141,9 @@ class UnagedResponse(Response):
         """
         if self.inert:
             return super().sampled(velocity, top)
-        y, complement, shape = self._table(
-            velocity * self.scales(velocity).memory, top / velocity
+        reach = velocity * self.scales(velocity).memory
+        y, complement, shape = axis_table(
+            hashable(self.distribution), *_steps(reach, top / velocity)
         )
         stop = int(np.searchsorted(velocity * y, top)) + 2
         omega = velocity * y[:stop]
@@ -162,44 +164,12 @@ class UnagedResponse(Response):
         return np.append(omega, np.arange(begin, top, coarse))
 
     def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray]:
-        y, complement, shape = self._table(self._largest, top / velocity)
-        lost = np.abs(complement) ** 2
-        room = 2 * complement.real - lost  # 1 - |P^|^2
-        if np.any(room <= 0):
-            raise UndecidedError(
-                f"the thresholds ({self.distribution}) are so close together that "
-                "double precision cannot resolve how "
-                "the contacts lose their memory; give them a larger standard deviation"
-            )
-        centre = (self.sliding_force * lost - shape * np.conj(complement)) / room
-        # Beyond the table discs only shrink: as large a one as in its last quarter, and
-        # as far below the real axis.
-        last = centre[-(centre.size // 4) :]
-        worst = float(np.max(np.abs(last)))
-        deficit = float(np.max(np.abs(last) * (1 - 1e-14) - last.imag))
-        shrinking = complex(
-            math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit
+        y, centre = _discs(
+            hashable(self.distribution),
+            self.sliding_force,
+            *_steps(self._largest, top / velocity),
         )
-        far = y[-1] * np.geomspace(1.0, 1e6, 200)[1:]
-        centres = np.concatenate([centre, np.full(far.size, shrinking)])
-        return velocity * np.append(y, far), np.asarray(centres / self._path(velocity))
-
-    def _table(
-        self, reach: float, top: float
-    ) -> tuple[Array, ComplexArray, ComplexArray]:
-        # Steps and counts are powers of 2, so that neighbouring speeds share a table.
-        step = 2.0 ** math.floor(math.log2(STEP / reach))
-        count = 1 << max(6, math.ceil(math.log2(top / step + 2)))
-        if count > SCAN_LIMIT:
-            raise UndecidedError(
-                f"the response has to be followed over more than {SCAN_LIMIT} "
-                "frequencies: the contacts remember "
-                f"{reach:g} x_s, and may outweigh the rig up to wavelengths of "
-                f"{2 * math.pi / top:g} x_s; "
-                "give the rig some damping, or the thresholds a larger standard "
-                "deviation"
-            )
-        return axis_table(hashable(self.distribution), step, count)
+        return velocity * y, np.asarray(centre / self._path(velocity))
 
     @cached_property
     def _means(self) -> tuple[float, float, float]:
@@ -251,18 +221,72 @@ def response(interface: Interface) -> Response:
     )
 
 
-@lru_cache(maxsize=32)
+def _steps(reach: float, top: float) -> tuple[float, int]:
+    """Step and number of wave numbers that follow contacts with a memory of so many
+    ``x_s`` up to a `top`.
+    """
+    # powers of 2, so that neighbouring speeds share a table
+    step = 2.0 ** math.floor(math.log2(STEP / reach))
+    count = max(_FEWEST, 1 << math.ceil(math.log2(top / step + 2)))
+    if count > SCAN_LIMIT:
+        raise UndecidedError(
+            f"the response has to be followed over more than {SCAN_LIMIT} "
+            "frequencies: the contacts remember "
+            f"{reach:g} x_s, and may outweigh the rig up to wavelengths of "
+            f"{2 * math.pi / top:g} x_s; "
+            "give the rig some damping, or the thresholds a larger standard "
+            "deviation"
+        )
+    return step, count
+
+
+@lru_cache(maxsize=16)
+def _discs(
+    distribution: Distribution, sliding_force: float, step: float, count: int
+) -> tuple[Array, ComplexArray]:
+    """Wave numbers, and the centres of discs there, for contacts that come back at
+    once.
+    """
+    y, complement, shape = axis_table(distribution, step, count)
+    lost = np.abs(complement) ** 2
+    room = 2 * complement.real - lost  # 1 - |P^|^2
+    if np.any(room <= 0):
+        raise UndecidedError(
+            f"the thresholds ({distribution}) are so close together that "
+            "double precision cannot resolve how "
+            "the contacts lose their memory; give them a larger standard deviation"
+        )
+    centre = (sliding_force * lost - shape * np.conj(complement)) / room
+    # Beyond the table discs only shrink: as large a one as in its last quarter, and
+    # as far below the real axis.
+    last = centre[-(centre.size // 4) :]
+    worst = float(np.max(np.abs(last)))
+    deficit = float(np.max(np.abs(last) * (1 - 1e-14) - last.imag))
+    shrinking = complex(
+        math.sqrt(max(deficit * (2 * worst - deficit), 0.0)), worst - deficit
+    )
+    far = y[-1] * np.geomspace(1.0, 1e6, 200)[1:]
+    return np.append(y, far), np.append(centre, np.full(far.size, shrinking))
+
+
+@lru_cache(maxsize=64)
 def axis_table(
     distribution: Distribution, step: float, count: int
 ) -> tuple[Array, ComplexArray, ComplexArray]:
-    """Wave numbers at `count` equal steps and below the first one, and `transforms`
-    there on the imaginary axis.
+    """Wave numbers at `count` equal steps, a power of 2, and below the first one, and
+    `transforms` there on the imaginary axis.
     """
-    # Below the first step frequencies are spaced in proportion: slow modes of soft
-    # springs.
-    slow = step * np.geomspace(1e-4, 1.0, 40, endpoint=False)
-    y = np.concatenate([slow, step * np.arange(1, count + 1)])
-    return y, *transforms(distribution, 1j * y)
+    # below the first step in proportion: slow modes of soft springs
+    y = np.append(
+        step * np.geomspace(1e-4, 1.0, 40, endpoint=False),
+        step * np.arange(1.0, count + 1.0),
+    )
+    if count == _FEWEST:
+        return y, *transforms(distribution, 1j * y)
+    # a table that is made longer keeps what it holds
+    known = axis_table(distribution, step, count // 2)
+    more = transforms(distribution, 1j * y[known[0].size :])
+    return y, np.append(known[1], more[0]), np.append(known[2], more[1])
 
 
 def transforms(

@@ -6,6 +6,7 @@ force over displacement). Natural units per contact.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
@@ -161,17 +162,21 @@ def spring_at_contact(body: Impedance) -> float | None:
     return None if found is None else float(found)
 
 
+@lru_cache(maxsize=64)
+def _roots(*coefficients: float) -> ComplexArray:
+    """Roots of a polynomial, of which several questions are asked."""
+    return np.roots(coefficients).astype(complex)
+
+
 def natural_frequencies(body: Impedance) -> ComplexArray:
     """Zeros of the impedance, where known: the modes of the rig without the
     interface.
     """
     match body:
         case Slider():
-            return np.roots(
-                [body.mass, body.mass * body.damping, body.stiffness]
-            ).astype(complex)
+            return _roots(body.mass, body.mass * body.damping, body.stiffness)
         case RadiationDamping():
-            return np.roots([body.mass, body.radiation, body.stiffness]).astype(complex)
+            return _roots(body.mass, body.radiation, body.stiffness)
         case Structure():
             return np.linalg.eigvals(body.system.A).astype(complex)
     return np.empty(0, dtype=complex)
