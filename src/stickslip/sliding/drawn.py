@@ -58,6 +58,8 @@ class Lives(NamedTuple):
     """Wave number that the nodes resolve; a faster perturbation finds newborns
     alone.
     """
+    unbroken: int
+    """Panels at the beginning in which none of stretched newborns breaks."""
 
 
 @lru_cache(maxsize=32)
@@ -107,10 +109,32 @@ def lives_of(interface: Interface) -> Lives:
     x, weight = (each.ravel() for each in nodes_between(edges[:-1], edges[1:], _NODES))
     begin = np.stack(left(np.array([0.0, step := 1e-6 * std])), axis=1)
     newborn_too = np.stack([begin[0], (begin[1] - begin[0]) / step])
-    return Lives(weight[:, None] * np.stack(left(x), axis=1), newborn_too, x, highest)
+    held = np.stack(left(x), axis=1)
+    breaks_from = int(np.argmax(held[:, 0] < held[0, 0] * (1.0 - 1e-15)))
+    unbroken = breaks_from // _NODES if newborn is not None else 0
+    return Lives(weight[:, None] * held, newborn_too, x, highest, unbroken)
 
 
 def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
+    """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6); of waves that turn
+    often where none breaks and forces rise evenly, by the integral of that.
+    """
+    first = _NODES * lives.unbroken
+    end = float(lives.x[first - 1] + lives.x[0]) if first else 0.0
+    fast = np.abs(q) * end > _PHASE
+    found = np.empty((q.size, 6), dtype=complex)
+    found[~fast] = _summed(lives, q[~fast])
+    late = lives._replace(x=lives.x[first:], held=lives.held[first:])
+    turns = q[fast, None]
+    gone = np.exp(-turns * end)
+    even = (1.0 - gone) / turns
+    constant, slope = lives.newborn
+    found[fast] = even * constant + (even - end * gone) / turns * slope
+    found[fast] += _summed(late, q[fast])
+    return found
+
+
+def _summed(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
     """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6)."""
     parts = np.array_split(q, q.size // 128 + 1)  # no more in memory at once
     panels = lives.x.reshape(-1, _NODES)
