@@ -382,7 +382,8 @@ class _Reader:
         lasts = values.get("duration")
         if isinstance(content, float):
             if lasts is None:
-                raise MissingError("drive.duration", "10 s")
+                self.file.missing("drive.duration", TABLES["drive"]["duration"])
+                raise NotedError("")
             with at("drive"):
                 return pull(content, duration=lasts), {}
         if content is not None:
