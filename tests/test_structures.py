@@ -154,6 +154,42 @@ def test_neutral_frequencies_count_as_the_argument_principle_does(velocity, ki):
     assert roots.count(sliding) == roots.count_right_of(sliding, 1e-6)
 
 
+def spectral_radius(axis):
+    """Of the sampled axis alone, from update to update: position, velocity, integral
+    and last error.
+    """
+    T = axis.sample_time
+    force = np.array([-axis.kp - axis.ki * T - axis.kd / T, 0.0, 1.0, -axis.kd / T])
+    step = np.array(
+        [[1, T, 0, 0], [0, 1, 0, 0], [-axis.ki * T, 0, 1, 0], [-1, 0, 0, 0]]
+    )
+    step = step + np.outer([0.5 * T * T / axis.mass, T / axis.mass, 0, 0], force)
+    return abs(np.linalg.eigvals(step)).max()
+
+
+@pytest.mark.parametrize("every", [1e-4, 5e-4, 2e-3])
+def test_the_hold_between_samples_is_in_the_roots(every):
+    axis = replace(AXIS, sample_time=every)
+    w = brentq(lambda w: axis(np.array([1j * w]))[0].real, 50.0, 250.0)
+    neutral = w * axis(np.array([1j * w]))[0].imag
+    limit = brentq(
+        lambda ki: spectral_radius(replace(axis, ki=ki)) - 1.0,
+        0.5 * neutral,
+        1.5 * neutral,
+    )
+    assert neutral == pytest.approx(limit, rel=1e-4)
+
+
+@pytest.mark.parametrize(("every", "modes"), [(3.1e-3, 0), (4.2e-3, 2)])
+def test_too_slow_samples_unsettle_tracking_as_the_roots_say(every, modes):
+    axis = replace(AXIS, ki=1.0, sample_time=every)
+    assert count_unstable(rig(axis)) == modes
+    start = ss.FromSliding()
+    seen = run_of(axis, 0.002, 4.0, start=start, contacts=10_000)
+    late = float(seen.velocity[1000:].std())
+    assert (late > 0.6) is bool(modes)
+
+
 @pytest.mark.takes(4)  # of long moves, or of many steps
 def test_without_friction_the_limit_is_that_of_routh():
     # M s^3 + Kd s^2 + Kp s + Ki: very slow sliding has no more than that

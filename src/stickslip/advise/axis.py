@@ -126,7 +126,7 @@ class AxisAnswer(Answer):
                 "             (same damping and Kp/Ki); or hold without the integral",
             ]
         if axis.sample_time:
-            lines.append("  roots of the continuous controller; moves with its samples")
+            lines.append("  roots with the hold between samples; moves with each")
         return "\n".join(lines)
 
     def _evidence(self) -> list[str]:

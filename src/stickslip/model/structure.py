@@ -553,8 +553,9 @@ class ControlledAxis(Structure):
     kp, ki, kd : float
         Gains, per contact.
     sample_time : float
-        Time between two updates of the controller, in runs; 0 for none. Roots are those
-        of the continuous controller.
+        Time between two updates of the controller; 0 for none. Its force is held in
+        between, and the rate of the error is that since the last update: roots know
+        both, up to frequencies of some half of the updates.
     encoder_step : float
         Step in which it knows the position, in runs; 0 for none.
     moves : sequence of float
@@ -625,8 +626,12 @@ class ControlledAxis(Structure):
         points = np.asarray(s, dtype=complex)
         found = np.full(points.shape, complex(np.inf if self.ki else 0.0, 0.0))
         np.divide(self.ki, points, out=found, where=points != 0)
-        loss = self.kd + self.mass * self.damping
-        return np.asarray(found + self.kp + points * (loss + self.mass * points))
+        held = np.ones_like(points)  # mean of what is held, over the value now
+        if self.sample_time:
+            passed = points * self.sample_time
+            np.divide(-np.expm1(-passed), passed, out=held, where=passed != 0)
+        own = self.mass * points * (self.damping + points)
+        return np.asarray(found + held * (self.kp + self.kd * points * held) + own)
 
 
 def cascade(kpp: float, kv: float, kiv: float) -> tuple[float, float, float]:

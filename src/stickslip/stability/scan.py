@@ -135,6 +135,8 @@ def doubtful_below(sliding: SmoothSliding, softest: float | None) -> float:
                 f"body: Im Z(i w) < 0 at w = {at:.4g}: the rig puts energy in; "
                 "give one that only takes it out (damping of 0 or above)"
             )
+        if held is None:  # kappa lies in a disc through 0
+            gains &= np.abs(z) <= 2.0 * np.abs(centre)
         doubtful = np.flatnonzero(gains | ~_clear(z, centre, held))
         if not doubtful.size:
             return 0.0

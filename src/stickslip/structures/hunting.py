@@ -85,7 +85,7 @@ def with_gain(axis: ControlledAxis, kp: float) -> ControlledAxis:
 
 def tracking(rig: Rig) -> Tracking:
     """Return up to which integral gain an axis tracks steadily at the speed of a rig,
-    linear theory of the continuous controller, in natural units.
+    by linear theory, with the hold between samples, in natural units.
 
     Where a mode is neutral ``kp + Re kappa(i w) = M w^2``, and
     ``ki = w^2 (kd + M eta) + w Im kappa(i w)``. Nothing is asked of passivity: the
