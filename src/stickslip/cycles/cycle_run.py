@@ -125,9 +125,9 @@ def _frequency(rig: Rig) -> float:
 
 def _fastest(rig: Rig) -> float:
     """Angular frequency of the slider, or of the fastest motion of a structure."""
-    if not isinstance(rig.slider, Structure):
-        return float(rig.slider.frequency)
-    return 1.0 / (RADIAN * longest_step(rig.slider))
+    if isinstance(rig.slider, Structure):
+        return 1.0 / (RADIAN * longest_step(rig.slider))
+    return _frequency(rig)
 
 
 def work_of_run(rig: Rig, start: Start) -> Work:

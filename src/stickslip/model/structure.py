@@ -77,7 +77,9 @@ class Structure(Record):
         """The force of its driving spring or controller; without one, what the
         deflection of the contacts would hold at rest.
         """
-        return _deflection(self)
+        system = self.system
+        static = float(self(np.zeros(1))[0].real)
+        return Pull(-static * system.contact, static * (1.0 - system.track), 0.0)
 
     @property
     def parts(self) -> tuple[str, Array]:
@@ -87,7 +89,7 @@ class Structure(Record):
     @property
     def passive(self) -> bool:
         """Whether it only takes energy out of a motion that does not drive it."""
-        return isinstance(self, Modes | Matrices)
+        return False
 
     @property
     def slowest(self) -> Slider:
@@ -155,30 +157,66 @@ _Participations = tuple[Annotated[float, Number(hint="numbers, such as (1.0,)")]
 _Spring = Annotated[float, Number("k", at_least=0, hint="K/N")]
 
 
-def _second_order(
-    mass: Array, damping: Array, stiffness: Array, body: "Modes | Matrices"
-) -> LinearSystem:
-    """Return ``M q'' + C q' + K q = drive spring (D - drive q) - contact F`` of first
-    order; without the spring the drive moves the track.
+class _SecondOrder(Structure):
+    """``M q'' + C q' + K q = drive spring (D - drive q) - contact F``; without the
+    driving spring the drive moves the track.
     """
-    n = len(mass)
-    spring = body.stiffness
-    contact = np.array(body.contact)
-    drive = np.array(body.drive)
-    held = stiffness + spring * np.outer(drive, drive)
-    lower = np.linalg.solve(
-        mass, np.column_stack([-held, -damping, -contact, spring * drive])
-    )
-    upper = np.column_stack([np.zeros((n, n)), np.eye(n), np.zeros((n, 2))])
-    rows = np.vstack([upper, lower])
-    return LinearSystem(
-        A=rows[:, : 2 * n],
-        force=rows[:, 2 * n],
-        drive=rows[:, 2 * n + 1],
-        rate=np.zeros(2 * n),
-        contact=np.concatenate([contact, np.zeros(n)]),
-        track=float(spring == 0),
-    )
+
+    contact: tuple[float, ...]
+    drive: tuple[float, ...]
+    stiffness: float
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, damping and stiffness, without the driving spring."""
+        raise NotImplementedError
+
+    @property
+    def passive(self) -> bool:
+        """Whether it only takes energy out."""
+        return True
+
+    @property
+    def system(self) -> LinearSystem:
+        """The equations of motion of first order."""
+        mass, damping, stiffness = self.matrices
+        n = len(mass)
+        spring = self.stiffness
+        contact = np.array(self.contact)
+        drive = np.array(self.drive)
+        held = stiffness + spring * np.outer(drive, drive)
+        lower = np.linalg.solve(
+            mass, np.column_stack([-held, -damping, -contact, spring * drive])
+        )
+        upper = np.column_stack([np.zeros((n, n)), np.eye(n), np.zeros((n, 2))])
+        rows = np.vstack([upper, lower])
+        return LinearSystem(
+            A=rows[:, : 2 * n],
+            force=rows[:, 2 * n],
+            drive=rows[:, 2 * n + 1],
+            rate=np.zeros(2 * n),
+            contact=np.concatenate([contact, np.zeros(n)]),
+            track=float(spring == 0),
+        )
+
+    @property
+    def energies(self) -> Quadratics:
+        """Energies in the state ``(q, q')``, without that of the driving spring."""
+        mass, damping, stiffness = self.matrices
+        nothing = np.zeros_like(mass)
+        return Quadratics(
+            kinetic=np.block([[nothing, nothing], [nothing, mass]]),
+            elastic=np.block([[stiffness, nothing], [nothing, nothing]]),
+            lost=np.block([[nothing, nothing], [nothing, damping]]),
+        )
+
+    @property
+    def pull(self) -> Pull:
+        """The force of its driving spring, if it has one."""
+        if not self.stiffness:
+            return super().pull
+        place = -self.stiffness * np.array(self.drive)
+        return Pull(np.append(place, np.zeros(place.size)), self.stiffness, 0.0)
 
 
 def _first(rows: Array) -> Array:
@@ -186,33 +224,8 @@ def _first(rows: Array) -> Array:
     return np.hstack([rows, np.zeros_like(rows)])
 
 
-def _deflection(structure: Structure) -> Pull:
-    """Return what the deflection of the contacts would hold at rest."""
-    system = structure.system
-    static = float(structure(np.zeros(1))[0].real)
-    return Pull(-static * system.contact, static * (1.0 - system.track), 0.0)
-
-
-def _pull_of(body: "Modes | Matrices") -> Pull:
-    """Return the force of a driving spring, if there is one."""
-    if not body.stiffness:
-        return _deflection(body)
-    place = -body.stiffness * np.array(body.drive)
-    return Pull(np.append(place, np.zeros(place.size)), body.stiffness, 0.0)
-
-
-def _quadratics(mass: Array, damping: Array, stiffness: Array) -> Quadratics:
-    """Energies in the state ``(q, q')``, without that of the driving spring."""
-    nothing = np.zeros_like(mass)
-    return Quadratics(
-        kinetic=np.block([[nothing, nothing], [nothing, mass]]),
-        elastic=np.block([[stiffness, nothing], [nothing, nothing]]),
-        lost=np.block([[nothing, nothing], [nothing, damping]]),
-    )
-
-
 @dataclass(frozen=True, kw_only=True)
-class Modes(Structure):
+class Modes(_SecondOrder):
     """A structure given by its modes, as a finite-element model or a modal test lists
     them.
 
@@ -284,11 +297,6 @@ class Modes(Structure):
             )
 
     @property
-    def pull(self) -> Pull:
-        """The force of its driving spring."""
-        return _pull_of(self)
-
-    @property
     def parts(self) -> tuple[str, Array]:
         """What each mode moves the contacts."""
         return "mode", _first(np.diag(self.contact))
@@ -299,16 +307,10 @@ class Modes(Structure):
         return mass, mass * np.array(self.dampings), np.array(self.stiffnesses)
 
     @property
-    def system(self) -> LinearSystem:
-        """The modes, coupled by the driving spring."""
-        mass, damping, stiffness = (np.diag(each) for each in self._diagonals)
-        return _second_order(mass, damping, stiffness, self)
-
-    @property
-    def energies(self) -> Quadratics:
-        """Energies of the modes."""
-        mass, damping, stiffness = (np.diag(each) for each in self._diagonals)
-        return _quadratics(mass, damping, stiffness)
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """Diagonal ones."""
+        mass, damping, stiffness = map(np.diag, self._diagonals)
+        return mass, damping, stiffness
 
     def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
         """Force over displacement at each `s`."""
@@ -350,7 +352,7 @@ def _wrong(place: str, what: str) -> InputError:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Matrices(Structure):
+class Matrices(_SecondOrder):
     """A structure given by its matrices, ``M q'' + C q' + K q``, as reduced from a
     finite-element model.
 
@@ -424,11 +426,6 @@ class Matrices(Structure):
             )
 
     @property
-    def pull(self) -> Pull:
-        """The force of its driving spring."""
-        return _pull_of(self)
-
-    @property
     def parts(self) -> tuple[str, Array]:
         """Its coordinates."""
         return "coordinate", _first(np.eye(len(self.M)))
@@ -446,16 +443,9 @@ class Matrices(Structure):
         return replace(self, C=tuple(map(tuple, larger.tolist())))
 
     @property
-    def system(self) -> LinearSystem:
-        """The equations of motion of first order."""
-        mass, damping, stiffness = map(np.array, (self.M, self.C, self.K))
-        return _second_order(mass, damping, stiffness, self)
-
-    @property
-    def energies(self) -> Quadratics:
-        """Energies of the structure."""
-        mass, damping, stiffness = map(np.array, (self.M, self.C, self.K))
-        return _quadratics(mass, damping, stiffness)
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """As given."""
+        return np.array(self.M), np.array(self.C), np.array(self.K)
 
 
 @dataclass(frozen=True, kw_only=True)
