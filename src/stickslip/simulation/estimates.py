@@ -182,7 +182,7 @@ def way_of(piece: Piece) -> float:
 
 def oscillation(rig: Rig, radians: float) -> tuple[Part, ...]:
     """Return the work of following a slider with mass."""
-    if not isinstance(rig.slider, Slider | Mass) or rig.slider.mass == 0:
+    if radians == 0.0:  # of what is no slider, or has no mass
         return ()
     what = f"{radians:.2g} rad of the slider's oscillation"
     return (
