@@ -60,8 +60,9 @@ def draw(rig: str | Path = RIG) -> Figure:
         left.plot(
             1e-6 * gain, 1e6 * length * told, color=plot.ORANGE, label="by one slip"
         )
+        # of the gain of an axis that hunts, raised: at rest it may hunt up to there
+        left.axvline(1e-6 * fold, linestyle=":", color=plot.GREY, label="fold")
         left.legend()
-        left.axvline(1e-6 * fold, linestyle=":", color=plot.GREY)
         left.set(xlabel="gain $K_p$ (N/µm)", ylabel="peak to peak at rest (µm)")
         for move, colour in ((20e-6, plot.BLUE), (100e-6, plot.ORANGE)):
             t, error = after(axis, move, 0.8)

@@ -13,8 +13,10 @@ from stickslip import __version__, plot
 from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.axis import AxisAnswer
 from stickslip.advise.chart import chart
+from stickslip.advise.mitigations import has, turnable
 from stickslip.io.rig_files import to_toml
 from stickslip.model.drive import constant
+from stickslip.model.parameters import DELAY
 from stickslip.progress import Progress, part
 from stickslip.simulation import simulate
 
@@ -72,7 +74,12 @@ def _pictures(
         plot.side_by_side(found.run, simulate(lasts, long=True)),
     )
     watch(0.5)
-    alone = "velocity", "stiffness" if "velocity" in goal else changes[0].parameter
+    beside = (
+        each.name
+        for each in (*turnable(rig), DELAY)
+        if has(rig, each) and each.name not in goal and not each.rescales
+    )
+    alone = "velocity", next(beside) if "velocity" in goal else changes[0].parameter
     over: Any = tuple(goal) if found.combined else alone
     around = max(
         _AROUND,
