@@ -89,6 +89,12 @@ def test_contacts_that_hold_keep_their_strength_and_sliding_reaches_the_new_fric
     assert set(np.unique(after["load"])) == {1.0, 3.0}
 
 
+def test_the_picture_of_a_run_shows_a_load_that_changes():
+    drive = ss.constant(1.0, 5.0)
+    for drawn, panels in ((drive, 3), (drive.under([(1.0, 1.0), (2.0, 3.0)]), 4)):
+        assert len(ss.plot.overview(ss.simulate(pulled(DELAYED, drawn))).axes) == panels
+
+
 def test_a_verdict_is_of_the_last_load_and_a_force_has_none():
     def seen(drive, **options):
         return ss.regime(ss.simulate(pulled(DELAYED, drive, **options)))

@@ -126,6 +126,14 @@ def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     return ax
 
 
+def _load(run: xr.Dataset, ax: Axes) -> Axes:
+    """Draw the normal load of a run that changes it against time."""
+    ax, load = along_time(run, "load", ax, color=ORANGE)
+    ax.set_ylim(0.0, 1.05 * float(load.max()))
+    ax.set_ylabel("normal load\n(1: usual)")
+    return ax
+
+
 @house_style()
 def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the spring force against the velocity of the slider: a point for smooth
@@ -223,7 +231,8 @@ def overview(
     run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime | None = None
 ) -> Figure:
     """Draw a run at a glance: force with its slips marked, velocities, attached
-    fraction, and each mode or coordinate of a structure; whatever of these there is.
+    fraction, a load that changes, and each mode or coordinate of a structure; whatever
+    of these there is.
 
     Of a chain, the force with its events, and the velocity of every block. Of a
     measured trace that stick-slips, six of its slips besides, how large drops are,
@@ -253,6 +262,8 @@ def overview(
     below = {"velocity": velocity, "attached": attached}
     panels: list[Callable[[xr.Dataset, Axes], Axes]]
     panels = [draw for name, draw in below.items() if name in run]
+    if "attached" in run and "load" in run:
+        panels.append(_load)
     heights = [2.4, *[1.7] * len(panels)]
     strips: list[Callable[[xr.Dataset, Axes], Axes]]
     strips = [partial(part, number=number) for number in _largest_parts(run)]
