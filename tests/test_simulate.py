@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from benches import imbalance
 
 import stickslip as ss
 from stickslip.model.distributions import SteadyState
-from stickslip.simulation import LABELS, record
+from stickslip.model.drive import Drive
+from stickslip.simulation import LABELS, estimate, record
 
 NARROW = ss.Gaussian(mean=0.0, std=0.01)
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
@@ -221,3 +223,32 @@ def test_a_run_that_goes_on_is_the_run_that_its_provenance_makes():
     assert run.time[1] == first.dataset().time[1]
     assert ss.rerun(run).identical(run)
     assert first.longer(5.0).dataset().identical(run)  # the first is left as it was
+
+
+@pytest.mark.takes(3)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"method": ss.Contacts(200_000), "drive": ss.constant(1.0, 3.0)},
+        {"drive": Drive(ss.constant(1.0, 0.01).pieces * 400)},
+        {"mass": 1e-11, "damping": 3e4, "method": ss.Contacts(10_000)},
+        {"damping": 1e5, "method": ss.Contacts(5_000), "drive": ss.constant(1.0, 60.0)},
+    ],
+    ids=["many contacts", "many pieces", "a light slider that rings", "a creeping one"],
+)
+def test_how_much_more_time_a_run_takes_is_told(changes):
+    """Whatever the machine: of CPU time, over that of a usual run."""
+
+    def told_and_taken(rig):
+        taken = []
+        for _ in range(2):
+            begun = time.process_time()
+            record(rig)
+            taken.append(time.process_time() - begun)
+        return estimate(rig).seconds, min(taken)
+
+    usual = FIG4.replace(method=ss.Contacts(10_000), drive=ss.constant(1.0, 20.0))
+    told, taken = np.divide(
+        told_and_taken(FIG4.replace(**changes)), told_and_taken(usual)
+    )
+    assert told / 3.0 < taken < 3.0 * told

@@ -62,9 +62,9 @@ _DASHPOT = 0.2  # longest step against the fastest decay in the dashpots
 # random numbers drawn at once for a block; the same seed gives another run with another
 # length
 _POOL = 256
-# Seconds of a step of a block in which no contact breaks, of a break, and of a block at
-# each break in balance.
-_STEP = 2e-8
+# Seconds of a step, and of a block in it in which no contact breaks, of a break, and of
+# a block at each break in balance.
+_ALL, _STEP = 3e-7, 2e-8
 _BREAK = 7e-7
 _BALANCE = 4e-8
 _CONTACT = 64.0  # bytes of a contact
@@ -279,6 +279,7 @@ class BlocksOfContacts(Engine):
     """
 
     angle = 0.1
+    piece = 6.5e-4
     mechanisms = frozenset({"sliding_force", "slip_to_slip_scatter"})
     slider: ElasticBody
 
@@ -345,7 +346,7 @@ class BlocksOfContacts(Engine):
             step = longest_step(network)
             # dashpots ask for shorter steps than springs
             stiff = step < longest_step(network._replace(lag=0.0))
-            steps = body.size * rig.drive.duration / step
+            steps = rig.drive.duration / step
         count = body.size * method.count
         each = _BALANCE * body.size if balanced else _BREAK
         # The prestress may break each once, however short the way of the drive.
@@ -357,9 +358,10 @@ class BlocksOfContacts(Engine):
             value=method.count
         )
         name, power = ("viscosity", 1.0) if stiff else ("mass", -0.5)
-        words = f"{steps:.2g} steps of blocks"
+        words = f"{steps * body.size:.2g} steps of blocks"
+        seconds = steps * (_ALL + _STEP * body.size)
         moving = Part(
-            f"slider.{name}", getattr(body, name), name, power, words, _STEP * steps
+            f"slider.{name}", getattr(body, name), name, power, words, seconds
         )
         return moving, contacts
 
