@@ -549,6 +549,11 @@ def test_a_structure_is_bistable_where_the_slider_is():
     assert "with the noise of 1000 contacts" in str(found)
 
 
+def test_an_axis_that_is_unstable_without_friction_is_said_to_run_away():
+    found = is_sustained(rig(replace(AXIS, ki=300.0)))
+    assert "grows beyond all bounds" in found.reason
+
+
 def test_a_cycle_that_takes_too_many_steps_is_refused():
     with pytest.raises(InputError, match=r"the slider could oscillate .*; give at"):
         is_sustained(rig(TWO, 1e-6))

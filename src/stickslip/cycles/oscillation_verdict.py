@@ -28,6 +28,8 @@ from stickslip.stability import count_unstable
 # looks after which an amplitude that has not settled is undecided, unless its trend
 # decides
 PATIENCE = 60
+# strengths of the contacts: what still grows is unstable without their friction, too
+_RUNAWAY = 1e3
 
 
 class Settles(NamedTuple):
@@ -225,6 +227,8 @@ def _fate(
     step = np.diff(np.log(np.maximum(size, 1e-300)))
     if now < 1e-9 * floor and growing is not True:
         return False, now, "has decayed; none is left"
+    if growing and now > _RUNAWAY and np.all(step[-2:] > 0):
+        return True, now, "grows beyond all bounds, {} so far"
     limit = CYCLES.at(np.concatenate([look.cycles for look in looks])) or LOOKS.at(size)
     if limit is not None and now > floor:
         return True, limit, "settles at {}"
