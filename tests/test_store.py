@@ -78,6 +78,9 @@ CASES = [
     ss.constant(0.1, 2)
     .until(KINDS["ForceAbove"](0.1))
     .then(ss.constant(0.1, 2).until(KINDS["ForceBelow"](-0.1))),
+    ss.constant(0.1, 2).under([(0.5, 1.0), (1 / 3 + 1, 2.0)]),
+    ss.model.pull(0.0, 0.6, duration=1 / 3),
+    KINDS["Mass"](mass=1e-4, damping=0.1),
     ss.Contacts(123, seed=2**100 + 1),
     ss.MasterEquation(rtol=1e-3, memoryless=True),
     ss.Population(10**9, seed=5, rtol=1e-3),
