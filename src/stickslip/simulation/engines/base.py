@@ -234,7 +234,7 @@ class Engine(Protocol):
     """Whether it takes a drive with a load, or with a force."""
     smooth: ClassVar[bool] = False
     """Whether thresholds must have a density."""
-    piece: ClassVar[float] = 5e-4
+    piece: ClassVar[float] = 3.5e-4
     """Seconds that it takes to begin a piece of the drive, or a look."""
     slider: SliderConstants | ElasticBody | Structure
 

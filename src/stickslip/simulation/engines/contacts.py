@@ -66,16 +66,15 @@ from stickslip.simulation.estimates import Course, Part, breaking, oscillation
 # random numbers drawn at once; the same seed gives another run with another length
 _BLOCK = 16_384
 _EVENTS = 400_000  # events in an advance: some 50 ms
-_BREAK, _CLOCKED_BREAK, _BOX, _BEGIN = 2.4e-7, 6e-7, 2e-7, 1.3e-6
-"""Seconds a break takes, and one by the shared clock; another box of a contact that is
-in boxes of its own; and a contact before all.
+_BREAK, _CLOCKED_BREAK, _BOX = 2.4e-7, 6e-7, 2e-7
+"""Seconds a break takes, and one by the shared clock; and another box of a contact
+that is in boxes of its own.
 """
 # A break takes twice as long of so many contacts, which no cache holds, up to three
 # times of more; and twice as long where the slider creeps, the longer, the more it is
 # overdamped: by once more for each such damping ratio, up to nine times.
 _CACHED, _UNCACHED = 1e5, 3.0
 _CREEPS, _OVERDAMPED, _SLOWEST = 2.0, 9.0, 9.0
-_KICKED = 3.0  # radians that a slider rings for at most after each break
 # seconds that it takes to lay a window of the shared clock, some four on its width
 _WINDOW = 2e-7
 _CONTACT = 150.0  # bytes of a contact
@@ -212,8 +211,7 @@ class EventByEvent(Engine):
         each = _BREAK * min(1.0 + count / _CACHED, _UNCACHED)
         damping = rig.slider.damping if isinstance(rig.slider, Slider) else 0.0
         ratio = damping * rig.drive.duration / (2.0 * course.turns or math.inf)
-        creeps = ratio > 1.0
-        if creeps:
+        if ratio > 1.0:
             each *= min(_CREEPS + ratio / _OVERDAMPED, _SLOWEST)
         more = _BOX * count * boxes
         if isinstance(interface.activation, Bell) and interface.ageing is None:
@@ -224,11 +222,10 @@ class EventByEvent(Engine):
             more = _WINDOW * 4.0 * way / interface.activation.width
         # Once it rings no more, turns cost nothing, unless rounding hides them or
         # detached contacts hold again there.
-        radians = course.turns
-        if interface.sliding_force == 0.0 and radians * _FINEST_TURN < 1.0:
-            kicked = 0.0 if creeps else _KICKED * count * lives
-            radians = min(radians, course.rung + kicked)
-        more += drawing(rig, count) + _BEGIN * count
+        hidden = course.turns * _FINEST_TURN > 1.0
+        turns_again = interface.sliding_force > 0.0 or hidden
+        radians = course.turns if turns_again else course.rung
+        more += drawing(rig, count)
         return *oscillation(rig, radians), breaking(
             count, lives, each, _CONTACT, how, more
         )

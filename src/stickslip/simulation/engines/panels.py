@@ -119,7 +119,7 @@ class Panels(Engine):
     angle = 0.1
     mechanisms = frozenset({"sliding_force", "newborn", "on_arrest", "activation"})
     smooth = True
-    piece = 6e-4
+    piece = 3.5e-4
     steps: int = 20
     """Number of steps in the next advance, which is to take the time `_LASTS`."""
 
