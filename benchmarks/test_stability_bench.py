@@ -2,12 +2,12 @@
 ageing contacts.
 """
 
+import sys
+
 import numpy as np
 
 from stickslip.model import Rig, constant
 from stickslip.paper.cases import FIG7, FIG8
-from stickslip.sliding import langevin
-from stickslip.sliding.response import whole_axis
 from stickslip.sliding.unaged import axis_table
 from stickslip.stability import (
     boundary,
@@ -83,8 +83,11 @@ def test_unstable_modes(benchmark):
 def forget():
     """Forget every response of ageing contacts; the kernels stay compiled."""
     critical(AGED, "stiffness", between=(0.9, 1.1))
-    for kept in (langevin._known, whole_axis):
-        kept.cache_clear()
+    for name, module in sys.modules.items():
+        if name.startswith(("stickslip.sliding", "stickslip.stability")):
+            for kept in vars(module).values():
+                if hasattr(kept, "cache_clear"):
+                    kept.cache_clear()
 
 
 def test_critical_velocities_of_ageing_contacts_from_nothing(benchmark):
