@@ -26,16 +26,16 @@ const delayStd = {
 };
 
 // A measured curve is written point by point: "0.1 mm/s, 5 N; 1 mm/s, 4 N". It takes the place of other keys, which are kept.
-let besides = {};
+const besides = new WeakMap(); // of each document: those of one rig are not another's
 const curve = {
   read: (doc) => (Array.isArray(at(doc, "interface.friction")) ? at(doc, "interface.friction").map((point) => point.join(", ")).join("; ") : undefined),
   write: (doc, value) => {
     const others = ["contact_strength", "mu_k", "areas", "delay", "v_half", "newborn", "ageing", "activation"];
     if (value === "none") {
-      doc.interface = { ...doc.interface, ...besides };
+      doc.interface = { ...doc.interface, ...besides.get(doc) };
       return put(doc, "interface.friction", undefined);
     }
-    if (!at(doc, "interface.friction")) besides = Object.fromEntries(others.map((key) => [key, at(doc, `interface.${key}`)]));
+    if (!at(doc, "interface.friction")) besides.set(doc, Object.fromEntries(others.map((key) => [key, at(doc, `interface.${key}`)])));
     for (const key of others) put(doc, `interface.${key}`, undefined);
     put(doc, "interface.friction", value.split(";").map((point) => point.split(",").map((cell) => (
       isNaN(numeric(cell)) ? cell.trim() : numeric(cell)))));
