@@ -15,8 +15,7 @@ from stickslip.arrays import Array
 from stickslip.errors import InputError, instance, number, numbers
 from stickslip.model import Contacts, Delay, Interface, MasterEquation, Renewal
 from stickslip.model.distributions import SteadyState
-from stickslip.simulation import pull_rigidly
-from stickslip.simulation.result import with_label
+from stickslip.simulation import pull_rigidly, with_label
 from stickslip.sliding.rigid_motion import check_renewal, solved
 from stickslip.sliding.rigid_motion import static_friction as static_friction
 

@@ -221,7 +221,7 @@ class _Reader:
                 if "distance" in values
                 else USUAL_DISTANCE
             )
-            velocity = rig.drive.pieces[0].start
+            velocity = rig.drive.velocity
             pieces = constant(velocity, distance / abs(velocity)).pieces
             rig = replace(rig, drive=replace(rig.drive, pieces=pieces))
         return rig

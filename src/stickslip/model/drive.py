@@ -91,6 +91,11 @@ class ForcePiece(Record):
     duration: Duration
     until: Until = None
 
+    @property
+    def rate(self) -> float:
+        """Constant rate of the force."""
+        return (self.end - self.start) / self.duration
+
 
 @dataclass(frozen=True)
 class Drive:

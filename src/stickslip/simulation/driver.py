@@ -15,7 +15,14 @@ from stickslip.kernels.drive import (
     Quadratic,
     Stop,
 )
-from stickslip.model.drive import Condition, Drive, ForceAbove, ForceBelow, Travel
+from stickslip.model.drive import (
+    Condition,
+    Drive,
+    ForceAbove,
+    ForceBelow,
+    Piece,
+    Travel,
+)
 from stickslip.progress import Progress
 from stickslip.simulation.engines import Engine, Leg, Stretchings
 from stickslip.simulation.engines.base import MOTION, Array, advances
@@ -69,10 +76,10 @@ def follow(
     for piece in drive.parts:
         begin, X = engine.here()
         end = begin + piece.duration
-        rate = (piece.end - piece.start) / piece.duration
-        motion = Quadratic(begin, position, piece.start, rate)
-        if drive.force:  # in place of a position
-            motion = Quadratic(begin, piece.start, rate, 0.0)
+        if isinstance(piece, Piece):
+            motion = Quadratic(begin, position, piece.start, piece.acceleration)
+        else:  # a force in place of a position
+            motion = Quadratic(begin, piece.start, piece.rate, 0.0)
         last = np.searchsorted(times, end * (1 + 1e-12), side="right")
         leg = Leg(
             motion,
