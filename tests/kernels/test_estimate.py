@@ -21,7 +21,6 @@ from stickslip.simulation import estimate, estimates
 from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, engine_of
 from stickslip.simulation.engines.base import Leg
-from stickslip.simulation.engines.panel_trial import seconds_since
 from stickslip.simulation.estimates import Work
 
 INTERFACE = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2))
@@ -347,10 +346,9 @@ def steps_along(rig):
         leg = Leg(motion, begin + piece.duration, np.empty(0), Stop())
         over = False
         while not over:
-            before = engine.state.used
             engine.steps = 20
             over = engine.advance(leg).over
-            yield engine, seconds_since(before, engine)
+            yield engine, engine.seconds
         position = float(leg.drive_position(np.asarray(leg.end)))
 
 

@@ -36,7 +36,6 @@ from stickslip.simulation import (
     estimate,
     follow_leg,
 )
-from stickslip.simulation.engines.panel_trial import seconds_since
 from stickslip.simulation.estimates import Work
 from stickslip.stability import contact_noise
 from stickslip.structures.runs import (
@@ -60,6 +59,10 @@ _MANY = Contacts(10_000, seed=1)
 _NOISE = 6.0  # standard deviations from peak to peak of an oscillation
 _LONG = 20.0  # seconds from which a look is compared with the whole run by estimate
 _LOOKS = 7  # that a run takes, about: five steps that shrink, and where it begins
+
+
+# each gives the seconds of an advance, the spring force at its samples, and its pull
+CycleEngine = Panels | SteppedStructure
 
 
 def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
@@ -146,11 +149,9 @@ class _Meter:
     after each advance.
     """
 
-    def __init__(self, rig: Rig, engine: Panels | SteppedStructure) -> None:
+    def __init__(self, rig: Rig, engine: CycleEngine) -> None:
         self.rig = rig
         self.engine = engine
-        if isinstance(engine, Panels):
-            self.before = engine.state.used
         self.spent = 0.0
         self.most = _LONG
 
@@ -158,11 +159,7 @@ class _Meter:
         """Raise `UndecidedError` once a look has taken longer than the run by estimate:
         what it waits for is not in reach.
         """
-        if isinstance(self.engine, Panels):
-            self.spent += seconds_since(self.before, self.engine)
-            self.before = self.engine.state.used
-        else:
-            self.spent += self.engine.seconds
+        self.spent += self.engine.seconds
         if self.spent > self.most:
             estimated = work_of_run(self.rig, FromRest()).seconds
             if self.spent > max(estimated, _LONG):
@@ -195,7 +192,7 @@ class CycleRun:
     """
 
     rig: Rig  # with the scales that reasons are given in
-    engine: Panels | SteppedStructure
+    engine: CycleEngine
     drive: Quadratic
     cycle: float  # expected travel of the drive in one
     # rows of the cycle that the last look has left unfinished
@@ -222,19 +219,13 @@ class CycleRun:
                 f"{rig.in_units(velocity * turns / most, 'velocity', 2)}"
             )
         beginning = Beginning(rig.interface, rig.slider, velocity, start)
-        engine: Panels | SteppedStructure = (
+        engine: CycleEngine = (
             SteppedStructure(beginning, contacts_of(rig))
             if isinstance(rig.slider, Structure)
             else Panels(beginning, method)
         )
-        return cls(
-            rig,
-            engine,
-            Quadratic(
-                0.0, beginning.drive_position(engine.contact_force()), velocity, 0.0
-            ),
-            cycle,
-        )
+        place = beginning.drive_position(engine.contact_force())
+        return cls(rig, engine, Quadratic(0.0, place, velocity, 0.0), cycle)
 
     def look(self) -> tuple[Self, Look]:
         """Go on for a few cycles and say what they show; stretches of the drive too
@@ -268,7 +259,7 @@ class CycleRun:
             float(oscillation), float(period), fastest, float(mean), completed[0]
         )
 
-    def _samples(self, engine: Panels | SteppedStructure, duration: float) -> Array:
+    def _samples(self, engine: CycleEngine, duration: float) -> Array:
         """Follow the drive; times, spring force, slider velocity and slope of the force
         at fine samples, as rows.
         """
@@ -278,15 +269,8 @@ class CycleRun:
         times = begin + duration * np.arange(1, count + 1) / count
         leg = Leg(self.drive, begin + duration, times, Stop())
         samples, _ = follow_leg(engine, leg, _Meter(self.rig, engine))
-        speed = samples[:, 1]
-        if isinstance(engine, SteppedStructure):
-            force = samples[:, engine.columns.index("spring_force")]
-            slope = np.gradient(force, times)
-        else:
-            stiffness = self.rig.slider.stiffness
-            force = stiffness * (leg.drive_position(times) - samples[:, 0])
-            slope = stiffness * (self.drive.velocity - speed)
-        return np.stack([times, force, speed, slope])
+        force, slope = engine.spring_force(samples, leg)
+        return np.stack([times, force, samples[:, 1], slope])
 
     def turned(self, rig: Rig) -> "CycleRun":
         """Return what goes on as another rig; forces and positions stay, and the
@@ -294,17 +278,12 @@ class CycleRun:
         """
         before = self.drive
         velocity = rig.natural.velocity
-        time, X = self.engine.here()
+        time, _ = self.engine.here()
         place = before.position + before.velocity * (time - before.start)
-        engine: Panels | SteppedStructure
-        if isinstance(self.engine, SteppedStructure):
-            engine = self.engine.turned(rig.slider, rig.interface)
+        engine = self.engine.turned(rig.interface, rig.slider)
+        if engine.drive_stiffness:
             pull = self.engine.pull(place, before.velocity)
-            place = engine.place_for(pull, velocity, place)
-        else:
-            engine = self.engine.turned(rig.interface, rig.slider)
-            ratio = self.rig.slider.stiffness / rig.slider.stiffness
-            place = X + (place - X) * ratio
+            place += (pull - engine.pull(place, velocity)) / engine.drive_stiffness
         drive = Quadratic(time, place, velocity, 0.0)
         cycle = self.cycle / _expected_cycle(self.rig) * _expected_cycle(rig)
         return CycleRun(rig, engine, drive, cycle)

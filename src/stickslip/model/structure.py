@@ -53,6 +53,10 @@ class Pull(NamedTuple):
     drive: float
     rate: float
 
+    def force(self, z: Array, place: float, velocity: float) -> float:
+        """Force in a state, with the drive at a place and a velocity."""
+        return float(self.state @ z + self.drive * place + self.rate * velocity)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Structure(Record):

@@ -293,8 +293,7 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
     friction = kinetic_friction(rig.interface, velocity)
     if structure:
         state, place = structure.sliding(velocity, friction)
-        pull = structure.pull
-        mean = float(pull.state @ state) + pull.drive * place + pull.rate * velocity
+        mean = structure.pull.force(state, place, velocity)
     else:
         slow = 1e-6 / memory
         drag = velocity / slow * float(body(np.array([1j * slow]))[0].imag)

@@ -264,13 +264,13 @@ class Hunt:
         turns = bounded("gains that hunt", HALVINGS)
         while high < _LARGEST * self.axis.kp:
             next(turns)
-            raised = engine.turned(with_gain(self.axis, high))
+            raised = engine.turned(None, with_gain(self.axis, high))
             if not self._hold(raised, with_gain(self.axis, high), distance).hunts:
                 break
             engine, low, high = raised, high, high * _RISE
         for _ in range(_HALVINGS):
             middle = math.sqrt(low * high)
-            raised = engine.turned(with_gain(self.axis, middle))
+            raised = engine.turned(None, with_gain(self.axis, middle))
             if self._hold(raised, with_gain(self.axis, middle), distance).hunts:
                 engine, low = raised, middle
             else:

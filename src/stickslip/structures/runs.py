@@ -3,11 +3,12 @@ exactly, and the contacts, too, on the way that the structure predicts.
 """
 
 import math
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy import linalg
 
+from stickslip.arrays import Array
 from stickslip.errors import InputError, refused
 from stickslip.kernels import structure_steps as kernel
 from stickslip.kernels.drive import LOOK, STOPPED, Piece, Quadratic, Sampling
@@ -126,9 +127,7 @@ class SteppedStructure(Engine):
         kick = self._body.kick
         self._z[:] = state + kick * faster / float(self._body.moving @ kick)
 
-    def turned(
-        self, structure: Structure, interface: Interface | None = None
-    ) -> "SteppedStructure":
+    def turned(self, interface: Interface | None, structure: Structure) -> Self:
         """Return a copy that goes on with another structure of the same kind, the
         integral of whose controller keeps its force, and with contacts that will draw
         as those of another interface.
@@ -146,18 +145,21 @@ class SteppedStructure(Engine):
             other._z[-1] *= before.ki / structure.ki  # that of the error
         return other
 
+    @property
+    def drive_stiffness(self) -> float:
+        """Slope of the pull over the position of the drive."""
+        return float(self._body.pull_drive)
+
     def pull(self, place: float, velocity: float) -> float:
         """Force that pulls the structure, with the drive at a place."""
         body = self._body
-        own = body.pull @ self._z + body.pull_rate * velocity
-        return float(own + body.pull_drive * place)
+        pull = Pull(body.pull, body.pull_drive, body.pull_rate)
+        return pull.force(self._z, place, velocity)
 
-    def place_for(self, pull: float, velocity: float, place: float) -> float:
-        """Place of the drive at which it is pulled so; as it was where the pull does
-        not depend on it.
-        """
-        slope = float(self._body.pull_drive)
-        return (pull - self.pull(0.0, velocity)) / slope if slope else place
+    def spring_force(self, samples: Array, leg: Leg) -> tuple[Array, Array]:
+        """Spring force at the samples of a leg, and its slope."""
+        force = samples[:, self.columns.index("spring_force")]
+        return force, np.gradient(force, leg.times)
 
     @property
     def seconds(self) -> float:

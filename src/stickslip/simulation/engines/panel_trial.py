@@ -172,16 +172,14 @@ class _Trial:
 
     def _follow_leg(self, engine: "Panels", leg: Leg) -> bool:
         """Go along a leg; return whether the rest can be estimated."""
-        before = engine.state.used
         engine.steps = _AT_ONCE
         for _ in advances(engine, leg):
             self.times.append(engine.here()[0] - self.begin)
-            self.spent.append(self.spent[-1] + seconds_since(before, engine))
+            self.spent.append(self.spent[-1] + engine.seconds)
             if engine.state.motion.broken > _BROKEN:
                 self.slip = min(self.slip, self.times[-1])
             if self.is_enough():
                 return True
-            before = engine.state.used
             engine.steps = _AT_ONCE
         return False
 

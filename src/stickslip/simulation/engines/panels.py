@@ -69,6 +69,7 @@ from stickslip.simulation.engines.panel_trial import (
     WORTH_A_TRIAL,
     seconds_of_path,
     seconds_of_run,
+    seconds_since,
 )
 from stickslip.simulation.engines.start import (
     breaking_of,
@@ -186,6 +187,7 @@ class Panels(Engine):
             )
             self.case = self.case._replace(finite=finite)
             self.state = counted(self.state, self.case, finite)
+        self._used = self.state.used  # before the last advance
 
     @staticmethod
     def cost(
@@ -217,9 +219,30 @@ class Panels(Engine):
         """Force of the contacts now, per contact."""
         return float(self.state.motion.contact_force)
 
+    @property
+    def seconds(self) -> float:
+        """Seconds of the last advance, by count."""
+        return seconds_since(self._used, self)
+
+    @property
+    def drive_stiffness(self) -> float:
+        """Slope of the spring force over the position of the drive."""
+        return self.slider.stiffness
+
+    def pull(self, place: float, velocity: float) -> float:  # noqa: ARG002
+        """Spring force, with the drive at a place."""
+        return self.slider.stiffness * (place - self.here()[1])
+
+    def spring_force(self, samples: Array, leg: Leg) -> tuple[Array, Array]:
+        """Spring force at the samples of a leg, and its slope."""
+        stretch = leg.drive_position(leg.times) - samples[:, 0]
+        slope = leg.drive.velocity - samples[:, 1]
+        return self.slider.stiffness * stretch, self.slider.stiffness * slope
+
     def advance(self, leg: Leg) -> Advance:
         """Go on by some steps."""
         before = self.copy()
+        self._used = before.state.used
         case = self.case._replace(drive=leg.drive)
         begun = time.perf_counter()
         self.state, records, reason = advance_panels(
