@@ -1,9 +1,14 @@
 """Arrays of numbers, as types, and labelled for a Dataset."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -16,3 +21,8 @@ def labelled(
 ) -> Labelled:
     """Return a variable with its units and its long name, for a Dataset."""
     return dims, np.asarray(values), {"units": units, "long_name": name}
+
+
+def units_of(variable: xr.DataArray | xr.Variable | None) -> str:
+    """Return the unit of a variable; empty where it has none, or there is no such."""
+    return "" if variable is None else str(variable.attrs.get("units", ""))

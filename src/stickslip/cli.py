@@ -15,6 +15,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token
 import stickslip as ss
 from stickslip import __version__, console
 from stickslip.answers import plain
+from stickslip.arrays import units_of
 from stickslip.errors import (
     InputError,
     UndecidedError,
@@ -153,8 +154,7 @@ class Columns:
 
     def cut(self, data: xr.Dataset) -> xr.Dataset:
         """The data up to the time that was given."""
-        unit = str(data["time"].attrs.get("units", ""))
-        end = _quantity("--to", self.to, "s", "60 s", unit=unit)
+        end = _quantity("--to", self.to, "s", "60 s", unit=units_of(data["time"]))
         return data if end is None else data.sel(time=slice(None, end))
 
 
@@ -389,11 +389,9 @@ def _limits_of_trace(
     """Return the time from which a trace is read, and the smallest drop that counts, in
     its units.
     """
-    time, force = (
-        str(trace[name].attrs.get("units", "")) for name in ("time", "spring_force")
-    )
+    force = units_of(trace["spring_force"])
     return (
-        _quantity("--after", after, "s", "10 s", unit=time),
+        _quantity("--after", after, "s", "10 s", unit=units_of(trace["time"])),
         _quantity("--minimum-drop", minimum_drop, "N", "5 mN", unit=force),
     )
 
@@ -717,7 +715,7 @@ def measure(
     where = (
         "in all of the data"
         if since is None
-        else f"after t = {engineering(since, str(trace.time.attrs.get('units', '')))}"
+        else f"after t = {engineering(since, units_of(trace['time']))}"
     )
     head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"  # noqa: E501
     lines = [_motion(trace, seen), *([str(moves)] if moves else []), "", head]
@@ -759,7 +757,7 @@ def _speeds_in_words(speeds: xr.Dataset | None) -> list[str]:
     lines = ["", "friction against speed (± standard error):"]
     for one in (speeds.isel(speed=k) for k in range(speeds.sizes["speed"])):
         speed, mean, error = (
-            engineering(float(one[key]), one[key].attrs["units"], digits)
+            engineering(float(one[key]), units_of(one[key]), digits)
             for key, digits in (("velocity", 3), ("friction", 4), ("error", 2))
         )
         lines.append(f"{speed}: {mean} ± {error}")

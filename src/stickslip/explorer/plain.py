@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip import measure
 from stickslip.arrays import Array as Array
+from stickslip.arrays import units_of
 from stickslip.plot import envelope
 from stickslip.words import prefixed
 
@@ -118,7 +119,7 @@ def name_of(variable: xr.DataArray) -> Plain:
     """Name and unit of a variable."""
     return {
         "title": str(variable.attrs.get("long_name", variable.name)),
-        "unit": str(variable.attrs.get("units", "")),
+        "unit": units_of(variable),
     }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip import advise
+from stickslip.arrays import units_of
 from stickslip.errors import InputError, shown
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
@@ -57,7 +58,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "over": over,
         "shade": [floats(row) for row in shade],
         "rate": [[f"{value:.3g}" for value in row] for row in values],
-        "rate_unit": str(rate.attrs.get("units", "")),
+        "rate_unit": units_of(rate),
         "levels": {
             "at": floats(_shade(levels)),
             "text": [f"{level * largest:.2g}" for level in levels],

@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
+from stickslip.arrays import units_of
 from stickslip.errors import InputError, instance, sequence
 from stickslip.fitting.events import Events
 from stickslip.io import files
@@ -66,7 +67,7 @@ def measured_velocity(trace: xr.Dataset, slips: int) -> Known:
     """
     if "measured_velocity" not in trace:
         return {}
-    size = ratio(str(trace["measured_velocity"].attrs.get("units", "")), "m/s")
+    size = ratio(units_of(trace["measured_velocity"]), "m/s")
     if size is None:
         return {}
     seen = Trace.of(trace)

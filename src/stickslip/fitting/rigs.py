@@ -10,15 +10,15 @@ from __future__ import annotations
 import copy
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from stickslip.errors import InputError, number
-from stickslip.fitting.bench import Constraint, Known, drawn, in_si, newtons, seconds
+from stickslip.fitting.bench import Known, drawn, in_si, newtons, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
 from stickslip.fitting.model import KEYS as PARAMETERS
 from stickslip.io.rig_files import from_document, to_document
@@ -30,42 +30,8 @@ from stickslip.simulation import simulate
 from stickslip.sliding.rigid_motion import friction_ratios, thresholds_of
 from stickslip.words import engineering
 
-
-class Fitted(Protocol):
-    """Results of a fit of which a rig is made, as `Fit` has them."""
-
-    @property
-    def events(self) -> Events:
-        """The slips that were fitted."""
-
-    @property
-    def known(self) -> Known:
-        """Values that were given, not fitted."""
-
-    @property
-    def delays(self) -> Constraint | None:
-        """The delay by friction at other speeds."""
-
-    @property
-    def values(self) -> Array:
-        """Draws of the parameters of the model."""
-
-    @property
-    def strength(self) -> Array:
-        """Total contact strength of each draw."""
-
-    @property
-    def parameters(self) -> Sequence[Any]:
-        """Intervals of the parameters."""
-
-    @property
-    def from_the_centre(self) -> list[int]:
-        """The draws, the most central first."""
-
-    def draws(self, key: str) -> Array:
-        """Draws of a quantity."""
-
-    def __len__(self) -> int: ...
+if TYPE_CHECKING:
+    from stickslip.fitting.fits import Fit
 
 
 DRAWS_KEPT = 100
@@ -125,7 +91,7 @@ or which parameter gives it.
 """
 
 
-def rig_of(found: Fitted, name: str) -> Rig:
+def rig_of(found: Fit, name: str) -> Rig:
     """The rig behind a trace, at the draw nearest to the medians whose own run makes
     its drops and period.
     """
@@ -175,7 +141,7 @@ def rig_of(found: Fitted, name: str) -> Rig:
     )
 
 
-def _document(found: Fitted, name: str, fitted: Mapping[str, Array]) -> dict[str, Any]:
+def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, Any]:
     """The file of a fitted rig, but for the values of one draw: what was fitted,
     with its interval and draws.
     """
@@ -298,7 +264,7 @@ def _drop_in_words(events: Events) -> str:
     return f"{drop} every {with_unit(events.recurrence, events.time_unit)}"
 
 
-def _draws(found: Fitted, known: Known) -> dict[str, Array]:
+def _draws(found: Fit, known: Known) -> dict[str, Array]:
     """Draws of every key but the delay, in SI units."""
     values = found.values
     events = found.events

@@ -15,6 +15,7 @@ from typing import Any
 import xarray as xr
 
 from stickslip import __version__, model
+from stickslip.arrays import units_of
 from stickslip.errors import InputError, instance
 from stickslip.io import files
 from stickslip.model.activation import ACTIVATIONS
@@ -178,8 +179,7 @@ def save(data: xr.Dataset, path: files.FileName) -> Path:
 def as_csv(catalogue: xr.Dataset) -> str:
     """Return a Dataset of one dimension as a table of text, names with units first."""
     names = {
-        name: f"{name} [{catalogue[name].attrs.get('units', '')}]"
-        for name in catalogue.data_vars
+        name: f"{name} [{units_of(catalogue[name])}]" for name in catalogue.data_vars
     }
     table = catalogue.to_dataframe()[list(names)].rename(columns=names)
     # Ten digits: what a difference of times has beyond them is rounding.

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip import words
+from stickslip.arrays import units_of
 from stickslip.errors import number, printable
 from stickslip.measure.features import Window, look_past_waves
 from stickslip.measure.regimes import Regime, judged
@@ -131,7 +132,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     start = found.start
     end = found.end
     time, force, way, speed = (
-        str(data[name].attrs.get("units", "")) if name in data else ""
+        units_of(data.get(name))
         for name in ("time", "spring_force", "displacement", "velocity")
     )
     mu = "coefficient of friction"
@@ -210,7 +211,7 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
         std = column.attrs.get("std", math.nan)
         if not math.isfinite(mean):
             continue
-        unit = printable(str(column.attrs.get("units", "")))
+        unit = printable(units_of(column))
         divisor, unit = prefixed(mean, "" if unit == "1" else unit)
         told = words.number(mean / divisor)
         if math.isfinite(std):

@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 from scipy import ndimage
 
-from stickslip.arrays import labelled
+from stickslip.arrays import labelled, units_of
 from stickslip.errors import InputError, instance
 from stickslip.measure.trace import Array, check_numbers, slope
 from stickslip.model import Chain, Rig
@@ -261,10 +261,7 @@ def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
     instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
     if needed not in run or "block" not in run[needed].dims:
         raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")
-    return {
-        str(name): str(variable.attrs.get("units", ""))
-        for name, variable in run.variables.items()
-    }
+    return {str(name): units_of(each) for name, each in run.variables.items()}
 
 
 def _half_time(time: Array, X: Array) -> float:
@@ -321,7 +318,7 @@ def _fronts_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> Iterator[s
     body = rig.natural.slider
     if not isinstance(body, Chain):
         return
-    unit = str(run["time"].attrs.get("units", ""))
+    unit = units_of(run["time"])
     last = run.sizes["block"] - 1
     for row in rows(fronts(run), "front", most=_TOLD):
         natural = row["front_speed"] / rig.unit("1/time")
@@ -354,9 +351,8 @@ def _events_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> str:
             )
         return text
     size = run.sizes["block"]
-    time, force = (
-        str(run[name].attrs.get("units", "")) for name in ("time", "spring_force")
-    )
+    time = units_of(run["time"])
+    force = units_of(run["spring_force"])
     is_whole = large["blocks"].values >= size
     if (some := large.isel(event=~is_whole)).sizes["event"]:
         start = engineering(float(some["start"][0]), time)

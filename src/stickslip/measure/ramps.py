@@ -6,7 +6,7 @@ import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
-from stickslip.arrays import labelled
+from stickslip.arrays import labelled, units_of
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.measure.headings import unit_named
 from stickslip.measure.slips import turning_points
@@ -111,9 +111,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
                 else np.nan
             )
             title = f"stick-slip {what} on the way {way}"
-            seen[name] = labelled(
-                title, (), velocity, seen["drive_velocity"].attrs["units"]
-            )
+            seen[name] = labelled(title, (), velocity, units_of(seen["drive_velocity"]))
         if unseen := [
             name.replace("_down", "'")
             for name in (onset, ending)
@@ -181,10 +179,6 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
         [np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)]
         for of in (travel, trace.t)
     )
-    units = {
-        str(name): str(variable.attrs.get("units", ""))
-        for name, variable in run.variables.items()
-    }
     columns = (
         (
             "peak_to_peak",
@@ -205,7 +199,7 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
         ("travel", "travel of the drive", place[1], "displacement"),
     )
     found = {
-        name: labelled(text, "travel", values, units.get(of, ""))
+        name: labelled(text, "travel", values, units_of(run.get(of)))
         for name, text, values, of in columns
     }
     return xr.Dataset(found, attrs={"window": float(np.max(place[2] - place[0]))})
@@ -247,13 +241,12 @@ def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
     if not low < high:
         return xr.Dataset()
     grid = np.linspace(low, high, 201)
-    unit = force.attrs["units"]
     found = {
         name: labelled(
             f"peak to peak of the force, drive {how}",
             "velocity",
             np.interp(grid, each.index, each),
-            unit,
+            units_of(force),
         )
         for (name, how, *_), each in zip(_WAYS, curves, strict=True)
     }
@@ -288,7 +281,7 @@ def in_words(run: xr.Dataset) -> str:
         # as they come in time
         turns = sorted(at, key=lambda what: abs(float(at[what])), reverse=way == "down")
         told = [
-            f"{what} at {engineering(float(at[what]), at[what].attrs['units'], 3)}"
+            f"{what} at {engineering(float(at[what]), units_of(at[what]), 3)}"
             for what in turns
         ]
         told = ["is there from the start"] * (turns[:1] == ["ends"]) + told

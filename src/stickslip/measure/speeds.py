@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from stickslip.arrays import labelled
+from stickslip.arrays import labelled, units_of
 from stickslip.errors import InputError
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import FEWEST_READINGS, Array, Trace, independent, slope
@@ -73,15 +73,15 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     table = alike.mean().assign(
         error=alike["friction"].apply(_error), readings=alike.size() * size
     )
-    friction = data["mu" if "mu" in data else "spring_force"].attrs
-    unit = str(friction.get("units", ""))
+    friction = data["mu" if "mu" in data else "spring_force"]
+    unit = units_of(friction)
     is_known = "measured_velocity" in data
     moved = data["measured_velocity" if is_known else "measured_displacement"]
-    of_speed = str(moved.attrs.get("units", ""))
+    of_speed = units_of(moved)
     of_speed += "" if is_known else f"/{trace.time_unit}"
     about = {
         "velocity": (of_speed, "velocity"),
-        "friction": (unit, str(friction.get("long_name", "friction"))),
+        "friction": (unit, str(friction.attrs.get("long_name", "friction"))),
         "error": (unit, "standard error"),
         "readings": ("1", "readings"),
     }

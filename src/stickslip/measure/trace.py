@@ -17,6 +17,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
+from stickslip.arrays import units_of
 from stickslip.errors import SMALLEST, InputError, extreme, printable, whole
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
@@ -190,9 +191,7 @@ class Trace:
         sign = -1.0 if backwards else 1.0
         for key in {"force", "X", "velocity", "drive"} & set(arrays):
             arrays[key] = sign * arrays[key]
-        time = data["time"].attrs
-        velocity = data["measured_velocity"].attrs if "told_velocity" in arrays else {}
-        told = data["spring_force"].attrs
+        velocity = data["measured_velocity"] if "told_velocity" in arrays else None
         measured = drive is None or "stiffness" in data.attrs
         moves = arrays.get("told_velocity")
         if moves is not None and drive is None and _is_of_the_slider(moves, force):
@@ -218,14 +217,14 @@ class Trace:
             if contacts is None
             else whole("measure: contacts", contacts, at_least=1, hint="their number"),
             measured=measured,
-            time_unit=printable(str(time.get("units", ""))),
-            force_unit=printable(str(told.get("units", ""))),
-            velocity_unit=printable(str(velocity.get("units", ""))),
+            time_unit=printable(units_of(data["time"])),
+            force_unit=printable(units_of(data["spring_force"])),
+            velocity_unit=printable(units_of(velocity)),
             quantity=next(
                 (
                     name
                     for name in ("coefficient of friction", "torque")
-                    if name in str(told.get("long_name", ""))
+                    if name in str(data["spring_force"].attrs.get("long_name", ""))
                 ),
                 "force",
             ),

@@ -17,6 +17,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import NDArray
 
 from stickslip.answers import COLOURS
+from stickslip.arrays import units_of
 from stickslip.errors import InputError
 from stickslip.plot.palette import (
     BLACK,
@@ -351,9 +352,7 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
             label="after the change (simulated)",
         )
     unit = (
-        "Hz"
-        if found["edge_frequency"].attrs.get("units") == "1/s"
-        else "cycles per time unit"
+        "Hz" if units_of(found["edge_frequency"]) == "1/s" else "cycles per time unit"
     )
     title = str(found.attrs.get("rig", "")).replace("$", r"\$")
     ax.set_title(

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from stickslip.arrays import units_of
 from stickslip.errors import printable
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.fronts import is_of_a_chain
@@ -402,8 +403,7 @@ def _title(run: xr.Dataset, seen: Regime) -> str:
 
 def _speed(value: float, run: xr.Dataset) -> str:
     # in three digits: the samples of a ramp may miss its end
-    units = str(run["drive_velocity"].attrs.get("units", ""))
-    factor, unit = prefixed(value, units, 3)
+    factor, unit = prefixed(value, units_of(run["drive_velocity"]), 3)
     return f"{number(value / factor, 3)} {style.unit_text(unit)}".strip()
 
 

@@ -23,6 +23,7 @@ from matplotlib.mathtext import MathTextParser
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from stickslip.arrays import Array as Array
+from stickslip.arrays import units_of
 from stickslip.errors import InputError, printable
 from stickslip.io import files
 from stickslip.measure.trace import check_numbers
@@ -110,7 +111,7 @@ def label(variable: xr.DataArray, most: int = 200) -> str:
     it has more characters.
     """
     name = str(variable.attrs.get("long_name", variable.name))
-    units = str(variable.attrs.get("units", ""))
+    units = units_of(variable)
     words = _drawable(name).split()
     lengths = [len(word) + 1 for word in words]
     if unit := _drawable(unit_text(units)):
@@ -135,7 +136,7 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
 
     An axis of equal ratios (``spacing`` is "log") is logarithmic, with plain numbers.
     """
-    units = str(variable.attrs.get("units", ""))
+    units = units_of(variable)
     log = variable.attrs.get("spacing") == "log"
     values = np.abs(np.asarray(variable.values, dtype=float))
     upright = isinstance(axis, YAxis)

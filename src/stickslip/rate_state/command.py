@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from stickslip.arrays import units_of
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_files
 from stickslip.measure import read_trace
@@ -190,11 +191,10 @@ def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit
     """The fit of all steps of a trace, or of one, in the units of the trace."""
     trace = read_trace(path, force=given.force, displacement=given.displacement)
     along, clock, force = (
-        str(trace[name].attrs.get("units", "")) if name in trace else ""
+        units_of(trace.get(name))
         for name in ("measured_displacement", "time", "spring_force")
     )
-    if "measured_velocity" in trace:
-        along = along or str(trace["measured_velocity"].attrs.get("units", ""))
+    along = along or units_of(trace.get("measured_velocity"))
     length = along.partition("/")[0] or "m"
     span = None
     if given.span is not None:

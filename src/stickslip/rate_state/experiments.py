@@ -13,6 +13,7 @@ import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
 from stickslip.answers import Answer
+from stickslip.arrays import units_of
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.trace import ERRORS, Array
@@ -119,9 +120,7 @@ class Record(NamedTuple):
             )
         time = rows.index.to_numpy()
         names = (along, "time", name)
-        length, clock, unit = (
-            str(data[one].attrs.get("units", "")) if one else "" for one in names
-        )
+        length, clock, unit = (units_of(data[one] if one else None) for one in names)
         place = None
         pieces = list[Piece]()
         if along is not None:
@@ -359,7 +358,7 @@ def healing(run: xr.Dataset, b: float) -> Healing:
             (np.diff(run["peak"]) / np.diff(np.log10(run["hold"]))).tolist()
         ),
         by_rate_and_state=b * math.log(10.0),
-        time_unit=run["hold"].attrs["units"],
-        force_unit=run["peak"].attrs["units"],
-        length_unit=run["slip_to_peak"].attrs["units"],
+        time_unit=units_of(run["hold"]),
+        force_unit=units_of(run["peak"]),
+        length_unit=units_of(run["slip_to_peak"]),
     )
