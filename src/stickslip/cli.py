@@ -154,7 +154,13 @@ class Columns:
 
     def cut(self, data: xr.Dataset) -> xr.Dataset:
         """The data up to the time that was given."""
-        end = _quantity("--to", self.to, "s", "60 s", unit=units_of(data["time"]))
+        end = _quantity(
+            "--to",
+            self.to,
+            "s",
+            "60 s",
+            unit=units_of(data["time"]),
+        )
         return data if end is None else data.sel(time=slice(None, end))
 
 
@@ -542,7 +548,10 @@ def report(
             smooth=smooth,
             progress=part(progress, 0.0, 0.7),
         )
-        files.write(output, report(found, progress=part(progress, 0.7, 1.0)).encode())
+        files.write(
+            output,
+            report(found, progress=part(progress, 0.7, 1.0)).encode(),
+        )
     print(f"{found.headline}\nreport: {output}")
 
 
@@ -617,7 +626,12 @@ def rerun(
     before = ss.load(run)
     with console.working("simulating") as progress:
         again = ss.rerun(before, progress=progress)
-    _keep_run(again.assign_attrs(before.attrs | again.attrs), output, plot, json)
+    _keep_run(
+        again.assign_attrs(before.attrs | again.attrs),
+        output,
+        plot,
+        json,
+    )
 
 
 def _keep_run(
@@ -629,7 +643,13 @@ def _keep_run(
     seen = ss.regime(run)
     _draw(plot, lambda: ss.plot.overview(run))
     content = {"regime": plain(seen), "output": plain(output)}
-    _answer(_motion(run, seen), content, json, run=output, picture=plot)
+    _answer(
+        _motion(run, seen),
+        content,
+        json,
+        run=output,
+        picture=plot,
+    )
 
 
 def _motion(run: xr.Dataset, seen: object) -> str:
@@ -689,7 +709,10 @@ def measure(
     if events is not None:
         files.write(events, as_csv(catalogue).encode())
     speeds = _friction_at_speeds(trace, curve)
-    _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
+    _draw(
+        plot,
+        lambda: ss.plot.overview(trace, events=catalogue, seen=seen),
+    )
     numbers = {
         str(name): each.attrs
         for name, each in catalogue.data_vars.items()
@@ -718,7 +741,12 @@ def measure(
         else f"after t = {engineering(since, units_of(trace['time']))}"
     )
     head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"  # noqa: E501
-    lines = [_motion(trace, seen), *([str(moves)] if moves else []), "", head]
+    lines = [
+        _motion(trace, seen),
+        *([str(moves)] if moves else []),
+        "",
+        head,
+    ]
     lines += [
         *(f"{name}: {text}" for name, text in means),
         *_speeds_in_words(speeds),
@@ -757,7 +785,11 @@ def _speeds_in_words(speeds: xr.Dataset | None) -> list[str]:
     lines = ["", "friction against speed (± standard error):"]
     for one in (speeds.isel(speed=k) for k in range(speeds.sizes["speed"])):
         speed, mean, error = (
-            engineering(float(one[key]), units_of(one[key]), digits)
+            engineering(
+                float(one[key]),
+                units_of(one[key]),
+                digits,
+            )
             for key, digits in (("velocity", 3), ("friction", 4), ("error", 2))
         )
         lines.append(f"{speed}: {mean} ± {error}")
@@ -1218,7 +1250,11 @@ def paper(
                 )
             )
         if not json:
-            print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
+            print(
+                made[-1],
+                end="\n\n" if one is not chosen[-1] else "\n",
+                flush=True,
+            )
     if json:
         console.print_json(
             {

@@ -175,7 +175,13 @@ def steepest_fall(
     )
     jumps = jumps[(jumps > 0) & (jumps < distance)]
     X = np.unique(
-        np.concatenate([X, np.nextafter(jumps, 0), np.nextafter(jumps, np.inf)])
+        np.concatenate(
+            [
+                X,
+                np.nextafter(jumps, 0),
+                np.nextafter(jumps, np.inf),
+            ]
+        )
     )
     for _ in range(4):
         K_eff = -solution(X).stiffness
@@ -184,7 +190,11 @@ def steepest_fall(
         place = float(X[best])
         X = np.unique(
             np.append(
-                np.linspace(X[max(best - 1, 0)], X[min(best + 1, X.size - 1)], 41),
+                np.linspace(
+                    X[max(best - 1, 0)],
+                    X[min(best + 1, X.size - 1)],
+                    41,
+                ),
                 place,
             )
         )
@@ -203,7 +213,10 @@ def _points(interface: Interface, distance: float) -> int:
     spacing = 1e-3
     mean = interface.threshold_distribution.moment(1)
     if max(stds) > 0:
-        spacing = max(min(s for s in stds if s > 0) / (4.0 * mean), 1e-4)
+        spacing = max(
+            min(s for s in stds if s > 0) / (4.0 * mean),
+            1e-4,
+        )
     points = max(512, math.ceil(distance / (spacing * mean)))
     # From a start without standard deviation, a jump of the distribution makes a kink,
     # beside which interpolation is of first order.

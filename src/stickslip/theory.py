@@ -44,7 +44,10 @@ def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array
             "use Delay(0)"
         )
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
-    return at_each(np.vectorize(lambda v: _closure_force(v, constants)), speed)
+    return at_each(
+        np.vectorize(lambda v: _closure_force(v, constants)),
+        speed,
+    )
 
 
 def _closure_force(velocity: float, ageing: Langevin) -> float:
@@ -56,7 +59,11 @@ def _closure_force(velocity: float, ageing: Langevin) -> float:
     """
     end = max(ageing.mean, ageing.newborn) + 8.0 * ageing.std
     diffusion = (ageing.rate * ageing.std) ** 2
-    edges = np.linspace(0.0, end, math.ceil(end / ageing.std * _CELLS) + 1)
+    edges = np.linspace(
+        0.0,
+        end,
+        math.ceil(end / ageing.std * _CELLS) + 1,
+    )
     width = edges[1]
     middle = 0.5 * (edges[1:] + edges[:-1])
     square = np.diff(edges**3) / (3.0 * edges[1])
@@ -73,12 +80,16 @@ def _closure_force(velocity: float, ageing: Langevin) -> float:
         stay = 1.0 + np.append(up, 0.0) + np.append(0.0, down)
         return np.asarray(
             solve_banded(
-                (1, 1), [np.append(0.0, -down), stay, np.append(-up, 0.0)], newborn
+                (1, 1),
+                [np.append(0.0, -down), stay, np.append(-up, 0.0)],
+                newborn,
             )
         )
 
     gamma = brentq(
-        lambda gamma: gamma * thresholds(gamma) @ middle - 1.0, 0.1 / end, 20.0 / width
+        lambda gamma: gamma * thresholds(gamma) @ middle - 1.0,
+        0.1 / end,
+        20.0 / width,
     )
     return float(0.5 * gamma * thresholds(gamma) @ square)
 
@@ -98,7 +109,10 @@ def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Arra
     speed = numbers("velocity", velocity, hint="in x_s per time", **{slowest: 0.0})
     path, _ = mean_life(interface)
     delay = interface.delay.moment(1)
-    return at_each(lambda speeds: 1.0 / (1.0 + speeds * delay / path), speed)
+    return at_each(
+        lambda speeds: 1.0 / (1.0 + speeds * delay / path),
+        speed,
+    )
 
 
 def driving_force(interface: Interface, slider: Slider, velocity: float) -> float:
@@ -165,7 +179,10 @@ def effective_potential(
             "rise from 0 on"
         )
     work = np.concatenate(
-        [[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x))]
+        [
+            [0.0],
+            np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x)),
+        ]
     )
     return np.asarray(0.5 * slider.stiffness * (drive - x) ** 2 + work)
 

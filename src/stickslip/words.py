@@ -89,7 +89,8 @@ def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
     decade = math.floor(math.log10(abs(float(f"{value:.{digits}g}"))) + 1e-12) + here
     decade = 0 if symbol == "Hz" and decade == -1 else decade  # 0.7 Hz, not 700 mHz
     power = min(
-        max(decade // 3 * 3, min(_WRITTEN)), _LARGEST.get(symbol, max(_WRITTEN))
+        max(decade // 3 * 3, min(_WRITTEN)),
+        _LARGEST.get(symbol, max(_WRITTEN)),
     )
     return 10.0 ** (power - here), _WRITTEN[power] + symbol + (
         "/s" if rest in _PER_SECOND else rest

@@ -57,7 +57,10 @@ def read_known(given: Mapping[str, object] | None) -> Known:
         middle, *error = (
             read_value(f"known.{name}", one, *_UNITS[name]) for one in pair
         )
-        found[name] = (middle, error[0] if error else _USUAL_ERROR * middle)
+        found[name] = (
+            middle,
+            error[0] if error else _USUAL_ERROR * middle,
+        )
     return found
 
 
@@ -268,7 +271,11 @@ def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float
         for half in np.geomspace(slowest, fastest, 5)
     ]
     found = least_squares(
-        lambda one: one[2] + one[1] / (1.0 + v / one[0]), F, starts, low, high
+        lambda one: one[2] + one[1] / (1.0 + v / one[0]),
+        F,
+        starts,
+        low,
+        high,
     )
     half, falls, _ = found.estimates()
     if not (falls > 1e-6 * size and slowest / 20.0 < half < 20.0 * fastest):
@@ -297,7 +304,10 @@ def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Constraint:
         for std, residual in values[:, 1:3].tolist()
     ]
     mean = np.array([margin.moment(1) for margin in margins])
-    scatter = np.random.default_rng([6, len(mean)]).standard_t(len(F) - 3, len(mean))
+    scatter = np.random.default_rng([6, len(mean)]).standard_t(
+        len(F) - 3,
+        len(mean),
+    )
     words = (
         f"that of attached contacts halves at {half.words('m/s')}; misfit "
         f"{100 * misfit:.2g} % of the range"
@@ -311,7 +321,12 @@ def strengthening_of(holds: Pairs) -> Constraint:
     logarithm of the time of rest before.
     """
     t, F = _pairs("holds", holds, "s", "10 s")
-    (slope, _), covariance = np.polyfit(np.log10(t), F / F[np.argmin(t)], 1, cov=True)
+    (slope, _), covariance = np.polyfit(
+        np.log10(t),
+        F / F[np.argmin(t)],
+        1,
+        cov=True,
+    )
     growth = Estimate(slope, math.sqrt(covariance[0, 0]))
     # Student's t, 5 % two-sided
     clear = growth > float(stdtrit(len(F) - 2, 0.975)) * growth.error
@@ -332,7 +347,10 @@ def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, A
         raise InputError(f"{place}: must be {hint}", place)
     found = np.array(
         [
-            (read_value(place, x, unit, example), read_value(place, F, "N", "12 N"))
+            (
+                read_value(place, x, unit, example),
+                read_value(place, F, "N", "12 N"),
+            )
             for x, F in rows
         ]
     )

@@ -142,7 +142,9 @@ class Events(Answer):
     def part(self, begin: int, end: int) -> Events:
         """Some of the slips, by number."""
         return replace(
-            self, peak_at=self.peak_at[begin:end], trough_at=self.trough_at[begin:end]
+            self,
+            peak_at=self.peak_at[begin:end],
+            trough_at=self.trough_at[begin:end],
         )
 
     def __str__(self) -> str:

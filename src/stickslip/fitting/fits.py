@@ -72,7 +72,14 @@ class FittedInterval:
         """
         title, unit = _TITLES[key]
         low, median, high = np.quantile(draws, (0.05, 0.5, 0.95)).tolist()
-        found = cls(key=key, title=title, unit=unit, low=low, median=median, high=high)
+        found = cls(
+            key=key,
+            title=title,
+            unit=unit,
+            low=low,
+            median=median,
+            high=high,
+        )
         if parts is None:
             return found
         within = tuple(np.quantile(parts, (0.05, 0.5, 0.95)).tolist())
@@ -213,7 +220,10 @@ class Fit(Answer):
         """
         made = self.predicted
         here = self.events.statistics
-        least = np.minimum((made >= here).mean(axis=0), (made <= here).mean(axis=0))
+        least = np.minimum(
+            (made >= here).mean(axis=0),
+            (made <= here).mean(axis=0),
+        )
         low, middle, high = np.quantile(made, (0.025, 0.5, 0.975), axis=0)
         ends = (np.array([low, high, here]) - middle) / (
             np.maximum(high - low, 1e-12) / 4.0

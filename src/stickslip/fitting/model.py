@@ -122,7 +122,10 @@ class Prior:
     def parts(self, values: Array) -> Array:
         """Where parameters lie in their ranges, 0 to 1."""
         low, high = self._ends()
-        return np.asarray((_in_decades(values) - low) / (high - low), dtype=float)
+        return np.asarray(
+            (_in_decades(values) - low) / (high - low),
+            dtype=float,
+        )
 
 
 def _in_decades(values: Array) -> Array:
@@ -141,7 +144,10 @@ def simulate(
     from stickslip.kernels.tournament import tournaments
 
     contacts = max(round(float(values[0])), 1)
-    model = Arrest(contacts, *(float(value) for value in values[1:]))
+    model = Arrest(
+        contacts,
+        *(float(value) for value in values[1:]),
+    )
     peaks = np.empty(count)
     troughs = np.empty(count)
     most = math.ceil(_PER_SLIP * contacts * count)
@@ -233,8 +239,18 @@ def sampled(
     ends = np.concatenate([[0.0], troughs[:-1]])
     rises = (peaks - ends) / rate
     falls = np.full(peaks.size, _SAMPLES_OF_A_SLIP * step)
-    knots = np.concatenate([[0.0], np.cumsum(np.column_stack([rises, falls]).ravel())])
-    force = np.concatenate([[0.0], np.column_stack([peaks, troughs]).ravel()])
+    knots = np.concatenate(
+        [
+            [0.0],
+            np.cumsum(np.column_stack([rises, falls]).ravel()),
+        ]
+    )
+    force = np.concatenate(
+        [
+            [0.0],
+            np.column_stack([peaks, troughs]).ravel(),
+        ]
+    )
     time = np.arange(0.0, knots[-1], step)
     values = np.interp(time, knots, force) + noise * rng.standard_normal(time.size)
     return xr.Dataset(

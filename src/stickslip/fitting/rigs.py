@@ -123,7 +123,10 @@ def rig_of(found: Fit, name: str) -> Rig:
             "fitted rig",
         )
         try:
-            words, agrees = compared(remade(rig, found.events, known), found.events)
+            words, agrees = compared(
+                remade(rig, found.events, known),
+                found.events,
+            )
         except InputError:
             words = (
                 f"its own run hardly slips, the trace {_drop_in_words(found.events)}"
@@ -131,7 +134,10 @@ def rig_of(found: Fit, name: str) -> Rig:
             agrees = False
         if agrees:
             lasting = _lasting(rig, found.events)
-            return replace(rig, source=f"{rig.source}; {words}; {lasting}")
+            return replace(
+                rig,
+                source=f"{rig.source}; {words}; {lasting}",
+            )
         nearest = nearest or words
     raise InputError(
         f"fit: no rig is written: runs of {len(order)} draws all miss the drops or the "
@@ -159,7 +165,11 @@ def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, A
             for value in np.quantile(draws, (0.05, 0.95)).tolist()
         )
         kept = [float(f"{value:.8g}") for value in draws[:DRAWS_KEPT]]
-        entries[path] = {"interval": f"{low} to {high}", "how": how, "draws": kept}
+        entries[path] = {
+            "interval": f"{low} to {high}",
+            "how": how,
+            "draws": kept,
+        }
     newborn = {"distribution": "gaussian", "std": 0.0}
     return {
         "name": name,
@@ -221,7 +231,11 @@ def remade(rig: Rig, events: Events, known: Known) -> Events:
     data = xr.Dataset(
         {"spring_force": ("time", values, {"units": events.force_unit})},
         coords={
-            "time": ("time", run["time"].values / second, {"units": events.time_unit})
+            "time": (
+                "time",
+                run["time"].values / second,
+                {"units": events.time_unit},
+            )
         },
     )
     return pick_events(

@@ -72,7 +72,8 @@ def folder_of(prior: Prior, slips: int, seed: int) -> Path:
         / "stickslip"
     )
     key = json.dumps(
-        [VERSION, FLOOR, KEYS, asdict(prior), slips, seed, _BLOCK], sort_keys=True
+        [VERSION, FLOOR, KEYS, asdict(prior), slips, seed, _BLOCK],
+        sort_keys=True,
     )
     return place / f"fit-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
 
@@ -136,7 +137,10 @@ def table(
                 files.write(paths[i], content.getvalue())
                 if progress is not None:
                     progress(len(blocks) / len(paths))
-    return joined([blocks[i] for i in range(len(paths))], draws)
+    return joined(
+        [blocks[i] for i in range(len(paths))],
+        draws,
+    )
 
 
 def joined(tables: Sequence[SeriesTable], draws: int | None = None) -> SeriesTable:
@@ -155,7 +159,12 @@ def simulate_block(
     the seed alone.
     """
     rng = np.random.default_rng([seed, block])
-    return _simulated(prior, rng.random((draws, len(KEYS))), slips, rng)
+    return _simulated(
+        prior,
+        rng.random((draws, len(KEYS))),
+        slips,
+        rng,
+    )
 
 
 @lru_cache(maxsize=1)
@@ -193,7 +202,10 @@ def _read(path: Path, prior: Prior, slips: int) -> SeriesTable | None:
         with np.load(
             BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False
         ) as found:
-            block = SeriesTable(prior=prior, **{name: found[name] for name in _FIELDS})
+            block = SeriesTable(
+                prior=prior,
+                **{name: found[name] for name in _FIELDS},
+            )
     except (
         InputError,
         OSError,
@@ -243,10 +255,16 @@ class Observation(NamedTuple):
             rng = np.random.default_rng([seed, begin])
             some = range(begin, min(begin + _AT_A_TIME, len(table)))
             series = (
-                (table.peaks[i, : table.count[i]], table.troughs[i, : table.count[i]])
+                (
+                    table.peaks[i, : table.count[i]],
+                    table.troughs[i, : table.count[i]],
+                )
                 for i in some
             )
-            P, T = np.stack([self._seen(*each, rng) for each in series], axis=1)
+            P, T = np.stack(
+                [self._seen(*each, rng) for each in series],
+                axis=1,
+            )
             return statistics(P, T), P.mean(axis=-1)
 
         statistics_of, sizes = zip(
@@ -258,15 +276,24 @@ class Observation(NamedTuple):
         self, prior: Prior, parts: Array, *, seed: int = 0
     ) -> tuple[Array, Array]:
         """Simulate at given parts of the ranges of a prior, on all cores, and see."""
-        blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
+        blocks = np.array_split(
+            parts,
+            max(1, min(len(parts), _SHARES)),
+        )
         slips = 2 * self.slips + 10  # some are too small to be seen
 
         def one(block: int) -> SeriesTable:
             return _simulated(
-                prior, blocks[block], slips, np.random.default_rng([seed, 3, block])
+                prior,
+                blocks[block],
+                slips,
+                np.random.default_rng([seed, 3, block]),
             )
 
-        return self.see(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
+        return self.see(
+            joined(_on_all_cores(one, range(len(blocks)))),
+            seed=seed,
+        )
 
     def _seen(self, peaks: Series, troughs: Series, rng: np.random.Generator) -> Array:
         """One series, sampled and picked: as many slips as in the trace, on a

@@ -35,14 +35,18 @@ def _correlation(x: Array, y: Array) -> Array:
     x = x - x.mean(axis=-1, keepdims=True)
     y = y - y.mean(axis=-1, keepdims=True)
     size = np.sqrt((x * x).sum(axis=-1) * (y * y).sum(axis=-1))
-    return np.asarray((x * y).sum(axis=-1) / np.where(size > 0, size, 1.0), dtype=float)
+    return np.asarray(
+        (x * y).sum(axis=-1) / np.where(size > 0, size, 1.0),
+        dtype=float,
+    )
 
 
 def _skewness(x: Array) -> Array:
     x = x - x.mean(axis=-1, keepdims=True)
     std = x.std(axis=-1)
     return np.asarray(
-        (x**3).mean(axis=-1) / np.where(std > 0, std, 1.0) ** 3, dtype=float
+        (x**3).mean(axis=-1) / np.where(std > 0, std, 1.0) ** 3,
+        dtype=float,
     )
 
 
@@ -58,7 +62,10 @@ _FITTED: dict[str, tuple[Callable[[_Slips], Array], Callable[[Array], Array]]] =
     "drop fraction": (lambda s: s.mean, _logarithm),
     "scatter of peaks": (lambda s: s.P.std(axis=-1), _logarithm),
     "scatter of troughs": (lambda s: s.T.std(axis=-1), _logarithm),
-    "CV of drops": (lambda s: s.drops.std(axis=-1) / s.mean, _logarithm),
+    "CV of drops": (
+        lambda s: s.drops.std(axis=-1) / s.mean,
+        _logarithm,
+    ),
     "corr(peak, trough)": (lambda s: _correlation(s.P, s.T), _fisher),
     "corr(trough, next peak)": (
         lambda s: _correlation(s.T[..., :-1], s.P[..., 1:]),
@@ -108,9 +115,15 @@ def detrended(values: Array) -> Array:
     """Take a cubic in the number of the slip out of the last axis; means become 0."""
     count = values.shape[-1]
     basis, _ = np.linalg.qr(
-        np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), _DEGREE)
+        np.polynomial.legendre.legvander(
+            np.linspace(-1.0, 1.0, count),
+            _DEGREE,
+        )
     )
-    return np.asarray(values - (values @ basis) @ basis.T, dtype=float)
+    return np.asarray(
+        values - (values @ basis) @ basis.T,
+        dtype=float,
+    )
 
 
 def statistics(peaks: Array, troughs: Array) -> Array:
@@ -122,7 +135,11 @@ def statistics(peaks: Array, troughs: Array) -> Array:
     mean_drop = (peaks - troughs).mean(axis=-1, keepdims=True)
     P = detrended(peaks) / high
     T = detrended(troughs) / high
-    return _statistics_of(P, T, np.squeeze(mean_drop / high, axis=-1))
+    return _statistics_of(
+        P,
+        T,
+        np.squeeze(mean_drop / high, axis=-1),
+    )
 
 
 def _statistics_of(P: Array, T: Array, mean: Array) -> Array:
@@ -137,8 +154,14 @@ def _statistics_of(P: Array, T: Array, mean: Array) -> Array:
         reloads,
         np.quantile(drops, (0.05, 0.10, 0.90, 0.95), axis=-1) / mean,
     )
-    of = (*(statistic for statistic, _ in _FITTED.values()), *_HELD_OUT.values())
-    return np.stack([statistic(slips) for statistic in of], axis=-1)
+    of = (
+        *(statistic for statistic, _ in _FITTED.values()),
+        *_HELD_OUT.values(),
+    )
+    return np.stack(
+        [statistic(slips) for statistic in of],
+        axis=-1,
+    )
 
 
 def resampled(
@@ -159,7 +182,9 @@ def resampled(
     T = T[index]
     means = P.mean(axis=-1), T.mean(axis=-1)
     return _statistics_of(
-        P - means[0][:, None], T - means[1][:, None], fraction + means[0] - means[1]
+        P - means[0][:, None],
+        T - means[1][:, None],
+        fraction + means[0] - means[1],
     )
 
 
@@ -168,5 +193,6 @@ def comparable(found: Array) -> Array:
     and Fisher's z of correlations.
     """
     return np.stack(
-        [scale(found[..., i]) for i, (_, scale) in enumerate(_FITTED.values())], axis=-1
+        [scale(found[..., i]) for i, (_, scale) in enumerate(_FITTED.values())],
+        axis=-1,
     )

@@ -49,7 +49,8 @@ class Key:
     def is_table(self) -> bool:
         """Whether its value is a table, or a list of tables."""
         return isinstance(
-            self.example[0] if isinstance(self.example, list) else self.example, Mapping
+            self.example[0] if isinstance(self.example, list) else self.example,
+            Mapping,
         )
 
     def is_left(self, value: object) -> bool:
@@ -82,7 +83,10 @@ class Key:
         try:
             return self._value(value, natural)
         except InputError as error:
-            raise InputError(f"{place} = {shown(value)}: {error}", place) from None
+            raise InputError(
+                f"{place} = {shown(value)}: {error}",
+                place,
+            ) from None
 
     def _value(self, value: Any, natural: bool) -> Any:
         """Return the value; errors do not name the place."""

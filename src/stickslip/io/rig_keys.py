@@ -124,7 +124,10 @@ def _keys(
             )
         if (path := f"{table}.{name}") == "simulation.method":
             properties["choices"] = tuple(METHODS)
-        found[name] = Key(example, **(properties | _MORE.get(path, {})))
+        found[name] = Key(
+            example,
+            **(properties | _MORE.get(path, {})),
+        )
     return found
 
 
@@ -173,7 +176,9 @@ TOP: Mapping[str, Key] = _keys(
 """Keys at the top of the file; of a table its first key is the example."""
 TABLES: Mapping[str, Mapping[str, Key]] = {
     name: _keys(
-        name, _EXAMPLES[name] | (_BLOCKS if name == "sheet" else {}), _RECORDS.get(name)
+        name,
+        _EXAMPLES[name] | (_BLOCKS if name == "sheet" else {}),
+        _RECORDS.get(name),
     )
     for name in (*_RECORDS, "drive", "simulation")
 }
@@ -223,7 +228,10 @@ START = _keys("start", _WITHIN["start"], Prestressed)
 """Keys of `simulation.start` as a table."""
 RUN = _keys("run", _WITHIN["run"])
 """Keys of each run of blocks alike in `simulation.start.stretching`."""
-FITTED = _keys("fitted", next(iter(_EXAMPLES["fitted"].values())))
+FITTED = _keys(
+    "fitted",
+    next(iter(_EXAMPLES["fitted"].values())),
+)
 """Keys of each entry of `fitted`."""
 
 
@@ -301,7 +309,11 @@ def keys_of(record: type) -> Mapping[str, Key]:
                 *choices_of(kind),
                 {bool: False, int: 1, str: "text"}.get(kind, 1.0),
             )
-            found |= _keys("", {name: _WITHIN["fields"].get(name, of_type[0])}, record)
+            found |= _keys(
+                "",
+                {name: _WITHIN["fields"].get(name, of_type[0])},
+                record,
+            )
     return found
 
 
@@ -323,7 +335,10 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
         here: Any = kinds.get(content.get(word, ""))
         possible = [keys_of(kind) for kind in ([here] if here else kinds.values())]
         following = names[i + 1 : i + 2]
-        keys = next((each for each in possible if each.keys() >= {*following}), {})
+        keys = next(
+            (each for each in possible if each.keys() >= {*following}),
+            {},
+        )
     return found
 
 
@@ -377,4 +392,7 @@ def paths(given: Iterable[str]) -> list[str]:
         "units",
         *(f"{table}.{name}" for table, keys in tables().items() for name in keys),
     ]
-    return [*(path for path in given if ".".join(path.split(".")[:2]) in known), *known]
+    return [
+        *(path for path in given if ".".join(path.split(".")[:2]) in known),
+        *known,
+    ]

@@ -274,7 +274,10 @@ class _Reader:
             raise InputError(f"{given}: {known}", f"{place}.{word}")
         kind: Any = kinds[named]
         written = {name: value for name, value in content.items() if name != word}
-        of_others, fields, made_of = rig_keys.INSTEAD.get(kind, ({}, (), lambda _: ()))
+        of_others, fields, made_of = rig_keys.INSTEAD.get(
+            kind,
+            ({}, (), lambda _: ()),
+        )
         rules = (
             (Either(" ".join(of_others), " ".join(fields), needed=True),)
             if fields
@@ -292,7 +295,10 @@ class _Reader:
         if fields and values.keys() >= {*of_others}:
             names = dict.fromkeys(fields, next(iter(of_others)))
             with at(place):
-                made = made_of(self.length, *(values.pop(name) for name in of_others))
+                made = made_of(
+                    self.length,
+                    *(values.pop(name) for name in of_others),
+                )
             values |= dict(zip(fields, made, strict=True))
         return _made(kind, values, place, names)
 
@@ -324,7 +330,11 @@ class _Reader:
                 for direct, name in material.items()
             }
         )
-        return _made(BODIES.get(self.body, Slider), made, self.body)
+        return _made(
+            BODIES.get(self.body, Slider),
+            made,
+            self.body,
+        )
 
     def _check_body(self, values: Values) -> None:
         """Note missing keys that a damping ratio or the material needs."""
@@ -339,7 +349,10 @@ class _Reader:
         if not values.keys().isdisjoint(MATERIAL.get(self.body, {}).values()):
             for name in SHAPE:
                 if name not in values:
-                    self.file.missing(f"{self.body}.{name}", TABLES[self.body][name])
+                    self.file.missing(
+                        f"{self.body}.{name}",
+                        TABLES[self.body][name],
+                    )
 
     def _drive(self, values: Values, normal_load: float | None) -> tuple[Drive, Values]:
         """Make the drive, and return the speeds at which the rig works; how long it
@@ -398,7 +411,10 @@ class _Reader:
                 for i, piece in enumerate(content)
             ]
             with at(place):
-                return reduce(Drive.then, [make(**piece) for piece in read]), {}
+                return reduce(
+                    Drive.then,
+                    [make(**piece) for piece in read],
+                ), {}
         if "velocity" not in values:
             raise NotedError("")
         velocity, speeds = self._speeds(values["velocity"], "drive.velocity")
@@ -450,7 +466,11 @@ class _Reader:
                 for item in profile
             ]
             runs = [
-                self.file.whole(run, rig_keys.RUN, f"{place}[{i}]")
+                self.file.whole(
+                    run,
+                    rig_keys.RUN,
+                    f"{place}[{i}]",
+                )
                 for i, run in enumerate(runs)
             ]
             if (total := sum(run["blocks"] for run in runs)) != blocks:
@@ -580,7 +600,9 @@ class _Reader:
         for name, parameter in BY_NAME.items():
             unit = "" if parameter.unit == "1" else parameter.unit
             keys[name] = Key(
-                [f"2 {si_unit(unit)}" if unit else 1.0] * 2, unit=unit, sign="above 0"
+                [f"2 {si_unit(unit)}" if unit else 1.0] * 2,
+                unit=unit,
+                sign="above 0",
             )
         found = self.file.table(content, keys, "feasible")
         for name, ends in found.items():
@@ -687,7 +709,13 @@ class _Reader:
         # 0 is a limit that may be chosen, such as no mass, and is not drawn
         if own != 0 and (sign or whole or path == "drive.velocity"):
             sign = "above 0"
-        plain = replace(key, example=[1.0], sign=sign, choices=(), also=())
+        plain = replace(
+            key,
+            example=[1.0],
+            sign=sign,
+            choices=(),
+            also=(),
+        )
         self.file.part(partial(plain.read, [*draws], place, natural=True))
 
     def _at(self, path: str) -> Any:

@@ -174,7 +174,11 @@ class _Writer:
             return {"slider": self._values(slider, rig_keys.keys_of_slider("force"))}
         name = self._name_of(slider, {"slider": Slider} | BODIES)
         # Section and material became springs and masses.
-        found = self._values(slider, rig_keys.tables()[name], defaults=False)
+        found = self._values(
+            slider,
+            rig_keys.tables()[name],
+            defaults=False,
+        )
         if name == "slider":
             short = float(f"{slider.damping_ratio:.4g}")
             if damping_ratio is None:
@@ -206,7 +210,10 @@ class _Writer:
             return {"slider": slider, "controller": written}
         if isinstance(structure, Modes):
             names = ("masses", "stiffnesses", "dampings", "contact", "drive")
-            rows = zip(*(getattr(structure, name) for name in names), strict=True)
+            rows = zip(
+                *(getattr(structure, name) for name in names),
+                strict=True,
+            )
             modes = [self._mode(*row) for row in rows]
             return {"slider": slider | {"modes": modes}}
         written = self._values(structure, rig_keys.STRUCTURES[kind])
@@ -292,7 +299,10 @@ class _Writer:
         whole = measured.scaled(blocks)
         points = zip(whole.velocities, whole.forces, whole.errors, strict=True)
         return [
-            [self.quantity(v, "x_s/time"), *(self.quantity(f, "f_s") for f in forces)]
+            [
+                self.quantity(v, "x_s/time"),
+                *(self.quantity(f, "f_s") for f in forces),
+            ]
             for v, *forces in points
         ]
 
@@ -302,7 +312,10 @@ class _Writer:
         """
         from stickslip.sliding import kinetic_friction
 
-        forces = kinetic_friction(self.rig.interface, np.array(measured.velocities))
+        forces = kinetic_friction(
+            self.rig.interface,
+            np.array(measured.velocities),
+        )
         return replace(measured, forces=tuple(forces.tolist()))
 
     def _coefficients(self) -> Document:
@@ -336,7 +349,10 @@ class _Writer:
         if any(piece.until is not None for piece in drive.parts):
             raise self._refuse("a drive with conditions")
         load = [
-            [self.quantity(point.time, "time"), self._number(point.load)]
+            [
+                self.quantity(point.time, "time"),
+                self._number(point.load),
+            ]
             for point in drive.load
         ]
         force = [self._values(piece, rig_keys.FORCE) for piece in drive.force]

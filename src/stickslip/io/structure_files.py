@@ -32,7 +32,10 @@ def structure_kind(document: Mapping[str, Any]) -> str:
     if "force" in rig_keys.within(document, "drive"):
         return "force"
     slider = rig_keys.within(document, "slider")
-    return next((kind for kind in rig_keys.STRUCTURES if kind in slider), "")
+    return next(
+        (kind for kind in rig_keys.STRUCTURES if kind in slider),
+        "",
+    )
 
 
 def structure_of(
@@ -47,7 +50,11 @@ def structure_of(
     spring = slider.get("stiffness", 0.0)
     if kind == "modes":
         return _modes(file, slider[kind], spring)
-    values = file.whole(slider[kind], rig_keys.STRUCTURES[kind], place)
+    values = file.whole(
+        slider[kind],
+        rig_keys.STRUCTURES[kind],
+        place,
+    )
     with at(place):
         if kind == "matrices":
             return Matrices(**values, stiffness=spring)
@@ -84,7 +91,12 @@ def _modes(file: Tables, content: object, spring: float) -> Modes:
     keys = rig_keys.STRUCTURES["modes"]
     rules = rig_keys.RULES["modes"]
     read = [
-        file.whole(_without_hertz(mode), keys, f"{place}[{i}]", rules)
+        file.whole(
+            _without_hertz(mode),
+            keys,
+            f"{place}[{i}]",
+            rules,
+        )
         for i, mode in enumerate(content)
     ]
     for mode in read:
@@ -117,4 +129,7 @@ def _without_hertz(mode: object) -> object:
     )
     if found is None or not isinstance(mode, Mapping):
         return mode
-    return {**mode, "frequency": f"{found[1]} {_HERTZ[found[2]]}"}
+    return {
+        **mode,
+        "frequency": f"{found[1]} {_HERTZ[found[2]]}",
+    }

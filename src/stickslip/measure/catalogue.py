@@ -84,7 +84,12 @@ def regime_and_drops(
     trace, seen = judged(data, after)
     parts = (find_strokes(trace)[0] if trace.measured else []) or [trace]
     tables = [
-        _table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts
+        _table(
+            data,
+            part,
+            _drops_beside(seen, part, minimum_drop),
+        )
+        for part in parts
     ]
     table = xr.concat(tables, "event", combine_attrs="override")
     for name in ("count", "cut"):
@@ -96,7 +101,10 @@ def regime_and_drops(
     if len(tables) > 1:
         counts = [each.sizes["event"] for each in tables]
         number_of = {"units": "1", "long_name": "number of the stroke"}
-        strokes = np.repeat(np.arange(len(tables)), counts)
+        strokes = np.repeat(
+            np.arange(len(tables)),
+            counts,
+        )
         table["stroke"] = ("event", strokes, number_of)
         table.attrs["criterion"] = f"of the first stroke: {table.attrs['criterion']}"
         along = np.sign(table["force_before"].values)
@@ -115,7 +123,10 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
     if minimum_drop is not None:
         return found
     if seen.kind == "stick-slip":
-        return fast_ones(trace, look_past_waves(Window(trace, found)).found)
+        return fast_ones(
+            trace,
+            look_past_waves(Window(trace, found)).found,
+        )
     if seen.kind != "smooth sliding":
         return found
     begin, end = seen.window
@@ -152,7 +163,12 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
         ("force_before", before, force, f"{name} before the slip (peak)"),
         ("force_after", after, force, f"{name} after the slip (trough)"),
         ("drop", found.drops, force, f"drop of the {name} in the slip"),
-        ("duration", t[end] - t[start], time, "duration of the slip"),
+        (
+            "duration",
+            t[end] - t[start],
+            time,
+            "duration of the slip",
+        ),
         ("recurrence", recurrence, time, "time since the start of the slip before"),
         (
             "loading_rate",
@@ -212,7 +228,10 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
         if not math.isfinite(mean):
             continue
         unit = printable(units_of(column))
-        divisor, unit = prefixed(mean, "" if unit == "1" else unit)
+        divisor, unit = prefixed(
+            mean,
+            "" if unit == "1" else unit,
+        )
         told = words.number(mean / divisor)
         if math.isfinite(std):
             std = 0.0 if std < _DUST * abs(mean) else std

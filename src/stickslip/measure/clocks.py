@@ -32,7 +32,10 @@ def seconds_of(text: str) -> float | None:
     """The seconds that a time of the day tells, those since 2000 in UTC if it has a
     date and an offset; None if it is none.
     """
-    match = next((found for each in _CLOCKS if (found := each.fullmatch(text))), None)
+    match = next(
+        (found for each in _CLOCKS if (found := each.fullmatch(text))),
+        None,
+    )
     if match is None:
         return None
     told = match.groupdict()
@@ -45,7 +48,11 @@ def seconds_of(text: str) -> float | None:
     if told.get("year"):
         year = int(told["year"]) + (2000 if len(told["year"]) == 2 else 0)
         try:
-            date = dt.date(year, int(told["month"]), int(told["day"]))
+            date = dt.date(
+                year,
+                int(told["month"]),
+                int(told["day"]),
+            )
         except ValueError:  # a thirtieth of February
             return None
         days = date.toordinal() - _FIRST_DAY
@@ -61,5 +68,6 @@ def unit_since_1970(count: float) -> str:
     else nothing.
     """
     return next(
-        (unit for unit, least in _SINCE_1970.items() if 1.0 <= count / least < 2.2), ""
+        (unit for unit, least in _SINCE_1970.items() if 1.0 <= count / least < 2.2),
+        "",
     )

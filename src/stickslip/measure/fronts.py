@@ -107,7 +107,12 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
 
 def _speed(times: Array) -> float:
     """Blocks per time at which a front passes blocks at these times."""
-    each = abs(slope(times, np.arange(float(times.size))))
+    each = abs(
+        slope(
+            times,
+            np.arange(float(times.size)),
+        )
+    )
     return 1.0 / each if each != 0.0 else float("inf")
 
 
@@ -130,8 +135,19 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
             # the first fifth is still getting under way
             under_way = line[start + (count - 1) // 5 : beyond]
             speed = _speed(under_way) if count >= _FEWEST else np.nan
-            ends = (origin + way * start, origin + way * end)
-            rows.append((*ends, count, line[start], line[end], speed))
+            ends = (
+                origin + way * start,
+                origin + way * end,
+            )
+            rows.append(
+                (
+                    *ends,
+                    count,
+                    line[start],
+                    line[end],
+                    speed,
+                )
+            )
     return rows
 
 
@@ -200,8 +216,15 @@ def events(run: xr.Dataset) -> xr.Dataset:
     along = int(run["along"].max()) + 1 if "along" in run.coords else run.sizes["block"]
     grid = active.reshape(time.size - 1, -1, along)
     about = np.ones((3, 3, 3), np.int64)
-    labels, count = ndimage.label(ndimage.binary_dilation(grid, about), about)
-    labels = np.where(active, np.asarray(labels).reshape(active.shape), 0)
+    labels, count = ndimage.label(
+        ndimage.binary_dilation(grid, about),
+        about,
+    )
+    labels = np.where(
+        active,
+        np.asarray(labels).reshape(active.shape),
+        0,
+    )
     rows = list[Row]()
     for label, where in enumerate(ndimage.find_objects(labels, count), start=1):
         first = where[0].start
@@ -216,7 +239,10 @@ def events(run: xr.Dataset) -> xr.Dataset:
         arrival = np.array([_half_time(time[during], each) for each in x.T])
         origin = int(np.argmin(arrival))
         # on which more blocks follow
-        side = max((arrival[origin:], arrival[origin::-1]), key=len)
+        side = max(
+            (arrival[origin:], arrival[origin::-1]),
+            key=len,
+        )
         runs = grid.shape[1] == 1 and side.size >= _FEWEST and side[-1] > side[0]
         rows.append(
             (
@@ -250,7 +276,10 @@ def _table(
     }
     return {
         name: labelled(
-            _COLUMNS[name][1], along, of[name], _COLUMNS[name][0].format_map(units)
+            _COLUMNS[name][1],
+            along,
+            of[name],
+            _COLUMNS[name][0].format_map(units),
         )
         for name in of
     }
@@ -287,11 +316,19 @@ def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Ar
     values = np.abs(values) if is_velocity else values
     for axis, edge in enumerate(edges):
         gather = np.maximum if is_velocity else np.add
-        values = gather.reduceat(values, edge[:-1], axis=axis)
+        values = gather.reduceat(
+            values,
+            edge[:-1],
+            axis=axis,
+        )
     if not is_velocity:
         values = values / np.outer(*map(np.diff, edges))
     time, block = (
-        np.asarray(field[name].values, dtype=float) for name in ("time", "block")
+        np.asarray(
+            field[name].values,
+            dtype=float,
+        )
+        for name in ("time", "block")
     )
     return (
         values,
@@ -310,7 +347,10 @@ def in_words(run: xr.Dataset) -> list[str]:
 
     rig = rig_of(run)
     large = large_events(run)
-    return [*_fronts_in_words(run, rig, large), _events_in_words(run, rig, large)]
+    return [
+        *_fronts_in_words(run, rig, large),
+        _events_in_words(run, rig, large),
+    ]
 
 
 def _fronts_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> Iterator[str]:
@@ -355,12 +395,25 @@ def _events_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> str:
     force = units_of(run["spring_force"])
     is_whole = large["blocks"].values >= size
     if (some := large.isel(event=~is_whole)).sizes["event"]:
-        start = engineering(float(some["start"][0]), time)
-        reach = blocks_in_words(rig, int(some["reach"][0]))
+        start = engineering(
+            float(some["start"][0]),
+            time,
+        )
+        reach = blocks_in_words(
+            rig,
+            int(some["reach"][0]),
+        )
         text += f"; the first of some, at t = {start}, over {reach}"
     if (whole := large.isel(event=is_whole)).sizes["event"]:
-        start = engineering(float(whole["start"][0]), time)
-        drop = engineering(float(whole["drop"].max()), force, 3)
+        start = engineering(
+            float(whole["start"][0]),
+            time,
+        )
+        drop = engineering(
+            float(whole["drop"].max()),
+            force,
+            3,
+        )
         text += f"; {whole.sizes['event']} of all {size}, the first at t = {start}"
         text += f", largest force drop {drop}"
     return text

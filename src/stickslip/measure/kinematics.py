@@ -48,7 +48,12 @@ def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
     if 12 * width > force.size:
         return np.empty(0)
     # a line goes on as a line
-    padded = np.pad(force - force.mean(), width // 2, "reflect", reflect_type="odd")
+    padded = np.pad(
+        force - force.mean(),
+        width // 2,
+        "reflect",
+        reflect_type="odd",
+    )
     line = savgol_coeffs(width, 1, deriv=1, delta=step)
     return np.asarray(oaconvolve(padded, line, "valid"))
 
@@ -131,7 +136,12 @@ def motion(
     even = trace.t[0] + step * np.arange(trace.t.size)
     rate = K * V * second / newton
     noise = white_noise(trace.force)
-    slope = _slopes(np.interp(even, trace.t, trace.force), step, noise, rate)
+    slope = _slopes(
+        np.interp(even, trace.t, trace.force),
+        step,
+        noise,
+        rate,
+    )
     if not slope.size:
         raise InputError(
             f"motion: noise of {noise:.3g} {trace.force_unit or 'N'} hides the loading "
@@ -151,7 +161,12 @@ def motion(
         data = data.assign_attrs(contacts=count)
     return data.assign_attrs(stiffness=K).assign(
         {
-            name: labelled(title, "time", trace.sign * values, unit)
+            name: labelled(
+                title,
+                "time",
+                trace.sign * values,
+                unit,
+            )
             for name, (title, values, unit) in moves.items()
         }
     )
@@ -169,7 +184,12 @@ def rms_velocity_deviation(trace: Trace) -> float:
     """
     if trace.pace is None or not trace.measured:
         return math.nan
-    return math.sqrt(max(float(np.mean((trace.pace - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
+    return math.sqrt(
+        max(
+            float(np.mean((trace.pace - 1.0) ** 2)) - SLOPE_ERROR**2,
+            0.0,
+        )
+    )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

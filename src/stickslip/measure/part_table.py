@@ -49,7 +49,12 @@ def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
     if not parts:
         return []
     shown = parts[:MOST_LINES]
-    columns = [["", *(str(k + 1) for k in range(len(shown)))]]
+    columns = [
+        [
+            "",
+            *(str(k + 1) for k in range(len(shown))),
+        ]
+    ]
     units = {"time": shown[0].time_unit, "force": shown[0].force_unit, "": ""}
     table = np.array([_numbers(part) for part in shown], dtype=float).T
     for (title, of), values in zip(_COLUMNS.items(), table, strict=True):
@@ -57,13 +62,24 @@ def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
         if not known.size:
             continue
         told = "" if units[of] == "1" else units[of]
-        divisor, unit = words.prefixed(float(known.max()), told)
+        divisor, unit = words.prefixed(
+            float(known.max()),
+            told,
+        )
         cells = [
             words.number(value / divisor) if math.isfinite(value) else ""
             for value in values.tolist()
         ]
-        columns.append([f"{title} ({unit})" if unit else title, *cells])
-    columns.insert(3, ["motion", *(part.kind for part in shown)])
+        columns.append(
+            [
+                f"{title} ({unit})" if unit else title,
+                *cells,
+            ]
+        )
+    columns.insert(
+        3,
+        ["motion", *(part.kind for part in shown)],
+    )
     return [*zip(*columns, strict=True)]
 
 

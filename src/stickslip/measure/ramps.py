@@ -111,7 +111,12 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
                 else np.nan
             )
             title = f"stick-slip {what} on the way {way}"
-            seen[name] = labelled(title, (), velocity, units_of(seen["drive_velocity"]))
+            seen[name] = labelled(
+                title,
+                (),
+                velocity,
+                units_of(seen["drive_velocity"]),
+            )
         if unseen := [
             name.replace("_down", "'")
             for name in (onset, ending)
@@ -151,7 +156,11 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
             * rig.unit("time")
         )
         width = 2.0 * (loading + trace.drive * period)
-    gone = cumulative_trapezoid(trace.drive / width, trace.t, initial=0)
+    gone = cumulative_trapezoid(
+        trace.drive / width,
+        trace.t,
+        initial=0,
+    )
     said = f"windows of drive travel {width.max():.4g}"
     if gone[-1] < 2:
         raise UndecidedError(
@@ -199,10 +208,18 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
         ("travel", "travel of the drive", place[1], "displacement"),
     )
     found = {
-        name: labelled(text, "travel", values, units_of(run.get(of)))
+        name: labelled(
+            text,
+            "travel",
+            values,
+            units_of(run.get(of)),
+        )
         for name, text, values, of in columns
     }
-    return xr.Dataset(found, attrs={"window": float(np.max(place[2] - place[0]))})
+    return xr.Dataset(
+        found,
+        attrs={"window": float(np.max(place[2] - place[0]))},
+    )
 
 
 def _turning_time(t: Array, drive: Array) -> float:
@@ -251,7 +268,8 @@ def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
         for (name, how, *_), each in zip(_WAYS, curves, strict=True)
     }
     return xr.Dataset(
-        found, {"velocity": ("velocity", grid, dict(seen["drive_velocity"].attrs))}
+        found,
+        {"velocity": ("velocity", grid, dict(seen["drive_velocity"].attrs))},
     )
 
 
@@ -279,7 +297,11 @@ def in_words(run: xr.Dataset) -> str:
             if found[name].notnull()
         }
         # as they come in time
-        turns = sorted(at, key=lambda what: abs(float(at[what])), reverse=way == "down")
+        turns = sorted(
+            at,
+            key=lambda what: abs(float(at[what])),
+            reverse=way == "down",
+        )
         told = [
             f"{what} at {engineering(float(at[what]), units_of(at[what]), 3)}"
             for what in turns

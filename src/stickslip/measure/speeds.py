@@ -61,7 +61,10 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     """
     trace = Trace.of(data)
     pieces = find_strokes(trace)[0] or [trace]
-    size = max(FEWEST_READINGS, trace.t.size // _MOST_BLOCKS)
+    size = max(
+        FEWEST_READINGS,
+        trace.t.size // _MOST_BLOCKS,
+    )
     blocks = pd.concat(_blocks(data, piece, size) for piece in pieces)
     fastest = blocks["velocity"].max()
     if not fastest > 0.0:
@@ -71,7 +74,8 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     found = blocks.groupby(bins).filter(lambda alike: len(alike) >= _FEWEST_BLOCKS)
     alike = found.groupby(bins)
     table = alike.mean().assign(
-        error=alike["friction"].apply(_error), readings=alike.size() * size
+        error=alike["friction"].apply(_error),
+        readings=alike.size() * size,
     )
     friction = data["mu" if "mu" in data else "spring_force"]
     unit = units_of(friction)
@@ -81,13 +85,21 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     of_speed += "" if is_known else f"/{trace.time_unit}"
     about = {
         "velocity": (of_speed, "velocity"),
-        "friction": (unit, str(friction.attrs.get("long_name", "friction"))),
+        "friction": (
+            unit,
+            str(friction.attrs.get("long_name", "friction")),
+        ),
         "error": (unit, "standard error"),
         "readings": ("1", "readings"),
     }
     return xr.Dataset(
         {
-            key: labelled(title, "speed", table[key].astype(float), units)
+            key: labelled(
+                title,
+                "speed",
+                table[key].astype(float),
+                units,
+            )
             for key, (units, title) in about.items()
         },
         attrs={"source": str(data.attrs.get("source", ""))},

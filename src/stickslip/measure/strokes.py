@@ -27,7 +27,10 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
         return [], math.nan, math.nan
     last = trace.t.size
     parts = [
-        trace.part(trace.t[begin], trace.t[end] if end < last else np.inf)
+        trace.part(
+            trace.t[begin],
+            trace.t[end] if end < last else np.inf,
+        )
         for begin, end in itertools.pairwise(edges)
     ]
     levels = np.array([_plateau(part.force) for part in parts])
@@ -38,7 +41,10 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     for part, level in zip(parts, levels, strict=True):
         way = 1.0 if level >= offset else -1.0
         there = part.t[way * part.force >= way * level]
-        loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
+        loaded = part.part(
+            there[0],
+            np.nextafter(there[-1], np.inf),
+        )
         if loaded.t.size >= FEWEST_READINGS:
             force = way * (loaded.force - offset)
             largest = float(force.max())
@@ -63,7 +69,11 @@ def _reversals(trace: Trace) -> list[int]:
     if (way := trace.displacement) is not None:
         least = LEAST_WAY * float(np.ptp(way))
         peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
-        return [0, *sorted({*peaks, *troughs} - {0, size - 1}), size]
+        return [
+            0,
+            *sorted({*peaks, *troughs} - {0, size - 1}),
+            size,
+        ]
     plateaus = _plateaus(trace.force)
     if plateaus is None:
         return []
@@ -73,7 +83,11 @@ def _reversals(trace: Trace) -> list[int]:
     crossed = (
         rises(trace.t, force, -level, level)[0].tolist() for force in (about, -about)
     )
-    edges = [0, *sorted(itertools.chain(*crossed)), size]
+    edges = [
+        0,
+        *sorted(itertools.chain(*crossed)),
+        size,
+    ]
     whole = np.diff(edges)[1:-1]
     enough = whole.size >= FEWEST_CYCLES - 2 and whole.min() >= FEWEST_READINGS
     return edges if enough else []

@@ -39,7 +39,10 @@ def read_table(
     for magic, told in _EXPORTED.items():
         if raw.startswith(magic):
             raise InputError(f"is {told}")
-    read = next((read for magic, read in _READERS if raw.startswith(magic)), None)
+    read = next(
+        (read for magic, read in _READERS if raw.startswith(magic)),
+        None,
+    )
     if read is None:
         return read_text(raw, delimiter, decimal)
     try:
@@ -139,7 +142,10 @@ def _of_spreadsheet(raw: bytes) -> Table:
         name: sheet.apply(pd.to_numeric, errors="coerce").count()
         for name, sheet in sheets.items()
     }
-    chosen = max(sheets, key=lambda name: numbers[name].sum())
+    chosen = max(
+        sheets,
+        key=lambda name: numbers[name].sum(),
+    )
     left = [
         repr(name)
         for name, counts in numbers.items()

@@ -163,7 +163,13 @@ def read_trace(
         units["force"] = "1"
     if constant:
         values["load"] = np.full_like(values["force"], constant)
-    data = _dataset(units, values, notes, flip, chosen["force"].heading.is_torque)
+    data = _dataset(
+        units,
+        values,
+        notes,
+        flip,
+        chosen["force"].heading.is_torque,
+    )
     return data.assign_attrs(source=Path(path).name, read=_described(data, chosen))
 
 
@@ -172,8 +178,16 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     order = [name for name in ("time", *_TEXTS) if name in chosen and name != "part"]
     told = [f"{name}: {chosen[name]}" for name in order]
     usual = float(np.median(np.diff(data["time"])))
-    each = words.engineering(usual, data["time"].attrs["units"])
-    return "; ".join([*told, f"{data.sizes['time']} readings, one each {each}"])
+    each = words.engineering(
+        usual,
+        data["time"].attrs["units"],
+    )
+    return "; ".join(
+        [
+            *told,
+            f"{data.sizes['time']} readings, one each {each}",
+        ]
+    )
 
 
 def _scale(text: str, unit: str) -> tuple[float, str]:
@@ -209,7 +223,10 @@ def _rows(
     within = force[first:last][outside[first:last]]
     none = np.count_nonzero(outside) - (np.unique(within).size > 1) * within.size
     force[outside] = np.nan
-    times = values.setdefault("time", step * np.arange(force.size, dtype=float))
+    times = values.setdefault(
+        "time",
+        step * np.arange(force.size, dtype=float),
+    )
     bad = lines[~np.isfinite(times + force)].tolist()
     told = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
     if len(bad) - none > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
@@ -234,7 +251,10 @@ def _rows(
         "rows could not be read; the force there is interpolated in time "
         f"({'; '.join(told)})"
     )
-    return values, [*notes, f"{len(bad)} of {lines.size} {text}"]
+    return values, [
+        *notes,
+        f"{len(bad)} of {lines.size} {text}",
+    ]
 
 
 def _put_in_turn(
@@ -270,12 +290,18 @@ def _put_in_turn(
     usual = float(np.nanmedian(np.diff(times)))
     for at in back:
         times[at:] += float(np.nanmax(times[:at])) + usual - times[at]
-    steps = values.pop("part", np.zeros(times.size))
+    steps = values.pop(
+        "part",
+        np.zeros(times.size),
+    )
     # a number that changes with each few rows counts something else
     turns = np.flatnonzero(np.diff(steps)) + 1
     if np.diff([0, *turns, times.size]).min() < FEWEST_READINGS:
         turns = turns[:0]
-    edges = np.isin(np.arange(times.size), [*turns, *back])
+    edges = np.isin(
+        np.arange(times.size),
+        [*turns, *back],
+    )
     if edges.any():
         values["part"] = 1.0 + np.cumsum(edges, dtype=float)
     if not back.size:
@@ -347,7 +373,12 @@ def _dataset(
     texts = {**_TEXTS, "force": ("spring_force", force)}
     rows["filled"] = missing
     found = {
-        texts[key][0]: labelled(texts[key][1], "time", rows[key], units.get(key, "1"))
+        texts[key][0]: labelled(
+            texts[key][1],
+            "time",
+            rows[key],
+            units.get(key, "1"),
+        )
         for key in rows
     }
     time = labelled("time", "time", rows.index, units["time"])

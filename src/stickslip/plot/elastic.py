@@ -99,7 +99,10 @@ def spacetime(
     if what == "velocity":
         scale = LogNorm
         cmap = "inferno"
-        drawn = np.maximum(drawn, (float(drawn.max()) or 1.0) / 10.0**_DECADES)
+        drawn = np.maximum(
+            drawn,
+            (float(drawn.max()) or 1.0) / 10.0**_DECADES,
+        )
     elif what == "attached":
         text = "attached, relative to before"
         drawn = drawn / np.where(field.values[0] > 0, field.values[0], 1.0)
@@ -107,7 +110,13 @@ def spacetime(
     ax = given_or_new(ax, COLUMN * 1.35, 3.2)
     place = _places(run, block)
     edges = (place, time, drawn) if upright else (time, place, drawn.T)
-    mesh = ax.pcolormesh(*edges, norm=norm, cmap=cmap, shading="flat", rasterized=True)
+    mesh = ax.pcolormesh(
+        *edges,
+        norm=norm,
+        cmap=cmap,
+        shading="flat",
+        rasterized=True,
+    )
     ax.figure.colorbar(mesh, ax=ax, pad=0.02, label=text)
     times, blocks = (ax.yaxis, ax.xaxis) if upright else (ax.xaxis, ax.yaxis)
     dress(times, field["time"])
@@ -218,7 +227,11 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
             "prestress has a front"
         )
     moving = [(front.prestress, front.speed) for front in theory if front.speed > 0]
-    ax.plot(*np.transpose(moving), color=BLACK, label=f"theory ({theory[0].blocks})")
+    ax.plot(
+        *np.transpose(moving),
+        color=BLACK,
+        label=f"theory ({theory[0].blocks})",
+    )
     _dress_speed(ax, rig)
     ax.axvline(least, color=ORANGE, linewidth=0.9, label="threshold")
     ax.set(
@@ -329,7 +342,14 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     colours = mpl.colormaps["cividis"](np.linspace(0.0, 0.9, slips.sizes["event"]))
     for slip, colour in zip(slips, colours, strict=True):
         ax.plot(moved["block"], slip, color=colour, linewidth=0.9)
-    panel(ax, "", "block", slips, xlim=(0, run.sizes["block"] - 1), ylim=(0, None))
+    panel(
+        ax,
+        "",
+        "block",
+        slips,
+        xlim=(0, run.sizes["block"] - 1),
+        ylim=(0, None),
+    )
     return ax
 
 

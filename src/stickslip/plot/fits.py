@@ -60,13 +60,29 @@ def slips(data: xr.Dataset) -> Figure:
     drops.ecdf(data["drop"].values, color=BLACK)
     drops.axvline(data.attrs["smallest"], **COMPARED)
     drops.set(ylim=(0, 1), ylabel="fraction of slips up to it")
-    pairs.plot(data["peak"], data["trough"], ".", color=BLACK, markersize=3)
-    rate.plot(data["peak_time"], data["loading_rate"], ".", color=BLACK, markersize=3)
+    pairs.plot(
+        data["peak"],
+        data["trough"],
+        ".",
+        color=BLACK,
+        markersize=3,
+    )
+    rate.plot(
+        data["peak_time"],
+        data["loading_rate"],
+        ".",
+        color=BLACK,
+        markersize=3,
+    )
     known = data["loading_rate"].values[1:]
     when = data["peak_time"].values[1:]
     third = max(known.size // 3, 1)
     for part in (slice(0, third), slice(-third, None)):
-        rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=VERMILLION)
+        rate.plot(
+            when[part][[0, -1]],
+            [np.median(known[part])] * 2,
+            color=VERMILLION,
+        )
     rate.set_ylim(0, 2.0 * float(np.median(known)))
     for ax, title, across, up in (
         (trace, "(a)", "time", "spring_force"),
@@ -122,13 +138,32 @@ def _draw_test(ax: Axes, found: Fit) -> None:
     for row, one in enumerate(found.test.reset_index().itertuples()):
         at = -row - (0.0 if one.fitted else 0.6)
         colour = VERMILLION if one.p < _LOW else BLACK
-        ax.plot([one.low, one.high], [at, at], color=SKY, linewidth=4)
         ax.plot(
-            np.clip(one.here, -_WIDEST, _WIDEST), at, "o", color=colour, markersize=4
+            [one.low, one.high],
+            [at, at],
+            color=SKY,
+            linewidth=4,
+        )
+        ax.plot(
+            np.clip(one.here, -_WIDEST, _WIDEST),
+            at,
+            "o",
+            color=colour,
+            markersize=4,
         )
         text: Any = {"va": "center", "fontsize": 7, "annotation_clip": False}
-        ax.annotate(one.name, (-_WIDEST - 0.2, at), ha="right", **text)
-        ax.annotate(f"{one.p:.2g}", (_WIDEST + 0.2, at), color=colour, **text)
+        ax.annotate(
+            one.name,
+            (-_WIDEST - 0.2, at),
+            ha="right",
+            **text,
+        )
+        ax.annotate(
+            f"{one.p:.2g}",
+            (_WIDEST + 0.2, at),
+            color=colour,
+            **text,
+        )
     words = "(value - median) / (range of 95 % / 4)"
     within = (-_WIDEST, _WIDEST)
     panel(ax, "trace (dot), draws (bar), p", words, xlim=within, yticks=[])
@@ -148,7 +183,12 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
             f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, "
             f"{one.verdict}"
         )
-        ax.annotate(text, (0, -row + 0.22), fontsize=7, annotation_clip=False)
+        ax.annotate(
+            text,
+            (0, -row + 0.22),
+            fontsize=7,
+            annotation_clip=False,
+        )
     ends = -len(found.parameters) + 0.4, 0.7
     panel(ax, "90 % intervals within the prior", xlim=(0, 1), ylim=ends)
     ax.set(xticks=[], yticks=[])
@@ -175,7 +215,12 @@ def velocity_step(
         name = names[k] if k < len(names) else f"{fit.law} law"
         curve = fit.friction(x)
         upper.plot(x, curve, color=colour, label=name)
-        lower.plot(x, step.friction - curve, color=colour, linewidth=0.7)
+        lower.plot(
+            x,
+            step.friction - curve,
+            color=colour,
+            linewidth=0.7,
+        )
     panel(upper, "", None, "friction", "above")
     panel(lower, "", f"displacement after the step ({length})", "residual")
     return figure
@@ -193,13 +238,23 @@ def steps_and_holds(found: Fit) -> Figure:
     grid = figure.add_gridspec(1 + rows, 3)
     trace = figure.add_subplot(grid[0, :])
     time = found.record.time
-    trace.plot(*envelope(time, found.record.friction), color=GREY, linewidth=0.6)
+    trace.plot(
+        *envelope(time, found.record.friction),
+        color=GREY,
+        linewidth=0.6,
+    )
     for one in found.steps:
         trace.axvline(float(one.at), color=BLUE, linewidth=0.8)
     for at, _ in found.refused:
         trace.axvline(at, color=VERMILLION, linewidth=0.8)
     for one in found.holds:
-        trace.axvspan(one.at, one.at + one.hold, color=SKY, alpha=0.4, linewidth=0)
+        trace.axvspan(
+            one.at,
+            one.at + one.hold,
+            color=SKY,
+            alpha=0.4,
+            linewidth=0,
+        )
     friction = f"friction ({unit})" if unit else "friction"
     panel(trace, "record: steps (lines), holds (bands)", f"time ({clock})", friction)
     for k, fit in enumerate(panels):
@@ -227,7 +282,11 @@ def _draw_healing(ax: Axes, found: Fit, across: str) -> None:
     ax.set_xscale("log")
     if found.healing is not None:
         decades = np.log10(hold) - np.log10(hold).mean()
-        ax.plot(hold, peak.mean() + float(found.healing) * decades, color=BLUE)
+        ax.plot(
+            hold,
+            peak.mean() + float(found.healing) * decades,
+            color=BLUE,
+        )
     panel(ax, "peak after the hold", across, None)
 
 
@@ -285,5 +344,10 @@ def friction_at_speeds(table: xr.Dataset) -> Figure:
         capsize=2.0,
     )
     ax.set_xscale("log")
-    panel(ax, "", table["velocity"].assign_attrs(spacing="log"), table["friction"])
+    panel(
+        ax,
+        "",
+        table["velocity"].assign_attrs(spacing="log"),
+        table["friction"],
+    )
     return figure

@@ -123,7 +123,10 @@ def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
         if "start" in data and data["start"].ndim
         else [None]
     )
-    figure = new_figure(PAGE if len(starts) > 1 else 1.2 * COLUMN, 3.5)
+    figure = new_figure(
+        PAGE if len(starts) > 1 else 1.2 * COLUMN,
+        3.5,
+    )
     panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
     for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
         draw(ax, data, across, up, start)
@@ -148,7 +151,10 @@ def _draw_cells(
     here = kinds.transpose(up, across).values
     cells = [_cell_edges(data[name]) for name in (across, up)]
     for kind, (colour, mark, hatch) in REGIMES.items():
-        shown = np.ma.masked_array(np.ones(here.shape), here != kind)
+        shown = np.ma.masked_array(
+            np.ones(here.shape),
+            here != kind,
+        )
         if mark and shown.count():
             ax.pcolor(
                 *cells,
@@ -161,8 +167,18 @@ def _draw_cells(
                 rasterized=here.size > 10_000,
             )
             # for the legend
-            ax.fill([], [], facecolor=colour, hatch=hatch, label=kind, **EDGE)
-    ax.set(xlim=cells[0][[0, -1]], ylim=cells[1][[0, -1]])
+            ax.fill(
+                [],
+                [],
+                facecolor=colour,
+                hatch=hatch,
+                label=kind,
+                **EDGE,
+            )
+    ax.set(
+        xlim=cells[0][[0, -1]],
+        ylim=cells[1][[0, -1]],
+    )
 
 
 def _draw_runs(
@@ -173,7 +189,13 @@ def _draw_runs(
         run=data["start"].values == start,
         crossing=data["start_at"].values == start,
     )
-    _draw_marks(ax, _kinds(mine), mine[across], mine[up], size=4)
+    _draw_marks(
+        ax,
+        _kinds(mine),
+        mine[across],
+        mine[up],
+        size=4,
+    )
     ax.errorbar(
         mine[f"{across}_at"],
         mine[f"{up}_at"],
@@ -280,7 +302,13 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
             zorder=1,
             label=words,
         )
-    _draw_marks(ax, _kinds(data), data[axis], oscillation, size=4.5)
+    _draw_marks(
+        ax,
+        _kinds(data),
+        data[axis],
+        oscillation,
+        size=4.5,
+    )
     _draw_theory(ax, data, axis)
     panel(ax, "", data[axis], oscillation, ylim=(0, None))
     return legend_below(figure)
@@ -329,7 +357,15 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
             label="stick-slip persists, too (bistable)",
         )
     here = float(found[f"here_{across}"]), float(found[f"here_{up}"])
-    ax.plot(*here, "o", ms=8, mfc="white", mec=BLACK, mew=1.5, label="this rig")
+    ax.plot(
+        *here,
+        "o",
+        ms=8,
+        mfc="white",
+        mec=BLACK,
+        mew=1.5,
+        label="this rig",
+    )
     if to is not None:
         goal = to.get(across, here[0]), to.get(up, here[1])
         ax.annotate(
@@ -382,7 +418,10 @@ def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
     )
     decades = 10.0 ** (np.floor(np.log10(largest)) - np.array([0.0, 1.0]))
     bar = ax.figure.colorbar(
-        shade, ax=ax, ticks=[*-decades, 0.0, *decades[::-1]], pad=0.02
+        shade,
+        ax=ax,
+        ticks=[*-decades, 0.0, *decades[::-1]],
+        pad=0.02,
     )
     bar.set_label(label(found["growth_rate"]))
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: minus(value)))
@@ -397,9 +436,15 @@ def _places(ax: Axes, x: Array, y: Array, written: list[Array]) -> Iterator[int]
         ax.transData.transform(np.column_stack([x, y]))
     )
     inside = np.flatnonzero(
-        np.all((places > (0.06, 0.04)) & (places < (0.94, 0.96)), axis=1)
+        np.all(
+            (places > (0.06, 0.04)) & (places < (0.94, 0.96)),
+            axis=1,
+        )
     )
-    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+    length = np.append(
+        0.0,
+        np.cumsum(np.hypot(*np.diff(places, axis=0).T)),
+    )
     if inside.size == 0 or length[-1] < 0.2:
         return
     for part in (0.2, 0.5, 0.8) if length[-1] > 0.8 else (0.5,):

@@ -46,7 +46,12 @@ def prediction(answer: Prediction) -> Figure:
     ]
     figure = new_figure(PAGE, 2.0 + sum(heights))
     axes = figure.subplots(len(heights), 1, height_ratios=heights)
-    figure.suptitle(_title(answer.rig, answer.headline), x=0.01, ha="left", fontsize=9)
+    figure.suptitle(
+        _title(answer.rig, answer.headline),
+        x=0.01,
+        ha="left",
+        fontsize=9,
+    )
     patches = _strip_of_speeds(axes[0], answer)
     if moves:
         patches += _strip(axes[1], answer.along_drive)
@@ -55,7 +60,10 @@ def prediction(answer: Prediction) -> Figure:
             axes[1].xaxis,
             xr.DataArray([band.high for band in answer.along_drive], attrs=times),
         )
-        axes[1].set_xlim(0.0, answer.along_drive[-1].high)
+        axes[1].set_xlim(
+            0.0,
+            answer.along_drive[-1].high,
+        )
         by = "" if answer.driven is not None else ", as if each speed lasted"
         axes[1].set_title(f"motion along its drive{by}", fontsize=8)
     _force_at_its_speed(axes[1 + moves], answer)
@@ -89,10 +97,22 @@ def _strip(ax: Axes, bands: Any) -> list[Patch]:
     for band in bands:
         patches.append(patch := _patch(band.kind))
         look: Any = {"facecolor": patch.get_facecolor(), "hatch": patch.get_hatch()}
-        ax.axvspan(band.low, band.high, edgecolor=GREY, linewidth=0, **look)
+        ax.axvspan(
+            band.low,
+            band.high,
+            edgecolor=GREY,
+            linewidth=0,
+            **look,
+        )
         if band.bistable:
             look = {"edgecolor": "white", "hatch": "/////"}
-            ax.axvspan(band.low, band.high, facecolor="none", linewidth=0, **look)
+            ax.axvspan(
+                band.low,
+                band.high,
+                facecolor="none",
+                linewidth=0,
+                **look,
+            )
             patches.append(
                 Patch(
                     facecolor=GREY,
@@ -116,7 +136,11 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
     )
     for speed, _ in answer.at_speeds:
         ax.plot(
-            [speed] * 2, [0.0, 1.0], color=BLACK, linewidth=0.9, linestyle=(0, (3, 2))
+            [speed] * 2,
+            [0.0, 1.0],
+            color=BLACK,
+            linewidth=0.9,
+            linestyle=(0, (3, 2)),
         )
     if answer.between is not None:
         ax.plot(
@@ -143,7 +167,10 @@ def _axis_of_speeds(ax: Axes, answer: Any) -> None:
         "units": answer.rig.unit_name("x_s/time"),
         "spacing": "log",
     }
-    dress(ax.xaxis, xr.DataArray(np.array(answer.speeds_searched), attrs=look))
+    dress(
+        ax.xaxis,
+        xr.DataArray(np.array(answer.speeds_searched), attrs=look),
+    )
     ax.set_xlim(*answer.speeds_searched)
 
 
@@ -151,7 +178,12 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
     run = answer.run
     period = answer.regime.period
     if math.isfinite(period) and period > 0:
-        run = run.sel(time=slice(float(run["time"][-1]) - _CYCLES_SHOWN * period, None))
+        run = run.sel(
+            time=slice(
+                float(run["time"][-1]) - _CYCLES_SHOWN * period,
+                None,
+            )
+        )
     force_trace(run, ax)
     ax.axhline(answer.static_friction, color=GREY, linewidth=0.9, linestyle=DASHED)
     ax.annotate(
@@ -170,7 +202,12 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
 def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
     for low, high in ranges:
         ax.barh(
-            row, high - low, left=low, color=COLOURS[kind], height=0.62, linewidth=0
+            row,
+            high - low,
+            left=low,
+            color=COLOURS[kind],
+            height=0.62,
+            linewidth=0,
         )
 
 
@@ -180,7 +217,12 @@ def _margins(ax: Axes, answer: Prediction) -> None:
     """
     stops = {each.parameter: each.to / each.now for each in answer.mitigations}
     names = list(
-        dict.fromkeys([*(margin.parameter for margin in answer.margins), *stops])
+        dict.fromkeys(
+            [
+                *(margin.parameter for margin in answer.margins),
+                *stops,
+            ]
+        )
     )
     widest = 1.0
     for k, margin in enumerate(answer.margins):
@@ -211,7 +253,10 @@ def _margins(ax: Axes, answer: Prediction) -> None:
         )
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
     ax.set(xscale="log", xlim=(1 / widest, widest))
-    ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])
+    ax.set_yticks(
+        range(len(names)),
+        [parameter_named(name).title for name in names],
+    )
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"× {v:.3g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
@@ -236,10 +281,18 @@ def waves(answer: Any) -> Figure:
     ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
     _axis_of_speeds(ax, answer)
     ax.set_ylim(rows - 0.5, -0.5)
-    ax.set_yticks(range(len(answer.waves)), [wave.name for wave in answer.waves])
+    ax.set_yticks(
+        range(len(answer.waves)),
+        [wave.name for wave in answer.waves],
+    )
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
-    figure.suptitle(_title(answer.rig, answer.verdict), x=0.01, ha="left", fontsize=9)
+    figure.suptitle(
+        _title(answer.rig, answer.verdict),
+        x=0.01,
+        ha="left",
+        fontsize=9,
+    )
     named = {"unstable": "grows (linear)", "smooth sliding": "decays"}
     return legend_below(
         figure,

@@ -69,7 +69,13 @@ def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
     own = method is case.method
     case = replace(case, method=method)
     begin, end = _window(case, at)
-    times = _frame_times(case, begin, end, count, part(watch, 0.0, 0.5))
+    times = _frame_times(
+        case,
+        begin,
+        end,
+        count,
+        part(watch, 0.0, 0.5),
+    )
     slider, drive, stretching, flags = _look(case, method, times, part(watch, 0.5, 1.0))
     force = case.slider.stiffness * (drive - slider) * rig.unit("f_s")
     exact = own and case.interface.ageing is None
@@ -130,7 +136,10 @@ def _window(rig: Rig, at: float) -> tuple[float, float]:
     )
     span = min(CYCLES * stretch / speed, duration) if speed > 0 else duration
     begin = min(
-        max(number("cursor", at, at_least=0, at_most=1) * duration - 0.1 * span, 0.0),
+        max(
+            number("cursor", at, at_least=0, at_most=1) * duration - 0.1 * span,
+            0.0,
+        ),
         duration - span,
     )
     return begin, begin + span
@@ -143,9 +152,15 @@ def _frame_times(
     of the slider.
     """
     turn = math.sqrt(rig.slider.mass / (rig.slider.stiffness + 1.0))
-    interval = min(max((end - begin) / _SAMPLES, 0.1 * turn), (end - begin) / 2_000)
+    interval = min(
+        max((end - begin) / _SAMPLES, 0.1 * turn),
+        (end - begin) / 2_000,
+    )
     output = replace(rig.output, interval=interval, snapshots=())
-    run = simulate(replace(lasting(rig, end), output=output), progress=watch)
+    run = simulate(
+        replace(lasting(rig, end), output=output),
+        progress=watch,
+    )
     seen = run["time"].values >= begin
     t = run["time"].values[seen]
     X = run["displacement"].values[seen]
@@ -153,7 +168,13 @@ def _frame_times(
     clock = (1 - _MOVING) * (t - t[0]) / (t[-1] - t[0]) + _MOVING * way / (
         way[-1] or 1.0
     )
-    return np.asarray(np.interp(np.linspace(0.0, clock[-1], count), clock, t))
+    return np.asarray(
+        np.interp(
+            np.linspace(0.0, clock[-1], count),
+            clock,
+            t,
+        )
+    )
 
 
 def _look(
@@ -170,7 +191,11 @@ def _look(
     def sample() -> Array:
         now = engine.individuals()
         return np.concatenate(
-            [[engine.here()[1]], now.stretching[shown], now.attached[shown]]
+            [
+                [engine.here()[1]],
+                now.stretching[shown],
+                now.attached[shown],
+            ]
         )
 
     def advance(leg: Leg) -> Advance:  # to the next sample, or to the end of the leg
@@ -195,7 +220,9 @@ def _look(
     )
     track = follow(followed, rig.drive, origin, times, progress=watch)
     slider, stretching, attached = np.split(
-        np.vstack([first, track.rows]), [1, 1 + shown.size], axis=1
+        np.vstack([first, track.rows]),
+        [1, 1 + shown.size],
+        axis=1,
     )
     # Where the slider was when a contact attached: elsewhere now, if it broke and
     # attached again since.

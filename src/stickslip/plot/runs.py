@@ -169,7 +169,13 @@ def part(run: xr.Dataset, ax: Axes | None = None, *, number: int = 1) -> Axes:
     name = str(every.attrs["long_name"]).removeprefix("displacement by each ")
     words = f"{name} {number}" + " less drift" * drifts
     drawn = (rest if drifts else one).assign_attrs(every.attrs | {"long_name": words})
-    ax, _ = along_time(run.assign(one=drawn), "one", ax, color=SKY, linewidth=0.8)
+    ax, _ = along_time(
+        run.assign(one=drawn),
+        "one",
+        ax,
+        color=SKY,
+        linewidth=0.8,
+    )
     return ax
 
 
@@ -203,7 +209,11 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     # An envelope would not stack; one of each group of samples will do.
     thin = run.isel(
-        time=slice(None, None, max(1, run.sizes["time"] // style.MOST_POINTS))
+        time=slice(
+            None,
+            None,
+            max(1, run.sizes["time"] // style.MOST_POINTS),
+        )
     )
     parts = [variable(thin, name) for name in _ENERGIES]
     work = variable(thin, "work")
@@ -221,7 +231,12 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         label="work of the drive",
     )
     words = str(work.attrs.get("long_name", "")).replace("work of the drive", "energy")
-    panel(ax, "", thin["time"], total.assign_attrs(work.attrs | {"long_name": words}))
+    panel(
+        ax,
+        "",
+        thin["time"],
+        total.assign_attrs(work.attrs | {"long_name": words}),
+    )
     ax.margins(x=0)
     legend_above(ax, columns=3)
     return ax
@@ -284,10 +299,15 @@ def overview(
     axes = [figure.add_subplot(grid[0, :])]
     axes += [figure.add_subplot(grid[row, :], sharex=axes[0]) for row in range(1, rows)]
     if measured and events is not None:
-        begin, end = _zoomed(figure.add_subplot(grid[-2, :]), run, events)
+        begin, end = _zoomed(
+            figure.add_subplot(grid[-2, :]),
+            run,
+            events,
+        )
         axes[0].axvspan(begin, end, facecolor=GREY, alpha=0.4, linewidth=0)
         _draw_drops(
-            [figure.add_subplot(grid[-1, column]) for column in range(3)], events
+            [figure.add_subplot(grid[-1, column]) for column in range(3)],
+            events,
         )
     force_trace(run, axes[0], events=None if measured else events).set_title(
         _title(run, seen)
@@ -370,7 +390,12 @@ def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
     )
     size = 6.0 if events.sizes["event"] <= _MANY_SLIPS else 3.0
     axes[0].hist(drop, bins="auto", color=BLUE)
-    panel(axes[0], "", drop, f"number of {events.attrs.get('drops_are', 'slips')}")
+    panel(
+        axes[0],
+        "",
+        drop,
+        f"number of {events.attrs.get('drops_are', 'slips')}",
+    )
     for ax, across, up in ((axes[1], peak, trough), (axes[2], recurrence, drop)):
         ax.plot(across, up, ".", color=BLUE, markersize=size)
         panel(ax, "", across, up)

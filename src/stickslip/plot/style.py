@@ -120,7 +120,8 @@ def label(variable: xr.DataArray, most: int = 200) -> str:
     if sum(lengths) - 1 <= most or len(words) < 2:
         return " ".join(words)
     cut = min(
-        range(1, len(words)), key=lambda i: max(sum(lengths[:i]), sum(lengths[i:]))
+        range(1, len(words)),
+        key=lambda i: max(sum(lengths[:i]), sum(lengths[i:])),
     )
     return f"{' '.join(words[:cut])}\n{' '.join(words[cut:])}"
 
@@ -239,7 +240,10 @@ def along_time(
     """
     drawn = variable(run, name)
     ax = given_or_new(ax, PAGE, height)
-    ax.plot(*envelope(run["time"].values, drawn.values), **style)
+    ax.plot(
+        *envelope(run["time"].values, drawn.values),
+        **style,
+    )
     panel(ax, "", run["time"], drawn)
     ax.margins(x=0.01)
     return ax, drawn

@@ -28,7 +28,11 @@ def surface(found: xr.Dataset, told: Any = None, answer: Any = None) -> Figure:
     rows = 1 if told is None else 2
     figure = new_figure(PAGE, 3.0 + 1.9 * (rows - 1))
     figure.set_layout_engine("constrained", wspace=0.08)
-    grid = figure.add_gridspec(rows, 2, height_ratios=[3.0, 1.6][:rows])
+    grid = figure.add_gridspec(
+        rows,
+        2,
+        height_ratios=[3.0, 1.6][:rows],
+    )
     surface_map(found, figure.add_subplot(grid[0, 0]))
     contact_sizes(found, figure.add_subplot(grid[0, 1]))
     if told is not None:
@@ -45,11 +49,25 @@ def surface_map(found: xr.Dataset, ax: Axes | None = None) -> Axes:
     height = _MICRO * found["height"].to_numpy()
     # nodes stand in the middle of their pixels
     step = _MICRO * float(found["x"][1])
-    ends = (0.0, step * height.shape[0], 0.0, step * height.shape[1])
+    ends = (
+        0.0,
+        step * height.shape[0],
+        0.0,
+        step * height.shape[1],
+    )
     look: Any = {"origin": "lower", "extent": ends, "interpolation": "nearest"}
     low, high = np.percentile(height, [1, 99])
-    shades = ax.imshow(height.T, cmap="gray", vmin=low, vmax=high, **look)
-    touching = np.ma.masked_equal(found["pressure"].to_numpy() > 0.0, False)
+    shades = ax.imshow(
+        height.T,
+        cmap="gray",
+        vmin=low,
+        vmax=high,
+        **look,
+    )
+    touching = np.ma.masked_equal(
+        found["pressure"].to_numpy() > 0.0,
+        False,
+    )
     ax.imshow(touching.T, cmap=ListedColormap([VERMILLION]), **look)
     bar = ax.figure.colorbar(shades, ax=ax, pad=0.02, aspect=30)
     bar.set_label("height (µm)")
@@ -110,7 +128,13 @@ def _draw_ranges(ax: Axes, told: Any) -> None:
     )
     for row, (_, value, between, colour) in enumerate(rows):
         ends = [_MICRO * end for end in between]
-        ax.plot(ends, [row, row], color=colour, linewidth=7, solid_capstyle="butt")
+        ax.plot(
+            ends,
+            [row, row],
+            color=colour,
+            linewidth=7,
+            solid_capstyle="butt",
+        )
         ax.plot(_MICRO * value, row, "|", color="white", markersize=7)
     low = _MICRO * told.elastic_between[0] / 2.0
     high = _MICRO * told.renewal_between[1] * 2.0
@@ -123,7 +147,10 @@ def _draw_ranges(ax: Axes, told: Any) -> None:
         ylim=(-0.6, 1.6),
     )
     _decades(ax)
-    ax.set_yticks([0, 1], [name for name, *_ in rows])
+    ax.set_yticks(
+        [0, 1],
+        [name for name, *_ in rows],
+    )
 
 
 def _draw_verdict(ax: Axes, told: Any, answer: Any) -> None:
@@ -144,12 +171,32 @@ def _draw_verdict(ax: Axes, told: Any, answer: Any) -> None:
         }
         begin = 0.0
         for kind, part in parts.items():
-            ax.barh(0, part, left=begin, height=0.5, color=COLOURS[kind])
+            ax.barh(
+                0,
+                part,
+                left=begin,
+                height=0.5,
+                color=COLOURS[kind],
+            )
             begin += part
-        ax.barh(0, 1.0 - begin, left=begin, height=0.5, color="white", edgecolor=GREY)
+        ax.barh(
+            0,
+            1.0 - begin,
+            left=begin,
+            height=0.5,
+            color="white",
+            edgecolor=GREY,
+        )
         count = f"{100 * doubt.oscillates:.0f} % of {doubt.draws} rigs oscillate"
         ax.text(0.5, -0.55, count, ha="center", va="top", fontsize=7)
         names = ["rigs", "std"]
         title, words = "and so the verdict", "std (relative); fraction of rigs"
-    panel(ax, title, words, None, xlim=(0, 1), ylim=(-1.0, 1.6))
+    panel(
+        ax,
+        title,
+        words,
+        None,
+        xlim=(0, 1),
+        ylim=(-1.0, 1.6),
+    )
     ax.set_yticks(range(2 - len(names), 2), names)

@@ -144,7 +144,10 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     )
     ratio = read_value("--step", given.step, "1", "10", bare=True)
     fit = rate_and_state(
-        rig.natural.interface, speed / rig.unit("x_s/time"), step=ratio, law=given.law
+        rig.natural.interface,
+        speed / rig.unit("x_s/time"),
+        step=ratio,
+        law=given.law,
     )
     if not fit.holds:
         raise InputError(f"{path}: not rate-and-state: {fit.reason}")
@@ -173,7 +176,13 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     if given.holds is not None:
         unit, example = ("s", "10 s") if rig.scales else ("1", "10")
         times = [
-            read_value("--holds", one.strip(), unit, example, bare=not rig.scales)
+            read_value(
+                "--holds",
+                one.strip(),
+                unit,
+                example,
+                bare=not rig.scales,
+            )
             for one in given.holds.split(",")
         ]
         run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
@@ -183,7 +192,10 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
         if given.plot is not None:
             from stickslip import plot
 
-            plot.save(plot.peaks_after_holds(run, healed.by_rate_and_state), given.plot)
+            plot.save(
+                plot.peaks_after_holds(run, healed.by_rate_and_state),
+                given.plot,
+            )
     return content, words
 
 
@@ -233,11 +245,30 @@ def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit
         else read_value(option, value, f"{length}/{clock}", "3 um/s")
         for option, value in (("--from", given.from_), ("--to", given.to))
     ]
-    at = read_value("--step-at", given.step_at, clock, "68.7 s", bare=True, above=None)
-    fit = fit_rate_and_state(trace, at=at, before=speeds[0], after=speeds[1], **how)
-    fit = replace(fit, step=replace(fit.step, length_unit=length))
+    at = read_value(
+        "--step-at",
+        given.step_at,
+        clock,
+        "68.7 s",
+        bare=True,
+        above=None,
+    )
+    fit = fit_rate_and_state(
+        trace,
+        at=at,
+        before=speeds[0],
+        after=speeds[1],
+        **how,
+    )
+    fit = replace(
+        fit,
+        step=replace(fit.step, length_unit=length),
+    )
     if given.plot is not None:
         from stickslip import plot
 
-        plot.save(plot.velocity_step(fit.step, [fit], length=length), given.plot)
+        plot.save(
+            plot.velocity_step(fit.step, [fit], length=length),
+            given.plot,
+        )
     return fit

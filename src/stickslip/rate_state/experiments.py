@@ -62,7 +62,11 @@ class Step:
         """
         end = float(self.displacement.max())
         return float(
-            np.clip(-self.displacement.min() * self.stretch, 1e-9 * end, 0.5 * end)
+            np.clip(
+                -self.displacement.min() * self.stretch,
+                1e-9 * end,
+                0.5 * end,
+            )
         )
 
     def since(self, late: float, displacement: Array | None = None) -> Array:
@@ -96,7 +100,10 @@ class Record(NamedTuple):
         friction.
         """
         instance("data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
-        name = next((one for one in _FRICTIONS if one in data), None)
+        name = next(
+            (one for one in _FRICTIONS if one in data),
+            None,
+        )
         if name is None or "time" not in data.coords:
             raise InputError(
                 "data: holds no friction along a time; it must have one of "
@@ -107,7 +114,8 @@ class Record(NamedTuple):
         places = (*measured, "drive_velocity", "displacement", "velocity")
         skipped = ("displacement",) if "velocity" in data else ()
         along = next(
-            (one for one in places if one in data and one not in skipped), None
+            (one for one in places if one in data and one not in skipped),
+            None,
         )
         rows = pd.DataFrame(
             {one: data[one].values.astype(float) for one in (name, along) if one},
@@ -131,7 +139,14 @@ class Record(NamedTuple):
                 place = scale * cumulative_trapezoid(place, time, initial=0)
             pieces, place = find_pieces(time, place)
         units = (length, clock, unit.removeprefix("1"))
-        return cls(time, rows[name].to_numpy(), place, pieces, names, units)
+        return cls(
+            time,
+            rows[name].to_numpy(),
+            place,
+            pieces,
+            names,
+            units,
+        )
 
     def steps(self) -> list[tuple[Piece, Piece]]:
         """The pieces before and after each velocity step."""
@@ -159,7 +174,12 @@ class Record(NamedTuple):
         inside &= (self.time >= before.begin) & (self.time <= after.end)
         # These may lie on either side of the step.
         inside &= np.abs(self.time - at) >= ERRORS * after.begin_error
-        rows = pd.DataFrame({"x": x[inside], "friction": self.friction[inside]})
+        rows = pd.DataFrame(
+            {
+                "x": x[inside],
+                "friction": self.friction[inside],
+            }
+        )
         if (later := int((rows.x > 0).sum())) < _FEWEST:
             raise InputError(
                 f"at = {at:g}: {later} samples after the step; there must be at least "
@@ -234,7 +254,11 @@ def velocity_step_in(
     """
     record = Record.of(data)
     whole("bins", bins, at_least=_FEWEST, at_most=100_000)
-    return record.cut(*step_near(record, at, before, after), span, bins)
+    return record.cut(
+        *step_near(record, at, before, after),
+        span,
+        bins,
+    )
 
 
 def step_near(
@@ -247,7 +271,13 @@ def step_near(
     displacement, or of the velocities that are given where it shows none.
     """
     first, last = record.time[[0, -1]].tolist()
-    at = number("at", at, at_least=first, at_most=last, hint="time of the step")
+    at = number(
+        "at",
+        at,
+        at_least=first,
+        at_most=last,
+        hint="time of the step",
+    )
     given = [
         None if value is None else Estimate(number(name, value, above=0, hint=hint))
         for name, value, hint in (
@@ -260,7 +290,10 @@ def step_near(
             f"after = {after:g}: equals the velocity before the step; give another one"
         )
     if steps := record.steps():
-        early, late = min(steps, key=lambda pair: abs(pair[1].begin - at))
+        early, late = min(
+            steps,
+            key=lambda pair: abs(pair[1].begin - at),
+        )
         if before and after:
             rises = abs(late.velocity) > abs(early.velocity)
             if rises != (after > before):

@@ -102,7 +102,14 @@ class RateAndState(Record):
         kind = kernel.AGEING if self.law == "ageing" else kernel.SLIP
         try:
             friction, speed, state = kernel.slide(
-                kind, self.a, self.b, self.distance, k, t, pull, 1e-11
+                kind,
+                self.a,
+                self.b,
+                self.distance,
+                k,
+                t,
+                pull,
+                1e-11,
             )
         except RuntimeError as error:
             raise UndecidedError(f"{self}: {error}") from None
@@ -115,7 +122,11 @@ class RateAndState(Record):
                 "spring"
             )
         return np.array(
-            [friction, start * np.exp(speed), self.distance / start * np.exp(state)]
+            [
+                friction,
+                start * np.exp(speed),
+                self.distance / start * np.exp(state),
+            ]
         )
 
     def step(self, slip: ArrayLike, ratio: float, *, stiffness: float) -> Array:
@@ -124,7 +135,10 @@ class RateAndState(Record):
         """
         x = np.asarray(slip, dtype=float)
         found = np.zeros_like(x)
-        later, place = np.unique(x[x > 0], return_inverse=True)
+        later, place = np.unique(
+            x[x > 0],
+            return_inverse=True,
+        )
         if later.size:  # in units of the first velocity
             time = np.concatenate([[-1.0, 0.0], later / ratio])
             found[x > 0] = self.slide(

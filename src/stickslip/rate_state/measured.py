@@ -232,9 +232,19 @@ def _fitted(
         up = above(value)
         return up + lines @ (of_line @ (step.friction - up))
 
-    fit = least_squares(beside_a_line, step.friction, starts, low, high, **how)
+    fit = least_squares(
+        beside_a_line,
+        step.friction,
+        starts,
+        low,
+        high,
+        **how,
+    )
     # not less than one for each parameter
-    worth = independent(step.friction - fit.curve, least=low.size)
+    worth = independent(
+        step.friction - fit.curve,
+        least=low.size,
+    )
     inflation = math.sqrt(step.friction.size / worth)
     values = dict(zip(ranges, fit.estimates(inflation), strict=True))
     if not fit.converged:
@@ -259,8 +269,14 @@ def _fitted(
     beside = of_line @ (step.friction - above(fit.value))
     line = dict(zip(("level", "trend"), beside.tolist(), strict=False))
     velocity = step.before if step.measured and late > 0 else step.after
-    error = math.hypot(step.at_error, late.error / velocity)
-    at = Estimate(step.at + float(late) / velocity, error)
+    error = math.hypot(
+        step.at_error,
+        late.error / velocity,
+    )
+    at = Estimate(
+        step.at + float(late) / velocity,
+        error,
+    )
     record = kind(
         step=step,
         late=float(late),
@@ -350,7 +366,12 @@ def fit_rate_and_state(
             one._replace(velocity=other.velocity)
             for one, other in ((early, late), (late, early))
         )
-        swapped = fit_laws(record.cut(early, late, span), laws, spring, trend=trend)
+        swapped = fit_laws(
+            record.cut(early, late, span),
+            laws,
+            spring,
+            trend=trend,
+        )
         if not any(isinstance(one, StepFit) for one in swapped.values()):
             raise
         raise UndecidedError(
@@ -376,7 +397,11 @@ def nearby(record: Record, before: Piece, after: Piece) -> Step:
         if forth > 0.5 * x[-1]:
             return step
         try:
-            step = record.cut(before, after, (min(back, forth), forth))
+            step = record.cut(
+                before,
+                after,
+                (min(back, forth), forth),
+            )
         except InputError:  # too few readings
             return step
 
@@ -565,9 +590,25 @@ def fit_contacts(
     # no finer than what is fitted
     how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4 if linear else ROUGH.rtol}
     given: dict[str, Any] = {"thresholds": thresholds, "linear": True}
-    found, _ = _fitted(ContactsFit, step, given, ranges, starts, most=50, **how)
+    found, _ = _fitted(
+        ContactsFit,
+        step,
+        given,
+        ranges,
+        starts,
+        most=50,
+        **how,
+    )
     if not linear:
         given["linear"] = False
         start = np.array([getattr(found, name) for name in ranges])
-        found, _ = _fitted(ContactsFit, step, given, ranges, [start], most=20, **how)
+        found, _ = _fitted(
+            ContactsFit,
+            step,
+            given,
+            ranges,
+            [start],
+            most=20,
+            **how,
+        )
     return found

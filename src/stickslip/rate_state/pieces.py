@@ -79,15 +79,26 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
     ]
     parts = {b.first: 0.5 * (t[a.end - 1] + t[b.first]) for a, b in pairwise(lines)}
     long = [line for line in lines if line.end - line.first >= _FEWEST_POINTS]
-    runs = _alike(t, x, [[line] for line in long], noise)
+    runs = _alike(
+        t,
+        x,
+        [[line] for line in long],
+        noise,
+    )
     crossings = [_crossing(a[-1], b[0], t, noise) for a, b in pairwise(runs)]
     for crossing, (a, b) in zip(crossings, pairwise(runs), strict=True):
         if a[-1].end == b[0].first:
             # Noise shifts where the lines part by some points, not where they cross.
             parts[b[0].first] = float(crossing)
     when = time - time[0]
-    which = np.searchsorted([*parts.values()], when)
-    values = np.array([(line.place, line.slope, line.time) for line in lines], float)
+    which = np.searchsorted(
+        [*parts.values()],
+        when,
+    )
+    values = np.array(
+        [(line.place, line.slope, line.time) for line in lines],
+        float,
+    )
     level, slope, middle = values[which].T
     clean = place[0] + level + slope * (when - middle)
     # What is alike from reading to reading is no noise: the load point moved so.
@@ -100,7 +111,10 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
         (Estimate(0.0), *crossings), (*crossings, t[-1]), runs, strict=True
     ):
         velocity = _joined(t, x, run, noise).slope
-        rest = max(ERRORS * velocity.error, CONSTANT_DRIVE * fastest)
+        rest = max(
+            ERRORS * velocity.error,
+            CONSTANT_DRIVE * fastest,
+        )
         fastest = abs(velocity)
         if fastest < rest:
             velocity = Estimate(0.0, velocity.error)
@@ -176,8 +190,15 @@ def _edges(t: Array, x: Array, noise: float) -> list[int]:
         begin[end] = tried[best]
         # What a later end could not take off either is not tried again.
         kept = costs - price <= least[end]
-        tried = np.append(tried[kept], min(end, t.size - 1))
-        sums = np.append(sums[:, kept], np.zeros((5, 1)), axis=1)
+        tried = np.append(
+            tried[kept],
+            min(end, t.size - 1),
+        )
+        sums = np.append(
+            sums[:, kept],
+            np.zeros((5, 1)),
+            axis=1,
+        )
     edges = [t.size]
     turns = bounded("edges of pieces", t.size + 1)
     while next(turns) and edges[-1] > 0:
@@ -197,11 +218,23 @@ def _line(t: Array, x: Array, first: int, end: int, noise: float) -> _Line:
     if square > 0.0:
         slope = float(away @ (where - level)) / square
         error = noise / math.sqrt(square)
-    return _Line(first, end, middle, level, Estimate(slope, error))
+    return _Line(
+        first,
+        end,
+        middle,
+        level,
+        Estimate(slope, error),
+    )
 
 
 def _joined(t: Array, x: Array, run: list[_Line], noise: float) -> _Line:
-    return _line(t, x, run[0].first, run[-1].end, noise)
+    return _line(
+        t,
+        x,
+        run[0].first,
+        run[-1].end,
+        noise,
+    )
 
 
 def _alike(
@@ -215,7 +248,11 @@ def _alike(
         k = int(np.argmin(apart))
         if apart[k] >= math.log1p(RESTS):
             break
-        runs = [*runs[:k], runs[k] + runs[k + 1], *runs[k + 2 :]]
+        runs = [
+            *runs[:k],
+            runs[k] + runs[k + 1],
+            *runs[k + 2 :],
+        ]
     return runs
 
 
@@ -235,11 +272,18 @@ def _crossing(before: _Line, after: _Line, t: Array, noise: float) -> Estimate:
     steeper = float(after.slope - before.slope)
     # Until the lines are that far apart, noise may shift where they part.
     apart = ERRORS * noise / abs(steeper) if steeper else 0.0
-    beyond = max(first - last, float(t[1] - t[0]) * _FEWEST_POINTS, apart)
+    beyond = max(
+        first - last,
+        float(t[1] - t[0]) * _FEWEST_POINTS,
+        apart,
+    )
     gap = float(before.at(0.0) - after.at(0.0))
     crossing = gap / steeper if steeper else math.nan
     if not last - beyond <= crossing <= first + beyond:
         return Estimate(0.5 * (last + first), beyond)
     # The end of a line through n points errs by 2/sqrt(n) of their noise.
     parts = [4.0 / (line.end - line.first) for line in (before, after)]
-    return Estimate(crossing, noise * math.sqrt(sum(parts)) / abs(steeper))
+    return Estimate(
+        crossing,
+        noise * math.sqrt(sum(parts)) / abs(steeper),
+    )

@@ -217,16 +217,27 @@ def fit_record(
             for j, one in enumerate(laws):
                 report((k + j / len(laws)) / len(steps))
                 fits[one] += fit_laws(step, (one,), spring, trend=trend).values()
-    best = min(laws, key=lambda one: _unlikely(fits[one]))
+    best = min(
+        laws,
+        key=lambda one: _unlikely(fits[one]),
+    )
     identified = tuple(fit for fit in fits[best] if isinstance(fit, StepFit))
     return RecordFit(
         record=record,
         source=str(data.attrs.get("source", "")),
-        read=str(data.attrs.get("read", ", ".join(filter(None, record.names)))),
+        read=str(
+            data.attrs.get(
+                "read",
+                ", ".join(filter(None, record.names)),
+            )
+        ),
         law=best if identified else None,
         steps=identified,
         refused=tuple(
-            (after.begin, f"{before.velocity:.4g} to {after.velocity:.4g}: {fit}")
+            (
+                after.begin,
+                f"{before.velocity:.4g} to {after.velocity:.4g}: {fit}",
+            )
             for (before, after), fit in zip(steps, fits[best], strict=True)
             if not isinstance(fit, StepFit)
         ),
@@ -252,18 +263,35 @@ def _is_hold(before: Piece, rest: Piece, after: Piece) -> bool:
 
 
 def _hold(record: Record, before: Piece, rest: Piece, after: Piece) -> Hold:
-    level = _level(record, 0.5 * (before.begin + before.end), rest.begin)
+    level = _level(
+        record,
+        0.5 * (before.begin + before.end),
+        rest.begin,
+    )
     # The state changes with the logarithm of the time: little in the last tenth.
-    low = _level(record, rest.end - 0.1 * (rest.end - rest.begin), rest.end)
+    low = _level(
+        record,
+        rest.end - 0.1 * (rest.end - rest.begin),
+        rest.end,
+    )
     # The other half of the sliding is the level of the next hold.
     half = 0.5 * (after.begin + after.end)
     inside = (record.time >= rest.end) & (record.time <= half)
-    when, peak = _peak(record.time[inside], record.friction[inside])
+    when, peak = _peak(
+        record.time[inside],
+        record.friction[inside],
+    )
     return Hold(
         at=rest.begin,
         hold=rest.end - rest.begin,
-        relaxation=Estimate(low - float(level), math.hypot(low.error, level.error)),
-        peak=Estimate(peak - float(level), math.hypot(peak.error, level.error)),
+        relaxation=Estimate(
+            low - float(level),
+            math.hypot(low.error, level.error),
+        ),
+        peak=Estimate(
+            peak - float(level),
+            math.hypot(peak.error, level.error),
+        ),
         slip_to_peak=abs(float(after.velocity)) * (when - rest.end),
     )
 
@@ -273,7 +301,10 @@ def _level(record: Record, begin: float, end: float) -> Estimate:
     first, last = np.searchsorted(record.time, [begin, end]).tolist()
     part = record.friction[min(first, last - 1) : last]
     many = independent(part - part.mean())
-    return Estimate(float(part.mean()), float(part.std()) / math.sqrt(many))
+    return Estimate(
+        float(part.mean()),
+        float(part.std()) / math.sqrt(many),
+    )
 
 
 def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
@@ -281,7 +312,10 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
     it that leaves no more than the noise.
     """
     noise = 1.4826 * float(np.median(np.abs(np.diff(friction, 2)))) / math.sqrt(6.0)
-    best = (float(time[friction.argmax()]), Estimate(float(friction.max()), noise))
+    best = (
+        float(time[friction.argmax()]),
+        Estimate(float(friction.max()), noise),
+    )
     size = 5
     turns = bounded("widths of a parabola", HALVINGS)
     while next(turns) and size <= friction.size:
@@ -293,7 +327,10 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
             break
         # The middle of a parabola through m points errs by sqrt(9/(4 m)) of theirs.
         error = 1.5 * noise / math.sqrt(size)
-        best = (float(time[top]), Estimate(float(smooth[top]), error))
+        best = (
+            float(time[top]),
+            Estimate(float(smooth[top]), error),
+        )
         size = 2 * (5 * size // 8) + 1
     return best
 
@@ -307,9 +344,24 @@ def _healing(holds: Sequence[Hold]) -> Estimate | None:
         return None
     peaks = [float(one.peak) for one in holds]
     weights = [1.0 / max(one.peak.error, 1e-9 * abs(one.peak)) for one in holds]
-    (slope, _), by_errors = np.polyfit(decades, peaks, 1, w=weights, cov="unscaled")
-    _, by_scatter = np.polyfit(decades, peaks, 1, w=weights, cov=True)
-    return Estimate(slope, math.sqrt(max(by_errors[0, 0], by_scatter[0, 0])))
+    (slope, _), by_errors = np.polyfit(
+        decades,
+        peaks,
+        1,
+        w=weights,
+        cov="unscaled",
+    )
+    _, by_scatter = np.polyfit(
+        decades,
+        peaks,
+        1,
+        w=weights,
+        cov=True,
+    )
+    return Estimate(
+        slope,
+        math.sqrt(max(by_errors[0, 0], by_scatter[0, 0])),
+    )
 
 
 def _table(columns: dict[tuple[str, str], list[str]]) -> str:

@@ -41,7 +41,11 @@ class Span:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "low", number("Span.low", self.low))
-        object.__setattr__(self, "high", number("Span.high", self.high, above=self.low))
+        object.__setattr__(
+            self,
+            "high",
+            number("Span.high", self.high, above=self.low),
+        )
         if self.log:
             number("Span.low", self.low, above=0, hint="an axis of equal ratios")
 
@@ -147,7 +151,12 @@ class _Search:
     def key(self, point: Point) -> str:
         """Return the key of the case at a point."""
         values = map(Span.value, self.spans.values(), point)
-        return case_key({**dict(zip(self.spans, values, strict=True)), **self.fixed})
+        return case_key(
+            {
+                **dict(zip(self.spans, values, strict=True)),
+                **self.fixed,
+            }
+        )
 
     def boundary(self) -> list[Line]:
         """Spread runs over the box, send some where categories differ, then bisect
@@ -191,7 +200,12 @@ class _Search:
             # A case that failed says nothing about categories: its triangles are not
             # looked into.
             mixed = len(found) > 1 and None not in found
-            sizes.append((size if exploring or mixed else 0.1 * size**2, longest))
+            sizes.append(
+                (
+                    size if exploring or mixed else 0.1 * size**2,
+                    longest,
+                )
+            )
         return [side for _, side in sorted(sizes, reverse=True)]
 
     def _crossings(self, budget: int) -> list[Line]:

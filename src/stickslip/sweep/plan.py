@@ -230,7 +230,10 @@ def plan_of(result: xr.Dataset) -> Plan:
         kind.__name__: kind for kind in (Plan, Study, Refinement, Span)
     }
     try:
-        found: Plan = datasets.decode(json.loads(str(result.attrs[NOTE])), kinds)
+        found: Plan = datasets.decode(
+            json.loads(str(result.attrs[NOTE])),
+            kinds,
+        )
         instance("rig", found.study.rig, Rig, "a rig")
     except (ValueError, AttributeError) as error:  # InputError is a ValueError
         raise InputError(f"the plan of this sweep: cannot be read ({error})") from None
@@ -393,7 +396,11 @@ def _is_logarithmic(given: Any, values: Any) -> bool:
 def _check_keys(content: object, known: Iterable[str], place: str) -> None:
     """Refuse what is no table, and all keys of a table that are unknown."""
     tables = Tables(natural=True)
-    tables.table(content, dict.fromkeys(known, Key({})), place)
+    tables.table(
+        content,
+        dict.fromkeys(known, Key({})),
+        place,
+    )
     if tables.mistakes:
         raise InputError(together(map(str, tables.mistakes)))
 
@@ -463,7 +470,12 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
     search.
     """
     moves = "a Slider, Chain, Sheet or structure: an impedance has no motion"
-    instance("rig.slider", rig.slider, Slider | ElasticBody | Structure, moves)
+    instance(
+        "rig.slider",
+        rig.slider,
+        Slider | ElasticBody | Structure,
+        moves,
+    )
     starts = "'from rest' or 'sliding' in a sweep"
     instance("rig.simulation.start", rig.start, FromRest | FromSliding, starts)
     number("rig.drive.velocity", rig.velocity, above=0)
