@@ -13,7 +13,8 @@ PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python; do \
 unexport PYTHONDONTWRITEBYTECODE
 
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# Byte code is made by the first import: for all modules of all packages it takes longer than the rest of an install.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 RIG := precision_stage
 
 help:
