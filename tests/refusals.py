@@ -1,0 +1,31 @@
+"""Tables of what is refused, written as they read.
+
+Expressions begin at the margin, and go on in lines with two blanks; below them, with
+four blanks, stands the pattern that the message of each matches. First come imports of
+what else the expressions name.
+"""
+
+import re
+from functools import partial
+
+import pytest
+
+EXPRESSION = re.compile(r"^\S.*\n(?: {2}\S.*\n)*", re.MULTILINE)
+ROW = re.compile(rf"((?:{EXPRESSION.pattern})+)((?: {{4}}.*\n)+)", re.MULTILINE)
+IMPORT = re.compile(r"^(?:from|import) .*\n", re.MULTILINE)
+
+
+def refused(table: str, names: dict[str, object]) -> pytest.MarkDecorator:
+    """Give a test each expression, as a `call`, and the `message` of its refusal."""
+    known = dict(names)
+    exec("".join(IMPORT.findall(table)), known)
+    rows = []
+    for expressions, message in ROW.findall(IMPORT.sub("", table)):
+        pattern = " ".join(map(str.strip, message.splitlines()))
+        for text in EXPRESSION.findall(expressions):
+            code = compile(text.replace("\n", " "), "refused", "eval")
+            rows.append((partial(eval, code, known), pattern))
+    assert rows
+    return pytest.mark.parametrize(
+        ("call", "message"), rows, ids=map(str, range(len(rows)))
+    )
