@@ -5,7 +5,7 @@ runs, and on real benches.
 import json
 import math
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,9 @@ from stickslip.measure import (
     statistics,
     transitions,
 )
+from stickslip.measure.regimes import regime_of_run
+from stickslip.measure.trace import Trace
+from stickslip.simulation import record
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 
@@ -789,6 +792,31 @@ def test_noise_alone_has_no_drops_unless_asked_for():
     asked = drops(data, minimum_drop=0.003)
     assert asked.sizes["event"] > 10
     assert float(asked["drop"].min()) >= 0.003
+
+
+@pytest.mark.parametrize(
+    "rig",
+    [
+        ss.example("precision_stage"),
+        ss.example("caliper").replace(drive=ss.constant(5.0, duration=60.0)),
+        ss.Rig(
+            ss.Interface(
+                thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2)
+            ),
+            ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
+            ss.constant(-1.0, duration=8.0),
+            method=ss.MasterEquation(),
+        ),
+    ],
+    ids=["stage", "structure", "backwards"],
+)
+def test_a_run_is_judged_as_its_dataset_is(rig):
+    run = record(rig)
+    trace = Trace.of(run.dataset())
+    direct = Trace.of_run(run)
+    for field in fields(trace):
+        assert np.array_equal(getattr(trace, field.name), getattr(direct, field.name))
+    assert str(regime_of_run(run)) == str(regime(run.dataset()))
 
 
 def test_after_holds_for_the_slips_as_for_the_regime():

@@ -44,6 +44,10 @@ rig = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.RandomDel
 ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4), ss.ramp(0.1, 3.0, duration=200), ss.Contacts(100)
 ss.model.Scales(force=1, stretching=1), ss.kinetic_friction(rig, velocity=1.0)
 """  # noqa: E501
+VERDICT = """
+from stickslip import cli
+cli.main(["predict", "precision_stage", "--fast"])
+"""
 HELP = "from stickslip import cli\ntry: cli.main(['--help'])\nexcept SystemExit: pass"
 
 
@@ -55,6 +59,11 @@ def test_what_is_quick_loads_nothing_heavy(code):
     # which prints it
     assert not said & set(HEAVY) - ({"rich"} if code is HELP else set())
     assert "predict" in said or code is not HELP
+
+
+def test_a_verdict_makes_no_tables():
+    said = said_and_loaded(VERDICT)
+    assert not said & {"xarray", "pandas", "matplotlib", "h5netcdf", "stickslip.paper"}
 
 
 def test_every_public_name_is_there_and_says_what_it_is():

@@ -4,11 +4,13 @@ The elastic instability of a slider on a spring is decided here, Eqs. (5)-(8): a
 softer than the critical stiffness cannot follow the fall of the force.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
@@ -18,6 +20,9 @@ from stickslip.model.distributions import SteadyState
 from stickslip.simulation import pull_rigidly, with_label
 from stickslip.sliding.rigid_motion import check_renewal, solved
 from stickslip.sliding.rigid_motion import static_friction as static_friction
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def rigid_slide(
@@ -60,6 +65,8 @@ def rigid_slide(
     For initial and threshold standard deviations of .3 the first maxima differ by .001,
     for narrower ones by less than 1e-6.
     """
+    import xarray as xr
+
     distance = number("slide: distance", distance, above=0, hint="in x_s")
     velocity = number("slide: velocity", velocity, above=0, hint="in x_s per time")
     instance("slide: interface", interface, Interface, "an Interface")

@@ -14,9 +14,10 @@ from typing import Any, TypeVar
 from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
 from stickslip.loops import HALVINGS, bounded
-from stickslip.measure import Regime, regime
+from stickslip.measure import Regime
 from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, TINY
-from stickslip.measure.trace import ERRORS
+from stickslip.measure.regimes import regime_of_run
+from stickslip.measure.trace import ERRORS, Trace
 from stickslip.model import Contacts, Langevin, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
@@ -257,7 +258,7 @@ class Budget:
         turns = bounded("Budget.looks", HALVINGS)
         while True:
             next(turns)
-            seen = regime(run.dataset())
+            seen = regime_of_run(run)
             yield run, _doubtful(seen)
             travel = run.rig.drive.duration * run.rig.natural.velocity
             kept, lasts = self._compared_with_theory(run, seen, travel)
@@ -332,6 +333,5 @@ def fluctuation(run: Recording, seen: Regime) -> float:
     """Standard deviation of the spring force over its mean, in the window of a
     regime and after it.
     """
-    force = run.dataset()["spring_force"]
-    late = force.sel(time=slice(seen.window[0], None)).to_numpy()
+    late = Trace.of_run(run).part(seen.window[0]).force
     return float(late.std() / abs(late.mean()))

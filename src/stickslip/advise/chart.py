@@ -1,7 +1,10 @@
 """The stability map around a rig's own point."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 
 from stickslip import stability, words
 from stickslip.advise.mitigations import highest
@@ -12,6 +15,9 @@ from stickslip.model import FromRest
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def chart(

@@ -9,8 +9,6 @@ from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import xarray as xr
-
 from stickslip.advise.budget import OSCILLATES
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.mitigations import Mitigation
@@ -23,6 +21,8 @@ from stickslip.model.rig import Rig
 from stickslip.simulation import Recording
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from stickslip.elastic.modes import CriticalLength
 
 # root mean square of a fluctuation over the mean force, by convention, that a rig is

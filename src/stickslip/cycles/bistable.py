@@ -2,12 +2,14 @@
 and a linear boundary.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from stickslip.arrays import labelled
 from stickslip.cycles.branch import carried, first_point
@@ -19,6 +21,9 @@ from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
 from stickslip.stability import Crossing, Crossings, critical
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -224,6 +229,8 @@ def bistable_region(
     ... )
     (True, 1)
     """
+    import xarray as xr
+
     instance("bistable_region: rig", rig, Rig, "a Rig(interface, slider, drive)")
     instance(
         "bistable_region: edge",

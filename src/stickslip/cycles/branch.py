@@ -1,9 +1,11 @@
 """The cycle of stick-slip, followed along a parameter up to where its branch ends."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from stickslip.arrays import labelled
 from stickslip.cycles.edges import CyclePoint, Edge, ParameterScan, halved
@@ -12,6 +14,9 @@ from stickslip.io import datasets as store
 from stickslip.model import FromRest
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _TITLES = {
     "amplitude": ("peak to peak of the spring force", "f_s"),
@@ -88,6 +93,8 @@ def cycle_branch(
     >>> branch.low_end, branch.high_end
     ('fold', 'end of range')
     """
+    import xarray as xr
+
     scan = ParameterScan(
         rig, parameter, between, FromRest(), tolerance=tolerance, step=step
     )

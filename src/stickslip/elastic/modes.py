@@ -11,12 +11,14 @@ mode is thus a rigid slider on a spring ``Lambda_m``, with the viscosity of the 
 added to its damping.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from scipy.linalg import eigh_tridiagonal
 
 from stickslip.answers import Answer
@@ -30,6 +32,9 @@ from stickslip.progress import in_time
 from stickslip.simulation.estimates import LARGEST, LONGEST
 from stickslip.stability.critical import critical_spring
 from stickslip.stability.modes import growth_rate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # seconds that the root of a mode takes, and in one of a chain that is held at one end
 # also each block, and the bytes of that
@@ -117,6 +122,8 @@ def modes(rig: Rig, *, count: int = 64) -> xr.Dataset:
     >>> found.stiffness.values.round(4).tolist(), found.growth.values.round(4).tolist()
     ([3.0, 4.1716], [-0.0538, -0.0957])
     """
+    import xarray as xr
+
     body = elastic_body(rig, "modes")
     count = whole("count", count, at_least=1, hint="number of modes")
     natural = rig.natural

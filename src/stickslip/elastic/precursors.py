@@ -2,16 +2,21 @@
 run under a slow side drive.
 """
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from stickslip.errors import InputError, instance
 from stickslip.model import Chain, ElasticBody, FromRest, Interface, Rig
 from stickslip.model.body import coupling_matrix
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def elastic_body(rig: Rig, who: str) -> ElasticBody:
@@ -128,6 +133,8 @@ def precursor_force(rig: Rig) -> xr.DataArray:
     >>> round(float(force.sel(tip=10)), 6), round(float(force.max()) / bar.blocks, 6)
     (6.811553, 0.444328)
     """
+    import xarray as xr
+
     body, interface = elastic_parts(rig, "precursor_force")
     if (
         not isinstance(body, Chain)

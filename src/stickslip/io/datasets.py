@@ -4,15 +4,15 @@ A result carries, as one JSON string in its attribute ``provenance``, all that i
 to make it again.
 """
 
+from __future__ import annotations
+
 import io
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from stickslip import __version__, model
 from stickslip.arrays import units_of
@@ -25,6 +25,9 @@ from stickslip.model.delays import DELAYS
 from stickslip.model.distribution import Positive
 from stickslip.model.distributions import DISTRIBUTIONS
 from stickslip.model.methods import METHODS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 LARGEST_RUN = 8_000_000_000  # bytes that a run may have, as a file and in memory
 
@@ -163,6 +166,8 @@ def save(data: xr.Dataset, path: files.FileName) -> Path:
     InputError
         If the place cannot be written.
     """
+    import xarray as xr
+
     instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
     # Only numbers with a dimension can be compressed.
     numbers = [
@@ -200,6 +205,8 @@ def load(path: files.FileName) -> xr.Dataset:
     InputError
         If there is no such file or it is not NetCDF.
     """
+    import xarray as xr
+
     files.size(path, "run", largest=LARGEST_RUN)
     source = Path(path)
     kind = _kind_of(source)

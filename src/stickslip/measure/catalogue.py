@@ -1,9 +1,11 @@
 """The table of the force drops of a run or of a trace, with their statistics."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from stickslip import words
 from stickslip.arrays import units_of
@@ -14,6 +16,9 @@ from stickslip.measure.slips import Slips, fast_ones, find_slips
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import Array, Trace, dataset_of, mean_and_std
 from stickslip.words import prefixed
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _DUST = 1e-9  # of a mean: scatter that comes from rounding
 # by the direction of the drive
@@ -76,6 +81,8 @@ def regime_and_drops(
     data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None
 ) -> tuple[Regime, xr.Dataset]:
     """Return what `regime` and `drops` do, from one look at the data."""
+    import xarray as xr
+
     if minimum_drop is not None:
         minimum_drop = number(
             "minimum_drop", minimum_drop, above=0, hint="in the unit of spring_force"
@@ -139,6 +146,8 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     """One row per slip, with units and titles."""
+    import xarray as xr
+
     t = trace.t
     start = found.start
     end = found.end

@@ -2,16 +2,21 @@
 often, how strongly, and where most.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 
 from stickslip.measure.catalogue import drops
 from stickslip.measure.periods import REGULAR
 from stickslip.measure.slips import SLIP_VELOCITY
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 _CHANCE = 0.05  # probability that one of the waits of an episode is taken for its end
 _FEWEST = 3  # drops that make an episode: two waits between them can be compared
@@ -70,7 +75,7 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
     ]
 
 
-def _longest(waits: "pd.Series[float]") -> float:
+def _longest(waits: pd.Series[float]) -> float:
     """The longest wait that chance makes."""
     low, usual, high = waits.quantile([0.25, 0.5, 0.75])
     # the standard deviation of normal waits, which a pause does not widen

@@ -2,13 +2,13 @@
 how fast that went on.
 """
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 from scipy import ndimage
 
 from stickslip.arrays import labelled, units_of
@@ -16,6 +16,9 @@ from stickslip.errors import InputError, instance
 from stickslip.measure.trace import Array, check_numbers, slope
 from stickslip.model import Chain, Rig
 from stickslip.words import engineering
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # a front has stopped where the next wait is so many times the median of so many before
 _WAIT = 10.0
@@ -187,6 +190,8 @@ def events(run: xr.Dataset) -> xr.Dataset:
     >>> ss.measure.events(ss.simulate(rig)).sizes["event"] > 3
     True
     """
+    import xarray as xr
+
     units = _checked(run, "events", "broken")
     time = np.asarray(run["time"].values, dtype=float)
     if time.size < 3:
@@ -269,6 +274,8 @@ def _table(
     along: str, names: str, rows: Sequence[Row], units: Mapping[str, str]
 ) -> dict[str, Any]:
     """The variables of a table, in order of time; blocks are counted."""
+    import pandas as pd
+
     frame = pd.DataFrame(rows, columns=names.split()).sort_values("start")
     of = {
         name: values.to_numpy(dtype=int if "block" in name else float)
@@ -287,6 +294,8 @@ def _table(
 
 def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
     """The units of the variables of a run, if it is one of an elastic slider."""
+    import xarray as xr
+
     instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
     if needed not in run or "block" not in run[needed].dims:
         raise InputError(f"{who}: needs a run of an elastic slider, a Chain or a Sheet")

@@ -2,11 +2,13 @@
 spring at a full, known rate.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from stickslip.answers import Answer
 from stickslip.arrays import labelled
@@ -24,6 +26,9 @@ from stickslip.measure.trace import (
 )
 from stickslip.model.quantities import read_value
 from stickslip.words import engineering
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _STEADY = 1e-3  # relative change of a rate that is none
 # error of a slope, over that of the loading: its window is as long as that takes, and

@@ -1,8 +1,10 @@
 """Where stick-slip starts and ends while the velocity of the drive changes."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pandas as pd
-import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
@@ -13,6 +15,9 @@ from stickslip.measure.slips import turning_points
 from stickslip.measure.trace import CONSTANT_DRIVE, Array, Trace
 from stickslip.model import Slider
 from stickslip.words import engineering
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _PARTS = 16  # the window moves in steps of a sixteenth of it
 _LONGEST_TRANSIENT = 25  # windows: 50 cycles
@@ -142,6 +147,8 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     """Peak to peak of the spring force over a moving window of two cycles, or of 4
     x_s where they are not known.
     """
+    import xarray as xr
+
     assert trace.drive is not None
     rig = trace.rig
     travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
@@ -246,6 +253,9 @@ def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
     """Peak to peak on the way up and on the way down, against the velocity; nothing
     where the drive goes one way.
     """
+    import pandas as pd
+    import xarray as xr
+
     speed = np.abs(seen["drive_velocity"].values)
     force = seen["peak_to_peak"]
     up = seen["middle"].values <= top

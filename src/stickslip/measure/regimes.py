@@ -1,15 +1,15 @@
 """The regime of motion under a constant drive."""
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 
 from stickslip import words
 from stickslip.answers import Answer
@@ -42,6 +42,12 @@ from stickslip.measure.trace import (
     mean_and_std,
 )
 from stickslip.words import prefixed
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from stickslip.simulation.run import Recording
 
 __all__ = ["TINY", "Kind", "Regime", "regime"]
 
@@ -112,7 +118,7 @@ class Regime(Answer):
     offset: float | None = None  #: and their middle
     #: what lies between gaps, steps of level or amplitude, and reversals, each judged
     #: by itself; empty where there are none
-    segments: tuple["Regime", ...] = ()
+    segments: tuple[Regime, ...] = ()
     table: tuple[Criterion, ...] = ()  #: the tests that kind and reason are read off
 
     @property
@@ -257,6 +263,13 @@ def regime(
     True
     """
     return judged(dataset_of(data), after)[1]
+
+
+def regime_of_run(run: Recording) -> Regime:
+    """Return the regime of a run with a drive, as its engine left it: what `regime`
+    says of its Dataset.
+    """
+    return _combine_parts(_judge_parts(*_select_late_window(Trace.of_run(run))))
 
 
 def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:

@@ -1,16 +1,21 @@
 """Friction against speed, out of a record with a velocity or a displacement."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from stickslip.arrays import labelled, units_of
 from stickslip.errors import InputError
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import FEWEST_READINGS, Array, Trace, independent, slope
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 # Preferred numbers of the series R10 (ISO 3): speeds that lie nearer to one another
 # than to the next of these count as one.
@@ -59,6 +64,9 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     >>> ss.measure.friction_at_speeds(data)["friction"].values.round(3).tolist()
     [5.0, 4.0]
     """
+    import pandas as pd
+    import xarray as xr
+
     trace = Trace.of(data)
     pieces = find_strokes(trace)[0] or [trace]
     size = max(
@@ -108,6 +116,8 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
 
 def _blocks(data: xr.Dataset, piece: Trace, size: int) -> pd.DataFrame:
     """Speed and friction in blocks of so many readings of a record, or a stroke."""
+    import pandas as pd
+
     within = data.sel(time=slice(piece.t[0], piece.t[-1]))
     friction = piece.force
     if "mu" in data:
@@ -131,7 +141,7 @@ def _blocks(data: xr.Dataset, piece: Trace, size: int) -> pd.DataFrame:
     return pd.DataFrame({"velocity": np.abs(speeds), "friction": means})
 
 
-def _error(blocks: "pd.Series[float]") -> float:
+def _error(blocks: pd.Series[float]) -> float:
     """The standard error of a mean of blocks, by their scatter and memory."""
     worth = independent((blocks - blocks.mean()).to_numpy())
     return float(blocks.std()) / math.sqrt(worth)

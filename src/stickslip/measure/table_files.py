@@ -7,7 +7,6 @@ from statistics import mode
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from stickslip.errors import InputError
 from stickslip.measure.headings import Heading, with_coefficients
@@ -135,6 +134,8 @@ def _of_named(
 
 def _of_spreadsheet(raw: bytes) -> Table:
     """The sheet with most numbers of an .xlsx file, as text separated by tabs."""
+    import pandas as pd
+
     sheets = pd.read_excel(
         io.BytesIO(raw), sheet_name=None, header=None, engine="openpyxl"
     )

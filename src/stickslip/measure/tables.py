@@ -2,6 +2,8 @@
 of its rows, then its columns.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 import math
@@ -10,10 +12,9 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from itertools import chain
 from statistics import mode
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, refused, shortened
@@ -27,6 +28,9 @@ from stickslip.measure.headings import (
 )
 from stickslip.measure.trace import Array
 from stickslip.model.quantities import unit_size
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_COLUMNS = 1000
 _LONGEST_LINE = 65_536  # characters of a line that are looked at
@@ -362,7 +366,7 @@ def _labview(
     return read_cell(told.get("Delta_X", [""])[0], layout.comma)[0] or None
 
 
-def _is_surplus(beyond: "pd.Series[Any]", comma: bool) -> NDArray[np.bool_]:
+def _is_surplus(beyond: pd.Series[Any], comma: bool) -> NDArray[np.bool_]:
     """Rows with a number or a unit beyond the last column: no number of them counts."""
     texts = [str(text) for text in beyond.cat.categories]
     wrong = [
@@ -385,6 +389,8 @@ def _cells(
     """The cells of columns, a row to each line; the last column takes what is too
     much in a row.
     """
+    import pandas as pd
+
     rows: Any = memoryview(lines.raw)[lines.begins[start] :]
     mark = layout.mark
     if mark == _BEFORE_NUMBERS:
@@ -417,7 +423,7 @@ def _cells(
     )
 
 
-def _as_numbers(cells: "pd.Series[Any]", usual: str, comma: bool) -> Array:
+def _as_numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
     """The numbers of a column, NaN where a cell holds none, or one in another unit
     than usual.
     """

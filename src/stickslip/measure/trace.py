@@ -2,16 +2,17 @@
 force.
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
@@ -21,6 +22,12 @@ from stickslip.arrays import units_of
 from stickslip.errors import SMALLEST, InputError, extreme, printable, whole
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from stickslip.simulation.run import Recording
 
 FEWEST_READINGS = 16
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
@@ -70,6 +77,9 @@ def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
     Times of a trace that are counted from far before it, such as 1970, start with its
     first reading; times of a run are those of its drive, and stay.
     """
+    import pandas as pd
+    import xarray as xr
+
     if isinstance(data, pd.Series) and not isinstance(data.index, pd.RangeIndex):
         data = data.rename_axis("time").to_xarray()
     if (
@@ -165,19 +175,9 @@ class Trace:
             for key, name in _VARIABLES.items()
             if name in data
         }
-        t = arrays["t"]
+        _check_times(arrays["t"])
         force = arrays["force"]
         drive = arrays.get("drive")
-        if t.size < FEWEST_READINGS:
-            raise InputError(
-                f"measure: {t.size} samples of spring_force are too few: "
-                f"{FEWEST_READINGS} is the least"
-            )
-        if not (np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
-            raise InputError(
-                f"measure: the times must be rising over {SMALLEST:g}, in another unit "
-                "if need be"
-            )
         # A load cell may count pull as negative: then the force alone tells the
         # direction, unless its sign was turned. A force with its zero well within its
         # range is without its mean: what is left does not tell it.
@@ -189,15 +189,14 @@ class Trace:
         if drive is not None:
             backwards = np.mean(drive) < 0
         sign = -1.0 if backwards else 1.0
-        for key in {"force", "X", "velocity", "drive"} & set(arrays):
-            arrays[key] = sign * arrays[key]
+        arrays |= _along_drive(arrays, sign)
         velocity = data["measured_velocity"] if "told_velocity" in arrays else None
         measured = drive is None or "stiffness" in data.attrs
         moves = arrays.get("told_velocity")
         if moves is not None and drive is None and _is_of_the_slider(moves, force):
             mean = float(arrays.pop("told_velocity").mean())
             arrays["velocity"] = math.copysign(1.0, mean) * moves
-            arrays["drive"] = np.full(t.size, abs(mean))
+            arrays["drive"] = np.full(force.size, abs(mean))
         rig = None
         contacts = data.attrs.get("contacts")
         if "provenance" in data.attrs:
@@ -206,8 +205,8 @@ class Trace:
 
             with suppress(InputError):  # not every run says what it was made of
                 rig = rig_of(data)
-        if rig is not None and isinstance(rig.method, DRAWN):
-            contacts = rig.method.count * getattr(rig.slider, "size", 1)
+        if rig is not None:
+            contacts = _contacts_of(rig) or contacts
         return cls(
             **arrays,
             sign=sign,
@@ -228,6 +227,28 @@ class Trace:
                 ),
                 "force",
             ),
+        )
+
+    @classmethod
+    def of_run(cls, run: Recording) -> Self:
+        """Take them from a run with a drive, as its engine left it: what `of` takes
+        from its Dataset.
+        """
+        series = run.series(_VARIABLES.values())
+        arrays: dict[str, Any] = {
+            key: series[name] for key, name in _VARIABLES.items() if name in series
+        }
+        _check_times(arrays["t"])
+        sign = -1.0 if np.mean(arrays["drive"]) < 0 else 1.0
+        arrays |= _along_drive(arrays, sign)
+        return cls(
+            **arrays,
+            sign=sign,
+            largest=float(np.max(np.abs(arrays["force"]))),
+            rig=run.rig,
+            contacts=_contacts_of(run.rig),
+            time_unit=run.rig.unit_name("time"),
+            force_unit=run.rig.unit_name("f_s"),
         )
 
     @cached_property
@@ -321,6 +342,33 @@ class Trace:
             if (values := getattr(self, name)) is not None
         }
         return replace(self, **known)
+
+
+def _check_times(t: Array) -> None:
+    """Raise `InputError` if there are few readings, or their times do not rise."""
+    if t.size < FEWEST_READINGS:
+        raise InputError(
+            f"measure: {t.size} samples of spring_force are too few: "
+            f"{FEWEST_READINGS} is the least"
+        )
+    if not (np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
+        raise InputError(
+            f"measure: the times must be rising over {SMALLEST:g}, in another unit "
+            "if need be"
+        )
+
+
+def _along_drive(arrays: Mapping[str, Any], sign: float) -> dict[str, Array]:
+    """Force and motion in the direction of the drive."""
+    turned = {"force", "X", "velocity", "drive"} & arrays.keys()
+    return {key: sign * arrays[key] for key in turned}
+
+
+def _contacts_of(rig: Rig) -> int | None:
+    """How many contacts a rig draws; None where it has no number of them."""
+    if not isinstance(rig.method, DRAWN):
+        return None
+    return rig.method.count * int(getattr(rig.slider, "size", 1))
 
 
 def _is_of_the_slider(velocity: Array, force: Array) -> bool:

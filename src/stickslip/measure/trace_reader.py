@@ -1,14 +1,14 @@
 """Reading a force trace measured on a bench, as instruments write it."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 from numpy.typing import NDArray
 
 from stickslip import words
@@ -23,6 +23,10 @@ from stickslip.measure.table_files import read_table
 from stickslip.measure.tables import Table, read_cell
 from stickslip.measure.trace import FEWEST_READINGS, Array
 from stickslip.model.quantities import read_value
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 LARGEST_FILE = 100_000_000  # bytes
 # 2.5 N/V: a number, a unit, and that of the reading, if it has one
@@ -330,6 +334,9 @@ def _dataset(
     is_torque: bool,
 ) -> xr.Dataset:
     """Fill the gaps, and label what was read."""
+    import pandas as pd
+    import xarray as xr
+
     rows = pd.DataFrame(values)
     # each test by its own noise
     ends = np.flatnonzero(np.diff(values.get("part", np.zeros(1)))) + 1
@@ -391,7 +398,7 @@ def _dataset(
     return xr.Dataset(found, {"time": time}, attrs)
 
 
-def _in_a_gap(missing: "pd.Series[bool]") -> NDArray[np.bool_]:
+def _in_a_gap(missing: pd.Series[bool]) -> NDArray[np.bool_]:
     """Rows without a reading that are too many in turn to be interpolated."""
     run = (missing != missing.shift()).cumsum()
     many = missing.groupby(run).transform("size") > FEWEST_READINGS

@@ -1,9 +1,11 @@
 """The Dataset that a run becomes: names, units and what they mean."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from stickslip.arrays import Labelled, labelled
@@ -13,6 +15,9 @@ from stickslip.model.structure import Structure
 from stickslip.simulation.driver import Track
 from stickslip.simulation.engines import Stretchings
 from stickslip.simulation.engines.base import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 STATE = "state "
 """How the columns of an engine that hold the state of a structure begin."""
@@ -126,6 +131,8 @@ def dataset_of(
     """Return the Dataset of a run, in natural units; `bins` are those of a snapshot,
     `marks` of the blocks.
     """
+    import xarray as xr
+
     variables: dict[str, Labelled] = {}
     coordinates = {"time": with_label("time", "time", track.times)}
     if isinstance(slider, ElasticBody):
@@ -136,12 +143,7 @@ def dataset_of(
             values["spring_force"] = variables["pulling_force"][1].sum(axis=1)
         coordinates |= _places(slider)
     else:
-        values = {name: track[name] for name in track.columns}
-        values |= (
-            {"drive_velocity": track.drive_velocity}
-            if isinstance(slider, Structure)
-            else _of_slider(track, slider)
-        )
+        values = series_of(track, slider)
     variables |= {
         name: with_label(name, "time", values[name])
         for name in LABELS
@@ -170,16 +172,21 @@ def dataset_of(
     return xr.Dataset(variables, coordinates, {"provenance": provenance})
 
 
-def _of_slider(track: Track, slider: Slider | Mass) -> dict[str, Array]:
-    """What follows from the motion of a rigid slider and its drive; without a spring
-    the "position" of the drive is its force.
+def series_of(track: Track, slider: Slider | Mass | Structure) -> dict[str, Array]:
+    """Return what a run of a rigid slider or a structure has along time, in natural
+    units.
+
+    Without a spring the "position" of the drive is its force.
     """
+    found = {name: track[name] for name in track.columns}
+    if isinstance(slider, Structure):
+        return found | {"drive_velocity": track.drive_velocity}
     kinetic_energy = 0.5 * slider.mass * track["velocity"] ** 2
     if isinstance(slider, Mass):
         force = track.drive_position
-        return {"spring_force": force, "kinetic_energy": kinetic_energy}
+        return found | {"spring_force": force, "kinetic_energy": kinetic_energy}
     spring_force = slider.stiffness * (track.drive_position - track["displacement"])
-    return {
+    return found | {
         "drive_velocity": track.drive_velocity,
         "spring_force": spring_force,
         "kinetic_energy": kinetic_energy,

@@ -6,12 +6,15 @@ behind the same two names: N contacts in small steps, with exact moments of brea
 and the kinetic equation of Eqs. (13)-(17).
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
@@ -48,8 +51,11 @@ from stickslip.simulation.estimates import (
     sample_interval,
     sampling,
 )
-from stickslip.simulation.result import dataset_of, with_label
+from stickslip.simulation.result import LABELS, dataset_of, series_of, with_label
 from stickslip.sliding.rigid_motion import static_friction
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def simulate(
@@ -125,6 +131,8 @@ def simulate(
     >>> run.spring_force.units
     'N'
     """
+    import xarray as xr
+
     instance("simulate: rig", rig, Rig, "a Rig(interface, slider, drive)")
     before = start if isinstance(start, xr.Dataset) else None
     changes = {
@@ -163,7 +171,20 @@ class Recording:
         run = self.rig.in_its_units(run)
         return states.keep(run, (self.track, self.engine)) if output.state else run
 
-    def longer(self, duration: float) -> "Recording":
+    def series(self, names: Iterable[str]) -> dict[str, Array]:
+        """Variables along time of a slider without blocks, of those that it has, in
+        the rig's units.
+        """
+        slider = self.rig.natural.slider
+        assert not isinstance(slider, ElasticBody)
+        found = {"time": self.track.times, **series_of(self.track, slider)}
+        return {
+            name: found[name] * self.rig.unit(LABELS[name]["units"])
+            for name in names
+            if name in found
+        }
+
+    def longer(self, duration: float) -> Recording:
         """The run gone on with to a duration, at the speed that its drive ends with:
         by a piece more.
         """
@@ -172,7 +193,7 @@ class Recording:
 
     def then(
         self, more: Drive, progress: Progress | None = None, state: bool = False
-    ) -> "Recording":
+    ) -> Recording:
         """The run gone on with along a drive more; whether it keeps its `state`."""
         engine = self.engine.copy()
         interval = sample_interval(self.rig, engine.angle)

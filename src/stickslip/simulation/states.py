@@ -4,16 +4,20 @@ A state is pickled. As a file may come from anywhere, only arrays, random genera
 records of the rooms that engines are made of are read back.
 """
 
+from __future__ import annotations
+
 import io
 import pickle
 from collections.abc import Collection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from stickslip.errors import InputError
 from stickslip.io import datasets as store
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 NAME = "engine_state"
 _ROOMS = ("kernels", "model", "simulation", "structures")

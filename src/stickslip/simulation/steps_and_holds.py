@@ -2,12 +2,14 @@
 slide-hold-slide.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from stickslip.errors import InputError, instance, sequence, shown, whole
 from stickslip.io import datasets as store
@@ -24,6 +26,9 @@ from stickslip.model.drive import constant
 from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, Engine, engine_of
 from stickslip.simulation.result import with_label
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # part of the distance that is slid at the velocity before a step, and recorded
 _APPROACH = 0.05
@@ -88,6 +93,8 @@ def velocity_step(
     ... )  # about A/2 ln(10) = .0115 less what a wide scatter takes, by theory
     0.01
     """
+    import xarray as xr
+
     checked = _rig_of("velocity_step", rig, method)
     v = checked.read("velocity_step: before", before, "x_s/time")
     w = checked.read("velocity_step: after", after, "x_s/time")
@@ -178,6 +185,8 @@ def slide_hold_slide(
     >>> run.peak.round(3).values.tolist()  # healing: nearly .02 ln(10) a decade
     [0.089, 0.134]
     """
+    import xarray as xr
+
     who = "slide_hold_slide"
     checked = _rig_of("slide_hold_slide", rig, method)
     v = checked.read(f"{who}: velocity", velocity, "x_s/time")

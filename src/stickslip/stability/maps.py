@@ -1,11 +1,12 @@
 """Maps of the stability of smooth sliding over two parameters, and their boundaries."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import is_dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip.arrays import Array
@@ -24,6 +25,9 @@ from stickslip.stability.critical import Line, LinePoint
 from stickslip.stability.impedances import spring_at_contact
 from stickslip.stability.modes import growth_rate, smooth_sliding
 from stickslip.stability.neutral import Neutral
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Window = tuple[Ends, Ends]
 
@@ -334,6 +338,8 @@ class _MapGrid(NamedTuple):
         """Columns by name: dimensions, values, unit and title; with what made them,
         where a function is but named.
         """
+        import xarray as xr
+
         rig = self.rig
         over = [parameter.name for parameter in self.parameters]
         slider = rig.slider if is_dataclass(rig.slider) else repr(rig.slider)

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.io import savemat
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
@@ -68,6 +67,8 @@ class StateSpace(Answer):
 
     def mat(self) -> bytes:
         """Return the system as a file of MATLAB."""
+        from scipy.io import savemat
+
         file = io.BytesIO()
         savemat(file, self.to_dict())  # type: ignore[arg-type]  # its stubs know names alone
         return file.getvalue()
