@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benches import bar, imbalance, pushed
+from refusals import refused
 from test_output_texts import BAR
 
 import stickslip as ss
@@ -309,75 +310,37 @@ RIGID = ss.Rig(
 )
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda: small(start=ss.Prestressed(stretching=(0.5, 0.6))),
-            "2 numbers for 6 blocks",
-        ),
-        (
-            lambda: small(start=ss.Prestressed(stretching=2.0)),
-            "not below the thresholds",
-        ),
-        (
-            lambda: small(start=ss.Prestressed(stretching=0.5, pushed_blocks=7)),
-            "must be at most 6",
-        ),
-        (
-            lambda: small(start=ss.FromSliding(perturbation=(0.1, 0.2))),
-            "2 numbers for 6 blocks",
-        ),
-        (
-            lambda: small(
-                slider=ss.Chain(blocks=6, coupling=1.0, mass=1e-4, damping=0.0)
-            ),
-            "nothing pulls it",
-        ),
-        (
-            lambda: RIGID.replace(start=ss.Prestressed(stretching=0.5)),
-            "is for an elastic slider",
-        ),
-        (
-            lambda: RIGID.replace(start=ss.FromSliding(perturbation=(0.1, 0.2))),
-            "is for an elastic slider",
-        ),
-        (
-            lambda: RIGID.replace(start=ss.FromSliding(at_rest=1)),
-            "is for an elastic slider",
-        ),
-        (
-            lambda: small(start=ss.FromSliding(at_rest=7)),
-            "FromSliding.at_rest = 7: there are 6 blocks",
-        ),
-        (
-            lambda: small(method=ss.MasterEquation()),
-            r"^method = .*: is not for a Chain; use Contacts or QuasiStatic$",
-        ),
-        (
-            lambda: RIGID.replace(method=ss.QuasiStatic()),
-            "is not for a Slider; use Contacts or",
-        ),
-        (
-            lambda: small(
-                slider=Sheet(
-                    along=3,
-                    across=2,
-                    coupling=1.0,
-                    shear=1.0,
-                    mass=1.0,
-                    damping=0.0,
-                    leaf=1.0,
-                ),
-                method=ss.QuasiStatic(),
-            ),
-            "QuasiStatic: is for a Chain",
-        ),
-    ],
-)
-def test_bad_input_is_told_in_one_line(change: object, message: str) -> None:
+REFUSED = r"""
+small(start=ss.Prestressed(stretching=(0.5, 0.6)))
+    2 numbers for 6 blocks
+small(start=ss.Prestressed(stretching=2.0))
+    not below the thresholds
+small(start=ss.Prestressed(stretching=0.5, pushed_blocks=7))
+    must be at most 6
+small(start=ss.FromSliding(perturbation=(0.1, 0.2)))
+    2 numbers for 6 blocks
+small(slider=ss.Chain(blocks=6, coupling=1.0, mass=1e-4, damping=0.0))
+    nothing pulls it
+RIGID.replace(start=ss.Prestressed(stretching=0.5))
+RIGID.replace(start=ss.FromSliding(perturbation=(0.1, 0.2)))
+RIGID.replace(start=ss.FromSliding(at_rest=1))
+    is for an elastic slider
+small(start=ss.FromSliding(at_rest=7))
+    FromSliding.at_rest = 7: there are 6 blocks
+small(method=ss.MasterEquation())
+    ^method = .*: is not for a Chain; use Contacts or QuasiStatic$
+RIGID.replace(method=ss.QuasiStatic())
+    is not for a Slider; use Contacts or
+small(slider=Sheet(along=3, across=2, coupling=1.0, shear=1.0, mass=1.0, damping=0.0,
+  leaf=1.0), method=ss.QuasiStatic())
+    QuasiStatic: is for a Chain
+"""
+
+
+@refused(REFUSED, globals())
+def test_bad_input_is_told_in_one_line(call, message) -> None:
     with pytest.raises(ss.InputError, match=message) as caught:
-        ss.simulate(change())  # type: ignore[operator]
+        ss.simulate(call())
     assert "\n" not in str(caught.value)
 
 

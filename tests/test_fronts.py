@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from benches import STILL, bar, pushed, springs_between
 from drawn import assert_drawn, assert_kept
+from refusals import refused
 from scipy.optimize import brentq
 
 import stickslip as ss
@@ -336,67 +337,43 @@ BAR = sliding(blocks=8, coupling=20.0, leaf=1.0)
 RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
 
 
-@pytest.mark.parametrize(
-    ("ask", "rig", "message"),
-    [
-        (speed, (ALIKE, 1.0), r"prestress = 1: must be .* below 1"),
-        (
-            speed,
-            (SPREAD, 0.99),
-            r"prestress = 0.99: the contacts are past their largest",
-        ),
-        (
-            speed,
-            (bar(0.04, 0.01, 0.2, 0.1, std=0.1), 0.5),
-            r"Chain.viscosity = 2.5: fronts in a viscous bar are known",
-        ),
-        (
-            speed,
-            (bar(0.04, sliding=1.0), 0.5),
-            r"Interface.sliding_force = 1: must be below",
-        ),
-        (
-            speed,
-            (SCATTERED, 0.5),
-            "Interface.slip_to_slip_scatter = .* not available with front_speed",
-        ),
-        (elastic.precursor_force, (ALIKE,), r"Rig.slider = .*pulled at one end only"),
-        (
-            elastic.precursor_force,
-            (bar(0.25, std=0.1, side=4.0),),
-            r"Interface.thresholds = .* needs all .* alike",
-        ),
-        (
-            elastic.modes,
-            (sliding(blocks=4, coupling=1.0),),
-            r"Rig.slider = .* nothing holds the slider",
-        ),
-        (elastic.modes, (RING,), r"Rig.slider: 5000 blocks in a network"),
-        (
-            ss.growth_rate,
-            (sliding(blocks=4, coupling=1.0, leaf=1.0),),
-            r"Rig.slider = .* use|modes\(\)",
-        ),
-        (ss.predict, (sliding(blocks=8, coupling=20.0),), ".*nothing holds the slider"),
-        (ss.predict, (replace(BAR, drive=STILL),), ".*the speed of a prediction = 0"),
-        *(
-            (
-                ask,
-                (RIGID,),
-                r"Rig\.slider = Slider\(.*needs an elastic slider; give a Chain",
-            )
-            for ask in (
-                elastic.front_threshold,
-                elastic.precursor_force,
-                elastic.modes,
-                elastic.critical_length,
-            )
-        ),
-    ],
-)
-def test_bad_input(ask, rig, message):
+REFUSED = r"""
+speed(ALIKE, 1.0)
+    prestress = 1: must be .* below 1
+speed(SPREAD, 0.99)
+    prestress = 0.99: the contacts are past their largest
+speed(bar(0.04, 0.01, 0.2, 0.1, std=0.1), 0.5)
+    Chain.viscosity = 2.5: fronts in a viscous bar are known
+speed(bar(0.04, sliding=1.0), 0.5)
+    Interface.sliding_force = 1: must be below
+speed(SCATTERED, 0.5)
+    Interface.slip_to_slip_scatter = .* not available with front_speed
+elastic.precursor_force(ALIKE)
+    Rig.slider = .*pulled at one end only
+elastic.precursor_force(bar(0.25, std=0.1, side=4.0))
+    Interface.thresholds = .* needs all .* alike
+elastic.modes(sliding(blocks=4, coupling=1.0))
+    Rig.slider = .* nothing holds the slider
+elastic.modes(RING)
+    Rig.slider: 5000 blocks in a network
+ss.growth_rate(sliding(blocks=4, coupling=1.0, leaf=1.0))
+    Rig.slider = .* use|modes\(\)
+ss.predict(sliding(blocks=8, coupling=20.0))
+    .*nothing holds the slider
+ss.predict(replace(BAR, drive=STILL))
+    .*the speed of a prediction = 0
+elastic.front_threshold(RIGID)
+elastic.precursor_force(RIGID)
+elastic.modes(RIGID)
+elastic.critical_length(RIGID)
+    Rig\.slider = Slider\(.*needs an elastic slider; give a Chain
+"""
+
+
+@refused(REFUSED, globals())
+def test_bad_input(call, message):
     with pytest.raises(ss.InputError, match=f"^{message}"):
-        ask(*rig)
+        call()
 
 
 # ---------------------------------------------------------------- pictures

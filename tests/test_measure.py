@@ -15,6 +15,7 @@ import reference
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refusals import refused
 from scipy.signal import lfilter
 
 import stickslip as ss
@@ -925,36 +926,33 @@ def test_spikes_are_replaced_and_slips_are_not(tmp_path):
         assert drops(data).sizes["event"] == pytest.approx(slips, abs=1)
 
 
-@pytest.mark.parametrize(
-    ("spoil", "options", "message"),
-    [
-        (lambda d: d.drop_vars("spring_force"), {}, "spring_force along time"),
-        (lambda d: d.isel(time=slice(5)), {}, "5 samples"),
-        (
-            lambda d: d.assign(spring_force=d.spring_force.where(d.time != 3.0)),
-            {},
-            "spring_force = nan at t = 3",
-        ),
-        (lambda d: d.assign_coords(time=d.time.values[::-1]), {}, "rising"),
-        (
-            lambda d: d.assign_coords(time=1e-308 * d.time.values),
-            {},
-            "between 1e-30 and",
-        ),
-        (
-            lambda d: d.assign(displacement=d.spring_force.expand_dims(seed=2).T),
-            {},
-            "displacement has shape",
-        ),
-        (lambda d: d, {"after": 500.0}, "after = 500"),
-        (lambda d: d, {"minimum_drop": 0.0}, "minimum_drop"),
-        (lambda d: d, {"minimum_drop": "much"}, "minimum_drop"),
-    ],
-)
-def test_what_cannot_be_measured_is_refused(spoil, options, message):
-    t, force = even_sawtooth()
+SAW = even_sawtooth()
+SAMPLED = trace(np.round(SAW[0], 6), SAW[1])
+UNMEASURED = r"""
+regime_and_drops(SAMPLED.drop_vars("spring_force"))
+    spring_force along time
+regime_and_drops(SAMPLED.isel(time=slice(5)))
+    5 samples
+regime_and_drops(SAMPLED.where(SAMPLED.time != 3.0))
+    spring_force = nan at t = 3
+regime_and_drops(SAMPLED.assign_coords(time=SAMPLED.time.values[::-1]))
+    rising
+regime_and_drops(SAMPLED.assign_coords(time=1e-308 * SAMPLED.time.values))
+    between 1e-30 and
+regime_and_drops(SAMPLED.assign(displacement=SAMPLED.spring_force.expand_dims(q=2).T))
+    displacement has shape
+regime_and_drops(SAMPLED, after=500.0)
+    after = 500
+regime_and_drops(SAMPLED, minimum_drop=0.0)
+regime_and_drops(SAMPLED, minimum_drop="much")
+    minimum_drop
+"""
+
+
+@refused(UNMEASURED, globals())
+def test_what_cannot_be_measured_is_refused(call, message):
     with pytest.raises(ss.InputError, match=message):
-        regime_and_drops(spoil(trace(np.round(t, 6), force)), **options)
+        call()
 
 
 # ------------------------------------------------------------------------------ periods
@@ -1407,41 +1405,30 @@ def test_what_a_ramp_does_not_show_is_not_seen_and_why(
             )
 
 
-@pytest.mark.parametrize(
-    ("ask", "error", "words"),
-    [
-        (lambda d: transitions(d[["spring_force"]]), ss.InputError, "drive_velocity"),
-        (lambda d: transitions(d, level=0.0), ss.InputError, "level"),
-        (
-            lambda d: transitions(d.assign(drive_velocity=d.drive_velocity - 1.0)),
-            ss.InputError,
-            "turns back",
-        ),
-        (
-            lambda d: transitions(d.assign(drive_velocity=1.0 + 0.0 * d.time)),
-            ss.UndecidedError,
-            "keeps its velocity",
-        ),
-        (
-            lambda d: transitions(d.assign(drive_velocity=2 - np.cos(d.time / 64))),
-            ss.UndecidedError,
-            "2 times",
-        ),
-        (
-            lambda d: transitions(d.isel(time=slice(None, 300))),
-            ss.UndecidedError,
-            "run it longer",
-        ),
-        (
-            lambda d: transitions(d.isel(time=slice(None, None, 100))),
-            ss.UndecidedError,
-            "record more often",
-        ),
-    ],
-)
-def test_ramps_that_cannot_be_read_are_refused(ask, error, words):
-    with pytest.raises(error, match=words):
-        ask(loop((1.4, 2.4), (0.7, 2.0)))
+RAMP = loop((1.4, 2.4), (0.7, 2.0))
+UNREAD = r"""
+transitions(RAMP[["spring_force"]])
+    InputError: .*drive_velocity
+transitions(RAMP, level=0.0)
+    InputError: .*level
+transitions(RAMP.assign(drive_velocity=RAMP.drive_velocity - 1.0))
+    InputError: .*turns back
+transitions(RAMP.assign(drive_velocity=1.0 + 0.0 * RAMP.time))
+    UndecidedError: .*keeps its velocity
+transitions(RAMP.assign(drive_velocity=2 - np.cos(RAMP.time / 64)))
+    UndecidedError: .*2 times
+transitions(RAMP.isel(time=slice(None, 300)))
+    UndecidedError: .*run it longer
+transitions(RAMP.isel(time=slice(None, None, 100)))
+    UndecidedError: .*record more often
+"""
+
+
+@refused(UNREAD, globals())
+def test_ramps_that_cannot_be_read_are_refused(call, message):
+    with pytest.raises((ss.InputError, ss.UndecidedError)) as caught:
+        call()
+    assert re.match(message, f"{caught.type.__name__}: {caught.value}")
 
 
 @pytest.fixture(scope="module")
