@@ -147,7 +147,7 @@ class Columns:
     decimal: Literal[".", ","] | None = None
 
     def named(self) -> dict[str, Any]:
-        """What `read_trace` takes."""
+        """Arguments of `read_trace`."""
         named = {key: each for key, each in vars(self).items() if key != "to"}
         scale = named.pop("scale")
         return named | ({"force": f"{self.force or ''}:{scale}"} if scale else {})
@@ -977,17 +977,17 @@ def surface(
             shortest=options.shortest,
             progress=progress,
         )
-    told = ss.surface.estimate(found, friction=friction)
+    estimate = ss.surface.estimate(found, friction=friction)
     machine = ss.surface.rig(
-        told, rig or "pmma_slider", length=length, name=heights.stem
+        estimate, rig or "pmma_slider", length=length, name=heights.stem
     )
     if output is not None:
         files.write(output, to_toml(machine).encode())
-    _draw(plot, lambda: ss.plot.surface(found, told))
-    lines = [f"{heights.name}: {told}"]
+    _draw(plot, lambda: ss.plot.surface(found, estimate))
+    lines = [f"{heights.name}: {estimate}"]
     if output is not None and rig is None:
         lines.append("machine: the example pmma_slider; give yours by --rig")
-    content = told.to_dict() | {"rig": plain(output)}
+    content = estimate.to_dict() | {"rig": plain(output)}
     _answer("\n".join(lines), content, json, rig=output, picture=plot)
 
 

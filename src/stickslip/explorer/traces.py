@@ -398,8 +398,8 @@ def _predicted(found: fitting.Fit, events: fitting.Events) -> Plain:
 
 
 def _drops(found: fitting.Fit, events: fitting.Events) -> Plain:
-    """Which fraction of the slips is up to which drop: of the trace, and of series
-    of as many slips of the draws.
+    """Return the fraction of the slips up to each drop: of the trace, and of series of
+    as many slips of the draws.
     """
     at = np.linspace(0.0, 1.25 * float(events.drops.max()), 120)
     below = []

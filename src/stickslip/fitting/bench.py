@@ -65,8 +65,9 @@ def read_known(given: Mapping[str, object] | None) -> Known:
 
 
 def measured_velocity(trace: xr.Dataset, slips: int) -> Known:
-    """Velocity of the drive, by one that was measured beside the force: of the drive
-    itself, or of a slider that makes so many slips; empty where there is none.
+    """Return the velocity of the drive, by one that was measured beside the force: of
+    the drive itself, or of a slider that makes this number of slips; empty where there
+    is none.
     """
     if "measured_velocity" not in trace:
         return {}
@@ -74,8 +75,8 @@ def measured_velocity(trace: xr.Dataset, slips: int) -> Known:
     if size is None:
         return {}
     seen = Trace.of(trace)
-    if seen.told_velocity is not None:
-        speed = np.abs(seen.told_velocity)
+    if seen.measured_velocity is not None:
+        speed = np.abs(seen.measured_velocity)
         mean = float(speed.mean())
         error = float(speed.std()) / math.sqrt(independent(speed - mean))
     else:

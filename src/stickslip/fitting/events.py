@@ -122,8 +122,8 @@ class Events(Answer):
 
     @property
     def stretches(self) -> int:
-        """How many stretches the slips make of which each has as many as a simulated
-        series can show.
+        """Number of stretches that the slips make, of which each has as many as a
+        simulated series can show.
         """
         return -(-len(self) // MOST_SLIPS)
 

@@ -237,7 +237,7 @@ class Fit(Answer):
 
     @property
     def p_values(self) -> dict[str, float]:
-        """How likely each statistic is to lie further out than that of the trace, by
+        """Probability of each statistic to lie further out than that of the trace, by
         series of the draws; two-sided.
         """
         return dict(self.test["p"])

@@ -120,7 +120,7 @@ class Prior:
         return found
 
     def parts(self, values: Array) -> Array:
-        """Where parameters lie in their ranges, 0 to 1."""
+        """Return the places of parameters in their ranges, 0 to 1."""
         low, high = self._ends()
         return np.asarray(
             (_in_decades(values) - low) / (high - low),

@@ -61,8 +61,8 @@ class SeriesTable:
 
 
 def folder_of(prior: Prior, slips: int, seed: int) -> Path:
-    """Where the table of a prior is kept; its name is a key of all that decides what
-    it holds, but for its length.
+    """Return the folder of the table of a prior; its name is a key of all that decides
+    its content, but for its length.
     """
     cache = os.environ.get("STICKSLIP_CACHE")
     place = (
@@ -79,7 +79,7 @@ def folder_of(prior: Prior, slips: int, seed: int) -> Path:
 
 
 def draws_kept(prior: Prior = Prior(), slips: int = SLIPS, seed: int = 0) -> int:
-    """How many draws of the table of a prior the cache holds."""
+    """Return the number of draws of the table of a prior that the cache holds."""
     return _BLOCK * len(list(folder_of(prior, slips, seed).glob("*.npz")))
 
 

@@ -80,7 +80,7 @@ def encode(value: object) -> Plain:
         names = [
             field.name
             for field in fields(value)
-            # what changes no number is said where it is not as usual
+            # a field that changes no number is kept where it is not as usual
             if field.init and (field.compare or getattr(value, field.name) is True)
         ]
         return {
@@ -254,7 +254,7 @@ def _opened(source: Path, kind: str) -> dict[str, Any]:
     # h5netcdf prints a traceback of its own over a file that fails in either of these
     with h5py.File(source, mode="r") as file:
         file.attrs.get("_nc3_strict")
-    # dimensions without a name are said, else h5netcdf warns of its default
+    # named for dimensions without a name, else h5netcdf warns of its default
     return {
         "filename_or_obj": source,
         "engine": "h5netcdf",

@@ -53,12 +53,12 @@ def to_document(
     damping_ratio: bool | None = None,
     own: bool = False,
 ) -> Document:
-    """Return what a rig file holds, from the records, in so many digits, or in as few
-    as read back the same.
+    """Return the content of a rig file, from the records, in this many digits, or in as
+    few as read back the same.
 
-    The damping is given by its ratio if `damping_ratio` says so, by default if that is
-    a number of few digits. With `own`, coefficients of friction and `v_half` stand for
-    what follows from them where the rig was given by these.
+    The damping is given by its ratio if `damping_ratio` asks for it, by default if that
+    is a number of few digits. With `own`, coefficients of friction and `v_half` stand
+    for what follows from them where the rig was given by these.
     """
     writer = _Writer(rig, digits)
     found = {

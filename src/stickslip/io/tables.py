@@ -194,7 +194,7 @@ class Tables:
         return values
 
     def stop(self, before: int = 0) -> None:
-        """Read no further if there was a mistake, besides the first so many."""
+        """Read no further if there are more than `before` mistakes."""
         if len(self.mistakes) > before:
             raise NotedError("")
 

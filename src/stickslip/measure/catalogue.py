@@ -12,7 +12,7 @@ from stickslip.arrays import units_of
 from stickslip.errors import number, printable
 from stickslip.measure.features import Window, look_past_waves
 from stickslip.measure.regimes import Regime, judged
-from stickslip.measure.slips import Slips, fast_ones, find_slips
+from stickslip.measure.slips import Slips, fast_slips, find_slips
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import Array, Trace, dataset_of, mean_and_std
 from stickslip.words import prefixed
@@ -130,7 +130,7 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
     if minimum_drop is not None:
         return found
     if seen.kind == "stick-slip":
-        return fast_ones(
+        return fast_slips(
             trace,
             look_past_waves(Window(trace, found)).found,
         )
@@ -241,12 +241,12 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
             mean,
             "" if unit == "1" else unit,
         )
-        told = words.number(mean / divisor)
+        text = words.number(mean / divisor)
         if math.isfinite(std):
             std = 0.0 if std < _DUST * abs(mean) else std
-            told += f" ± {words.number(std / divisor, 2)}"
-        told = f"{told} {unit}".rstrip()
+            text += f" ± {words.number(std / divisor, 2)}"
+        text = f"{text} {unit}".rstrip()
         if math.isfinite(std) and mean:
-            told += f" (CV {std / abs(mean):.2f})"
-        lines.append((str(name).replace("_", " "), told))
+            text += f" (CV {std / abs(mean):.2f})"
+        lines.append((str(name).replace("_", " "), text))
     return lines

@@ -22,15 +22,15 @@ _CLOCKS = [
     re.compile(rf"{_DATES['month']}{_BETWEEN}{_TIME}{_HALF}(?:{_OFFSET})?"),
 ]
 _SINCE_1970 = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}
-"""What a clock since 1970 shows in 2001, in its units; it shows 2.2 times as much in
+"""Reading of a clock since 1970 in 2001, in its units; it shows 2.2 times as much in
 2038, the end of its signed 32 bits.
 """
 _FIRST_DAY = dt.date(2000, 1, 1).toordinal()
 
 
 def seconds_of(text: str) -> float | None:
-    """The seconds that a time of the day tells, those since 2000 in UTC if it has a
-    date and an offset; None if it is none.
+    """Return the seconds of a time of the day, those since 2000 in UTC if it has a date
+    and an offset; None if it is none.
     """
     match = next(
         (found for each in _CLOCKS if (found := each.fullmatch(text))),
@@ -38,29 +38,29 @@ def seconds_of(text: str) -> float | None:
     )
     if match is None:
         return None
-    told = match.groupdict()
-    hours = int(told["hours"])
-    if told["half"]:
+    fields = match.groupdict()
+    hours = int(fields["hours"])
+    if fields["half"]:
         if not 1 <= hours <= 12:
             return None
-        hours = hours % 12 + 12 * (told["half"] in "Pp")
+        hours = hours % 12 + 12 * (fields["half"] in "Pp")
     days = 0
-    if told.get("year"):
-        year = int(told["year"]) + (2000 if len(told["year"]) == 2 else 0)
+    if fields.get("year"):
+        year = int(fields["year"]) + (2000 if len(fields["year"]) == 2 else 0)
         try:
             date = dt.date(
                 year,
-                int(told["month"]),
-                int(told["day"]),
+                int(fields["month"]),
+                int(fields["day"]),
             )
         except ValueError:  # a thirtieth of February
             return None
         days = date.toordinal() - _FIRST_DAY
-    east = 3600.0 * int(told["east"] or 0) + 60.0 * int(told["least"] or 0)
-    if told["sign"] == "-":
+    east = 3600.0 * int(fields["east"] or 0) + 60.0 * int(fields["least"] or 0)
+    if fields["sign"] == "-":
         east = -east
-    seconds = float((told["seconds"] or "0").replace(",", "."))
-    return _DAY * days + 3600.0 * hours + 60.0 * int(told["minutes"]) + seconds - east
+    seconds = float((fields["seconds"] or "0").replace(",", "."))
+    return _DAY * days + 3600.0 * hours + 60.0 * int(fields["minutes"]) + seconds - east
 
 
 def unit_since_1970(count: float) -> str:

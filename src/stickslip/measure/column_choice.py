@@ -1,5 +1,5 @@
-"""Which column of a measured table holds what: by its name, its unit, and what its
-numbers do.
+"""The choice of the columns of a measured table: by their names, their units, and
+their numbers.
 """
 
 import re
@@ -42,9 +42,9 @@ class Choice(NamedTuple):
 
     def __str__(self) -> str:
         name, unit = self.heading
-        told = f' "{name}"' if name else ""
-        told += f" ({unit})" if unit else ""
-        return printable(f"column {self.place + 1}{told}")
+        text = f' "{name}"' if name else ""
+        text += f" ({unit})" if unit else ""
+        return printable(f"column {self.place + 1}{text}")
 
 
 def columns(content: bytes) -> list[Column]:
@@ -81,8 +81,8 @@ def columns(content: bytes) -> list[Column]:
 
 
 def _range(values: Array) -> tuple[str, str, str]:
-    """From where to where numbers go, and whether they rise evenly; empty where there
-    are none.
+    """Return the ends of the range of numbers, and whether they rise evenly; empty
+    where there are none.
     """
     known = values[np.isfinite(values)]
     if not known.size:
@@ -94,8 +94,8 @@ def _range(values: Array) -> tuple[str, str, str]:
 def choose(
     table: Table, asked: Mapping[str, str | int | None], *, timed: bool
 ) -> tuple[dict[str, Choice], list[str]]:
-    """Columns that were asked for, and those that names, units and numbers tell; and
-    what was taken for granted. Times may be told by a step.
+    """Choose the columns that were asked for, and those that names, units and numbers
+    show; note what was taken for granted. A step stands in place of times.
 
     Raises `InputError` where two columns could be the force or the time, or none; its
     note is a table of all columns.
@@ -117,7 +117,7 @@ def choose(
             continue
         taken = [each.place for each in chosen.values()]
         free = [i for i in table.numeric if i not in taken]
-        found = _told(table, free, name)
+        found = _by_heading(table, free, name)
         if name == "time" and len(found) != 1:
             found, note = _rising_evenly(
                 table,
@@ -134,19 +134,19 @@ def choose(
     return chosen, notes
 
 
-def _told(table: Table, free: list[int], name: str) -> list[int]:
-    """Columns whose headings say that they hold a quantity: by their names or, where
-    none does, by their units; the only column besides is the force.
+def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
+    """Find the columns whose headings name a quantity or, where none does, have its
+    unit; the only column besides is the force.
     """
-    tells = {i: table.headings[i].quantity for i in free}
-    ways: list[tuple[Quantity, ...]] = [(name,)]  # type: ignore[list-item]
+    quantities = {i: table.headings[i].quantity for i in free}
+    preferred: list[tuple[Quantity, ...]] = [(name,)]  # type: ignore[list-item]
     if name == "force":
-        ways += [
+        preferred += [
             ("coefficient",),
             ("load", "") if len(free) == 1 else (),
         ]
-    for kinds in ways:
-        found = [i for i in free if tells[i] in kinds]
+    for kinds in preferred:
+        found = [i for i in free if quantities[i] in kinds]
         named = [i for i in found if table.headings[i].is_told_by_name]
         if found:
             return named or found
@@ -181,11 +181,11 @@ def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list
         return even, []
     if np.all(np.diff(values[0][np.isfinite(values[0])]) == 1.0):
         return [], []
-    told = Choice(
+    choice = Choice(
         even[0],
         table.headings[even[0]],
     )
-    return even[:1], [f"{told} rises evenly and is taken for the time"]
+    return even[:1], [f"{choice} rises evenly and is taken for the time"]
 
 
 def rises_evenly(values: Array) -> bool:
@@ -223,11 +223,11 @@ def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
 def _question(table: Table, name: str, found: list[int]) -> InputError:
     """Ask which column it is; below it, a table of all."""
     first, *others = [f"--{name} {i + 1}" for i in found] or [f"--{name}"]
-    ways = " or ".join([first, *others[:1]])
+    options = " or ".join([first, *others[:1]])
     step = ", or give the step (--step, or step=)" if name == "time" else ""
     error = InputError(
-        f"which column is the {name}? Name it ({ways} on the command line, {name}= in "
-        f"Python){step}; there are {table.listed()}"
+        f"which column is the {name}? Name it ({options} on the command line, "
+        f"{name}= in Python){step}; there are {table.listed()}"
     )
     error.add_note(_preview(table))
     return error

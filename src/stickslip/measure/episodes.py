@@ -76,7 +76,7 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
 
 
 def _longest(waits: pd.Series[float]) -> float:
-    """The longest wait that chance makes."""
+    """Return the longest wait that chance makes."""
     low, usual, high = waits.quantile([0.25, 0.5, 0.75])
     # the standard deviation of normal waits, which a pause does not widen
     scatter = (high - low) / 1.349 / usual

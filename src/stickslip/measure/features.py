@@ -18,7 +18,7 @@ from stickslip.measure.slips import (
     SLIP_VELOCITY,
     WHITE,
     Slips,
-    fast_ones,
+    fast_slips,
     find_slips,
     speeds,
     weighted_median,
@@ -53,7 +53,7 @@ LASTING = math.log(2.0)
 CLIMBS = 0.25
 ONE_RATE = 0.25  # scatter of the loading rate over it, at most
 ONE_IN_TWENTY = 0.05  # how often chance passes a limit of one side ...
-ONE_SIDED = 1.645  # ... which is so many errors off
+ONE_SIDED = 1.645  # ... which is this number of errors off
 ROUNDING = 1e-9  # of the largest force: noise below that is of numbers
 WAVES = (4, 8, 16)  # parts of a record: waves slower than these are looked past
 # Theory.
@@ -112,7 +112,7 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Window:
-    """What a window of a trace shows, in its units; NaN where it is not known."""
+    """Features of a window of a trace, in its units; NaN where they are not known."""
 
     trace: Trace
     found: Slips
@@ -248,7 +248,9 @@ class Window:
     def count(self) -> int:
         """Complete cycles, or drops where there is no period."""
         return (
-            self.cycles.count if self.cycles else fast_ones(self.trace, self.found).size
+            self.cycles.count
+            if self.cycles
+            else fast_slips(self.trace, self.found).size
         )
 
     @cached_property
@@ -331,7 +333,7 @@ class Window:
 
     @property
     def slip_limit(self) -> float:
-        """What that is at least for slips: of the largest velocity, or of the mean."""
+        """Least velocity of slips: of the largest velocity, or of the mean."""
         return 1.0 / SLIP_PHASE if math.isnan(self.seen_velocity) else SLIP_VELOCITY
 
     @property
@@ -398,8 +400,8 @@ class Window:
         )
 
     def errors(self, chance: float) -> float:
-        """Standard errors of the change of the amplitude that chance exceeds so
-        often, by Student: few parts show their scatter badly.
+        """Return the number of standard errors of the change of the amplitude that
+        chance exceeds this often, by Student: few parts show their scatter badly.
         """
         return float(
             stdtrit(
@@ -410,8 +412,8 @@ class Window:
 
     @cached_property
     def trend(self) -> int:
-        """Which way the amplitude changes: 1 where it grows, -1 where it decays, 0
-        where no change is proven.
+        """Direction in which the amplitude changes: 1 where it grows, -1 where it
+        decays, 0 where no change is proven.
         """
         value, error = self.change
         proven = abs(value) > STEADY + self.errors(CHANCE) * error
@@ -564,7 +566,7 @@ def _test(
     source: Source = "statistics",
     passed: bool | None = None,
 ) -> Criterion:
-    """A test; passed, if nothing else is said, where a number reaches its limit."""
+    """Make a test; by default it is passed where a number reaches its limit."""
     value, error = found if isinstance(found, Measured) else (found, 0.0)
     passed = value >= limit if passed is None else passed
     return Criterion(name, value, error, limit, source, passed)
@@ -622,8 +624,8 @@ def _means(trace: Trace, first: Array, last: Array) -> Array:
 
 
 def longest_wait(waits: Array) -> float:
-    """Longest of so many waits by chance, by the tail of an exponential of their
-    scatter; at least that of a missing drop.
+    """Return the longest of these waits by chance, by the tail of an exponential of
+    their scatter; at least that of a missing drop.
     """
     usual = weighted_median(waits, waits)
     # the longest may be the pause that is asked for

@@ -20,12 +20,13 @@ from stickslip.words import engineering
 if TYPE_CHECKING:
     import xarray as xr
 
-# a front has stopped where the next wait is so many times the median of so many before
+# a front has stopped where the next wait is this many times the median of this number
+# of waits before
 _WAIT = 10.0
 _BEFORE = 20
 _WINDOW = 2  # blocks on either side from which the speed at a block is read
 _FEWEST = 5  # blocks from which a speed is read
-_FAST = 10.0  # blocks in an event are so many times faster than the drive ...
+_FAST = 10.0  # blocks in an event are this many times faster than the drive ...
 # ... or, where it stands still, faster than this part of the fastest block of the run
 _SLOWEST = 0.01
 # a block that holds takes part if it breaks more than this part of its contacts while
@@ -47,7 +48,7 @@ _COLUMNS = {
     "peak_velocity": ("{velocity}", "largest velocity of a block"),
     "front_speed": ("1/{time}", "speed of the front, in blocks"),
 }
-"""What is told of fronts and events: unit, by the variables of the run, and title."""
+"""Columns of fronts and events: unit, by the variables of the run, and title."""
 
 Row = tuple[float, ...]
 
@@ -303,7 +304,7 @@ def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
 
 
 def _half_time(time: Array, X: Array) -> float:
-    """When a block has gone half of its way."""
+    """Return the time at which a block has gone half of its way."""
     way = X - 0.5 * (X[0] + X[-1])
     way *= np.sign(X[-1] - X[0])
     after = max(int(np.argmax(way >= 0)), 1)
@@ -313,8 +314,8 @@ def _half_time(time: Array, X: Array) -> float:
 
 
 def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Means, of a velocity largest sizes, over at most so many times and places of
-    blocks; and the edges of these.
+    """Return means, of a velocity largest sizes, over at most this many times and
+    places of blocks; and the edges of these.
     """
     values = np.asarray(field.values, dtype=float)
     edges = [
@@ -387,7 +388,7 @@ def _fronts_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> Iterator[s
 
 
 def _events_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> str:
-    """How many events there are, the first of some blocks, and the first of all."""
+    """Report the number of events, the first of some blocks, and the first of all."""
     from stickslip.elastic.precursors import distance_to_the_first_break
 
     count = large.sizes["event"]
@@ -452,14 +453,14 @@ def large_events(run: xr.Dataset) -> xr.Dataset:
 
 
 def gone(values: xr.DataArray, events: xr.Dataset) -> xr.DataArray:
-    """How much larger the values of the blocks are after each event than before."""
+    """Return the change of the values of the blocks over each event."""
     return values.sel(time=events["end"], method="nearest") - values.sel(
         time=events["start"], method="nearest"
     )
 
 
 def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
-    """One dict for each row of a table, at most so many; the longest ones if there
+    """Return a dict for each row of a table, at most `most`; the longest rows if there
     are more.
     """
     frame = table[

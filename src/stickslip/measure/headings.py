@@ -1,5 +1,5 @@
-"""What the columns of a measured table are called: names, units, and which quantity
-that makes them.
+"""Headings of the columns of a measured table: names, units, and the quantity that
+they mean.
 """
 
 import re
@@ -100,11 +100,11 @@ def simple(name: str) -> str:
 
 
 def _named(name: str) -> Quantity:
-    """The quantity that a name tells: the whole, or the longest known one in it, the
-    last of equally long ones; of "torque of the motor" what stands before.
+    """Return the quantity that a name means: the whole, or the longest known one in it,
+    the last of equally long ones; of "torque of the motor" what stands before.
 
-    A single letter tells something only where it stands alone, or behind the name of
-    an instrument: ``DAQ.F``.
+    A single letter counts only where it stands alone, or behind the name of an
+    instrument: ``DAQ.F``.
     """
     plain = simple(name)
     if plain in _NAMED:
@@ -146,8 +146,8 @@ class Heading(NamedTuple):
 
     @property
     def quantity(self) -> Quantity:
-        """What the column holds, by its name and, where that says nothing, by its
-        unit; empty if neither tells.
+        """Quantity of the column, by its name or, where that is none of ours, by its
+        unit; empty if neither is known.
         """
         unit = unit_named(self.unit)
         named = _named(self.name)
@@ -157,8 +157,8 @@ class Heading(NamedTuple):
         if named in ("force", "coefficient"):  # of friction, as its unit says
             named = "coefficient" if kind in ("number", "percentage") else "force"
         fits = kind in _TABLES["kinds"].get(named, ())
-        told: Quantity = _TABLES["without_a_name"].get(kind, "")
-        return named if fits else "other" if named else told
+        by_unit: Quantity = _TABLES["without_a_name"].get(kind, "")
+        return named if fits else "other" if named else by_unit
 
     @property
     def is_told_by_name(self) -> bool:
@@ -177,12 +177,12 @@ class Heading(NamedTuple):
 
 
 def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
-    """Names and units of so many columns, from lines above them: the last that holds
-    names, and the units in the line below it or above it.
+    """Return names and units of `width` columns, from lines above them: the last that
+    holds names, and the units in the line below it or above it.
 
     Lines of dashes, and what labels a line ("Unit"), are left out.
     """
-    plain = [[_told(cell) for cell in row] for row in rows]
+    plain = [[_text_of(cell) for cell in row] for row in rows]
     plain = [row for row in plain[-_MOST_ROWS:] if any(row)]
     names = units = [""] * width
     for row in plain:
@@ -193,8 +193,10 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
     return [*map(_joined, names, units)]
 
 
-def _told(cell: str) -> str:
-    """What a cell above a column says; nothing, if it underlines, or labels its row."""
+def _text_of(cell: str) -> str:
+    """Return the text of a cell above a column; nothing, if it underlines, or labels
+    its row.
+    """
     text = cell.strip(' "\t')
     return "" if simple(text) in _LABELS or not re.search(r"[^-=_*~\s]", text) else text
 
@@ -205,8 +207,8 @@ def _are_units(row: Sequence[str], *, alone: bool) -> bool:
     """
     cells = [cell.strip("[]()") for cell in row if cell]
     kinds = [found[0] for cell in cells if (found := unit_named(cell))]
-    tells = {"force", "torque", "time", "length", "stress", "signal"} & {*kinds}
-    return bool(tells) and len(kinds) >= (1.0 if alone else 0.5) * len(cells)
+    decisive = {"force", "torque", "time", "length", "stress", "signal"} & {*kinds}
+    return bool(decisive) and len(kinds) >= (1.0 if alone else 0.5) * len(cells)
 
 
 def _joined(name: str, unit: str) -> Heading:

@@ -60,7 +60,7 @@ def _still(seen: Window) -> str:
 
 
 def _missing(seen: Window) -> str:
-    """What a verdict lacks; empty if the data suffice."""
+    """Return the reason why the data do not suffice for a verdict; empty if they do."""
     trace = seen.trace
     if trace.t[0] < (until := trace.steady_load_from):
         at = words.engineering(until, trace.time_unit, 3)

@@ -42,8 +42,8 @@ _EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi
 
 
 def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
-    """Slopes by least squares over as many samples as tell a rate to a tenth; none
-    if that takes over a twelfth.
+    """Return slopes by least squares over as many samples as give a rate to a tenth;
+    none if that takes over a twelfth.
     """
     # slow to load, and not needed where the motion is known
     from scipy.signal import oaconvolve, savgol_coeffs
@@ -90,7 +90,7 @@ def motion(
     contacts: int | None = None,
 ) -> xr.Dataset:
     """Return a measured trace with the motion of its slider, which the force of a known
-    spring tells.
+    spring shows.
 
     With a drive at velocity ``V`` and a spring of stiffness ``K`` the slider is at
     ``X = V t - F/K`` (`displacement`, in m), its velocity ``V - (dF/dt)/K``

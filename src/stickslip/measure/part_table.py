@@ -61,10 +61,10 @@ def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
         known = np.abs(values[np.isfinite(values)])
         if not known.size:
             continue
-        told = "" if units[of] == "1" else units[of]
+        plain_unit = "" if units[of] == "1" else units[of]
         divisor, unit = words.prefixed(
             float(known.max()),
-            told,
+            plain_unit,
         )
         cells = [
             words.number(value / divisor) if math.isfinite(value) else ""

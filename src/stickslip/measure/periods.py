@@ -68,7 +68,7 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     """Return the cycles of a force: how far it repeats itself, and where each cycle
     begins.
 
-    The autocorrelation tells one period from a part of it and from several; each cycle
+    The autocorrelation parts one period from a part of it and from several; each cycle
     is then timed by itself, from one rise through the upper third of the range of the
     force in a typical cycle to the next.
     """

@@ -168,17 +168,17 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
         trace.t,
         initial=0,
     )
-    said = f"windows of drive travel {width.max():.4g}"
+    windows = f"windows of drive travel {width.max():.4g}"
     if gone[-1] < 2:
         raise UndecidedError(
-            f"transitions: the drive travels {travel[-1]:.4g}, less than 2 {said}: run "
-            "it longer"
+            f"transitions: the drive travels {travel[-1]:.4g}, less than 2 {windows}: "
+            "run it longer"
         )
     begin = np.arange(min(int(gone[-1] * _PARTS), trace.t.size)) / _PARTS
     begins = np.searchsorted(gone, begin)
     if begin.size == trace.t.size or np.any(np.diff(begins) < 1):
         raise UndecidedError(
-            f"transitions: fewer than {_PARTS} samples in some {said}: record more "
+            f"transitions: fewer than {_PARTS} samples in some {windows}: record more "
             "often"
         )
     high, low = (
@@ -299,7 +299,7 @@ def in_words(run: xr.Dataset) -> str:
         found = transitions(run)
     except (InputError, UndecidedError) as error:
         return f"{begin}; {error}"
-    said = []
+    directions = []
     for way, how, *names in _WAYS:
         at = {
             what: found[name]
@@ -312,15 +312,17 @@ def in_words(run: xr.Dataset) -> str:
             key=lambda what: abs(float(at[what])),
             reverse=way == "down",
         )
-        told = [
+        events = [
             f"{what} at {engineering(float(at[what]), units_of(at[what]), 3)}"
             for what in turns
         ]
-        told = ["is there from the start"] * (turns[:1] == ["ends"]) + told
-        told += ["persists to the end"] * (turns[-1:] == ["sets in"])
-        said += [f"{how}, it {', '.join(told[:-1])} and {told[-1]}"] if told else []
+        events = ["is there from the start"] * (turns[:1] == ["ends"]) + events
+        events += ["persists to the end"] * (turns[-1:] == ["sets in"])
+        directions += (
+            [f"{how}, it {', '.join(events[:-1])} and {events[-1]}"] if events else []
+        )
     return (
-        f"{begin}; stick-slip: {'; '.join(said)}"
-        if said
+        f"{begin}; stick-slip: {'; '.join(directions)}"
+        if directions
         else f"{begin}; {found.attrs['notes']}"
     )

@@ -30,7 +30,7 @@ from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
 from stickslip.measure.part_table import part_table
 from stickslip.measure.segments import parts_between_pauses, segments
 from stickslip.measure.sensor import note_saturation, spikes
-from stickslip.measure.slips import Slips, fast_ones, find_slips
+from stickslip.measure.slips import Slips, fast_slips, find_slips
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import (
     CONSTANT_DRIVE,
@@ -123,8 +123,8 @@ class Regime(Answer):
 
     @property
     def drops_are(self) -> Literal["slips", "cycles", "drops"]:
-        """What the drops of the force are: slips, or cycles of an oscillation
-        without sticking, or just drops.
+        """Name of the drops of the force: slips, or cycles of an oscillation without
+        sticking, or just drops.
         """
         if self.kind == "sustained oscillation":
             return (
@@ -175,7 +175,7 @@ class Regime(Answer):
         )
 
     def _evidence(self) -> list[str]:
-        """What was seen in a window that is one part."""
+        """Return the evidence of a window that is one part, in lines."""
         divisor, unit = prefixed(self.window[1], self.time_unit)
         begin, end = (time / divisor for time in self.window)
         mean, swing, noise, drop = (
@@ -193,14 +193,14 @@ class Regime(Answer):
             f"to peak {swing}, noise {noise}",
         ]
         if self.cycles:
-            told = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
-            told += f", drop {drop}{_variation(self.drop_variation)}"
+            text = f"{self.cycles} cycle{'s' * (self.cycles > 1)} in this window"
+            text += f", drop {drop}{_variation(self.drop_variation)}"
             if math.isfinite(self.period):
                 period = words.engineering(self.period, self.time_unit)
-                told += f", period {period}{_variation(self.period_variation)}"
+                text += f", period {period}{_variation(self.period_variation)}"
             if math.isfinite(self.slip_phase):
-                told += f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
-            lines.append(told)
+                text += f", slip phase: {100 * self.slip_phase:.0f} % of the cycle"
+            lines.append(text)
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.loading_rate is not None and self.falling_rate is not None:
@@ -241,8 +241,8 @@ def regime(
     The verdict is about the window judged: an oscillation that still grows or shrinks
     there is undecided, and so is one of which a change by a factor 2 from one half to
     the other is not excluded. What lies between gaps, between steps of the level or of
-    the amplitude, and the strokes of a reciprocating test, is judged apart, and told in
-    turn where it differs. Raises `InputError` if the data hold no force, or values that
+    the amplitude, and the strokes of a reciprocating test, is judged apart, and listed
+    in turn where it differs. Raises `InputError` if the data hold no force, or values that
     are not finite, or nothing after `after`.
 
     Parameters
@@ -374,7 +374,7 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
 
 
 def _note_gaps(stretches: Sequence[Trace]) -> list[str]:
-    """Where readings are missing, between stretches of one part of a record."""
+    """Note gaps in the readings, between stretches of one part of a record."""
     gaps = [
         (float(one.t[-1]), float(other.t[0]))
         for one, other in itertools.pairwise(stretches)
@@ -457,7 +457,7 @@ def _judge_part(part: Trace) -> list[tuple[Trace, Regime]]:
 
 def _speed(trace: Trace) -> float:
     """Mean speed of the drive where it was measured; 1 elsewhere: one for all parts."""
-    speed = trace.told_velocity
+    speed = trace.measured_velocity
     return 1.0 if speed is None else float(np.abs(speed).mean())
 
 
@@ -475,8 +475,8 @@ def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
 
 
 def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
-    """The longest part of the kind that lasts longest, if the others agree; else
-    they are told in turn.
+    """Return the longest part of the kind that lasts longest, if the others agree; else
+    list them in turn.
     """
     lasts = Counter[Kind]()
     for each in parts:
@@ -496,8 +496,8 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     )
     if strokes:
         many = Counter(each.kind for each in parts).most_common()
-        told = ", ".join(f"{count} {kind}" for kind, count in many)
-        reason = f"reciprocating test, {strokes} strokes judged separately ({told}); "
+        counts = ", ".join(f"{count} {kind}" for kind, count in many)
+        reason = f"reciprocating test, {strokes} strokes judged separately ({counts}); "
         reason += seen.reason + ("" if agree else "; judge a part of the strokes")
         kind = kind if agree else OPEN
         return replace(
@@ -539,7 +539,7 @@ def _with_its_decay(seen: Regime, parts: Sequence[Regime]) -> Regime:
 
 
 def _until(run: Sequence[Regime]) -> str:
-    """When a row of parts ends, and where its speed changed, at which."""
+    """Return the end of a row of parts, with the new speed where that changed."""
     end = _end(run[-1])
     first = run[0].speeds
     last = run[-1].speeds
@@ -557,8 +557,8 @@ def _until(run: Sequence[Regime]) -> str:
 
 
 def _end(part: Regime) -> str:
-    """When a part ends, or the cycle after its last slip where two are missing: to a
-    thousandth of it.
+    """Return the end of a part, or of the cycle after its last slip where two are
+    missing: to a thousandth of it.
     """
     begin, end = part.window
     if part.kind == SLIPS and end - part.last_slip > 2.0 * part.period:
@@ -582,7 +582,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
             3,
         )
         notes.append(f"the force drifts by {drifts}")
-    slips = fast_ones(seen.trace, seen.found) if kind == SLIPS else seen.found
+    slips = fast_slips(seen.trace, seen.found) if kind == SLIPS else seen.found
     drop, _, drop_variation = mean_and_std(slips.drops)
     count = slips.size
     period, _, variation = mean_and_std(slips.waits)
@@ -626,8 +626,8 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
 
 
 def _last_slip(trace: Trace, slips: Slips) -> float:
-    """When the last drop ends that falls as fast, beside the rise before it, as a
-    slip does: the swings of a slider that comes to rest are slower.
+    """Return the end of the last drop that falls as fast, beside the rise before it, as
+    a slip does: the swings of a slider that comes to rest are slower.
     """
     t = trace.t
     rises = slips.loading_rates(t)
@@ -637,7 +637,7 @@ def _last_slip(trace: Trace, slips: Slips) -> float:
 
 
 def _driven_by_force(trace: Trace) -> str:
-    """What is seen of a slider that a force drives, which holds it at no speed."""
+    """Report the motion of a slider that a force drives, which holds it at no speed."""
     assert trace.rig is not None
     assert trace.X is not None
     late = trace.part(0.5 * float(trace.t[0] + trace.t[-1]))
@@ -649,7 +649,7 @@ def _driven_by_force(trace: Trace) -> str:
 
 
 def _find_fault(trace: Trace, seen: Window) -> str:
-    """Why a window has no regime: a fault of the sensor, or a drive that is not
+    """Return why a window has no regime: a fault of the sensor, or a drive that is not
     constant; empty if it may have one.
     """
     if trace.rig is not None and trace.rig.drive.force:

@@ -61,7 +61,9 @@ def _between(trace: Trace, times: list[float]) -> list[Trace]:
 
 
 def _steps(trace: Trace, count: int) -> list[float]:
-    """When the level or the amplitude of so many blocks of a force steps."""
+    """Return the times at which the level or the amplitude of `count` blocks of a force
+    steps.
+    """
     first = trace.t.size % count
     blocks = trace.force[first:].reshape(count, -1)
     series = _levels_and_amplitudes(blocks)
@@ -138,8 +140,8 @@ def _error(part: Array) -> Array:
 
 
 def _pauses(trace: Trace, found: Slips) -> list[float]:
-    """When the drops of a bench end and begin again: where a wait is longer than
-    chance makes it.
+    """Return the times at which the drops of a bench end and begin again: where a wait
+    is longer than chance makes it.
     """
     waits = found.waits
     if not trace.measured or waits.size < FEWEST_CYCLES:
@@ -156,8 +158,8 @@ def _pauses(trace: Trace, found: Slips) -> list[float]:
 
 
 def _edges(series: Array) -> list[int]:
-    """Where the segments begin that leave least squares, each at a price, and where
-    the last one ends.
+    """Return the begins of the segments that leave least squares, each at a price, and
+    the end of the last one.
     """
     count = series.shape[1]
     padded = np.pad(series, ((0, 0), (1, 0)))
@@ -189,9 +191,9 @@ def _likeliest(force: Array) -> int:
     rest = force - force.mean()
     floor = 1e-12 * float((rest**2).sum()) + 1e-300
     likely = np.zeros(count.size)
-    for way in (1, -1):
-        mean = rest[::way].cumsum()[1:-2] / count
-        square = (rest[::way] ** 2).cumsum()[1:-2] / count
+    for direction in (1, -1):
+        mean = rest[::direction].cumsum()[1:-2] / count
+        square = (rest[::direction] ** 2).cumsum()[1:-2] / count
         variance = np.maximum(square - mean**2, floor)
-        likely += (count * np.log(variance))[::way]
+        likely += (count * np.log(variance))[::direction]
     return int(count[np.argmin(likely)])

@@ -57,7 +57,7 @@ def resolution(force: Array) -> float:
 
 
 def note_saturation(force: Array) -> tuple[str, ...]:
-    """What looks like a fault of the sensor."""
+    """Note where the force looks saturated."""
     return tuple(
         f"the {edge}s of the force are flat at {extreme:.4g}: the sensor or its "
         "amplifier seems to be saturated; drops are larger than what was recorded"
@@ -109,7 +109,7 @@ def _stands_for_none(force: Array) -> Mask:
 
 
 def _unloaded(force: Array, others: Array) -> Mask:
-    """Which forces are smaller in size than all others: no load, rather than no
+    """Mark the forces that are smaller in size than all others: no load, rather than no
     reading.
     """
     return np.asarray(np.abs(force) < np.abs(others).min())

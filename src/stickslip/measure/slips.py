@@ -110,14 +110,14 @@ def weighted_median(values: NDArray[Any], weights: Array) -> float:
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:
-    """Drop that noise shows between two of so many samples, `within` so many of one
-    another; a tenth is to spare.
+    """Return the drop that noise shows between two of `size` samples, `within` that
+    many of one another; a tenth is to spare.
     """
     return 1.1 * noise * math.sqrt(4.0 * math.log(max(0.5 * size * within, 2.0)))
 
 
 def _typical_drop(force: Array, least: float) -> tuple[int, float]:
-    """How many drops of a force are at least so large, and the typical one."""
+    """Return the number of drops of at least this size, and the typical one."""
     peaks, troughs = turning_points(force, least)
     drops = force[peaks] - force[troughs]
     return peaks.size, weighted_median(drops, drops**2)
@@ -141,7 +141,7 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
 
 
 def without_waves(force: Array, width: int) -> Array:
-    """A force less its local quadratics over so many samples."""
+    """Subtract from a force its local quadratics over `width` samples."""
     # slow to load, and seldom needed
     from scipy.signal import oaconvolve, savgol_coeffs
 
@@ -233,7 +233,7 @@ def speeds(trace: Trace, found: Slips) -> Array:
     return found.fastest / np.maximum(np.abs(trace.drive[found.peak]), 1e-300)
 
 
-def fast_ones(trace: Trace, found: Slips) -> Slips:
+def fast_slips(trace: Trace, found: Slips) -> Slips:
     """Leave out slow drops, where the velocity is known and seen, and typical ones
     are fast.
     """

@@ -115,7 +115,7 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
 
 
 def _blocks(data: xr.Dataset, piece: Trace, size: int) -> pd.DataFrame:
-    """Speed and friction in blocks of so many readings of a record, or a stroke."""
+    """Return speed and friction in blocks of readings of a record, or a stroke."""
     import pandas as pd
 
     within = data.sel(time=slice(piece.t[0], piece.t[-1]))

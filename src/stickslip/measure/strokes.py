@@ -39,16 +39,16 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     offset = 0.5 * (even + odd)
     strokes = []
     for part, level in zip(parts, levels, strict=True):
-        way = 1.0 if level >= offset else -1.0
-        there = part.t[way * part.force >= way * level]
+        side = 1.0 if level >= offset else -1.0
+        there = part.t[side * part.force >= side * level]
         loaded = part.part(
             there[0],
             np.nextafter(there[-1], np.inf),
         )
         if loaded.t.size >= FEWEST_READINGS:
-            force = way * (loaded.force - offset)
+            force = side * (loaded.force - offset)
             largest = float(force.max())
-            sign = way * trace.sign
+            sign = side * trace.sign
             strokes.append(replace(loaded, force=force, sign=sign, largest=largest))
     if len(strokes) < 2:
         return [], math.nan, math.nan

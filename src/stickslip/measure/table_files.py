@@ -35,9 +35,9 @@ def read_table(
     raw: bytes, delimiter: str | None = None, decimal: str | None = None
 ) -> Table:
     """Find out how a file is laid out; `InputError` if it is no table."""
-    for magic, told in _EXPORTED.items():
+    for magic, export in _EXPORTED.items():
         if raw.startswith(magic):
-            raise InputError(f"is {told}")
+            raise InputError(f"is {export}")
     read = next(
         (read for magic, read in _READERS if raw.startswith(magic)),
         None,
@@ -182,19 +182,23 @@ def _of_tdms(raw: bytes) -> Table:
     headings = []
     steps = set()
     for path, _ in table.headings:
-        told = channels[path].properties
+        properties = channels[path].properties
         name, unit = Heading.read(channels[path].name)
-        unit = told.get("unit_string") or told.get("NI_UnitDescription") or unit
+        unit = (
+            properties.get("unit_string")
+            or properties.get("NI_UnitDescription")
+            or unit
+        )
         headings.append(Heading(name, str(unit)))
-        steps.add(_step_of(told))
+        steps.add(_step_of(properties))
     steps.discard(0.0)
     step = steps.pop() if len(steps) == 1 else None
     return table._replace(headings=with_coefficients(headings), step=step)
 
 
 def _step_of(properties: Mapping[str, Any]) -> float:
-    """Sampling interval of a channel of a TDMS file in s; 0 where it tells none, as
-    that of a spectrum, whose readings lie apart in 1/s.
+    """Return the sampling interval of a channel of a TDMS file in s; 0 where it has
+    none, as a spectrum, whose readings lie apart in 1/s.
     """
     step = float(properties.get("wf_increment") or 0.0)
     size = unit_size(str(properties.get("wf_xunit_string") or "s").strip())
@@ -208,4 +212,4 @@ _READERS = (
     (b"MATLAB 5.0", _of_matlab),
     (b"RIFF", _of_sound),
 )
-"""What reads a file, by its first bytes."""
+"""Readers of files, by their first bytes."""

@@ -47,8 +47,8 @@ _NUMBER = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
 )
 _BLANKS, _BEFORE_NUMBERS = " ", "  "
-"""What separates columns besides one character: blanks, or only those before a
-number, where units stand behind it.
+"""Separators of columns besides one character: blanks, or only those before a number,
+where units stand behind it.
 """
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
 _COMMAS = str.maketrans(".,", ",.")
@@ -106,7 +106,7 @@ def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
 
 
 class _Layout(NamedTuple):
-    """What separates the columns, and whether the decimal sign is a comma."""
+    """Separator of the columns, and whether the decimal sign is a comma."""
 
     mark: str
     comma: bool
@@ -120,19 +120,20 @@ class _Layout(NamedTuple):
         return next(rows, [""])
 
     def numbers(self, cells: Iterable[str], none: float = 0.0) -> float:
-        """Which part of the cells holds numbers, of those that do not say that they
-        have none.
+        """Return the fraction of the cells that hold numbers; cells that stand for no
+        value are left out.
         """
-        told = [
+        are_numbers = [
             read_cell(cell, self.comma)[0] is not None
             for cell in cells
             if cell.strip().lower() not in _NO_VALUE
         ]
-        return sum(told) / len(told) if told else none
+        return sum(are_numbers) / len(are_numbers) if are_numbers else none
 
     def fit(self, lines: list[str]) -> tuple[bool, float]:
-        """How well it parts lines: whether few of them hold a number within a cell
-        beside another mark, and which part of the cells are numbers.
+        """Return two measures of how well it parts lines: whether few of them hold a
+        number within a cell beside another mark, and the fraction of the cells that are
+        numbers.
         """
         rows = [self.split(line)[:_LOOKED_AT] for line in lines]
         cut = sum(any(map(self._is_cut, row)) for row in rows)
@@ -321,10 +322,10 @@ def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> _L
         raise refused("delimiter", delimiter, must)
     commas = [False, True] if decimal is None else [decimal == ","]
     some = sample[:: len(sample) // _LOOKED_AT + 1]
-    ways = (_Layout(mark, comma) for comma in commas for mark in marks)
+    layouts = (_Layout(mark, comma) for comma in commas for mark in marks)
     return max(
-        ways,
-        key=lambda way: way.fit(some),
+        layouts,
+        key=lambda layout: layout.fit(some),
     )
 
 
@@ -352,18 +353,18 @@ def _labview(
     headings.
     """
     mark = "\t" if layout.mark.isspace() else layout.mark
-    told = {
+    entries = {
         key: rest.split(mark)
         for key, _, rest in (line.partition(mark) for line in head)
     }
-    units = [unit.strip() for unit in told.get("Y_Unit_Label", []) if unit.strip()]
+    units = [unit.strip() for unit in entries.get("Y_Unit_Label", []) if unit.strip()]
     forces = [i for i in numeric if headings[i].quantity != "time"]
     for i, unit in zip(forces[-len(units) :], units, strict=False):
         headings[i] = Heading(
             headings[i].name,
             headings[i].unit or unit,
         )
-    return read_cell(told.get("Delta_X", [""])[0], layout.comma)[0] or None
+    return read_cell(entries.get("Delta_X", [""])[0], layout.comma)[0] or None
 
 
 def _is_surplus(beyond: pd.Series[Any], comma: bool) -> NDArray[np.bool_]:

@@ -51,7 +51,7 @@ _VARIABLES = {
     "drive": "drive_velocity",
     "displacement": "measured_displacement",
     "part_number": "part",
-    "told_velocity": "measured_velocity",
+    "measured_velocity": "measured_velocity",
 }
 
 
@@ -150,7 +150,7 @@ class Trace:
     drive: Array | None = None
     displacement: Array | None = None
     part_number: Array | None = None
-    told_velocity: Array | None = None  # of the drive, as measured beside the force
+    measured_velocity: Array | None = None  # of the drive, as measured beside the force
     rig: Rig | None = None
     contacts: int | None = None  # their number, where it is known
     measured: bool = False  # by a sensor with noise; False for a simulated run
@@ -190,11 +190,11 @@ class Trace:
             backwards = np.mean(drive) < 0
         sign = -1.0 if backwards else 1.0
         arrays |= _along_drive(arrays, sign)
-        velocity = data["measured_velocity"] if "told_velocity" in arrays else None
+        velocity = data["measured_velocity"] if "measured_velocity" in arrays else None
         measured = drive is None or "stiffness" in data.attrs
-        moves = arrays.get("told_velocity")
+        moves = arrays.get("measured_velocity")
         if moves is not None and drive is None and _is_of_the_slider(moves, force):
-            mean = float(arrays.pop("told_velocity").mean())
+            mean = float(arrays.pop("measured_velocity").mean())
             arrays["velocity"] = math.copysign(1.0, mean) * moves
             arrays["drive"] = np.full(force.size, abs(mean))
         rig = None
@@ -253,7 +253,7 @@ class Trace:
 
     @cached_property
     def steady_load_from(self) -> float:
-        """When the normal load of a run has come to its last value."""
+        """Time at which the normal load of a run has come to its last value."""
         if self.rig is None or not self.rig.drive.load:
             return -math.inf
         return self.rig.drive.load[-1].time * self.rig.unit("time")
@@ -278,9 +278,9 @@ class Trace:
         """The times or, where the velocity of the drive was measured, its travel over
         its mean velocity: by that a force climbs at one rate.
         """
-        if self.told_velocity is None:
+        if self.measured_velocity is None:
             return self.t
-        speed = np.abs(self.told_velocity)
+        speed = np.abs(self.measured_velocity)
         travel = cumulative_trapezoid(speed, self.t, initial=0)
         return self.length / travel[-1] * travel if travel[-1] > 0.0 else self.t
 
@@ -297,9 +297,9 @@ class Trace:
         """Measured speed of the drive at the beginning and at the end; None where it
         was not measured.
         """
-        if self.told_velocity is None:
+        if self.measured_velocity is None:
             return None
-        speed = np.abs(self.told_velocity)
+        speed = np.abs(self.measured_velocity)
         first, last = (
             float(np.median(part))
             for part in (speed[:FEWEST_READINGS], speed[-FEWEST_READINGS:])
@@ -327,14 +327,14 @@ class Trace:
 
     @property
     def stretches(self) -> list[Self]:
-        """What lies between gaps, or is a part by itself, in turn."""
+        """Stretches between gaps, and the parts of a record, in turn."""
         return [
             self.part(*ends)
             for ends in pairwise([self.t[0], *self.t[self.gaps + 1], math.inf])
         ]
 
     def part(self, begin: float, end: float = math.inf) -> Self:
-        """What comes from a time on, up to another."""
+        """Return the trace from a time on, up to another."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
         known = {
             name: values[inside]
@@ -430,7 +430,7 @@ def slope(values: Array, at: Array) -> float:
 
 
 def memory(rest: Array) -> float:
-    """How alike neighbouring residuals are, 0 to 1."""
+    """Return the correlation of neighbouring residuals, 0 to 1."""
     power = float(rest @ rest)
     return max(float(rest[1:] @ rest[:-1]) / power, 0.0) if power > 0 else 0.0
 

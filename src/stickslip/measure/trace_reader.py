@@ -146,11 +146,11 @@ def read_trace(
             "load": None if constant else load,
             "velocity": velocity,
         }
-        step_told = seconds or table.step or 0.0
-        chosen, taken = choose(table, asked, timed=bool(step_told))
+        interval = seconds or table.step or 0.0
+        chosen, taken = choose(table, asked, timed=bool(interval))
         if seconds:
             chosen.pop("time", None)
-        values, notes = _rows(table, chosen, step_told)
+        values, notes = _rows(table, chosen, interval)
         notes = [*table.notes, *taken, *notes]
         del table
         force_unit = chosen["force"].heading.unit
@@ -178,9 +178,9 @@ def read_trace(
 
 
 def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
-    """Which columns hold what, and how often the force was read, in words."""
+    """Describe in words which columns hold what, and how often the force was read."""
     order = [name for name in ("time", *_TEXTS) if name in chosen and name != "part"]
-    told = [f"{name}: {chosen[name]}" for name in order]
+    named = [f"{name}: {chosen[name]}" for name in order]
     usual = float(np.median(np.diff(data["time"])))
     each = words.engineering(
         usual,
@@ -188,7 +188,7 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     )
     return "; ".join(
         [
-            *told,
+            *named,
             f"{data.sizes['time']} readings, one each {each}",
         ]
     )
@@ -232,14 +232,15 @@ def _rows(
         step * np.arange(force.size, dtype=float),
     )
     bad = lines[~np.isfinite(times + force)].tolist()
-    told = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
+    shown_lines = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
     if len(bad) - none > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
         needed = (
             "each needs a finite number, in the unit of the others and not far "
             "outside the rest"
         )
         raise InputError(
-            f"{len(bad)} of {lines.size} rows cannot be read, first {told[0]}; {needed}"
+            f"{len(bad)} of {lines.size} rows cannot be read, first {shown_lines[0]}; "
+            f"{needed}"
         )
     if (left := lines.size - len(bad)) < FEWEST_READINGS:
         raise InputError(
@@ -250,10 +251,10 @@ def _rows(
     if not bad:
         return values, notes
     if len(bad) > 5:
-        told.append(f"and {len(bad) - 5} more")
+        shown_lines.append(f"and {len(bad) - 5} more")
     text = (
         "rows could not be read; the force there is interpolated in time "
-        f"({'; '.join(told)})"
+        f"({'; '.join(shown_lines)})"
     )
     return values, [
         *notes,
@@ -323,7 +324,7 @@ _TEXTS = {
     "part": ("part", "number of the test, or of its step"),
     "filled": ("filled", "row was unreadable, or a spike; force interpolated"),
 }
-"""What is kept of a trace: the name of each variable, and its title."""
+"""Variables of a trace that is read: the name of each, and its title."""
 
 
 def _dataset(

@@ -171,7 +171,7 @@ def _draw_test(ax: Axes, found: Fit) -> None:
 
 
 def _draw_intervals(ax: Axes, found: Fit) -> None:
-    """Where the interval of each parameter lies within its prior."""
+    """Draw the interval of each parameter within its prior."""
     for row, one in enumerate(found.parameters):
         low, middle, high = one.parts
         for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), BLUE)):

@@ -429,7 +429,7 @@ def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
 
 
 def _places(ax: Axes, x: Array, y: Array, written: list[Array]) -> Iterator[int]:
-    """Where along a curve its frequency is written: on the limit itself, inside the
+    """Yield places along a curve for its frequency: on the limit itself, inside the
     axes, and apart from each other.
     """
     places = ax.transAxes.inverted().transform(

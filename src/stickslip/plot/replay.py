@@ -35,8 +35,8 @@ _CONTACTS = 2_000  # contacts that are drawn for a rig whose solver has none
 
 
 class Frames(NamedTuple):
-    """Where everything is in each frame; times and forces in the rig's units,
-    displacements in ``x_s``.
+    """Positions, forces and contacts in each frame; times and forces in the rig's
+    units, displacements in ``x_s``.
     """
 
     times: Array

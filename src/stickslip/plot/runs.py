@@ -378,7 +378,7 @@ def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> tuple[float, float
 
 
 def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
-    """How large drops are, troughs over peaks, and drops over the time before them."""
+    """Draw the sizes of drops, troughs over peaks, and drops over their waits."""
     drop, peak, trough, recurrence = (
         events[name].assign_attrs(long_name=title)
         for name, title in (

@@ -118,7 +118,9 @@ class StepFit(FittedStep):
 
     @property
     def moved(self) -> str:
-        """What the trend moves by more than its quoted error, in words; or nothing."""
+        """Parameters that the trend moves by more than their quoted error, in words; or
+        nothing.
+        """
         how = f"with{'out' * self.with_trend} a linear trend"
         if self.other is None:
             return f"not identified {how}"

@@ -162,8 +162,9 @@ def _means(values: Array, size: int) -> Array:
 
 
 def _edges(t: Array, x: Array, noise: float) -> list[int]:
-    """Where the lines begin that leave least squares, each at a price, and where the
-    last one ends: optimal partitioning, pruned (Killick, Fearnhead and Eckley 2012).
+    """Return the begins of the lines that leave least squares, each at a price, and the
+    end of the last one: optimal partitioning, pruned (Killick, Fearnhead and Eckley
+    2012).
     """
     # A line that is none takes off so much by chance (chi squared with two degrees).
     price = 2.0 * noise**2 * math.log(t.size / CHANCE)
@@ -266,7 +267,9 @@ def _difference(one: Estimate, other: Estimate) -> float:
 
 
 def _crossing(before: _Line, after: _Line, t: Array, noise: float) -> Estimate:
-    """When two lines cross, or the middle between them if they cross elsewhere."""
+    """Return the time at which two lines cross, or the middle between them if they
+    cross elsewhere.
+    """
     last = float(t[before.end - 1])
     first = float(t[after.first])
     steeper = float(after.slope - before.slope)

@@ -247,8 +247,8 @@ def fit_record(
 
 
 def _unlikely(fits: Sequence[StepFit | UndecidedError]) -> tuple[int, float]:
-    """How many steps a law does not identify, and minus the logarithm of its
-    likelihood for the others.
+    """Return the number of steps that a law does not identify, and minus the logarithm
+    of its likelihood for the others.
     """
     found = [fit for fit in fits if isinstance(fit, StepFit)]
     logs = (fit.step.friction.size * math.log(fit.rms) for fit in found)
@@ -308,8 +308,8 @@ def _level(record: Record, begin: float, end: float) -> Estimate:
 
 
 def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
-    """When friction is largest, and how large: the vertex of the widest parabola about
-    it that leaves no more than the noise.
+    """Return the time and the size of the largest friction: the vertex of the widest
+    parabola about it that leaves no more than the noise.
     """
     noise = 1.4826 * float(np.median(np.abs(np.diff(friction, 2)))) / math.sqrt(6.0)
     best = (

@@ -279,7 +279,7 @@ def from_document(
 
 
 def _rig_of(given: object, run: Mapping[str, Any], speeds: Any, directory: Path) -> Rig:
-    """Read the rig of a sweep, to be simulated as ``[run]`` says."""
+    """Read the rig of a sweep, to be simulated as the table ``[run]`` has it."""
     place = "rig"
     if isinstance(given, str):
         place = f"rig: {Path(given).name}"
