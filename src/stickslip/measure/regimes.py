@@ -242,8 +242,8 @@ def regime(
     there is undecided, and so is one of which a change by a factor 2 from one half to
     the other is not excluded. What lies between gaps, between steps of the level or of
     the amplitude, and the strokes of a reciprocating test, is judged apart, and listed
-    in turn where it differs. Raises `InputError` if the data hold no force, or values that
-    are not finite, or nothing after `after`.
+    in turn where it differs. Raises `InputError` if the data hold no force, or values
+    that are not finite, or nothing after `after`.
 
     Parameters
     ----------
