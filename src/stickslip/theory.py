@@ -178,12 +178,7 @@ def effective_potential(
             "position, contact_force: must be of one shape, (n,), and positions must "
             "rise from 0 on"
         )
-    work = np.concatenate(
-        [
-            [0.0],
-            np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x)),
-        ]
-    )
+    work = cumulative_trapezoid(force, x, initial=0)
     return np.asarray(0.5 * slider.stiffness * (drive - x) ** 2 + work)
 
 

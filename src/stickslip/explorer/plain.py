@@ -143,9 +143,8 @@ def along_path(x: Array, y: Array, count: int = 1_200) -> tuple[Array, Array]:
     if x.size <= count:
         return x, y
     scales = [float(np.ptp(values)) or 1.0 for values in (x, y)]
-    way = np.concatenate(
-        [[0.0], np.cumsum(np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1]))]
-    )
+    steps = np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1])
+    way = np.append(0.0, steps.cumsum())
     kept = np.unique(
         np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, x.size - 1)
     )

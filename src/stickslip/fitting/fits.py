@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from stickslip.fitting.series_table import DRAWS, Observation, table
 from stickslip.fitting.summary import FITTED, HELD_OUT, NAMES
 from stickslip.measure.trace import Array
 from stickslip.model.rig import Rig
-from stickslip.progress import reporting
+from stickslip.progress import Progress, reporting
 from stickslip.rate_state.fitting import Estimate
 from stickslip.words import engineering
 
@@ -370,7 +370,7 @@ def fit(
     holds: bench.Pairs = (),
     draws: int = DRAWS,
     seed: int = 0,
-    progress: Callable[[float], None] | bool | None = None,
+    progress: Progress | bool | None = None,
 ) -> Fit:
     """Fit the interface behind a measured stick-slip trace.
 

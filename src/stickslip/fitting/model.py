@@ -12,6 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import xarray as xr
 
+from stickslip.arrays import Range
 from stickslip.errors import InputError, number, pair, refused, whole
 from stickslip.measure.trace import Array
 from stickslip.model.records import Number, Record
@@ -75,7 +76,6 @@ UNKNOWNS = (
 )
 KEYS = tuple(unknown.key for unknown in UNKNOWNS)
 _DECADES = np.array([unknown.decades for unknown in UNKNOWNS])
-Range = tuple[float, float]
 
 
 @dataclass(frozen=True, kw_only=True)

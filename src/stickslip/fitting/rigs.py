@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from stickslip.arrays import Range
 from stickslip.errors import InputError, number
 from stickslip.fitting.bench import Known, drawn, in_si, newtons, seconds
 from stickslip.fitting.events import RESOLVED, Events, pick_events, with_unit
@@ -243,7 +244,7 @@ def remade(rig: Rig, events: Events, known: Known) -> Events:
     )
 
 
-def friction_ratio_range() -> tuple[float, float]:
+def friction_ratio_range() -> Range:
     """Return the least and the largest ratio of static to kinetic friction of which
     `quick_fit` can make a rig.
     """

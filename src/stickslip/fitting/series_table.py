@@ -30,6 +30,7 @@ from stickslip.fitting.summary import statistics
 from stickslip.io import files
 from stickslip.kernels.turning_points import Recording, observe, pick
 from stickslip.measure.trace import Array
+from stickslip.progress import Progress
 
 DRAWS = 6_000  # from the prior, in a table of usual size
 _BLOCK = 250  # draws of a block of the table
@@ -90,7 +91,7 @@ def table(
     slips: int = SLIPS,
     seed: int = 0,
     executor: Executor | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> SeriesTable:
     """Return the table of a prior: from the cache as far as it is there, the rest
     simulated and kept.

@@ -1,13 +1,13 @@
 """Values that the command line sets in a rig: ``--set drive.velocity="2 mm/s"``."""
 
 import copy
-import os
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from stickslip.errors import InputError, shortened
+from stickslip.io.files import FileName
 from stickslip.io.rig_files import content_of, read_rig
 from stickslip.io.rig_keys import RULES
 from stickslip.io.rig_reader import from_document
@@ -15,7 +15,7 @@ from stickslip.io.rig_writer import Document
 from stickslip.model.rig import Rig
 
 
-def read_rig_with(path: str | os.PathLike[str], settings: Sequence[str]) -> Rig:
+def read_rig_with(path: FileName, settings: Sequence[str]) -> Rig:
     """Read a rig from a file or an example, with other values of some of its keys.
 
     Each setting is ``table.key=value``. A key takes the place of those that say the

@@ -278,19 +278,12 @@ def _table(
     import pandas as pd
 
     frame = pd.DataFrame(rows, columns=names.split()).sort_values("start")
-    of = {
-        name: values.to_numpy(dtype=int if "block" in name else float)
-        for name, values in frame.items()
-    }
-    return {
-        name: labelled(
-            _COLUMNS[name][1],
-            along,
-            of[name],
-            _COLUMNS[name][0].format_map(units),
-        )
-        for name in of
-    }
+    found = {}
+    for name in frame:
+        unit, title = _COLUMNS[name]
+        values = frame[name].to_numpy(dtype=int if "block" in name else float)
+        found[name] = labelled(title, along, values, unit.format_map(units))
+    return found
 
 
 def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from stickslip import words
 from stickslip.answers import Answer
+from stickslip.arrays import Range
 from stickslip.errors import InputError, number
 from stickslip.measure.features import (
     CLIMBS,
@@ -73,7 +74,7 @@ class Regime(Answer):
 
     reason: str  #: why, in plain words
     #: start and end of the stretch that was evaluated, in the unit of `t`
-    window: tuple[float, float]
+    window: Range
     peak_to_peak: float  #: of the force of the driving spring in the window
     mean_force: float  #: of the driving spring in the window
     #: largest force in all of the data: what amplitudes are compared with
@@ -99,7 +100,7 @@ class Regime(Answer):
     falling_rate: float | None = None
     drive_velocity: float | None = None  #: mean in the window, where it is known
     #: measured speed of the drive at the beginning and at the end of the window
-    speeds: tuple[float, float] | None = None
+    speeds: Range | None = None
     #: of the slider, over that of the drive, where they are known
     largest_velocity: float | None = None
     #: fraction of the time in which the slider is slower than a quarter of the drive

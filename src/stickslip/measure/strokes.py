@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stickslip.arrays import Range
 from stickslip.measure.periods import rises
 from stickslip.measure.slips import turning_points
 from stickslip.measure.trace import FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
@@ -93,7 +94,7 @@ def _reversals(trace: Trace) -> list[int]:
     return edges if enough else []
 
 
-def _plateaus(force: Array) -> tuple[float, float] | None:
+def _plateaus(force: Array) -> Range | None:
     """Two levels that a force takes in turn; None if they do not explain it."""
     low, high = (float(edge) for edge in np.quantile(force, (0.05, 0.95)))
     middle = math.nan

@@ -18,7 +18,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import ndtr
 
 from stickslip.arrays import Array as Array
-from stickslip.arrays import units_of
+from stickslip.arrays import Range, units_of
 from stickslip.errors import SMALLEST, InputError, extreme, printable, whole
 from stickslip.model import Rig
 from stickslip.model.methods import DRAWN
@@ -293,7 +293,7 @@ class Trace:
         return self.velocity / drive if self.velocity is not None and drive else None
 
     @property
-    def speeds(self) -> tuple[float, float] | None:
+    def speeds(self) -> Range | None:
         """Measured speed of the drive at the beginning and at the end; None where it
         was not measured.
         """

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, Range
 from stickslip.errors import InputError, number
 from stickslip.model import Contacts, Drive, constant
 from stickslip.model.rig import Rig
@@ -124,7 +124,7 @@ def lasting(rig: Rig, duration: float) -> Rig:
     return replace(rig, drive=Drive(tuple(pieces)))
 
 
-def _window(rig: Rig, at: float) -> tuple[float, float]:
+def _window(rig: Rig, at: float) -> Range:
     """From when to when: some cycles from a little before a time on."""
     slider = rig.slider
     duration = rig.drive.duration
@@ -164,7 +164,7 @@ def _frame_times(
     seen = run["time"].values >= begin
     t = run["time"].values[seen]
     X = run["displacement"].values[seen]
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(X)))])
+    way = np.append(0.0, np.abs(np.diff(X)).cumsum())
     clock = (1 - _MOVING) * (t - t[0]) / (t[-1] - t[0]) + _MOVING * way / (
         way[-1] or 1.0
     )

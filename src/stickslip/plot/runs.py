@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from stickslip.arrays import units_of
+from stickslip.arrays import Range, units_of
 from stickslip.errors import printable
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.fronts import is_of_a_chain
@@ -142,7 +142,8 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
     Select of a run what comes after the transient: ``run.sel(time=slice(10, None))``.
     """
-    speed, force = (variable(run, name) for name in ("velocity", "spring_force"))
+    speed = variable(run, "velocity")
+    force = variable(run, "spring_force")
     ax = given_or_new(ax)
     ax.plot(
         speed,
@@ -363,7 +364,7 @@ def _shade_parts(ax: Axes, seen: Regime) -> None:
         legend_above(ax)
 
 
-def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> tuple[float, float]:
+def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> Range:
     """Draw six slips from the middle of a trace, and return the times between which
     they lie.
     """

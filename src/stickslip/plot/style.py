@@ -4,7 +4,6 @@ files.
 
 import io
 import math
-import os
 import re
 import tempfile
 from collections.abc import Iterator
@@ -26,6 +25,7 @@ from stickslip.arrays import Array as Array
 from stickslip.arrays import units_of
 from stickslip.errors import InputError, printable
 from stickslip.io import files
+from stickslip.io.files import FileName
 from stickslip.measure.trace import check_numbers
 from stickslip.plot.palette import COLUMN, PAGE
 from stickslip.words import prefixed
@@ -265,7 +265,7 @@ def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]
     return x[kept], y[kept]
 
 
-def format_of(path: str | os.PathLike[str], kind: str = "") -> str:
+def format_of(path: FileName, kind: str = "") -> str:
     """Return the format of a picture, film, sound or page, by the suffix of its
     name; else `InputError`.
     """
@@ -277,9 +277,7 @@ def format_of(path: str | os.PathLike[str], kind: str = "") -> str:
     return suffix
 
 
-def save(
-    shown: Figure | FuncAnimation | tuple[int, Array], path: str | os.PathLike[str]
-) -> Path:
+def save(shown: Figure | FuncAnimation | tuple[int, Array], path: FileName) -> Path:
     """Write a figure as PNG, SVG or PDF, by suffix, a film as GIF, a sound as WAV;
     whole or not at all.
     """

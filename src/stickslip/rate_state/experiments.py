@@ -13,7 +13,7 @@ import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
 from stickslip.answers import Answer
-from stickslip.arrays import units_of
+from stickslip.arrays import Range, units_of
 from stickslip.errors import InputError, instance, number, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.trace import ERRORS, Array
@@ -156,7 +156,7 @@ class Record(NamedTuple):
         self,
         before: Piece,
         after: Piece,
-        span: tuple[float, float] | None = None,
+        span: Range | None = None,
         bins: int = 800,
     ) -> Step:
         """Cut out the step between two pieces, in bins of displacement."""
@@ -209,7 +209,7 @@ def velocity_step_in(
     at: float | None,
     before: float | None = None,
     after: float | None = None,
-    span: tuple[float, float] | None = None,
+    span: Range | None = None,
     bins: int = 800,
 ) -> Step:
     """Cut a velocity step out of a run or a measured trace, in bins of displacement.

@@ -3,13 +3,13 @@ tandem, DiaBayes, rsfmodel.
 """
 
 import math
-import os
 from importlib import resources
 from string import Template
 from typing import Literal, get_args
 
 from stickslip.errors import InputError, instance, refused
 from stickslip.io import files
+from stickslip.io.files import FileName
 from stickslip.model.quantities import read_value
 from stickslip.model.units import Scales, engineering
 from stickslip.rate_state.equivalent_law import RateAndStateFit
@@ -24,7 +24,7 @@ def export_rate_and_state(
     scales: Scales,
     load: str | float,
     area: str | float | None = None,
-    path: str | os.PathLike[str] | None = None,
+    path: FileName | None = None,
 ) -> str:
     """Write the rate-and-state parameters of an interface as the input of another
     program.
@@ -82,9 +82,8 @@ def export_rate_and_state(
             "area such as '1 cm^2'"
         )
     si = fit.in_units(scales)
-    speed, faster = (
-        engineering(value, "m/s") for value in (si.velocity, si.velocity * si.step)
-    )
+    speed = engineering(si.velocity, "m/s")
+    faster = engineering(si.velocity * si.step, "m/s")
     notes = (
         (
             f"Rate-and-state parameters of an interface of contacts, for {program}, "

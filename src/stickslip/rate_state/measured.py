@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from stickslip.answers import Answer
+from stickslip.arrays import Range
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import Array, independent
@@ -113,8 +114,12 @@ class StepFit(FittedStep):
     @property
     def values(self) -> dict[str, Estimate]:
         """a, b, a - b and D."""
-        found = (self.a, self.b, self.a_minus_b, self.distance)
-        return dict(zip(("a", "b", "a - b", "D"), found, strict=True))
+        return {
+            "a": self.a,
+            "b": self.b,
+            "a - b": self.a_minus_b,
+            "D": self.distance,
+        }
 
     @property
     def moved(self) -> str:
@@ -209,7 +214,7 @@ def _fitted(
     kind: type[AnyFit],
     step: Step,
     given: Mapping[str, Any],
-    ranges: Mapping[str, tuple[float, float]],
+    ranges: Mapping[str, Range],
     starts: Sequence[Array],
     *,
     trend: bool,
@@ -304,7 +309,7 @@ def fit_rate_and_state(
     after: float | None = None,
     law: Literal["best", "ageing", "slip"] = "best",
     stiffness: float | None = None,
-    span: tuple[float, float] | None = None,
+    span: Range | None = None,
     trend: bool = True,
 ) -> StepFit:
     """Fit rate-and-state parameters to a velocity step of a run or of a measured trace,

@@ -102,7 +102,8 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
     level, slope, middle = values[which].T
     clean = place[0] + level + slope * (when - middle)
     # What is alike from reading to reading is no noise: the load point moved so.
-    smooth = clean + memory(place - clean) * (place - clean)
+    rest = place - clean
+    smooth = clean + memory(rest) * rest
     if not runs:
         return [], smooth
     found = list[Piece]()
@@ -111,12 +112,12 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
         (Estimate(0.0), *crossings), (*crossings, t[-1]), runs, strict=True
     ):
         velocity = _joined(t, x, run, noise).slope
-        rest = max(
+        slowest = max(
             ERRORS * velocity.error,
             CONSTANT_DRIVE * fastest,
         )
         fastest = abs(velocity)
-        if fastest < rest:
+        if fastest < slowest:
             velocity = Estimate(0.0, velocity.error)
         piece = Piece(
             begin=float(time[0]) + float(begin),

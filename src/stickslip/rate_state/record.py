@@ -13,6 +13,7 @@ import xarray as xr
 from scipy.signal import savgol_filter
 
 from stickslip.answers import Answer, plain
+from stickslip.arrays import Range
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import RESTS, Array, independent
@@ -142,7 +143,7 @@ def fit_record(
     *,
     law: Literal["best", "ageing", "slip"] = "best",
     stiffness: float | None = None,
-    span: tuple[float, float] | None = None,
+    span: Range | None = None,
     trend: bool = True,
     progress: bool | Progress | None = None,
 ) -> RecordFit:

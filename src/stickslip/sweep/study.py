@@ -22,6 +22,18 @@ FROM_REST, FROM_SLIDING = "from rest", "sliding"
 PERTURBATION = 0.02
 
 
+# results of a case that a regime holds under the same name
+_SAME = (
+    "peak_to_peak",
+    "mean_force",
+    "period",
+    "period_variation",
+    "drop",
+    "drop_variation",
+    "trend",
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Study:
     """Rig and length of the runs of a sweep; called with the values of the axes, it
@@ -67,17 +79,9 @@ class Study:
             seen = regime(simulate(replace(rig, drive=drive), long=True))
             if seen.kind != "undecided":
                 break
-        numbers = {
-            "peak_to_peak": seen.peak_to_peak,
-            "mean_force": seen.mean_force,
-            "period": seen.period,
-            "period_variation": seen.period_variation,
-            "drop": seen.drop,
-            "drop_variation": seen.drop_variation,
-            "trend": seen.trend,
-            "slips": seen.cycles,
-            "travel": drive.duration * rig.velocity,
-        }
+        numbers = {name: getattr(seen, name) for name in _SAME}
+        numbers["slips"] = seen.cycles
+        numbers["travel"] = drive.duration * rig.velocity
         fastest = math.nan if seen.largest_velocity is None else seen.largest_velocity
         numbers["largest_velocity"] = (seen.drive_velocity or math.nan) * fastest
         found: dict[str, float | str] = {"regime": seen.kind, "reason": seen.reason}

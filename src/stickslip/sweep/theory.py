@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import xarray as xr
 
+from stickslip.arrays import Range
 from stickslip.cycles import bistable_range, bistable_region
 from stickslip.errors import InputError, UndecidedError
 from stickslip.model import Rig
@@ -64,7 +65,7 @@ def with_theory(
     ).assign_attrs(theory=words)
 
 
-def _reach(axis: xr.DataArray) -> tuple[float, float]:
+def _reach(axis: xr.DataArray) -> Range:
     """Ends of an axis, half a step beyond its values where that makes sense: cells
     reach so far.
     """
@@ -80,7 +81,7 @@ def _reach(axis: xr.DataArray) -> tuple[float, float]:
 
 def _in_plane(
     rig: Rig,
-    ranges: dict[str, tuple[float, float]],
+    ranges: dict[str, Range],
     bistable: bool,
     progress: Progress | None,
 ) -> xr.Dataset:
@@ -107,9 +108,7 @@ def _in_plane(
     return found.drop_attrs(deep=False)
 
 
-def _on_line(
-    rig: Rig, ranges: dict[str, tuple[float, float]], bistable: bool
-) -> xr.Dataset:
+def _on_line(rig: Rig, ranges: dict[str, Range], bistable: bool) -> xr.Dataset:
     ((parameter, between),) = ranges.items()
     edges = critical(rig, parameter, between=between).edges
     bands = list(bistable_range(rig, parameter, between=between)) if bistable else []
