@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import solve_banded
 from scipy.optimize import brentq
 from scipy.special import exprel
