@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from stickslip.answers import Answer
+from stickslip.arrays import labelled
 from stickslip.errors import InputError, instance, number
 from stickslip.fitting.model import FLOOR, SLIPS
 from stickslip.fitting.summary import FITTED, comparable, resampled, statistics
@@ -191,16 +192,15 @@ class Events(Answer):
                 "loading rate before the slip",
             ),
         }
+        found = {
+            name: labelled(title, "slip", x, unit)
+            for name, (x, unit, title) in of_slips.items()
+        }
+        found["spring_force"] = labelled("force", "time", self.force, f)
         return xr.Dataset(
+            found,
+            {"time": labelled("time", "time", self.time, t)},
             {
-                name: ("slip", x, {"units": unit, "long_name": title})
-                for name, (x, unit, title) in of_slips.items()
-            }
-            | {
-                "spring_force": ("time", self.force, {"units": f, "long_name": "force"})
-            },
-            coords={"time": ("time", self.time, {"units": t, "long_name": "time"})},
-            attrs={
                 "source": self.source,
                 "smallest": self.smallest,
                 "noise": self.noise,

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import xarray as xr
 
-from stickslip.arrays import Range
+from stickslip.arrays import Range, labelled
 from stickslip.errors import InputError, number, pair, refused, whole
 from stickslip.measure.trace import Array
 from stickslip.model.records import Number, Record
@@ -236,25 +236,15 @@ def sampled(
     rng: np.random.Generator,
 ) -> xr.Dataset:
     """Sample a saw of these peaks and troughs, from rest on, in N and s."""
-    ends = np.concatenate([[0.0], troughs[:-1]])
+    ends = np.append(0.0, troughs[:-1])
     rises = (peaks - ends) / rate
     falls = np.full(peaks.size, _SAMPLES_OF_A_SLIP * step)
-    knots = np.concatenate(
-        [
-            [0.0],
-            np.cumsum(np.column_stack([rises, falls]).ravel()),
-        ]
-    )
-    force = np.concatenate(
-        [
-            [0.0],
-            np.column_stack([peaks, troughs]).ravel(),
-        ]
-    )
+    knots = np.append(0.0, np.column_stack([rises, falls]).cumsum())
+    force = np.append(0.0, np.column_stack([peaks, troughs]))
     time = np.arange(0.0, knots[-1], step)
     values = np.interp(time, knots, force) + noise * rng.standard_normal(time.size)
     return xr.Dataset(
-        {"spring_force": ("time", values, {"units": "N", "long_name": "force"})},
-        coords={"time": ("time", time, {"units": "s", "long_name": "time"})},
-        attrs={"source": "synthetic trace"},
+        {"spring_force": labelled("force", "time", values, "N")},
+        {"time": labelled("time", "time", time, "s")},
+        {"source": "synthetic trace"},
     )

@@ -43,6 +43,7 @@ from stickslip.model.units import Scales, si_unit
 
 _NUMBER = re.compile(r"\d*\.?\d+(?:e[-+]?\d+)?( \S+)?")  # with or without a unit
 _START = "simulation.start"
+_SPEED = replace(TABLES["drive"]["velocity"], sign="above 0", also=(), required=True)
 _SPEEDS = (
     toml(["1 mm/s", "10 mm/s"]) + " or " + toml({"from": "1 mm/s", "to": "50 mm/s"})
 )
@@ -92,7 +93,7 @@ class _Reader:
         self.document = document
         self.file = Tables(natural=document.get("units") == "natural")
         self.body = next(
-            (name for name in reversed(["slider", *BODIES]) if name in document),
+            (name for name in reversed([*BODIES]) if name in document),
             "slider",
         )
         self.kind = structure_kind(document)
@@ -105,7 +106,7 @@ class _Reader:
         one_body = Either("slider", *BODIES)
         top = file.table(
             self.document,
-            {**{name: Key({}) for name in BODIES}, **rig_keys.TOP},
+            {**dict.fromkeys(BODIES, Key({})), **rig_keys.TOP},
             rules=(one_body,),
         )
         names = (self.body, "interface", "drive", "simulation")
@@ -118,10 +119,11 @@ class _Reader:
             file.missing("interface.normal_load", TABLES["interface"]["normal_load"])
         # What cannot be read is noted, and the rest is looked through.
         self.length = interface.get("breaking_displacement", 1.0)
-        for name in (name for name in rig_keys.KINDS if name in interface):
-            interface[name] = file.part(
-                partial(self._record, interface[name], f"interface.{name}")
-            )
+        for name in rig_keys.KINDS:
+            if name in interface:
+                interface[name] = file.part(
+                    partial(self._record, interface[name], f"interface.{name}")
+                )
         measured = file.part(partial(self._measured, interface))
         driven = file.part(partial(self._drive, drive, interface.get("normal_load")))
         feasible = self._feasible(top.get("feasible", {}))
@@ -143,11 +145,8 @@ class _Reader:
         measured = self._by_curve(interface, measured, blocks)
         scales = self._scales(interface, pulled, blocks)
         interface["sliding_force"] /= blocks
-        speeds |= {
-            name: value / blocks
-            for name, value in interface.items()
-            if name == "normal_load"
-        }
+        if "normal_load" in interface:
+            speeds["normal_load"] = interface["normal_load"] / blocks
         method = self._method(simulation)
         speeds["friction"] = measured
         speeds["feasible"] = converted_ranges(feasible, scales.natural)
@@ -171,7 +170,8 @@ class _Reader:
                     for name in ("mu_s", "mu_k", "v_half", "friction")
                     if name in interface
                 ),
-                **{name: top[name] for name in ("name", "source")},
+                name=top["name"],
+                source=top["source"],
             )
             rig = converted(rig, scales.natural)
         return self._with_what_follows(rig, scales, slider | interface | drive)
@@ -318,23 +318,12 @@ class _Reader:
         # In the units of the file: what follows from the material can be written into
         # it again, bit for bit.
         material = {
-            direct: name
+            direct: values[name] * shape[direct]
             for direct, name in MATERIAL.get(self.body, {}).items()
             if name in values
         }
-        made = (
-            {"damping": 0.0}
-            | values
-            | {
-                direct: values[name] * shape[direct]
-                for direct, name in material.items()
-            }
-        )
-        return _made(
-            BODIES.get(self.body, Slider),
-            made,
-            self.body,
-        )
+        kind = BODIES.get(self.body, Slider)
+        return _made(kind, {"damping": 0.0} | values | material, self.body)
 
     def _check_body(self, values: Values) -> None:
         """Note missing keys that a damping ratio or the material needs."""
@@ -428,18 +417,13 @@ class _Reader:
 
     def _speeds(self, content: Any, place: str) -> tuple[float, Values]:
         """Return the speed that is simulated, and all speeds of a list or a range."""
-        key = replace(
-            TABLES["drive"]["velocity"], sign="above 0", also=(), required=True
-        )
         if isinstance(content, list) and content:
-            speeds = replace(key, example=[key.example]).read(
-                content, place, natural=self.file.natural
-            )
+            several = replace(_SPEED, example=[_SPEED.example])
+            speeds = several.read(content, place, natural=self.file.natural)
             return speeds[0], {"speeds": speeds}
         if isinstance(content, Mapping):
-            low, high = self.file.whole(
-                content, {"from": key, "to": key}, place
-            ).values()
+            ends = dict.fromkeys(("from", "to"), _SPEED)
+            low, high = self.file.whole(content, ends, place).values()
             if low < high:
                 return math.sqrt(low * high), {"between": (low, high)}
         if isinstance(content, (list, Mapping)):
@@ -491,7 +475,6 @@ class _Reader:
         if "friction" not in interface:
             return None
         place = "interface.friction"
-        velocity = replace(TABLES["drive"]["velocity"], sign="above 0", also=())
         force = TABLES["interface"]["contact_strength"]
         points = interface["friction"]
         signs: tuple[Sign, Sign] = ("above 0", "at least 0")
@@ -504,7 +487,7 @@ class _Reader:
             if not isinstance(point, list) or len(point) not in (2, 3):
                 example = toml(TABLES["interface"]["friction"].example[0])
                 raise refused(where, point, f"must be a point, such as {example}")
-            row = [velocity.read(point[0], where, natural=self.file.natural)]
+            row = [_SPEED.read(point[0], where, natural=self.file.natural)]
             for value, sign in zip(point[1:], signs, strict=False):
                 if isinstance(value, str):
                     key = replace(force, sign=sign)
@@ -574,13 +557,10 @@ class _Reader:
             from stickslip.sliding.rigid_motion import thresholds_or_even
 
             with at("interface.mu_s"):
-                found = thresholds_or_even(
+                interface["thresholds"], strength = thresholds_or_even(
                     interface["mu_s"], interface["mu_k"], interface["initial"]
                 )
-            interface["thresholds"], strength = (
-                found[0],
-                found[1] * interface["normal_load"],
-            )
+            strength *= interface["normal_load"]
         fastest = max(map(abs, drive.velocities), default=0.0)
         x_s = self.length
         # The unit of time drops out of every result; this one keeps the numbers near 1.

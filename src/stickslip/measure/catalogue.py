@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip import words
-from stickslip.arrays import units_of
+from stickslip.arrays import labelled, units_of
 from stickslip.errors import number, printable
 from stickslip.measure.features import Window, look_past_waves
 from stickslip.measure.regimes import Regime, judged
@@ -204,7 +204,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
         columns.append(("peak_velocity", found.fastest, speed, fastest))
     return xr.Dataset(
         {
-            key: ("event", values, {"units": unit, "long_name": title})
+            key: labelled(title, "event", values, unit)
             for key, values, unit, title in columns
         },
         attrs={

@@ -62,12 +62,11 @@ def columns(content: bytes) -> list[Column]:
     numbers = table.read(table.numeric)
     names = [simple(heading.name) for heading in table.headings]
     found = []
-    for i, heading in enumerate(table.headings):
-        if i not in numbers:
-            continue
+    for i, values in numbers.items():
+        heading = table.headings[i]
         is_alone = bool(names[i]) and names.count(names[i]) == 1
         key = heading.name if is_alone else str(i + 1)
-        low, high, rises = _range(numbers[i])
+        low, high, rises = _range(values)
         preview = f"{low} to {high}" if high else "no numbers"
         title = f"{i + 1}: {heading}".strip(": ")
         found.append(

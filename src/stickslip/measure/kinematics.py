@@ -280,8 +280,8 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
             "kinematics: needs a trace with the motion of its slider, as motion() "
             "returns it"
         )
-    metre = (_units_of(trace)[0] or 1.0) / float(data.attrs["stiffness"])
-    second = _units_of(trace)[1] or 1.0
+    newton, second = (unit or 1.0 for unit in _units_of(trace))
+    metre = newton / float(data.attrs["stiffness"])
     found = find_slips(trace)
     wait, _, of_waits = mean_and_std(found.waits)
     drop, _, of_drops = mean_and_std(found.drops)

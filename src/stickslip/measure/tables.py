@@ -243,13 +243,13 @@ def read_text(
     headings = headings_of(named, width)
     step = _labview(labview, headings, numeric, layout)
     units = {}
+    clocks = {i for i in numeric if ":" in columns[i][0]}
     for i in numeric:
         units[i] = mode(read_cell(cell, layout.comma)[1] for cell in columns[i])
-        if ":" in columns[i][0]:  # its heading may hold the form of a clock, hh:mm:ss
+        if i in clocks:  # its heading may hold the form of a clock, hh:mm:ss
             headings[i] = Heading(headings[i].name or "time", "s")
         headings[i] = _with_unit_of_cells(headings[i], units[i], i)
     quoted = '"' in "".join(sample)
-    clocks = {i for i in numeric if ":" in columns[i][0]}
     begins = lines.begins[start:-1]
     ends = [end.start() + 1 for end in _NO_ROW.finditer(raw, begins[0])]
     keep = ~np.isin(begins, ends)

@@ -93,7 +93,7 @@ def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
             "measure: data must be a Dataset, as read_trace() returns, or a force with "
             "its times"
         )
-    time = data["time"] if "time" in data.coords else xr.DataArray(0)
+    time = data.coords.get("time", xr.DataArray(0))
     if time.ndim != 1 or time.size < 2:
         return data
     times = time.values
@@ -103,7 +103,7 @@ def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
         attrs = {"units": "s", "long_name": "time"}
     elif time.dtype.kind in "fiu" and "drive_velocity" not in data:
         first = float(times[0])
-        length = float(times[-1]) - float(times[0])
+        length = float(times[-1]) - first
         if math.isfinite(first) and abs(first) > _FAR * length > 0.0:
             times = (times - times[0]).astype(float)
     return data.assign_coords(time=("time", times, attrs))

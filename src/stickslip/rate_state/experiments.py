@@ -22,6 +22,16 @@ from stickslip.rate_state.pieces import Piece, find_pieces
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 """Variables that may hold the friction, in the order in which they are looked for."""
+_PLACES = (
+    "measured_displacement",
+    "measured_velocity",
+    "drive_velocity",
+    "velocity",
+    "displacement",
+)
+"""Variables that may hold the motion of the load point, in this order: of a run, whose
+velocity is known, the displacement is that of its slider.
+"""
 _FEWEST = 30  # samples after a step
 
 
@@ -109,14 +119,7 @@ class Record(NamedTuple):
                 "data: holds no friction along a time; it must have one of "
                 f"{', '.join(_FRICTIONS)}"
             )
-        # Of a run the displacement is that of its slider, which is not the load point.
-        measured = ("measured_displacement", "measured_velocity")
-        places = (*measured, "drive_velocity", "displacement", "velocity")
-        skipped = ("displacement",) if "velocity" in data else ()
-        along = next(
-            (one for one in places if one in data and one not in skipped),
-            None,
-        )
+        along = next((one for one in _PLACES if one in data), None)
         rows = pd.DataFrame(
             {one: data[one].values.astype(float) for one in (name, along) if one},
             index=data["time"].values.astype(float),
