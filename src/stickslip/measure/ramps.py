@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import median_filter
 
@@ -30,6 +31,12 @@ _WAYS = (
 _LEVEL = 0.4
 _WINDOW = 4.0
 _TIMES = {"begin": "start", "middle": "middle", "end": "end"}
+_OF = {
+    "peak_to_peak": "spring_force",
+    "drive_velocity": "velocity",
+    "travel": "displacement",
+}
+"""Variables of a run in whose units the columns of its windows are; else its times."""
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
@@ -181,47 +188,28 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
             f"transitions: fewer than {_PARTS} samples in some {windows}: record more "
             "often"
         )
-    high, low = (
-        extreme.reduce(
-            np.lib.stride_tricks.sliding_window_view(
-                extreme.reduceat(trace.force, begins), _PARTS
-            ),
-            axis=1,
-        )
-        for extreme in (np.maximum, np.minimum)
-    )
+    highest = np.maximum.reduceat(trace.force, begins)
+    lowest = np.minimum.reduceat(trace.force, begins)
+    high = sliding_window_view(highest, _PARTS).max(axis=1)
+    low = sliding_window_view(lowest, _PARTS).min(axis=1)
     begin = begin[: high.size]
     place, times = (
         [np.interp(begin + part, gone, of) for part in (0.0, 0.5, 1.0)]
         for of in (travel, trace.t)
     )
-    columns = (
-        (
-            "peak_to_peak",
-            "peak to peak of the spring force",
-            high - low,
-            "spring_force",
-        ),
-        (
-            "drive_velocity",
-            "velocity of the drive",
-            trace.sign * np.interp(times[1], trace.t, trace.drive),
-            "velocity",
-        ),
-        *(
-            (name, f"{_TIMES[name]} of the window", at, "time")
-            for name, at in zip(_TIMES, times, strict=True)
-        ),
-        ("travel", "travel of the drive", place[1], "displacement"),
-    )
+    drive = trace.sign * np.interp(times[1], trace.t, trace.drive)
+    columns = {
+        "peak_to_peak": ("peak to peak of the spring force", high - low),
+        "drive_velocity": ("velocity of the drive", drive),
+        **{
+            name: (f"{words} of the window", at)
+            for (name, words), at in zip(_TIMES.items(), times, strict=True)
+        },
+        "travel": ("travel of the drive", place[1]),
+    }
     found = {
-        name: labelled(
-            text,
-            "travel",
-            values,
-            units_of(run.get(of)),
-        )
-        for name, text, values, of in columns
+        name: labelled(text, "travel", values, units_of(run.get(_OF.get(name, "time"))))
+        for name, (text, values) in columns.items()
     }
     return xr.Dataset(
         found,
@@ -287,11 +275,7 @@ def in_words(run: xr.Dataset) -> str:
     """Say between which velocities a run on a ramp stick-slips; nothing for another
     run.
     """
-    drive = (
-        np.abs(np.asarray(run["drive_velocity"].values, dtype=float))
-        if "drive_velocity" in run
-        else np.zeros(1)
-    )
+    drive = np.abs(np.asarray(run.get("drive_velocity", 0.0), dtype=float))
     if not np.ptp(drive) > 2.0 * CONSTANT_DRIVE * drive.max():
         return ""
     begin = "the velocity of the drive changes"
