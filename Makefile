@@ -59,9 +59,9 @@ lint: $(VENV)/.dev
 warm: $(VENV)/.dev
 	$(BIN)/python tests/warm.py
 
-# A test that takes far more than 2 s of CPU time is listed, unless it is marked.
+# A test that takes far more than 2 s of CPU time is listed, unless it is marked. conftest.py puts long files first.
 unit: warm
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile -m "not slow and not browser" --at-most 2
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder -m "not slow and not browser" --at-most 2
 
 # What users have had, computed once more as another processor would: our kernels in the instructions of the first
 # x86-64, OpenBLAS for an old processor of Intel, which decides how it sums. Kernels are compiled anew, in a cache of
