@@ -6,6 +6,8 @@ what else the expressions name.
 """
 
 import re
+import tomllib
+from collections.abc import Iterator
 from functools import partial
 
 import pytest
@@ -29,3 +31,14 @@ def refused(table: str, names: dict[str, object]) -> pytest.MarkDecorator:
     return pytest.mark.parametrize(
         ("call", "message"), rows, ids=map(str, range(len(rows)))
     )
+
+
+def mistakes(table: str) -> Iterator[tuple[str, object, str, str]]:
+    """Give each key of a file, its value (None: it is left out), and two texts of the
+    message: the place, and the remedy. In the table a line has the first two, as the
+    file has them, and below it one the others.
+    """
+    for line, place, remedy in re.findall(r"^(\S.*)\n {4}(.*) \| (.*)$", table, re.M):
+        key, _, value = line.partition(" = ")
+        found = tomllib.loads(f"value = {value}")["value"] if value else None
+        yield key, found, place, remedy

@@ -11,6 +11,7 @@ from dataclasses import fields, replace
 import pytest
 from benches import with_value
 from drawn import NUMBER
+from refusals import mistakes
 
 import stickslip as ss
 from stickslip.errors import InputError
@@ -357,124 +358,74 @@ def test_what_no_file_can_hold_is_said(changes, words):
 THRESHOLDS = "interface.thresholds"
 DRAWS = {"interval": "1 to 2", "how": "weak"}
 MISTAKES = [
-    ("slider.stifness", "4 MN/m", "slider.stifness", "did you mean 'stiffness'"),
-    ("slider.mass", None, "slider.mass", "is missing"),
-    ("slider.mass", "-75 g", "slider.mass = '-75 g'", "at least 0"),
-    ("slider.mass", 75, "slider.mass = 75", "has no unit"),
-    ("interface.temperature", {}, "interface.temperature", "it is called 'activation'"),
-    (
-        "interface.track_scatter",
-        0.1,
-        "interface.track_scatter",
-        "it is called 'slip_to_slip_scatter'",
-    ),
-    ("interface.areas", "site", "interface.areas = 'site'", "kept = true"),
-    ("slider.mass", True, "slider.mass = True", "quantity"),
-    ("slider.damping", "3 1/s", "slider", "give damping_ratio or damping, not both"),
-    (
-        THRESHOLDS,
-        {"distribution": "gausian", "std": 0.1},
-        f"{THRESHOLDS}.distribution",
-        "the known distributions",
-    ),
-    (
-        THRESHOLDS,
-        {"distribution": "uniform", "low": 2.0, "high": 1.0},
-        f"{THRESHOLDS}.high = 1",
-        "above 2",
-    ),
-    (THRESHOLDS, {"distribution": "empirical"}, f"{THRESHOLDS}.samples", "missing"),
-    (
-        "interface.initial",
-        {"distribution": "gaussian", "mean": 9.0, "std": 0.1},
-        "interface.initial",
-        "nearer to 0",
-    ),
-    (
-        "interface.mu_s",
-        0.4,
-        "interface",
-        "give contact_strength or mu_s and mu_k, not both",
-    ),
-    (
-        "interface.delay",
-        {"mean": "2 ms", "std": "1 ms", "negative": "drop"},
-        "interface.delay.negative",
-        "'clip'",
-    ),
-    ("drive.velocity", "0 m/s", "drive.velocity", "above 0"),
-    ("drive.pieces", [], "drive", "give velocity or pieces or force, not both"),
-    (
-        "interface.ageing",
-        {"distribution": "langevin", "time": "1 s"},
-        "interface.ageing.model",
-        "'logarithmic'",
-    ),
-    ("drive", 3, "drive = 3", "table"),
-    ("simulation.contacts", 0, "simulation.contacts = 0", "at least 1"),
-    (
-        "simulation.method",
-        "monte carlo",
-        "simulation.method",
-        "'contacts' or 'master equation'",
-    ),
-    (
-        "simulation",
-        {"method": "master equation", "seed": 3},
-        "simulation.seed",
-        "unknown key",
-    ),
-    (
-        "assumed",
-        {"interface.delay": "2 ms to 1 ms"},
-        "interface.delay",
-        "two values, the lowest first",
-    ),
-    (
-        "assumed",
-        {"simulation.rtol": [0.1, 0.2]},
-        "simulation.rtol",
-        "is not in the file, so at its default",
-    ),
-    (
-        "assumed",
-        {"interface.delay": ["1 ms", "1 kg"]},
-        "interface.delay",
-        "write it as in '",
-    ),
-    (
-        "assumed",
-        {"slider.colour": "look"},
-        "slider.colour",
-        "did you mean 'slider.modes'",
-    ),
-    ("drive.velocity", [], "drive.velocity = []", "must be speeds, as in"),
-    (
-        "drive.velocity",
-        ["20 mm/s", "1,2 m/s"],
-        "drive.velocity[1] = '1,2 m/s'",
-        "write '1.2 m/s'",
-    ),
-    ("drive.velocity", {"from": "1 mm/s"}, "drive.velocity.to", "is missing"),
-    (
-        "drive.velocity",
-        {"from": "2 mm/s", "to": "1 mm/s"},
-        "drive.velocity = {",
-        "must be speeds, as in",
-    ),
-    (
-        "feasible",
-        {"stifness": ["1 MN/m", "2 MN/m"]},
-        "feasible.stifness",
-        "did you mean 'stiffness'",
-    ),
-    ("feasible", {"mass": ["5 kg", "1 kg"]}, "feasible.mass", "the lowest first"),
-    (
-        "feasible",
-        {"mass": ["5 N", "6 kg"]},
-        "feasible.mass[0] = '5 N'",
-        "not in a unit of 'kg'",
-    ),
+    *mistakes("""
+slider.stifness = "4 MN/m"
+    slider.stifness | did you mean 'stiffness'
+slider.mass
+    slider.mass | is missing
+slider.mass = "-75 g"
+    slider.mass = '-75 g' | at least 0
+slider.mass = 75
+    slider.mass = 75 | has no unit
+interface.temperature = {}
+    interface.temperature | it is called 'activation'
+interface.track_scatter = 0.1
+    interface.track_scatter | it is called 'slip_to_slip_scatter'
+interface.areas = "site"
+    interface.areas = 'site' | kept = true
+slider.mass = true
+    slider.mass = True | quantity
+slider.damping = "3 1/s"
+    slider | give damping_ratio or damping, not both
+interface.thresholds = { distribution = "gausian", std = 0.1 }
+    interface.thresholds.distribution | the known distributions
+interface.thresholds = { distribution = "uniform", low = 2.0, high = 1.0 }
+    interface.thresholds.high = 1 | above 2
+interface.thresholds = { distribution = "empirical" }
+    interface.thresholds.samples | missing
+interface.initial = { distribution = "gaussian", mean = 9.0, std = 0.1 }
+    interface.initial | nearer to 0
+interface.mu_s = 0.4
+    interface | give contact_strength or mu_s and mu_k, not both
+interface.delay = { mean = "2 ms", std = "1 ms", negative = "drop" }
+    interface.delay.negative | 'clip'
+drive.velocity = "0 m/s"
+    drive.velocity | above 0
+drive.pieces = []
+    drive | give velocity or pieces or force, not both
+interface.ageing = { distribution = "langevin", time = "1 s" }
+    interface.ageing.model | 'logarithmic'
+drive = 3
+    drive = 3 | table
+simulation.contacts = 0
+    simulation.contacts = 0 | at least 1
+simulation.method = "monte carlo"
+    simulation.method | 'contacts' or 'master equation'
+simulation = { method = "master equation", seed = 3 }
+    simulation.seed | unknown key
+assumed = { "interface.delay" = "2 ms to 1 ms" }
+    interface.delay | two values, the lowest first
+assumed = { "simulation.rtol" = [0.1, 0.2] }
+    simulation.rtol | is not in the file, so at its default
+assumed = { "interface.delay" = ["1 ms", "1 kg"] }
+    interface.delay | write it as in '
+assumed = { "slider.colour" = "look" }
+    slider.colour | did you mean 'slider.modes'
+drive.velocity = []
+    drive.velocity = [] | must be speeds, as in
+drive.velocity = ["20 mm/s", "1,2 m/s"]
+    drive.velocity[1] = '1,2 m/s' | write '1.2 m/s'
+drive.velocity = { from = "1 mm/s" }
+    drive.velocity.to | is missing
+drive.velocity = { from = "2 mm/s", to = "1 mm/s" }
+    drive.velocity = { | must be speeds, as in
+feasible = { stifness = ["1 MN/m", "2 MN/m"] }
+    feasible.stifness | did you mean 'stiffness'
+feasible = { mass = ["5 kg", "1 kg"] }
+    feasible.mass | the lowest first
+feasible = { mass = ["5 N", "6 kg"] }
+    feasible.mass[0] = '5 N' | not in a unit of 'kg'
+"""),
     ("fitted", {"slider.mass": DRAWS}, "fitted.slider.mass.draws", "is missing"),
     *(
         (

@@ -20,6 +20,7 @@ import tomli_w
 import xarray as xr
 from benches import with_value
 from drawn import assert_drawn
+from refusals import mistakes
 from test_cli import heed_interrupts, refused, run
 
 import stickslip as ss
@@ -171,55 +172,42 @@ def test_a_run_is_simulated_as_the_file_says_and_else_as_the_rig_is():
         )
 
 
-MISTAKES = [
-    ("axes.stifness", [1.0], "axes.stifness", "did you mean 'stiffness'"),
-    (
-        "axes.stiffness",
-        {"from": 1, "to": 0.5, "count": 3},
-        "axes.stiffness.to = 0.5",
-        "above 1",
-    ),
-    (
-        "axes.stiffness",
-        {"from": 1, "to": 2, "count": 3, "spacing": "cubic"},
-        "spacing = 'cubic'",
-        "'linear' or 'log'",
-    ),
-    ("axes.stiffness", ["4 MN/m"], "axes.stiffness.0 = '4 MN/m'", "plain number"),
-    (
-        "axes.delay",
-        {"from": 0.0, "to": 1.0, "count": 3, "spacing": "log"},
-        "axes.delay.from = 0",
-        "above 0",
-    ),
-    ("axes.start", ["warm"], "axes.start.0 = 'warm'", "'from rest' or 'sliding'"),
-    ("axes", 3, "axes = 3", "must be a table"),
-    ("rig", None, "rig = None", "name of a rig file"),
-    (
-        "rig.drive",
-        {"pieces": [{"start": 1.0, "end": 2.0, "duration": 1.0}]},
-        "rig.drive.pieces",
-        "drive.velocity",
-    ),
-    (
-        "rig.interface.thresholds",
-        {"distribution": "exponential"},
-        "Interface.thresholds",
-        "has no std to vary",
-    ),
-    (
-        "run.method",
-        "monte carlo",
-        "run.method",
-        "must be 'contacts' or 'master equation'",
-    ),
-    ("run.rtol", 1e-4, "run.rtol", "unknown key"),
-    ("run.distance", "4 mm", "run.distance = '4 mm'", "plain number"),
-    ("measure", ["perod"], "'perod'", "did you mean 'period'"),
-    ("measure", "period", "measure = 'period'", "list"),
-    ("refine", {"runs": 3}, "refine.runs = 3", "at least 16"),
-    ("refine", {}, "axes: [refine]", "give from, to and spacing"),
-]
+MISTAKES = mistakes("""
+axes.stifness = [1.0]
+    axes.stifness | did you mean 'stiffness'
+axes.stiffness = { from = 1, to = 0.5, count = 3 }
+    axes.stiffness.to = 0.5 | above 1
+axes.stiffness = { from = 1, to = 2, count = 3, spacing = "cubic" }
+    spacing = 'cubic' | 'linear' or 'log'
+axes.stiffness = ["4 MN/m"]
+    axes.stiffness.0 = '4 MN/m' | plain number
+axes.delay = { from = 0.0, to = 1.0, count = 3, spacing = "log" }
+    axes.delay.from = 0 | above 0
+axes.start = ["warm"]
+    axes.start.0 = 'warm' | 'from rest' or 'sliding'
+axes = 3
+    axes = 3 | must be a table
+rig
+    rig = None | name of a rig file
+rig.drive = { pieces = [{ start = 1.0, end = 2.0, duration = 1.0 }] }
+    rig.drive.pieces | drive.velocity
+rig.interface.thresholds = { distribution = "exponential" }
+    Interface.thresholds | has no std to vary
+run.method = "monte carlo"
+    run.method | must be 'contacts' or 'master equation'
+run.rtol = 0.0001
+    run.rtol | unknown key
+run.distance = "4 mm"
+    run.distance = '4 mm' | plain number
+measure = ["perod"]
+    'perod' | did you mean 'period'
+measure = "period"
+    measure = 'period' | list
+refine = { runs = 3 }
+    refine.runs = 3 | at least 16
+refine = {}
+    axes: [refine] | give from, to and spacing
+""")
 
 
 @pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)

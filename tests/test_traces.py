@@ -28,15 +28,20 @@ def written(tmp_path, text, name="trace.csv"):
     return path
 
 
-def rows(form, forces=FORCES):
-    return "\n".join(form(0.25 * i, f) for i, f in enumerate(forces)) + "\n"
+def rows(form, forces=FORCES, changes=None):
+    """Lines of a table, some of them others: an f-string of the time t, the force f."""
+    line = compile(f"f{form!r}", "rows", "eval")
+    made = (
+        eval(line, globals(), {"t": 0.25 * i, "f": f}) for i, f in enumerate(forces)
+    )
+    return "\n".join((changes or {}).get(i, row) for i, row in enumerate(made)) + "\n"
 
 
 NIGHT = dt.datetime(2024, 2, 29, 23, 59, 55)
 COMMA = str.maketrans(".", ",")
-NUMBERS = rows(lambda _, f: f"{f}")
+NUMBERS = rows("{f}")
 TIMES_OF_SAW = np.round(0.01 * np.arange(600), 2)
-PAIRS, SEMICOLONS = (rows(lambda t, f, mark=mark: f"{t}{mark}{f}") for mark in ",;")
+PAIRS, SEMICOLONS = (rows(f"{{t}}{mark}{{f}}") for mark in ",;")
 TIMES = 0.25 * np.arange(FORCES.size)
 GERMAN = (
     "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 "
@@ -67,45 +72,32 @@ LABVIEW_WITHOUT_COMMENTS = (
     ("text", "options"),
     [
         (NUMBERS, {"step": 0.25}),
-        (rows(lambda _, f: f"{f} N1 "), {"step": 0.25}),
-        (rows(lambda _, f: f"{f}".translate(COMMA)), {"step": 0.25, "decimal": ","}),
-        (
-            rows(lambda _, f: f"{f:.2f} N".translate(COMMA)),
-            {"step": 0.25, "decimal": ","},
-        ),
+        (rows("{f} N1 "), {"step": 0.25}),
+        (rows("{f}").translate(COMMA), {"step": 0.25, "decimal": ","}),
+        (rows("{f:.2f} N").translate(COMMA), {"step": 0.25, "decimal": ","}),
         ("force\n#\n" + NUMBERS, {"step": 0.25}),
         ("Force (N)\n\n" + NUMBERS, {"step": 0.25}),
         ("t,F_d\n" + PAIRS, {}),
-        ("time [s], Force [N]\n" + rows(lambda t, f: f"{t}, {f}"), {}),
-        ("Zeit (s);Kraft (N)\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)), {}),
-        ("t F\n" + rows(lambda t, f: f"  {t}   {f}  "), {}),
-        ("t F\n" + rows(lambda t, f: f"{t} {f}".translate(COMMA)), {}),
-        ("# t F_d\n" + rows(lambda t, f: f"{t:.6e} {f:.6e}"), {}),
+        ("time [s], Force [N]\n" + rows("{t}, {f}"), {}),
+        ("Zeit (s);Kraft (N)\n" + rows("{t};{f}").translate(COMMA), {}),
+        ("t F\n" + rows("  {t}   {f}  "), {}),
+        ("t F\n" + rows("{t} {f}").translate(COMMA), {}),
+        ("# t F_d\n" + rows("{t:.6e} {f:.6e}"), {}),
         (PAIRS, {"time": 1, "force": 2}),
         (PAIRS, {"force": 2, "step": 0.25}),
-        (
-            "x,a,b\n" + rows(lambda t, f: f"{9 - f},{f},{t}"),
-            {"force": "a", "time": "B"},
-        ),
-        (
-            '"t","spring_force","what"\n'
-            + rows(lambda t, f: f'"{t}","{f}","pull, slow"'),
-            {},
-        ),
-        ("date,t,F_d\n" + rows(lambda t, f: f"2020-01-02,{t},{f}"), {}),
+        ("x,a,b\n" + rows("{9 - f},{f},{t}"), {"force": "a", "time": "B"}),
+        ('"t","spring_force","what"\n' + rows('"{t}","{f}","pull, slow"'), {}),
+        ("date,t,F_d\n" + rows("2020-01-02,{t},{f}"), {}),
         ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + SEMICOLONS, {}),
-        (rows(lambda t, f: f"{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
+        (rows("{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
+        ("t;F_d\n" + rows("{t};{f}").translate(COMMA), {"delimiter": ";"}),
         (
-            "t;F_d\n" + rows(lambda t, f: f"{t};{f}".translate(COMMA)),
-            {"delimiter": ";"},
-        ),
-        (
-            "t;F_d\n" + rows(lambda t, f: f"{t:g};{f:.2e}".translate(COMMA)),
+            "t;F_d\n" + rows("{t:g};{f:.2e}").translate(COMMA),
             {"delimiter": ";", "decimal": ","},
         ),
         (
             '"Time (s)","Force (N)"\n'
-            + rows(lambda t, f: f'"{t:.2f}|{f}"'.translate(COMMA).replace("|", '","')),
+            + rows('"{t:.2f}|{f}"').translate(COMMA).replace("|", '","'),
             {},
         ),
         (NUMBERS.replace("\n", "\r\n"), {"step": 0.25}),
@@ -117,34 +109,29 @@ LABVIEW_WITHOUT_COMMENTS = (
         (GERMAN.encode("utf-16-le"), {}),
         (GERMAN.replace("\n", "\r\n").encode("cp1252"), {}),
         ("Time,Force\ns,N\n" + PAIRS, {}),
-        ("Time,Force (N)\n" + rows(lambda t, f: f"10:00:{t:06.3f},{f}"), {}),
+        ("Time,Force (N)\n" + rows("10:00:{t:06.3f},{f}"), {}),
         (
             "Zeit [hh:mm:ss];Kraft (N)\n"
-            + rows(lambda t, f: f"10:07:{t:06.3f};{f}".translate(COMMA)),
+            + rows("10:07:{t:06.3f};{f}").translate(COMMA),
             {},
         ),
         (
-            "when\tforce [N]\n"
-            + rows(lambda t, f: f"{NIGHT + dt.timedelta(seconds=t)}\t{f}"),
+            "when\tforce [N]\n" + rows("{NIGHT + dt.timedelta(seconds=t)}\t{f}"),
             {"time": 1},
         ),
         (
-            "time force\n"
-            + rows(lambda t, f: f"{NIGHT + dt.timedelta(seconds=t):%H:%M:%S.%f} {f}"),
+            "time force\n" + rows("{NIGHT + dt.timedelta(seconds=t):%H:%M:%S.%f} {f}"),
             {},
         ),
         ("s,N\n" + PAIRS, {}),
-        ("Time (s)  Force (N)\n" + rows(lambda t, f: f"{t}  {f}"), {}),
-        ("# time (s), force (N)\n" + rows(lambda t, f: f"{t} {f}"), {}),
-        ("ts,date,F,T\ns,,N,°C\n" + rows(lambda t, f: f"{t},2024-02-01,{f},21.5"), {}),
-        ("Time;Force\ns;N\n\n" + rows(lambda t, f: f"{t};{f}\n"), {}),
-        (rows(lambda t, f: f"{t} s\t{f} N"), {}),
+        ("Time (s)  Force (N)\n" + rows("{t}  {f}"), {}),
+        ("# time (s), force (N)\n" + rows("{t} {f}"), {}),
+        ("ts,date,F,T\ns,,N,°C\n" + rows("{t},2024-02-01,{f},21.5"), {}),
+        ("Time;Force\ns;N\n\n" + rows("{t};{f}\n"), {}),
+        (rows("{t} s\t{f} N"), {}),
         ("t,F\n" + PAIRS.replace("\n1.0,", "\n# paused\n1.0,"), {}),
         # Fortran, DOS
-        (
-            "Load cell (N)\n" + rows(lambda _, f: f"{f / 10:.6f}D+01") + "\x1a",
-            {"step": "250 ms"},
-        ),
+        ("Load cell (N)\n" + rows("{f / 10:.6f}D+01") + "\x1a", {"step": "250 ms"}),
         ("t (ms);F (mN)\n" + SEMICOLONS, {"units": ("ms", "mN")}),
         (("t (s);F (µN)\n" + SEMICOLONS).encode("latin-1"), {"units": ("s", "µN")}),
         ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, {"units": ("s", "kN")}),
@@ -152,27 +139,19 @@ LABVIEW_WITHOUT_COMMENTS = (
         ("time_s,force_kN\n" + PAIRS, {"units": ("s", "kN")}),
         ("t/s,F/kN\n" + PAIRS, {"units": ("s", "kN")}),
         (
-            "Time (s),Extension (mm),Load (kN)\n" + rows(lambda t, f: f"{t},{t},{f}"),
+            "Time (s),Extension (mm),Load (kN)\n" + rows("{t},{t},{f}"),
             {"units": ("s", "kN")},
         ),
-        (
-            "Time  Load cell\n" + rows(lambda t, f: f"{t} ms {f} kN"),
-            {"units": ("ms", "kN")},
-        ),
+        ("Time  Load cell\n" + rows("{t} ms {f} kN"), {"units": ("ms", "kN")}),
         ("t;Friction coefficient (kN)\n" + SEMICOLONS, {"units": ("s", "kN")}),
         (
-            LABVIEW.format(columns="One") + rows(lambda t, f: f"{t:.6f}\t{f:.6f}\t"),
+            LABVIEW.format(columns="One") + rows("{t:.6f}\t{f:.6f}\t"),
             {"units": ("s", "kN")},
         ),
-        (
-            LABVIEW.format(columns="No") + rows(lambda _, f: f"\t{f:.6f}\t"),
-            {"units": ("s", "kN")},
-        ),
+        (LABVIEW.format(columns="No") + rows("\t{f:.6f}\t"), {"units": ("s", "kN")}),
         *(
             (
-                LABVIEW_WITHOUT_COMMENTS
-                + names
-                + rows(lambda t, f: f"{t:.6f}\t{f:.6f}"),
+                LABVIEW_WITHOUT_COMMENTS + names + rows("{t:.6f}\t{f:.6f}"),
                 {"units": ("s", "Newtons")},
             )
             for names in ("X_Value\tUntitled\tComment\n", "X_Value\tForce\n", "")
@@ -193,19 +172,11 @@ def test_tables_of_every_usual_form_are_read_and_their_units_are_kept(
     assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == units
 
 
-def spoiled(form, changes):
-    """The rows of a table, some of which are others."""
-    return (
-        "\n".join(changes.get(i, form(0.25 * i, f)) for i, f in enumerate(FORCES))
-        + "\n"
-    )
-
-
 @pytest.mark.parametrize(
     ("form", "row"),
     [
         *(
-            (lambda _, f: f"{f}", word)
+            ("{f}", word)
             for word in (
                 "NaN N1",
                 "inf",
@@ -218,17 +189,17 @@ def spoiled(form, changes):
                 "1," * 9_000,
             )
         ),
-        (lambda t, f: f"{t};{f} N", "5;99.0 broken"),
-        (lambda t, f: f"{t};{f} N", "5;7.0 mm"),
-        (lambda t, f: f"{t};{f} N", "5;700 mN"),
-        (lambda t, f: f"{t};{f}", "5;7 mN"),
+        ("{t};{f} N", "5;99.0 broken"),
+        ("{t};{f} N", "5;7.0 mm"),
+        ("{t};{f} N", "5;700 mN"),
+        ("{t};{f}", "5;7 mN"),
         # where commas are decimal 1.234 may be 1234
-        (lambda t, f: f"{t};{f}".translate(COMMA), "5,00;5.330"),
+        ("{f'{t};{f}'.translate(COMMA)}", "5,00;5.330"),
     ],
 )
 def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, form, row):
     options = {"time": 1, "force": 2} if ";" in row else {"step": 0.25}
-    data = read_trace(written(tmp_path, spoiled(form, {20: row})), **options)
+    data = read_trace(written(tmp_path, rows(form, changes={20: row})), **options)
     assert data.sizes["time"] == data.attrs["rows"] == FORCES.size
     assert float(data["spring_force"][20]) == pytest.approx(
         0.5 * (FORCES[19] + FORCES[21])
@@ -243,8 +214,9 @@ def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, form, row):
     ) in data.note
     many = written(
         tmp_path,
-        spoiled(
-            form, {i: row.replace("5", f"{0.25 * i}", 1) for i in range(20, 40, 3)}
+        rows(
+            form,
+            changes={i: row.replace("5", f"{0.25 * i}", 1) for i in range(20, 40, 3)},
         ),
     )
     with pytest.raises(
@@ -260,9 +232,7 @@ def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, form, row):
 def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
     """A comment is no row, though a force follows in it."""
     changes = {10: "2.5,", 30: "??", 31: "7.75,8,5", 40: "# paused,7\n10.0,7.0"}
-    data = read_trace(
-        written(tmp_path, "t,F_d\n" + spoiled(lambda t, f: f"{t},{f}", changes))
-    )
+    data = read_trace(written(tmp_path, "t,F_d\n" + rows("{t},{f}", changes=changes)))
     assert data.sizes["time"] == FORCES.size - 2  # the times of two rows are not known
     assert not {7.5, 7.75} & {*data["time"].values}
     assert bool(data["filled"].sel(time=2.5))
@@ -282,12 +252,8 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
         ("t,F_d\n" + PAIRS, {"force": 1, "time": 1}, "both force and time"),
         ("t,F_d\n" + PAIRS, {"step": 0.1, "time": "time"}, "leave one out"),
         (PAIRS, {"step": 0.1}, "which column is the force"),
-        (rows(lambda t, f: f"{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
-        (
-            rows(lambda _, f: f"{f} N/m"),
-            {"step": 0.1},
-            "column 1 holds numbers in 'N/m'",
-        ),
+        (rows("{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
+        (rows("{f} N/m"), {"step": 0.1}, "column 1 holds numbers in 'N/m'"),
         ("", {"step": 1.0}, "empty"),
         (" \n\n", {"step": 1.0}, "blanks and comments only"),
         ("to be\nor not\nto be\n", {"step": 1.0}, "no column of numbers"),
@@ -297,35 +263,31 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
             {"step": 1.0},
             "4 of 68 rows cannot be read, first line 61",
         ),
+        ("t,F_d\n" + rows("{-t},{f}"), {}, "line 3: time -0.25 does not come after"),
+        ("t,F_d\n" + rows("1,{f}"), {}, "times must rise"),
         (
-            "t,F_d\n" + rows(lambda t, f: f"{-t},{f}"),
-            {},
-            "line 3: time -0.25 does not come after",
-        ),
-        ("t,F_d\n" + rows(lambda _, f: f"1,{f}"), {}, "times must rise"),
-        (
-            "t,F\n" + spoiled(lambda t, f: f"{t},{f}", {3: "x,1", 10: "1,1"}),
+            "t,F\n" + rows("{t},{f}", changes={3: "x,1", 10: "1,1"}),
             {},
             "line 12: time 1 does not come",
         ),
         ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
         (
-            "a,F_d\n" + rows(lambda _, f: f"x,{f}"),
+            "a,F_d\n" + rows("x,{f}"),
             {"force": "a", "step": 1.0},
             r"no such column.* 1 'a' \(no numbers",
         ),
         (
-            "time force\n" + rows(lambda t, f: f"{t} {f} N kg"),
+            "time force\n" + rows("{t} {f} N kg"),
             {},
             "numbers in 'N kg'; write one known unit",
         ),
         (
-            "time;force\n" + rows(lambda t, f: f"{t};1 {200 + f:.3f}"),
+            "time;force\n" + rows("{t};1 {200 + f:.3f}"),
             {},
             r"2 'force' \(no numbers such as 1234.5\)",
         ),
         (
-            "time,force\n" + rows(lambda t, f: f"{t},{f}".translate(COMMA)),
+            "time,force\n" + rows("{t},{f}").translate(COMMA),
             {},
             "4 columns, or fewer with decimal commas",
         ),
@@ -335,27 +297,19 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
             r"is the force\? .*--force .* force= .* 1 't', 2 'position'",
         ),
         ("t (s),z (mm)\n" + PAIRS, {}, r"which column is the force.*2 'z \(mm\)'"),
+        ("t,F,F\n" + rows("{t},{f},{f}"), {}, "which column is the force"),
         (
-            "t,F,F\n" + rows(lambda t, f: f"{t},{f},{f}"),
-            {},
-            "which column is the force",
-        ),
-        (
-            "a,F\n" + rows(lambda t, f: f"{np.sin(t)},{f}"),
+            "a,F\n" + rows("{np.sin(t)},{f}"),
             {},
             "which column is the time.*--time .* time=.*--step.* step=",
         ),
-        ("t,F\n" + rows(lambda t, f: f'{t},"{f}'), {}, "line"),
+        ("t,F\n" + rows('{t},"{f}'), {}, "line"),
         (
-            "t (s);F (s)\n" + rows(lambda t, f: f"{t};{f} N"),
+            "t (s);F (s)\n" + rows("{t};{f} N"),
             {},
             "column 2 holds numbers in 'N' below the heading 's'",
         ),
-        (
-            rows(lambda t, f: f"{t}" + f",{f}" * 1500),
-            {},
-            "1501 columns, more than 1000",
-        ),
+        (rows("{t}" + ",{f}" * 1500), {}, "1501 columns, more than 1000"),
         (
             NUMBERS + "1" * 60_000 + "x\n" + "2" * 60_000 + "x\n3x3\n4x4\n",
             {"step": 1.0},
@@ -439,7 +393,7 @@ BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
     [
         *(
             (
-                f"{head}\n" + rows(lambda t, f: f"{t},{f / 10:.4f}"),
+                f"{head}\n" + rows("{t},{f / 10:.4f}"),
                 "coefficient of friction",
                 {},
                 "^(?!.*N assumed)",
@@ -454,7 +408,7 @@ BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
         ),
         # A bare column of friction beside columns with units.
         (
-            BARE + rows(lambda t, f: f"{t}\t{3 * t}\t{f / 10:.4f}\t19.97"),
+            BARE + rows("{t}\t{3 * t}\t{f / 10:.4f}\t19.97"),
             "coefficient of friction",
             {"measured_displacement": "microns", "load": "MPa"},
             "",
@@ -467,7 +421,7 @@ BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
         ),
         ("t (s),F (N)\n" + PAIRS, "force", {}, "^$"),
         (
-            "timestamp,F (N)\n" + rows(lambda t, f: f"{1.7e12 + 1e3 * t:.0f},{f}"),
+            "timestamp,F (N)\n" + rows("{1.7e12 + 1e3 * t:.0f},{f}"),
             "force",
             {},
             "^the times are taken for ms since 1970$",
@@ -672,8 +626,7 @@ def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
     forces = WAVE.copy()
     forces[at] = value
     data = read_trace(
-        written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)),
-        step=0.01,
+        written(tmp_path, "force (N)\n" + rows("{f:.4f}", forces)), step=0.01
     )
     # nothing beyond the ends
     assert (data.sizes["time"], *np.flatnonzero(data["filled"])) == (
@@ -686,8 +639,7 @@ def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
         InputError, match=r"first line \d+: .* not far outside the rest"
     ):
         read_trace(
-            written(tmp_path, "force (N)\n" + rows(lambda _, f: f"{f:.4f}", forces)),
-            step=0.01,
+            written(tmp_path, "force (N)\n" + rows("{f:.4f}", forces)), step=0.01
         )
 
 
