@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.answers import Answer, plain
-from stickslip.arrays import Array
+from stickslip.arrays import Array, labelled
 from stickslip.errors import InputError, UndecidedError, number
 from stickslip.loops import HALVINGS, bounded
 from stickslip.model.distribution import nodes_between
@@ -74,11 +74,33 @@ class ContactNoise(Answer):
     #: deviations; of a mode that decays at the rate ``g`` it is ``1/(2 g)``.
     memory: float
 
-    #: One-sided spectra of both along ``frequency``, in Hz (cycles per time in natural
-    #: units): their integrals are the squares of the above.
-    spectrum: "xr.Dataset" = field(compare=False)
-
     rig: Rig = field(compare=False)  #: whose noise it is
+
+    # frequencies and the spectra of both there, in the rig's own units
+    _spectra: tuple[Array, Array, Array] = field(compare=False)
+
+    @cached_property
+    def spectrum(self) -> "xr.Dataset":
+        """One-sided spectra of both along ``frequency``, in Hz (cycles per time in
+        natural units): their integrals are the squares of the above.
+        """
+        import xarray as xr
+
+        rig = self.rig
+        hertz, per = ("Hz", " / Hz") if rig.scales is not None else ("1/time", " time")
+        frequency, spring_force, velocity = self._spectra
+        found = {}
+        for name, unit, value in (
+            ("spring_force", "f_s", spring_force),
+            ("velocity", "x_s/time", velocity),
+        ):
+            title = f"spectrum of the {name.replace('_', ' ')}"
+            found[name] = labelled(
+                title, "frequency", value, f"({rig.unit_name(unit)})^2{per}"
+            )
+        return xr.Dataset(
+            found, {"frequency": labelled("frequency", "frequency", frequency, hertz)}
+        )
 
     @property
     def relative_force(self) -> float:
@@ -188,7 +210,7 @@ class ContactNoise(Answer):
         named = [
             name
             for name in self.__dataclass_fields__
-            if name not in ("spectrum", "rig")
+            if name not in ("rig", "_spectra")
         ]
         named += ["relative_force", "relative_velocity", "linear"]
         found: dict[str, Any] = plain({name: getattr(self, name) for name in named})
@@ -308,10 +330,12 @@ def contact_noise(rig: Rig, *, contacts: int | None = None) -> ContactNoise:
         mean_spring_force=force * mean,
         mean_velocity=speed * velocity,
         memory=time * memory,
-        spectrum=_dataset(
-            rig, omega, force**2 * per_hertz * pulled, speed**2 * per_hertz * moved
-        ),
         rig=rig,
+        _spectra=(
+            omega / (2.0 * math.pi * time),
+            force**2 * per_hertz * pulled,
+            speed**2 * per_hertz * moved,
+        ),
     )
 
 
@@ -417,33 +441,3 @@ def _spectrum(sliding: SmoothSliding) -> tuple[Array, Array, Array]:
         right = np.append(middle, right[~sure])
     found = np.concatenate(kept, axis=1)
     return tuple(found[:, np.argsort(found[0])])
-
-
-def _dataset(
-    rig: Rig, omega: Array, spring_force: Array, velocity: Array
-) -> "xr.Dataset":
-    """Spectra in the rig's own units."""
-    import xarray as xr
-
-    hertz, per = ("Hz", " / Hz") if rig.scales is not None else ("1/time", " time")
-    frequency = omega / (2.0 * math.pi * rig.unit("time"))
-    found = {}
-    for name, unit, value in (
-        ("spring_force", "f_s", spring_force),
-        ("velocity", "x_s/time", velocity),
-    ):
-        named = {
-            "units": f"({rig.unit_name(unit)})^2{per}",
-            "long_name": f"spectrum of the {name.replace('_', ' ')}",
-        }
-        found[name] = ("frequency", value, named)
-    return xr.Dataset(
-        found,
-        {
-            "frequency": (
-                "frequency",
-                frequency,
-                {"units": hertz, "long_name": "frequency"},
-            )
-        },
-    )
