@@ -27,9 +27,17 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_how_often_a_kernel_comes_back_changes_nothing(name, monkeypatch):
-    rig = RIG.replace(interface=KINDS[name], drive=ss.constant(1.0, 0.2))
+@pytest.mark.parametrize(
+    ("name", "method", "duration"),
+    [(name, ss.MasterEquation(), 0.2) for name in KINDS]
+    + [("panels", ss.Population(100, seed=3), 1.3)],
+)
+def test_how_often_a_kernel_comes_back_changes_nothing(
+    name, method, duration, monkeypatch
+):
+    rig = RIG.replace(
+        interface=KINDS[name], method=method, drive=ss.constant(1.0, duration)
+    )
     runs = []
     for lasts in (1e9, 1e-3):
         monkeypatch.setattr(panels, "_LASTS", lasts)

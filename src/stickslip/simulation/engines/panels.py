@@ -31,6 +31,7 @@ from stickslip.kernels.panel_state import (
     Delays,
     Newborn,
 )
+from stickslip.kernels.panel_step import only_lose
 from stickslip.kernels.panels import advance_panels
 from stickslip.kernels.quadrature import GAUSS, WEIGHT, P, Q
 from stickslip.kernels.survival import EMPTY, tabulate, widest
@@ -123,6 +124,7 @@ class Panels(Engine):
     piece = 3.5e-4
     steps: int = 20
     """Number of steps in the next advance, which is to take the time `_LASTS`."""
+    _lost = -math.inf  # energy of breaks at the last sample
 
     check = staticmethod(check_newborns)
 
@@ -257,6 +259,11 @@ class Panels(Engine):
                 f"{self._method}: no step, however short, can be solved from here on; "
                 "use another rtol, or Contacts"
             )
+        if only_lose(case) and records.size:  # however a run is cut into advances
+            records.lost = np.maximum.accumulate(np.append(self._lost, records.lost))[
+                1:
+            ]
+            self._lost = float(records.lost[-1])
         # Records of motion begin with what a run samples.
         rows = (
             np.asarray(records)
