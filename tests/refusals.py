@@ -8,7 +8,6 @@ what else the expressions name.
 import re
 import tomllib
 from collections.abc import Iterator
-from functools import partial
 
 import pytest
 
@@ -17,16 +16,19 @@ ROW = re.compile(rf"((?:{EXPRESSION.pattern})+)((?: {{4}}.*\n)+)", re.MULTILINE)
 IMPORT = re.compile(r"^(?:from|import) .*\n", re.MULTILINE)
 
 
-def refused(table: str, names: dict[str, object]) -> pytest.MarkDecorator:
-    """Give a test each expression, as a `call`, and the `message` of its refusal."""
+def refused(
+    table: str, names: dict[str, object], given: str = ""
+) -> pytest.MarkDecorator:
+    """Give a test each expression, as a `call` (of what is given), and the `message` of
+    its refusal.
+    """
     known = dict(names)
     exec("".join(IMPORT.findall(table)), known)
     rows = []
     for expressions, message in ROW.findall(IMPORT.sub("", table)):
         pattern = " ".join(map(str.strip, message.splitlines()))
         for text in EXPRESSION.findall(expressions):
-            code = compile(text.replace("\n", " "), "refused", "eval")
-            rows.append((partial(eval, code, known), pattern))
+            rows.append((eval(f"lambda {given}: ({text})", known), pattern))
     assert rows
     return pytest.mark.parametrize(
         ("call", "message"), rows, ids=map(str, range(len(rows)))

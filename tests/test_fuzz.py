@@ -271,6 +271,12 @@ CALLS = {
 SAWTOOTH = "time,force\n" + "\n".join(
     f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600)
 )
+
+
+def each(names, value):
+    return dict.fromkeys(names.split(), value)
+
+
 USUAL = {
     "interface": INTERFACE,
     "rig": RIG,
@@ -283,51 +289,11 @@ USUAL = {
     "edges": (0.5, 1.0),
     "holds": (1.0,),
     "name": "brake_pad",
-    **dict.fromkeys(
-        (
-            "mean",
-            "scale",
-            "shape",
-            "rate",
-            "velocity",
-            "before",
-            "start",
-            "push",
-            "mass",
-            "shear",
-        ),
-        1.0,
-    ),
-    **dict.fromkeys(
-        (
-            "stiffness",
-            "distance",
-            "after",
-            "end",
-            "duration",
-            "high",
-            "static_friction",
-        ),
-        2.0,
-    ),
-    **dict.fromkeys(
-        (
-            "std",
-            "low",
-            "slope",
-            "width",
-            "time",
-            "activation",
-            "stretching",
-            "prestress",
-            "speed",
-        ),
-        0.1,
-    ),
-    **dict.fromkeys(
-        ("attempts", "height", "coupling", "damping", "kinetic_friction"), 10.0
-    ),
-    **dict.fromkeys(("blocks", "along", "across"), 4),
+    **each("mean scale shape rate velocity before start push mass shear", 1.0),
+    **each("stiffness distance after end duration high static_friction", 2.0),
+    **each("std low slope width time activation stretching prestress speed", 0.1),
+    **each("attempts height coupling damping kinetic_friction", 10.0),
+    **each("blocks along across", 4),
 }
 """What a parameter is given that is not the one in question."""
 
