@@ -191,7 +191,10 @@ def inlined(function: F) -> F:
     compile than the kernel.
     """
     kernel: Any = _compiled(
-        function, _nrt=False, forceinline=True, no_cpython_wrapper=True
+        function,
+        _nrt=False,
+        forceinline=True,
+        no_cpython_wrapper=True,
     )
     if not _numba.config.DISABLE_JIT:
         kernel.__class__ = _Inlined

@@ -47,7 +47,10 @@ class Arrest(NamedTuple):
 
 @jit
 def _threshold(
-    rng: np.random.Generator, std: float, factor: float, least: float
+    rng: np.random.Generator,
+    std: float,
+    factor: float,
+    least: float,
 ) -> float:
     """Draw a threshold beyond the stretching at birth; on a track too weak for any, one
     that holds nothing.
@@ -61,7 +64,11 @@ def _threshold(
 
 @jit
 def _arc(
-    velocity: float, force: float, stiffness: float, ratio: float, distance: float
+    velocity: float,
+    force: float,
+    stiffness: float,
+    ratio: float,
+    distance: float,
 ) -> tuple[float, float, bool]:
     """Distance and velocity of the slider after a distance `gap`, or where it first
     stops; and whether it stops.
@@ -107,7 +114,9 @@ def _arc(
 
 @jit
 def _attached_at_first(
-    model: Arrest, rng: np.random.Generator, breaks_at: Floats
+    model: Arrest,
+    rng: np.random.Generator,
+    breaks_at: Floats,
 ) -> Floats:
     """Draw where contacts attached before the start, each a part of its way to its
     threshold behind, and enter where they break.
@@ -174,7 +183,11 @@ def _slip(
         unbalanced = drive - X - friction / (count * kappa)
         stiffness = 1.0 + left / (count * kappa)
         travelled, velocity, stops = _arc(
-            velocity, unbalanced, stiffness, model.damping_ratio, distance
+            velocity,
+            unbalanced,
+            stiffness,
+            model.damping_ratio,
+            distance,
         )
         if stops:
             return X + travelled, total, loose
@@ -225,7 +238,13 @@ def slips(
         X, total, loose = _slip(model, drive, X, total, attached_at, breaks_at, broken)
         factor = math.exp(track * (rng.normal() - 0.5 * track)) if track > 0.0 else 1.0
         _attach(
-            model, rng, factor, broken[:loose], X - residual, attached_at, breaks_at
+            model,
+            rng,
+            factor,
+            broken[:loose],
+            X - residual,
+            attached_at,
+            breaks_at,
         )
         if done // count != (done + loose) // count:
             # Summed anew now and then, so that no rounding adds up.

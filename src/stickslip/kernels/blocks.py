@@ -173,7 +173,12 @@ def has_broken(contacts: BlockContacts, j: int) -> bool:
 
 @inlined
 def break_contact(
-    state: BlocksState, j: int, slot: int, time: float, force: float, delay: float
+    state: BlocksState,
+    j: int,
+    slot: int,
+    time: float,
+    force: float,
+    delay: float,
 ) -> float:
     """Break a contact, which then slides with `force`; return the gain of the friction
     force of its block.
@@ -209,7 +214,11 @@ def break_contact(
 
 @inlined
 def attach_contact(
-    state: BlocksState, j: int, X: float, threshold: float, force: float
+    state: BlocksState,
+    j: int,
+    X: float,
+    threshold: float,
+    force: float,
 ) -> float:
     """Attach a contact that slid with `force`, unstretched; return the gain of the
     friction force of its block.
@@ -267,7 +276,11 @@ def _drift(
                 why = THRESHOLDS_USED_UP
                 break
             gain = attach_contact(
-                state, j, x, threshold, slide(state.motion, j, x, sliding)
+                state,
+                j,
+                x,
+                threshold,
+                slide(state.motion, j, x, sliding),
             )
         else:
             delay = next_delay(contacts, j, draws)
@@ -282,7 +295,12 @@ def _drift(
             slot = winner(tree, contacts.birth.shape[1])
             force = slide(state.motion, j, x, sliding)
             gain = direction * break_contact(
-                state, j, slot, t + at, direction * force, delay
+                state,
+                j,
+                slot,
+                t + at,
+                direction * force,
+                delay,
             )
         contacts.impulse[j] -= gain * (0.5 * h - at) * inverse_mass
         state.motion.now.spent += 8

@@ -60,7 +60,12 @@ class Reading(NamedTuple):
 
 @bare
 def _is_kinked(
-    cohorts: Record, g: int, origin: float, breaking: Breaking, low: float, high: float
+    cohorts: Record,
+    g: int,
+    origin: float,
+    breaking: Breaking,
+    low: float,
+    high: float,
 ) -> bool:
     """Whether a knot of the thresholds passes through a cohort of nodes while the
     slider is from `low` to `high`.
@@ -160,7 +165,12 @@ _EVER = -1.0  # in place of a knot: the largest stretching so far
 
 @inlined
 def _beyond(
-    place: _Curve, reach: _Curve, X: float, knot: float, sign: float, u: float
+    place: _Curve,
+    reach: _Curve,
+    X: float,
+    knot: float,
+    sign: float,
+    u: float,
 ) -> float:
     """Stretching of the contacts at a place in a panel, less a knot or their reach."""
     x = X - _inside(place, u)
@@ -191,7 +201,12 @@ def _cut(cohort: Record, X: float, knot: float) -> float:
 
 
 @bare
-def _next_cut(cohort: Record, X: float, knots: Floats, after: float) -> float:
+def _next_cut(
+    cohort: Record,
+    X: float,
+    knots: Floats,
+    after: float,
+) -> float:
     """The first cut after a place in a panel, by a knot or by the limit of what is
     stretched further than ever.
     """
@@ -205,7 +220,10 @@ def _next_cut(cohort: Record, X: float, knots: Floats, after: float) -> float:
 
 @bare
 def _in_parts(
-    cohort: Record, origin: float, breaking: Breaking, y: float
+    cohort: Record,
+    origin: float,
+    breaking: Breaking,
+    y: float,
 ) -> tuple[float, float, float, float]:
     """Force, attached fraction, slope and energy of a cohort, integrated between the
     knots that lie in it.
@@ -363,7 +381,11 @@ def force_at(
 
 @bare
 def _force_on_the_way(
-    reading: Reading, count: int, breaking: Breaking, y: float, k: int
+    reading: Reading,
+    count: int,
+    breaking: Breaking,
+    y: float,
+    k: int,
 ) -> tuple[float, float, float, float, float, float]:
     """`force_at` for contacts that may break by age or temperature."""
     active = reading.active
@@ -404,7 +426,12 @@ def _force_on_the_way(
 
 
 @bare
-def kink_at(cohorts: Record, used: int, breaking: Breaking, level: float) -> float:
+def kink_at(
+    cohorts: Record,
+    used: int,
+    breaking: Breaking,
+    level: float,
+) -> float:
     """Fall of the slope of the force where the slider passes a place at which it has
     turned.
     """
@@ -423,7 +450,13 @@ def kink_at(cohorts: Record, used: int, breaking: Breaking, level: float) -> flo
 
 
 @bare
-def divide(cohorts: Record, used: int, X: float, breaking: Breaking, room: int) -> int:
+def divide(
+    cohorts: Record,
+    used: int,
+    X: float,
+    breaking: Breaking,
+    room: int,
+) -> int:
     """Divide the cohorts through which a knot passes, as there is room: when the
     slider turns, their reach stays.
     """
@@ -436,7 +469,11 @@ def divide(cohorts: Record, used: int, X: float, breaking: Breaking, room: int) 
 
 @bare
 def divide_passed(
-    cohorts: Record, used: int, X: float, breaking: Breaking, room: int
+    cohorts: Record,
+    used: int,
+    X: float,
+    breaking: Breaking,
+    room: int,
 ) -> int:
     """Divide cohorts of which some are stretched further than ever, and others not.
 
@@ -459,7 +496,12 @@ def divide_passed(
 
 @bare
 def _divide(
-    cohorts: Record, g: int, count: int, X: float, knots: Floats, room: int
+    cohorts: Record,
+    g: int,
+    count: int,
+    X: float,
+    knots: Floats,
+    room: int,
 ) -> int:
     """Divide a cohort at all cuts, behind the others; their number."""
     first = begin = _next_cut(cohorts[g], X, knots, 0.0)
@@ -476,7 +518,13 @@ def _divide(
 
 
 @bare
-def _part(whole: Record, part: Record, X: float, begin: float, end: float) -> None:
+def _part(
+    whole: Record,
+    part: Record,
+    X: float,
+    begin: float,
+    end: float,
+) -> None:
     """Fill the `part` from `begin` to `end` of the panel of a whole cohort into
     another.
     """
@@ -494,7 +542,11 @@ def _part(whole: Record, part: Record, X: float, begin: float, end: float) -> No
 
 
 def merged(
-    cohorts: Record, used: int, breaking: Breaking, width: float, tolerance: float
+    cohorts: Record,
+    used: int,
+    breaking: Breaking,
+    width: float,
+    tolerance: float,
 ) -> Record:
     """Join cohorts that lie close to each other and reach equally far: their moments
     stay up to order ``2 Q - 1``.
@@ -523,7 +575,9 @@ def merged(
     free = np.all(r < table.bottom, axis=1)
     forth = ~free & (np.ptp(ahead, axis=1) < 1e-10)
     kind = np.where(
-        free, 0, np.where(forth, 1, np.where(np.ptp(back, axis=1) < 1e-10, 2, 3))
+        free,
+        0,
+        np.where(forth, 1, np.where(np.ptp(back, axis=1) < 1e-10, 2, 3)),
     )
     level = np.where(kind == 1, ahead[:, 0], np.where(kind == 2, back[:, 0], 0.0))
     extent = (
@@ -548,7 +602,11 @@ def merged(
         ]
     )
     _, first, which, size = np.unique(
-        keys, axis=1, return_index=True, return_inverse=True, return_counts=True
+        keys,
+        axis=1,
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
     )
     made = cohorts[first]
     for i in np.flatnonzero(size > 1):

@@ -144,7 +144,12 @@ def begin_step(way: Floats, low: float, high: float) -> None:
 
 
 @inlined
-def note(way: Floats, breaking: Breaking, b: float, age: float) -> tuple[float, float]:
+def note(
+    way: Floats,
+    breaking: Breaking,
+    b: float,
+    age: float,
+) -> tuple[float, float]:
     """Record contacts at a position, of an age at the start of a step: the largest gain
     of their clock in it, and their reach.
     """
@@ -189,7 +194,12 @@ def survival(breaking: Breaking, u: float, r: float) -> tuple[float, float, floa
 
 
 @bare
-def _beyond(breaking: Breaking, d: float, r: float, held: float) -> float:
+def _beyond(
+    breaking: Breaking,
+    d: float,
+    r: float,
+    held: float,
+) -> float:
     """Fraction that survives where strengths below `r` matter.
 
     That is ``Int J_c(max(r, u - A ln E)) exp(-E) dE``, by panels.
@@ -213,7 +223,12 @@ def _beyond(breaking: Breaking, d: float, r: float, held: float) -> float:
 
 
 @bare
-def _fill(breaking: Breaking, u: Floats, r: Floats, values: Floats) -> None:
+def _fill(
+    breaking: Breaking,
+    u: Floats,
+    r: Floats,
+    values: Floats,
+) -> None:
     for i in range(u.size):
         values[i] = survival(breaking, u[i], r[i])[0]
 
@@ -258,6 +273,36 @@ def _exponent(way: Floats, piece: _Piece, s: float) -> float:
     return float(piece.factor * (0.5 * x * x if piece.squared else x) + piece.tilt * s)
 
 
+@inlined
+def _piece_of(
+    way: Floats,
+    breaking: Breaking,
+    begin: float,
+    end: float,
+    b: float,
+    sign: float,
+    age: float,
+) -> tuple[_Piece, float]:
+    """Part of the step in the variable in which growth is a tilt, and what contacts
+    have grown by up to its begin, as `_gain` takes them.
+    """
+    A = breaking.width
+    ratio = 0.0
+    span = end - begin
+    tilt = 0.0
+    grown_by = 0.0
+    if breaking.growth.first > 0.0 and age < math.inf:
+        slope = breaking.growth.first / A
+        time = breaking.growth.second
+        young = max(age + begin * way[STEP, LENGTH], 0.0)
+        ratio = way[STEP, LENGTH] / (time + young)
+        span = math.log1p(ratio * span)
+        tilt = (1.0 - slope) * span
+        grown_by = slope * math.log1p(young / time)
+    factor = (1.0 if breaking.squared else sign) / A
+    return _Piece(begin, span, ratio, tilt, b, factor, breaking.squared), grown_by
+
+
 @bare
 def _gain(
     way: Floats,
@@ -279,27 +324,7 @@ def _gain(
     """
     A = breaking.width
     many = moments.size
-    ratio = 0.0
-    span = end - begin
-    tilt = 0.0
-    grown_by = 0.0
-    if breaking.growth.first > 0.0 and age < math.inf:
-        slope = breaking.growth.first / A
-        time = breaking.growth.second
-        young = max(age + begin * way[STEP, LENGTH], 0.0)
-        ratio = way[STEP, LENGTH] / (time + young)
-        span = math.log1p(ratio * span)
-        tilt = (1.0 - slope) * span
-        grown_by = slope * math.log1p(young / time)
-    piece = _Piece(
-        begin,
-        span,
-        ratio,
-        tilt,
-        b,
-        (1.0 if breaking.squared else sign) / A,
-        breaking.squared,
-    )
+    piece, grown_by = _piece_of(way, breaking, begin, end, b, sign, age)
     for i in range(many):
         moments[i] = 0.0
     first = _exponent(way, piece, 0.0)
@@ -344,14 +369,20 @@ def _gain(
     total = max(moments[0], 1e-300)  # of a way that no step will take
     for i in range(many):
         moments[i] /= total
-    time = way[STEP, LENGTH] * (span / ratio if ratio > 0.0 else span)
+    span = piece.span / piece.ratio if piece.ratio > 0.0 else piece.span
+    time = way[STEP, LENGTH] * span
     return float(
         A * (top - grown_by + math.log(max(breaking.attempts * time * total, 1e-300)))
     )
 
 
 @bare
-def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> None:
+def run_clocks(
+    way: Floats,
+    nodes: Record,
+    breaking: Breaking,
+    dt: float,
+) -> None:
     """Record the positions of the slider at the nodes of a step, and what clocks gain
     up to them.
     """
@@ -369,7 +400,16 @@ def run_clocks(way: Floats, nodes: Record, breaking: Breaking, dt: float) -> Non
         total = NEVER
         at = -sign if breaking.squared else 0.0  # as where contacts are about to break
         for k in range(1, P + 1):
-            gain = _gain(way, moments, breaking, NODE[k - 1], NODE[k], at, sign, old)
+            gain = _gain(
+                way,
+                moments,
+                breaking,
+                NODE[k - 1],
+                NODE[k],
+                at,
+                sign,
+                old,
+            )
             row = side * BACK + k
             total = later(breaking.width, total, gain)
             part = math.exp((gain - total) / breaking.width)
@@ -420,7 +460,16 @@ def _tabulate(way: Floats, breaking: Breaking) -> None:
                     at = 0.0
                     grown_by = growth.first * math.log1p(age / growth.second)
                 way[row, i] = (
-                    _gain(way, scratch, breaking, NODE[k - 1], NODE[k], at, sign, age)
+                    _gain(
+                        way,
+                        scratch,
+                        breaking,
+                        NODE[k - 1],
+                        NODE[k],
+                        at,
+                        sign,
+                        age,
+                    )
                     + grown_by
                 )
             for j in range(many):
@@ -431,7 +480,12 @@ def _tabulate(way: Floats, breaking: Breaking) -> None:
 
 @inlined
 def _shared(
-    way: Floats, breaking: Breaking, side: int, k: int, b: float, age: float
+    way: Floats,
+    breaking: Breaking,
+    side: int,
+    k: int,
+    b: float,
+    age: float,
 ) -> float:
     """Gain of the clock from a node to the next, of contacts at a place that have an
     age at the start of a step.
@@ -458,7 +512,12 @@ def _shared(
 
 @bare
 def _gain_of_interval(
-    way: Floats, breaking: Breaking, b: float, begin: float, k: int, age: float
+    way: Floats,
+    breaking: Breaking,
+    b: float,
+    begin: float,
+    k: int,
+    age: float,
 ) -> float:
     """Gain of the clock of contacts at a place up to a node, from the node before it or
     from a later `begin`.
@@ -507,7 +566,9 @@ def followed(
     r = max(
         r,
         reach_at(
-            breaking.growth, abs(way[X, k] - b), age + NODE[k] * way[STEP, LENGTH]
+            breaking.growth,
+            abs(way[X, k] - b),
+            age + NODE[k] * way[STEP, LENGTH],
         ),
     )
     if breaking.width > 0.0:
@@ -556,24 +617,55 @@ def _fill_sliding(
         r[i] = max(begun, reach_at(breaking.growth, abs(x[i]), age))
         turn = min(max(-begin / (x[i] - begin), 0.0), 1.0)
         if breaking.width > 0.0 and turn > 0.0:
-            u[i] = _gain(way, way[MOMENTS, :1], breaking, 0.0, turn, -begin, -1.0, 0.0)
+            u[i] = _gain(
+                way,
+                way[MOMENTS, :1],
+                breaking,
+                0.0,
+                turn,
+                -begin,
+                -1.0,
+                0.0,
+            )
         if breaking.width > 0.0 and turn < 1.0:
             u[i] = later(
                 breaking.width,
                 u[i],
-                _gain(way, way[MOMENTS, :1], breaking, turn, 1.0, -begin, 1.0, 0.0),
+                _gain(
+                    way,
+                    way[MOMENTS, :1],
+                    breaking,
+                    turn,
+                    1.0,
+                    -begin,
+                    1.0,
+                    0.0,
+                ),
             )
 
 
 def sliding_lives(
-    breaking: Breaking, begin: float, begun: float, x: Floats, velocity: float
+    breaking: Breaking,
+    begin: float,
+    begun: float,
+    x: Floats,
+    velocity: float,
 ) -> tuple[Floats, Floats, Floats]:
     """Clocks, reaches and ages of contacts that steady sliding has stretched from
     `begin` to each of rising `x`.
     """
     u = np.empty(x.size)
     r = np.empty(x.size)
-    _fill_sliding(breaking, a_way(breaking), begin, begun, x.ravel(), velocity, u, r)
+    _fill_sliding(
+        breaking,
+        a_way(breaking),
+        begin,
+        begun,
+        x.ravel(),
+        velocity,
+        u,
+        r,
+    )
     return (
         u.reshape(x.shape),
         np.maximum.accumulate(r).reshape(x.shape),

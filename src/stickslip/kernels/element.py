@@ -191,14 +191,24 @@ def _loss(path: _Path, t: float) -> float:
 
 
 @inlined
-def _draw(m: Record, kind: int, slot: int, life: int) -> float:
+def _draw(
+    m: Record,
+    kind: int,
+    slot: int,
+    life: int,
+) -> float:
     """Uniform number of a contact in one of its lives."""
     key = int(m.low_key), int(m.high_key)
     return uniform(key, (slot, (4 * life + kind) & 0xFFFFFFFF))
 
 
 @bare
-def _attach(state: ElementState, slot: int, place: float, heading: float) -> float:
+def _attach(
+    state: ElementState,
+    slot: int,
+    place: float,
+    heading: float,
+) -> float:
     """Attach a contact at a place of the slider; return its stretching."""
     m = state.motion[0]
     draws = state.draws
@@ -412,7 +422,13 @@ def _arrests(state: ElementState) -> None:
 
 
 @inlined
-def _go(state: ElementState, v: float, a: float, h: float, end: float) -> float:
+def _go(
+    state: ElementState,
+    v: float,
+    a: float,
+    h: float,
+    end: float,
+) -> float:
     """Move the slider along a part of a step in which it does not turn round; return
     the time at which detached contacts slide, infinite if they do not.
     """
@@ -423,7 +439,16 @@ def _go(state: ElementState, v: float, a: float, h: float, end: float) -> float:
         _arrests(state)
         if side != 0.0:
             m.direction = side
-    path = _Path(m.position, v, a, h, end, side, m.slid, math.inf)
+    path = _Path(
+        m.position,
+        v,
+        a,
+        h,
+        end,
+        side,
+        m.slid,
+        math.inf,
+    )
     # without a sliding force they yield at once, and stay unstretched
     left = draws.sliding_force - side * m.slid
     if side != 0.0 and side * (end - m.position) >= left:
@@ -479,7 +504,10 @@ def next_attachment(state: ElementState) -> float:
 
 @bare
 def step(
-    state: ElementState, dt: float, velocity: float, displacement: float
+    state: ElementState,
+    dt: float,
+    velocity: float,
+    displacement: float,
 ) -> tuple[float, float, float]:
     """Move the slider; return force, impulse and stiffness: see the top of this
     file.
@@ -495,7 +523,13 @@ def step(
         v = velocity
         turn = -v / a if a != 0.0 else -1.0
         if 0.0 < turn < dt:
-            _go(state, v, a, turn, m.position + 0.5 * v * turn)
+            _go(
+                state,
+                v,
+                a,
+                turn,
+                m.position + 0.5 * v * turn,
+            )
             v = 0.0
             h = dt - turn
     yields = _go(state, v, a, h, displacement)

@@ -43,7 +43,10 @@ the last summing up.
 
 
 def make_motion(
-    X: float = 0.0, velocity: float = 0.0, sliding_force: float = 0.0, slides: int = 0
+    X: float = 0.0,
+    velocity: float = 0.0,
+    sliding_force: float = 0.0,
+    slides: int = 0,
 ) -> Record:
     """Return an array of the one record; `slides` is 1 or -1 if the detached
     contacts slide already.
@@ -96,7 +99,12 @@ class FlightLeg(NamedTuple):
 
 
 @inlined
-def constants(slider: Slider, f_d: float, N: float, stiffest: float) -> Constants:
+def constants(
+    slider: Slider,
+    f_d: float,
+    N: float,
+    stiffest: float,
+) -> Constants:
     """Return the constants of a call; `stiffest` is the largest mean stiffness that
     the contacts can reach.
     """
@@ -159,7 +167,13 @@ def set_out(m: Record, drive: Quadratic, c: Constants) -> FlightLeg:
     if c.rigid or c.massless:
         v = drive_v if c.rigid else c.K * drive_v / (c.K + stiffness * c.part)
         return FlightLeg(
-            t, X, n, free, F_d, drive_v, take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0)
+            t,
+            X,
+            n,
+            free,
+            F_d,
+            drive_v,
+            take_off(0.0, 0.0, math.inf, v, 0.0, 0.0, 0.0),
         )
     F_c = n * (X - m.reference) - m.origins
     if c.f_d > 0.0:
@@ -196,7 +210,12 @@ def balance(m: Record, drive: Quadratic, c: Constants) -> float:
 
 @inlined
 def sample(
-    m: Record, row: Floats, leg: FlightLeg, part: float, a: float, c: Constants
+    m: Record,
+    row: Floats,
+    leg: FlightLeg,
+    part: float,
+    a: float,
+    c: Constants,
 ) -> None:
     """Fill a row with the state of the flight a time `part` after its beginning.
 
@@ -222,7 +241,16 @@ def sample(
         row[4] += 0.5 * free * slid * slid
         row[7] += free * m.slides * c.f_d * y
     if not c.rigid:
-        work, squares = energies(leg.motion, part, y, u, leg.F_d, c.K, leg.drive_v, a)
+        work, squares = energies(
+            leg.motion,
+            part,
+            y,
+            u,
+            leg.F_d,
+            c.K,
+            leg.drive_v,
+            a,
+        )
         row[5] += work
         row[6] += c.drag * squares
 
@@ -260,11 +288,26 @@ def sample_until(
 
 @inlined
 def fly(
-    m: Record, leg: FlightLeg, h: float, y: float, u: float, a: float, c: Constants
+    m: Record,
+    leg: FlightLeg,
+    h: float,
+    y: float,
+    u: float,
+    a: float,
+    c: Constants,
 ) -> None:
     """Move the state to the end of the flight, but for its time."""
     if not c.rigid:
-        work, squares = energies(leg.motion, h, y, u, leg.F_d, c.K, leg.drive_v, a)
+        work, squares = energies(
+            leg.motion,
+            h,
+            y,
+            u,
+            leg.F_d,
+            c.K,
+            leg.drive_v,
+            a,
+        )
         m.work += work
         m.damped += c.drag * squares
     if c.f_d > 0.0:
@@ -285,7 +328,12 @@ def detached_energy(m: Record, c: Constants) -> float:
 
 
 @inlined
-def count_in(m: Record, birth: float, k: float, c: Constants) -> None:
+def count_in(
+    m: Record,
+    birth: float,
+    k: float,
+    c: Constants,
+) -> None:
     """Count a contact of stiffness `k` that attaches: it lets go of the force it
     slid with, and may be stretched.
     """
@@ -299,7 +347,12 @@ def count_in(m: Record, birth: float, k: float, c: Constants) -> None:
 
 
 @inlined
-def count_out(m: Record, birth: float, k: float, c: Constants) -> None:
+def count_out(
+    m: Record,
+    birth: float,
+    k: float,
+    c: Constants,
+) -> None:
     """Remove a contact of stiffness `k` that breaks: its energy is lost, but for what a
     detached one holds.
     """

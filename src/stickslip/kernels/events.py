@@ -193,12 +193,23 @@ def make_state(
     motion[0].attached = attached
     clear(state.ahead, motion[0].position)
     ending = np.flatnonzero(np.isfinite(pending))
-    _fill(state, birth[:attached], threshold, attached + ending, pending[ending])
+    _fill(
+        state,
+        birth[:attached],
+        threshold,
+        attached + ending,
+        pending[ending],
+    )
     _look_again(state, None)
     return state
 
 
-def boxed(state: ContactsState, rule: Rule, since: Floats, own: Floats) -> Boxes:
+def boxed(
+    state: ContactsState,
+    rule: Rule,
+    since: Floats,
+    own: Floats,
+) -> Boxes:
     """Return empty boxes for contacts that attached at the times `since`; the first
     advance draws them.
     """
@@ -463,7 +474,10 @@ def _enclose(
 
 @inlined
 def _breaks(
-    state: ContactsState, place: int, draws: ContactDraws, boxes: Boxes
+    state: ContactsState,
+    place: int,
+    draws: ContactDraws,
+    boxes: Boxes,
 ) -> bool:
     """Whether a contact that leaves its box, or whose time is up, breaks."""
     m = state.motion[0]
@@ -570,7 +584,11 @@ def _break(
 
 @bare
 def _leave(
-    state: ContactsState, place: int, draws: ContactDraws, boxes: Boxes, c: Constants
+    state: ContactsState,
+    place: int,
+    draws: ContactDraws,
+    boxes: Boxes,
+    c: Constants,
 ) -> None:
     """Break a contact that leaves its box or whose time is up, or give it a new box."""
     if is_shared(boxes.rule) or _breaks(state, place, draws, boxes):
@@ -586,7 +604,11 @@ def _leave(
 
 @inlined
 def _strike(
-    state: ContactsState, side: int, draws: ContactDraws, boxes: Boxes, c: Constants
+    state: ContactsState,
+    side: int,
+    draws: ContactDraws,
+    boxes: Boxes,
+    c: Constants,
 ) -> None:
     """Break the contact that the clock ahead (0) or behind (1) proposes, or let it be
     proposed again later.
@@ -597,13 +619,24 @@ def _strike(
     birth = state.ahead.entries[place]["birth"]
     threshold = state.ahead.entries[place]["threshold"]
     if _variate(m, draws) < shared_clock.chance(
-        boxes.clock, side, boxes.rule, m.position, m.position - birth
+        boxes.clock,
+        side,
+        boxes.rule,
+        m.position,
+        m.position - birth,
     ):
         _break(state, place, draws, boxes, c)
     else:
         rest = threshold + (1 - 2 * side) * birth
         shared_clock.propose(
-            boxes.clock, side, slot, rest, state.size, boxes.rule, m, draws.variates
+            boxes.clock,
+            side,
+            slot,
+            rest,
+            state.size,
+            boxes.rule,
+            m,
+            draws.variates,
         )
 
 
@@ -618,7 +651,9 @@ def _pass(
     """The slider passes the first position ahead or behind."""
     place = first_place(state.ahead) if side == 1 else first_slot(state.behind)
     state.motion[0].position = state.ahead.entries[place]["birth"] + side * _reach(
-        state, place, boxes
+        state,
+        place,
+        boxes,
     )
     if boxes is None:
         _break(state, place, draws, boxes, c)
@@ -642,7 +677,12 @@ class _Edges(NamedTuple):
 
 
 @inlined
-def _edges(m: Record, watch: bool, boxes: Boxes | None, c: Constants) -> _Edges:
+def _edges(
+    m: Record,
+    watch: bool,
+    boxes: Boxes | None,
+    c: Constants,
+) -> _Edges:
     """Positions at which the element of the detached contacts yields; infinite while it
     does.
     """
@@ -658,7 +698,13 @@ def _edges(m: Record, watch: bool, boxes: Boxes | None, c: Constants) -> _Edges:
     if m.slides == 0:
         ahead = m.anchor + c.f_d if m.slid != 1 else np.inf
         behind = m.anchor - c.f_d if m.slid != -1 else -np.inf
-    return _Edges(ahead, behind, watch or m.slides != 0 or m.slid != 0, low, high)
+    return _Edges(
+        ahead,
+        behind,
+        watch or m.slides != 0 or m.slid != 0,
+        low,
+        high,
+    )
 
 
 @inlined
@@ -685,7 +731,12 @@ def _element_turns(m: Record, flight: Flight, c: Constants) -> bool:
 
 
 @inlined
-def _yields(m: Record, edges: _Edges, side: int, first: float) -> bool:
+def _yields(
+    m: Record,
+    edges: _Edges,
+    side: int,
+    first: float,
+) -> bool:
     """Whether the element gives way before the contact whose key is `first`; it
     yields from here on.
     """
@@ -733,7 +784,11 @@ def _leaps(
 
 @inlined
 def _begin(
-    m: Record, drive: Quadratic, arrests: bool, boxes: Boxes | None, c: Constants
+    m: Record,
+    drive: Quadratic,
+    arrests: bool,
+    boxes: Boxes | None,
+    c: Constants,
 ) -> tuple[FlightLeg, _Edges]:
     """Motion from here on until the next event."""
     leg = motion.set_out(m, drive, c)
@@ -749,7 +804,11 @@ _TURN = 2  # ends a flight where the slider turns round
 
 @inlined
 def _next_event(
-    state: ContactsState, leg: FlightLeg, edges: _Edges, ahead: float, most: float
+    state: ContactsState,
+    leg: FlightLeg,
+    edges: _Edges,
+    ahead: float,
+    most: float,
 ) -> tuple[float, float, float, int]:
     """Find the duration of the flight, at most `most`; displacement and velocity at its
     end; and what ends it.
@@ -791,7 +850,11 @@ def _next_event(
             side = 0
             if h == 0.0:
                 h, side = first_crossing(
-                    leg.motion, to_ahead, to_behind, most, state.cuts
+                    leg.motion,
+                    to_ahead,
+                    to_behind,
+                    most,
+                    state.cuts,
                 )
             turn = first_turn(leg.motion, h, state.cuts) if edges.watch else np.inf
             if turn <= h:
@@ -805,7 +868,11 @@ def _next_event(
 
 @inlined
 def _crosses(
-    m: Record, edges: _Edges, side: int, first: float, boxes: Boxes | None
+    m: Record,
+    edges: _Edges,
+    side: int,
+    first: float,
+    boxes: Boxes | None,
 ) -> bool:
     """Whether the slider passes an edge of the window before a contact or the
     element gives way.
@@ -847,7 +914,11 @@ def _due(state: ContactsState, boxes: Boxes) -> tuple[float, int]:
 
 @inlined
 def _happens(
-    state: ContactsState, by: int, draws: ContactDraws, boxes: Boxes, c: Constants
+    state: ContactsState,
+    by: int,
+    draws: ContactDraws,
+    boxes: Boxes,
+    c: Constants,
 ) -> None:
     """Handle the time that has come: of a contact by a shared clock or its own, or the
     end of the window (-2).
@@ -861,7 +932,10 @@ def _happens(
 
 @inlined
 def _winds(
-    state: ContactsState, ahead: float, draws: ContactDraws, boxes: Boxes
+    state: ContactsState,
+    ahead: float,
+    draws: ContactDraws,
+    boxes: Boxes,
 ) -> bool:
     """Wind the shared clocks where that is due; return False if too few variates are
     left.
@@ -871,7 +945,13 @@ def _winds(
         return True
     behind = _first_behind(state)
     return shared_clock.wind(
-        boxes.clock, boxes.rule, m, state.ahead, ahead, behind, draws.variates
+        boxes.clock,
+        boxes.rule,
+        m,
+        state.ahead,
+        ahead,
+        behind,
+        draws.variates,
     )
 
 
@@ -889,7 +969,9 @@ def _next_attachment(state: ContactsState, on_arrest: bool) -> float:
 
 @inlined
 def short_of(
-    m: Record, draws: ContactDraws, boxes: Boxes | None
+    m: Record,
+    draws: ContactDraws,
+    boxes: Boxes | None,
 ) -> tuple[bool, bool, bool]:
     """Whether too few thresholds, delays or variates are left for the next event,
     whichever it is.

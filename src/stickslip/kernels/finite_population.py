@@ -54,7 +54,12 @@ _COARSE = 0.02  # largest error of merging two cohorts, in units of the toleranc
 
 @bare
 def deviation(
-    work: Work, case: Case, t: float, row: Record, force: float, velocity: float
+    work: Work,
+    case: Case,
+    t: float,
+    row: Record,
+    force: float,
+    velocity: float,
 ) -> None:
     """Add to a row of means the deviation that has grown by a time, of a mean force and
     velocity.
@@ -104,7 +109,13 @@ def deviation(
 
 
 @bare
-def deviate(row: Record, t: float, end: Record, work: Work, case: Case) -> None:
+def deviate(
+    row: Record,
+    t: float,
+    end: Record,
+    work: Work,
+    case: Case,
+) -> None:
     """Add the deviation from the mean to a sample of it, with energy lost no sooner
     than it is.
     """
@@ -131,7 +142,11 @@ class _Broken(NamedTuple):
 
 @bare
 def _draw_breaks(
-    state: PanelsState, work: Work, case: Case, finite: FiniteNumber, place: float
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    finite: FiniteNumber,
+    place: float,
 ) -> _Broken:
     """Draw how many contacts of each node break in a step; the excess breaks with the
     slider at a `place`.
@@ -180,7 +195,13 @@ def _draw_breaks(
 
 @bare
 def _fluctuate(
-    work: Work, case: Case, N: float, broken: _Broken, u: float, place: float, dt: float
+    work: Work,
+    case: Case,
+    N: float,
+    broken: _Broken,
+    u: float,
+    place: float,
+    dt: float,
 ) -> None:
     """Record the deviation from the mean that an excess of broken contacts causes from
     a part `u` of a step on.
@@ -228,7 +249,14 @@ def settle(
     place = value(nodes.x, work.curves.x, u)
     broken = _draw_breaks(state, work, case, finite, place)
     _fluctuate(work, case, N, broken, u, place, dt)
-    deviation(work, case, motion.time, motion, nodes[P].force, nodes[P].v)
+    deviation(
+        work,
+        case,
+        motion.time,
+        motion,
+        nodes[P].force,
+        nodes[P].v,
+    )
     if case.sliding_force > 0.0:
         motion.element = element_at(state, case, motion.position - start.position)
     total = broken.total + _go_on(state, case, finite)
@@ -269,13 +297,26 @@ def _go_on(state: PanelsState, case: Case, finite: FiniteNumber) -> float:
                 r = x
                 total += k
                 n -= k
-            kept += _put(cohorts, kept, case, finite, n, CountedLife(b, u, r, since))
+            kept += _put(
+                cohorts,
+                kept,
+                case,
+                finite,
+                n,
+                CountedLife(b, u, r, since),
+            )
     state.used.cohorts = (kept + Q - 1) // Q
     return total
 
 
 @bare
-def _held(case: Case, u: float, r: float, clock: float, most: float) -> float:
+def _held(
+    case: Case,
+    u: float,
+    r: float,
+    clock: float,
+    most: float,
+) -> float:
     """Fraction of the surviving contacts, of clock `u` and reach `r`, that survive up
     to this clock and reach.
     """
@@ -338,7 +379,14 @@ def _joins(
     since = node.since + part * (life.since - node.since)
     b = node.place + offset * part
     r = max(r, abs(X - b)) if case.breaking.growth.first == 0.0 else r
-    _put(cohorts, place, case, finite, total, CountedLife(b, u, r, since))
+    _put(
+        cohorts,
+        place,
+        case,
+        finite,
+        total,
+        CountedLife(b, u, r, since),
+    )
     return True
 
 
@@ -378,7 +426,12 @@ def _keep(
 
 
 @bare
-def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> None:
+def _wait(
+    panel: Floats,
+    delays: Delays,
+    finite: FiniteNumber,
+    more: float,
+) -> None:
     """Divide what broke in a panel between the delays, and what has a delay from a
     distribution between its nodes.
     """
@@ -408,7 +461,11 @@ def _wait(panel: Floats, delays: Delays, finite: FiniteNumber, more: float) -> N
 
 @bare
 def _arrivals(
-    state: PanelsState, case: Case, finite: FiniteNumber, before: float, now: float
+    state: PanelsState,
+    case: Case,
+    finite: FiniteNumber,
+    before: float,
+    now: float,
 ) -> float:
     """Draw how many contacts re-attach between two times, and take them off those that
     wait.
@@ -521,7 +578,10 @@ def _attach(
                 broken += k
                 n -= k
             life = CountedLife(
-                origin + at, u, r, state.motion.time - (1.0 - GAUSS[j]) * dt
+                origin + at,
+                u,
+                r,
+                state.motion.time - (1.0 - GAUSS[j]) * dt,
             )
             if not _joins(cohorts, place - 1, case, finite, n, life, X):
                 place += _put(cohorts, place, case, finite, n, life)
@@ -561,7 +621,10 @@ def attach_all(state: PanelsState, case: Case, finite: FiniteNumber) -> None:
         more -= n
         other = max(other - newborn.fraction[i], 1e-300)
         life = CountedLife(
-            motion.position - x, NEVER, newborn.tried * abs(x), motion.time
+            motion.position - x,
+            NEVER,
+            newborn.tried * abs(x),
+            motion.time,
         )
         place += _put(state.cohorts, place, case, finite, n, life)
     _fill_up(state, place)
@@ -639,7 +702,11 @@ def counted(state: PanelsState, case: Case, finite: FiniteNumber) -> PanelsState
 
 
 def joined(
-    cohorts: Record, used: int, breaking: Breaking, finite: FiniteNumber, now: float
+    cohorts: Record,
+    used: int,
+    breaking: Breaking,
+    finite: FiniteNumber,
+    now: float,
 ) -> Record:
     """Join nodes that lie close to each other and reach nearly as far; none of the
     contacts is lost.
@@ -674,6 +741,8 @@ def joined(
     nodes.since = since
     nodes.count = np.round(total)
     nodes.mass = np.where(
-        alive > GONE, total / (finite.contacts * np.maximum(alive, GONE)), 0.0
+        alive > GONE,
+        total / (finite.contacts * np.maximum(alive, GONE)),
+        0.0,
     )
     return made.reshape(-1, Q)

@@ -59,7 +59,13 @@ _PLACE, _VELOCITY, _ACCELERATION = _ORDERS
 
 @inlined
 def take_off(
-    eta: float, w2: float, near: float, v: float, f0: float, f1: float, f2: float
+    eta: float,
+    w2: float,
+    near: float,
+    v: float,
+    f0: float,
+    f1: float,
+    f2: float,
 ) -> Flight:
     """Solve ``y'' + eta y' + w2 y = f0 + f1 h + f2 h^2`` from ``y = 0, y' = v``."""
     q0 = 0.0
@@ -78,7 +84,21 @@ def take_off(
     c5 = -(w2 * (1.0 / 20.0)) * c3 - eta * 0.2 * c4
     c6 = -(w2 * (1.0 / 30.0)) * c4 - eta * (1.0 / 6.0) * c5
     return Flight(
-        eta, w2, inverse, q0, q1, q2, -q0, v - q1, v, c2, c3, c4, c5, c6, near
+        eta,
+        w2,
+        inverse,
+        q0,
+        q1,
+        q2,
+        -q0,
+        v - q1,
+        v,
+        c2,
+        c3,
+        c4,
+        c5,
+        c6,
+        near,
     )
 
 
@@ -216,7 +236,13 @@ def _start(f: Flight, order: int) -> float:
 
 
 @bare
-def _root(f: Flight, order: int, value: float, low: float, high: float) -> float:
+def _root(
+    f: Flight,
+    order: int,
+    value: float,
+    low: float,
+    high: float,
+) -> float:
     """Where a derivative, monotone from `low` to `high`, takes a value: Newton, kept
     inside by bisection.
     """
@@ -241,7 +267,12 @@ def _root(f: Flight, order: int, value: float, low: float, high: float) -> float
 
 
 @bare
-def _cut(f: Flight, order: int, cuts: Floats, count: int) -> int:
+def _cut(
+    f: Flight,
+    order: int,
+    cuts: Floats,
+    count: int,
+) -> int:
     """Cut parts on which a derivative is monotone where it vanishes; their number
     then.
     """
@@ -271,7 +302,12 @@ def heading(f: Flight) -> float:
 
 
 @bare
-def _parts(f: Flight, most: float, lowest: int, cuts: Floats) -> int:
+def _parts(
+    f: Flight,
+    most: float,
+    lowest: int,
+    cuts: Floats,
+) -> int:
     """Cut a flight where derivatives down to the `lowest` vanish, the jerk first; how
     many cuts there are.
 
@@ -317,7 +353,11 @@ def first_turn(f: Flight, most: float, cuts: Floats) -> float:
 
 @bare
 def first_crossing(
-    f: Flight, to_ahead: float, to_behind: float, most: float, cuts: Floats
+    f: Flight,
+    to_ahead: float,
+    to_behind: float,
+    most: float,
+    cuts: Floats,
 ) -> tuple[float, int]:
     """First time up to `most` at which the displacement reaches `to_ahead` or
     `-to_behind`, and which: 1 or -1.
@@ -341,14 +381,31 @@ def first_crossing(
     for i in range(_parts(f, most, _VELOCITY, cuts) - 1):
         y = derivative(f, _PLACE, cuts[i + 1])[0]
         if y >= to_ahead:
-            return _root(f, _PLACE, to_ahead, cuts[i], cuts[i + 1]), 1
+            return _root(
+                f,
+                _PLACE,
+                to_ahead,
+                cuts[i],
+                cuts[i + 1],
+            ), 1
         if y <= -to_behind:
-            return _root(f, _PLACE, -to_behind, cuts[i], cuts[i + 1]), -1
+            return _root(
+                f,
+                _PLACE,
+                -to_behind,
+                cuts[i],
+                cuts[i + 1],
+            ), -1
     return most, 0
 
 
 @bare
-def out_of_reach(f: Flight, to_ahead: float, to_behind: float, most: float) -> float:
+def out_of_reach(
+    f: Flight,
+    to_ahead: float,
+    to_behind: float,
+    most: float,
+) -> float:
     """Time up to `most` in which the slider cannot reach either side, however it
     oscillates; 0 if that is short.
 
@@ -375,7 +432,9 @@ def out_of_reach(f: Flight, to_ahead: float, to_behind: float, most: float) -> f
 
 @inlined
 def soon(
-    f: Flight, distance: float, most: float
+    f: Flight,
+    distance: float,
+    most: float,
 ) -> tuple[float, float, float, int, bool]:
     """Try the common case: a short flight at nearly constant velocity.
 

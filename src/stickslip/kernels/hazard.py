@@ -131,7 +131,11 @@ def steepest(hazard: Hazard, x: float, threshold: float) -> float:
 
 @inlined
 def longest_fold(
-    hazard: Hazard, folds: float, x: float, end: float, threshold: float
+    hazard: Hazard,
+    folds: float,
+    x: float,
+    end: float,
+    threshold: float,
 ) -> float:
     """Bound on the distance in which the rate grows by a number of `folds` (powers of
     e), where its logarithm is no straight line; infinite for Bell's.
@@ -299,7 +303,12 @@ def ageing_time(growth: Growth, age: float) -> float:
 
 
 @inlined
-def sinks(growth: Growth, strength: float, age: float, threshold: float) -> bool:
+def sinks(
+    growth: Growth,
+    strength: float,
+    age: float,
+    threshold: float,
+) -> bool:
     """Whether a threshold that is known at this age is lower at a later one."""
     if growth.kind == EXPONENTIAL:
         return threshold > strength

@@ -55,7 +55,9 @@ def life_at(velocity: float, langevin: Langevin) -> Life:
     time = 1.0 / (langevin.rate * langevin.rate)
     mean = langevin.mean
     return Life(
-        abs(velocity) * time / mean, langevin.std / mean, langevin.newborn / mean
+        abs(velocity) * time / mean,
+        langevin.std / mean,
+        langevin.newborn / mean,
     )
 
 
@@ -126,7 +128,12 @@ def bernoulli(z: float) -> float:
 
 
 @jit
-def margin_rates(z: Floats, c: float, up: Floats, down: Floats) -> None:
+def margin_rates(
+    z: Floats,
+    c: float,
+    up: Floats,
+    down: Floats,
+) -> None:
     """Rates between the nodes of the margin: drift ``c - z``, diffusion 1, out at
     ``z = 0``.
 

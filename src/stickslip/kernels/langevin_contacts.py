@@ -101,7 +101,10 @@ def _inverse_gaussian(mu: float, shape: float, rng: np.random.Generator) -> floa
 
 @jit
 def crossing(
-    start: float, end: float, variance: float, rng: np.random.Generator
+    start: float,
+    end: float,
+    variance: float,
+    rng: np.random.Generator,
 ) -> float:
     """Fraction of a step after which a Brownian bridge of the margin first meets zero,
     given that it does.
@@ -112,14 +115,20 @@ def crossing(
     if start <= 0.0:
         return 0.0
     clock = _inverse_gaussian(
-        start / max(abs(end), 1e-12 * start), start * start / variance, rng
+        start / max(abs(end), 1e-12 * start),
+        start * start / variance,
+        rng,
     )
     return clock / (1.0 + clock)
 
 
 @inlined
 def reflected(
-    start: float, drift: float, noise: float, time: float, rng: np.random.Generator
+    start: float,
+    drift: float,
+    noise: float,
+    time: float,
+    rng: np.random.Generator,
 ) -> tuple[float, float]:
     """Margin, after a time, of a contact that re-attaches on its boundary whenever it
     meets it; and its age.
@@ -154,7 +163,12 @@ def reflected(
 
 
 @inlined
-def _drift(langevin: Langevin, noise: float, speed: float, time: float) -> float:
+def _drift(
+    langevin: Langevin,
+    noise: float,
+    speed: float,
+    time: float,
+) -> float:
     """Constant drift of the margin that stands for ``rate^2 (mean - f) - speed`` near
     the boundary.
 
@@ -200,7 +214,10 @@ def _prepare(langevin: Langevin, stroke: Stroke) -> _Step:
 
 @inlined
 def aged_threshold(
-    f: float, time: float, langevin: Langevin, rng: np.random.Generator
+    f: float,
+    time: float,
+    langevin: Langevin,
+    rng: np.random.Generator,
 ) -> float:
     """Threshold a `time` later, by the exact Ornstein-Uhlenbeck step."""
     e = np.exp(-langevin.rate * langevin.rate * time)
@@ -260,7 +277,11 @@ def _live(
             if not step.forgotten:
                 left *= 1.0 - crossing(margin, new_margin, variance, rng)
             margin, age = reflected(
-                0.0, _drift(langevin, step.noise, abs(v), left), step.noise, left, rng
+                0.0,
+                _drift(langevin, step.noise, abs(v), left),
+                step.noise,
+                left,
+                rng,
             )
             x = v * age
             return x, abs(x) + margin, 0.0
@@ -269,7 +290,12 @@ def _live(
 
 @inlined
 def _at_once(
-    hazard: Hazard, langevin: Langevin, x: float, f: float, v: float, left: float
+    hazard: Hazard,
+    langevin: Langevin,
+    x: float,
+    f: float,
+    v: float,
+    left: float,
 ) -> float:
     """Longest time, of what is left, in which a contact may be followed in one step."""
     square = langevin.rate * langevin.rate
@@ -353,7 +379,11 @@ def _live_hot(
 
 @inlined
 def _sleep(
-    contacts: AgeingContacts, i: int, until: float, X: float, third: float
+    contacts: AgeingContacts,
+    i: int,
+    until: float,
+    X: float,
+    third: float,
 ) -> None:
     """Let a contact sleep until a time, or until the slider has gone a third of its
     margin from `X`.
@@ -487,7 +517,11 @@ def _age(
 
 
 def awake(
-    stretching: Floats, threshold: Floats, attach: Floats, time: float, X: float
+    stretching: Floats,
+    threshold: Floats,
+    attach: Floats,
+    time: float,
+    X: float,
 ) -> AgeingContacts:
     """Return contacts of which none sleeps, with the slider at `X`."""
     total, _ = attached_now(stretching, attach, time)

@@ -190,7 +190,12 @@ def _rates(
 
 
 @jit
-def _eliminate(work: _Work, first: int, top: int, dt: float) -> None:
+def _eliminate(
+    work: _Work,
+    first: int,
+    top: int,
+    dt: float,
+) -> None:
     """Elimination from above for the implicit steps of `_substitute`."""
     above = 0.0
     for i in range(top, first - 1, -1):
@@ -201,7 +206,12 @@ def _eliminate(work: _Work, first: int, top: int, dt: float) -> None:
 
 @jit
 def _substitute(
-    work: _Work, below: float, first: int, top: int, dt: float, solved: Floats
+    work: _Work,
+    below: float,
+    first: int,
+    top: int,
+    dt: float,
+    solved: Floats,
 ) -> None:
     """Implicit step ``(1 - dt L) solved = known`` from node `first` to `top`, with
     `below` on the node below them.
@@ -278,7 +288,14 @@ def _advance_cohort(
         if birth > 0:
             known[birth] += dt * born * (1.0 - fraction) * path
             known[birth + 1] += dt * born * fraction * path
-        _substitute(work, m[0] * path if birth == 0 else 0.0, 1, top, dt, q)
+        _substitute(
+            work,
+            m[0] * path if birth == 0 else 0.0,
+            1,
+            top,
+            dt,
+            q,
+        )
         breaking = (lost, lost) if stage == 0 else (breaking[0], lost)
     for i in range(first, top + 1):
         mass[i] = work.stage[1, 0, i]
@@ -292,7 +309,13 @@ def _advance_cohort(
 
 
 @jit
-def _top(mass: Floats, moment: Floats, nodes: Floats, before: int, path: float) -> int:
+def _top(
+    mass: Floats,
+    moment: Floats,
+    nodes: Floats,
+    before: int,
+    path: float,
+) -> int:
     """Last node that a cohort can reach in a step; it held nothing above `before`.
 
     Dust at the top is swept down.
@@ -311,7 +334,12 @@ def _top(mass: Floats, moment: Floats, nodes: Floats, before: int, path: float) 
 
 @jit
 def _close(
-    cohorts: Cohorts, nodes: Floats, count: int, X: float, near: float, soft: float
+    cohorts: Cohorts,
+    nodes: Floats,
+    count: int,
+    X: float,
+    near: float,
+    soft: float,
 ) -> int:
     """Close the open cohort (row `count`) and open another; returns the number of
     closed cohorts.

@@ -97,7 +97,14 @@ def excursions(life: Life) -> Excursions:
         while alive[i] < 3 * count and survival[i, 1 + (alive[i] - count) // 2] != 0.0:
             alive[i] += 2
     return Excursions(
-        life, edges, age, start, slope, survival[:, 0].copy(), lifetimes, alive
+        life,
+        edges,
+        age,
+        start,
+        slope,
+        survival[:, 0].copy(),
+        lifetimes,
+        alive,
     )
 
 
@@ -164,7 +171,10 @@ def _transform_weights(edges: Floats, p: complex, weight: Complexes) -> None:
 
 @jit
 def _transform(
-    known: Excursions, p: complex, real: Floats, imaginary: Floats
+    known: Excursions,
+    p: complex,
+    real: Floats,
+    imaginary: Floats,
 ) -> tuple[complex, complex]:
     """Transforms of the survivors and of their age; those of excursions as real and
     imaginary parts.

@@ -123,7 +123,11 @@ def _resolution(life: Life, cells: int, steepest: float) -> tuple[int, int]:
 
 @jit
 def steady_moments(
-    life: Life, cells: int, hazard: Hazard = NONE, mean: float = 1.0, time: float = 1.0
+    life: Life,
+    cells: int,
+    hazard: Hazard = NONE,
+    mean: float = 1.0,
+    time: float = 1.0,
 ) -> tuple[float, float]:
     """Moments of one life of a contact in sliding at constant velocity, by the kinetic
     equation, Eqs. (13)-(17).
@@ -176,7 +180,11 @@ def steady_friction(
         if delay > 0.0 and langevin.newborn <= 0.0:
             continue
         life, work = steady_moments(
-            life_at(velocity[i], langevin), cells, hazard, langevin.mean, time
+            life_at(velocity[i], langevin),
+            cells,
+            hazard,
+            langevin.mean,
+            time,
         )
         force[i] = np.sign(velocity[i]) * langevin.mean * work / (life + delay / time)
     return force
@@ -184,7 +192,10 @@ def steady_friction(
 
 @jit
 def pull_newborns(
-    velocity: float, langevin: Langevin, distance: float, points: int
+    velocity: float,
+    langevin: Langevin,
+    distance: float,
+    points: int,
 ) -> tuple[Floats, Floats]:
     """Force while contacts that were all newborn at the start are dragged at constant
     velocity, Eqs. (7), (13)-(17).
@@ -219,7 +230,10 @@ def _integrals_by_age(life: Life, ages: Floats) -> tuple[Floats, Floats]:
     """
     edges = panel_edges(life)
     survivors = survive(
-        edges, life.u / life.delta, np.array([-1.0 / life.delta]), np.zeros(1)
+        edges,
+        life.u / life.delta,
+        np.array([-1.0 / life.delta]),
+        np.zeros(1),
     )
     lifetimes = np.zeros(ages.size)
     works = np.zeros(ages.size)

@@ -88,7 +88,12 @@ def panel_ages(edges: Floats) -> Floats:
 
 
 @jit
-def interpolate(edges: Floats, k: int, age: float, row: Floats) -> None:
+def interpolate(
+    edges: Floats,
+    k: int,
+    age: float,
+    row: Floats,
+) -> None:
     """Weights of the nodes of panel `k` in what survives at an age of it."""
     x = (
         math.sqrt(age / edges[1])
@@ -113,7 +118,11 @@ def interpolate(edges: Floats, k: int, age: float, row: Floats) -> None:
 
 @jit
 def _kernels(
-    levels: Floats, rise: float, lag: float, weight: float, kernel: Floats
+    levels: Floats,
+    rise: float,
+    lag: float,
+    weight: float,
+    kernel: Floats,
 ) -> bool:
     """Slope of ``Q`` in the lag between two moments on the level, times a weight; and
     whether any of it matters.
@@ -171,7 +180,11 @@ def _remember(
                 then = x * x if early else age - x * x
                 weight = 2.0 * x * (right - left) * _WEIGHT[q]
                 if not _kernels(
-                    levels, rise, age - x * x if early else x * x, weight, kernel
+                    levels,
+                    rise,
+                    age - x * x if early else x * x,
+                    weight,
+                    kernel,
                 ):
                     continue
                 matters = True
@@ -194,7 +207,12 @@ def _remember(
 
 
 @jit
-def survive(edges: Floats, rise: float, start: Floats, margin: Floats) -> Floats:
+def survive(
+    edges: Floats,
+    rise: float,
+    start: Floats,
+    margin: Floats,
+) -> Floats:
     """Survivors at the nodes of the panels, shape (panels, P + 1, n); on the first
     panel times the root of age.
 

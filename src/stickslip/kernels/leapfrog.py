@@ -109,7 +109,12 @@ spent, whether there is a row, and the mode of quasi-static motion.
 """
 
 
-def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> BlockMotion:
+def at_rest(
+    X: Floats,
+    V: Floats,
+    sliding: float,
+    anchored: Floats,
+) -> BlockMotion:
     """Return blocks between two steps, contacts still to be summed; `anchored` is
     the stretching of their elements.
     """
@@ -119,10 +124,21 @@ def at_rest(X: Floats, V: Floats, sliding: float, anchored: Floats) -> BlockMoti
     x = X.astype(float)
     v = V.astype(float)
     blocks = Blocks(
-        x, v, v.copy(), held, origins, squares, anchor, broken, *np.full((3, n), np.nan)
+        x,
+        v,
+        v.copy(),
+        held,
+        origins,
+        squares,
+        anchor,
+        broken,
+        *np.full((3, n), np.nan),
     )
     motion = BlockMotion(
-        blocks, blank(NOW), np.zeros((2, SCALARS + FIELDS * n)), np.zeros((2, n))
+        blocks,
+        blank(NOW),
+        np.zeros((2, SCALARS + FIELDS * n)),
+        np.zeros((2, n)),
     )
     motion.now.block = -1
     return motion
@@ -151,13 +167,23 @@ def stretch(network: Network, Z: Floats, j: int) -> float:
 
 
 @inlined
-def element(blocks: Blocks, j: int, X: float, sliding: float) -> float:
+def element(
+    blocks: Blocks,
+    j: int,
+    X: float,
+    sliding: float,
+) -> float:
     """Force of a detached contact with the block at `X`."""
     return float(min(max(X - blocks.anchor[j], -sliding), sliding))
 
 
 @inlined
-def slide(motion: BlockMotion, j: int, X: float, sliding: float) -> float:
+def slide(
+    motion: BlockMotion,
+    j: int,
+    X: float,
+    sliding: float,
+) -> float:
     """Move the detached contacts of a block along to `X`; return the force of each."""
     blocks = motion.blocks
     e = X - blocks.anchor[j]
@@ -250,7 +276,11 @@ def kick(
 
 @bare
 def fill_row(
-    motion: BlockMotion, network: Network, piece: Piece, row: Floats, sliding: float
+    motion: BlockMotion,
+    network: Network,
+    piece: Piece,
+    row: Floats,
+    sliding: float,
 ) -> None:
     """Fill a row with what is now, after the kick."""
     blocks = motion.blocks
@@ -298,7 +328,10 @@ def fill_row(
 
 @bare
 def _interpolate(
-    motion: BlockMotion, row: Floats, fraction: float, span: float
+    motion: BlockMotion,
+    row: Floats,
+    fraction: float,
+    span: float,
 ) -> None:
     """Fill a row between the last two: displacements by the cubic that has their
     velocities, the rest linearly.
@@ -348,7 +381,9 @@ def _sample(
         _interpolate(motion, sampling.samples[k], fraction, span)
         k += 1
         if piece.stop.kind != NOWHERE and holds(
-            piece.stop, motion.blocks.X.mean(), motion.rows[1, 0]
+            piece.stop,
+            motion.blocks.X.mean(),
+            motion.rows[1, 0],
         ):
             held = True
             break

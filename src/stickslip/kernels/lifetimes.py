@@ -167,7 +167,11 @@ def _fill_rates(
 
 @inlined
 def _cap(
-    growth: Growth, strength: float, v: float, end: float, held: float
+    growth: Growth,
+    strength: float,
+    v: float,
+    end: float,
+    held: float,
 ) -> tuple[float, float, float]:
     """Where contacts meet their threshold, how many of those `held` up to there break
     then, and the slope of the place in ln v.
@@ -317,7 +321,11 @@ def _gone(z: complex) -> complex:
 
 @jit
 def _with_caps(
-    lifetimes: Lifetimes, q: complex, fast: bool, breaks: complex, yields: complex
+    lifetimes: Lifetimes,
+    q: complex,
+    fast: bool,
+    breaks: complex,
+    yields: complex,
 ) -> tuple[complex, complex]:
     """Add what breaks at the ends of lives, all at once, and its stretching."""
     for k in range(lifetimes.cap_x.size):

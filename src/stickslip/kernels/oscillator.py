@@ -87,7 +87,11 @@ def is_rigid(slider: Slider) -> bool:
 
 @inlined
 def spring_force(
-    slider: Slider, drive: Quadratic, time: float, X: float, friction: float
+    slider: Slider,
+    drive: Quadratic,
+    time: float,
+    X: float,
+    friction: float,
 ) -> float:
     """Force of the driving spring; that of the contacts where the slider moves with
     the drive.
@@ -100,7 +104,12 @@ def spring_force(
 
 
 @jit
-def _equation(slider: Slider, drive: Quadratic, start: Motion, load: Load) -> _Equation:
+def _equation(
+    slider: Slider,
+    drive: Quadratic,
+    start: Motion,
+    load: Load,
+) -> _Equation:
     K = slider.stiffness
     M = slider.mass
     D, velocity = drive_at(drive, start.time)
@@ -165,7 +174,12 @@ def _short_response(t: float, eta: float, w: float) -> Response:
 
 
 @jit
-def _doubled_response(found: Response, t: float, eta: float, w: float) -> Response:
+def _doubled_response(
+    found: Response,
+    t: float,
+    eta: float,
+    w: float,
+) -> Response:
     """`response` at twice the time `t` at which it was `found`."""
     v, h, h1, h2, h3 = found
     g = v + eta * h  # position after starting at rest from 1
@@ -177,7 +191,11 @@ def _doubled_response(found: Response, t: float, eta: float, w: float) -> Respon
 
 @jit
 def move(
-    slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float
+    slider: Slider,
+    drive: Quadratic,
+    start: Motion,
+    load: Load,
+    dt: float,
 ) -> Motion:
     """Slider a time `dt` later, under the friction force that `load` describes."""
     if is_rigid(slider):
@@ -187,13 +205,19 @@ def move(
     v, h, h1, h2, h3 = response(dt, slider.damping, w)
     X = start.X + start.V * h + constant * h1 + linear * h2 + quadratic * h3
     return Motion(
-        start.time + dt, X, start.V * v + constant * h + linear * h1 + quadratic * h2
+        start.time + dt,
+        X,
+        start.V * v + constant * h + linear * h1 + quadratic * h2,
     )
 
 
 @jit
 def travel(
-    slider: Slider, drive: Quadratic, start: Motion, load: Load, dt: float
+    slider: Slider,
+    drive: Quadratic,
+    start: Motion,
+    load: Load,
+    dt: float,
 ) -> Travel:
     """`move`, with what lies on the way.
 
@@ -256,7 +280,10 @@ def travel(
 
 @jit
 def free_amplitude(
-    slider: Slider, drive: Quadratic, start: Motion, load: Load
+    slider: Slider,
+    drive: Quadratic,
+    start: Motion,
+    load: Load,
 ) -> float:
     """Amplitude of the free oscillation, or of the creep, about the parabola that a
     damped slider ends on.

@@ -62,7 +62,13 @@ def _unresolved(row: Floats) -> float:
 
 
 @bare
-def _observe(state: PanelsState, work: Work, count: int, case: Case, dt: float) -> None:
+def _observe(
+    state: PanelsState,
+    work: Work,
+    count: int,
+    case: Case,
+    dt: float,
+) -> None:
     """Contacts at the nodes of a step, the slider being where the nodes say."""
     nodes = work.nodes
     A0 = state.motion.mass_in
@@ -88,7 +94,12 @@ def _observe(state: PanelsState, work: Work, count: int, case: Case, dt: float) 
 
 
 @bare
-def _newborn(state: PanelsState, work: Work, case: Case, dt: float) -> float:
+def _newborn(
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    dt: float,
+) -> float:
     """Add what attaches in the step to what `_observe` has found, and what of it
     breaks at once.
     """
@@ -109,7 +120,14 @@ def _newborn(state: PanelsState, work: Work, case: Case, dt: float) -> float:
                 m = reattached * newborn.fraction[i]
                 r = newborn.tried * abs(newborn.stretching[i])
                 u, r = carried(
-                    way, case.breaking, y - x, NEVER, r, 0.0, NODE[k] * GAUSS[j], k
+                    way,
+                    case.breaking,
+                    y - x,
+                    NEVER,
+                    r,
+                    0.0,
+                    NODE[k] * GAUSS[j],
+                    k,
                 )
                 held = survival(case.breaking, u, r)[0]
                 if held < 1.0:
@@ -179,7 +197,11 @@ def element_at(state: PanelsState, case: Case, y: float) -> float:
 
 @inlined
 def _slide(
-    state: PanelsState, work: Work, case: Case, k: int, direction: float
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    k: int,
+    direction: float,
 ) -> None:
     """Add the force that detached contacts carry."""
     nodes = work.nodes
@@ -223,7 +245,12 @@ def _slope(work: Work, k: int, c: int) -> float:
 
 
 @bare
-def _newton(state: PanelsState, work: Work, case: Case, dt: float) -> float:
+def _newton(
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    dt: float,
+) -> float:
     """Move the slider at the nodes by one step of Newton's method; the largest
     change of place.
     """
@@ -259,7 +286,11 @@ def _newton(state: PanelsState, work: Work, case: Case, dt: float) -> float:
 
 @bare
 def _accelerate(
-    state: PanelsState, work: Work, M: float, eta: float, dt: float
+    state: PanelsState,
+    work: Work,
+    M: float,
+    eta: float,
+    dt: float,
 ) -> None:
     """Find the velocities at the nodes from forces and stiffness, and leave them in
     place of the forces.
@@ -287,7 +318,12 @@ def _accelerate(
 
 
 @bare
-def _pull(state: PanelsState, work: Work, case: Case, dt: float) -> None:
+def _pull(
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    dt: float,
+) -> None:
     """Net force at the nodes if the slider stayed at the origin, by the slopes
     found.
     """
@@ -301,7 +337,13 @@ def _pull(state: PanelsState, work: Work, case: Case, dt: float) -> None:
 
 
 @inlined
-def _gather(state: PanelsState, work: Work, case: Case, low: float, high: float) -> int:
+def _gather(
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    low: float,
+    high: float,
+) -> int:
     """Collect the cohorts for motion of the slider between `low` and `high`."""
     motion = state.motion
     return gather(
@@ -317,7 +359,12 @@ def _gather(state: PanelsState, work: Work, case: Case, low: float, high: float)
 
 
 @bare
-def _begin(state: PanelsState, work: Work, case: Case, dt: float) -> None:
+def _begin(
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    dt: float,
+) -> None:
     """Guess the positions of the slider at the nodes, as if nothing more broke.
 
     A rigid one is put to where it is driven, and one without mass to where it went at
@@ -345,7 +392,11 @@ def _begin(state: PanelsState, work: Work, case: Case, dt: float) -> None:
 
 @bare
 def _start(
-    state: PanelsState, work: Work, case: Case, count: int, velocity: float
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    count: int,
+    velocity: float,
 ) -> None:
     """Set the node at the start of a step: motion, force and energy of the contacts."""
     nodes = work.nodes
@@ -375,7 +426,11 @@ def _start(
 
 @bare
 def try_step(
-    state: PanelsState, work: Work, case: Case, dt: float, smallest: float
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    dt: float,
+    smallest: float,
 ) -> float:
     """Solve a step without taking it; its error in tolerances (above 1: too long), or
     `NOT_CONVERGED`.

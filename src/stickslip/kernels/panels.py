@@ -91,19 +91,36 @@ class Wanted(NamedTuple):
 
 
 @bare
-def _crossing(row: Floats, curve: Floats, level: float, sign: float) -> float:
+def _crossing(
+    row: Floats,
+    curve: Floats,
+    level: float,
+    sign: float,
+) -> float:
     """First place, in (0, 1], where values at the nodes cross a level, in the
     direction of `sign`; 2 if nowhere.
     """
     for k in range(1, P + 1):
         if (row[k] - level) * sign > 0.0:
             fit(row, curve)
-            return bisect(curve, level, sign, NODE[k - 1], NODE[k], 50)[1]
+            return bisect(
+                curve,
+                level,
+                sign,
+                NODE[k - 1],
+                NODE[k],
+                50,
+            )[1]
     return 2.0
 
 
 @bare
-def _sum_energies(state: PanelsState, work: Work, case: Case, dt: float) -> None:
+def _sum_energies(
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    dt: float,
+) -> None:
     """Energies up to each node of a step."""
     nodes = work.nodes
     motion = state.motion
@@ -209,7 +226,12 @@ def _commit(
 
 
 @bare
-def _move(state: PanelsState, work: Work, case: Case, dt: float) -> None:
+def _move(
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    dt: float,
+) -> None:
     """Advance the motion to the end of a step."""
     nodes = work.nodes
     motion = state.motion
@@ -228,7 +250,11 @@ def _move(state: PanelsState, work: Work, case: Case, dt: float) -> None:
     motion.lost += max(nodes[P].lost, 0.0) if only_lose(case) else nodes[P].lost
     motion.stored = nodes[P].stored
     motion.drive_force = spring_force(
-        case.slider, case.drive, motion.time, motion.position, motion.contact_force
+        case.slider,
+        case.drive,
+        motion.time,
+        motion.position,
+        motion.contact_force,
     )
 
 
@@ -258,7 +284,11 @@ def _sample(
     if finite is not None:
         deviate(row, t, end, work, case)
     row.drive_force = spring_force(
-        case.slider, case.drive, row.time, row.position, row.contact_force
+        case.slider,
+        case.drive,
+        row.time,
+        row.position,
+        row.contact_force,
     )
 
 
@@ -381,7 +411,11 @@ def _misled(state: PanelsState, work: Work, case: Case) -> float:
 
 @bare
 def _step(
-    state: PanelsState, work: Work, case: Case, most: float, smallest: float
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    most: float,
+    smallest: float,
 ) -> tuple[float, int]:
     """Solve a step as long as the error and the first event allow, at most `most`;
     return its length, and what ends it.
@@ -437,7 +471,11 @@ def _step(
 
 @bare
 def _held(
-    state: PanelsState, work: Work, case: Case, wanted: Wanted, dt: float
+    state: PanelsState,
+    work: Work,
+    case: Case,
+    wanted: Wanted,
+    dt: float,
 ) -> float:
     """Length of a step up to the first sample at which the condition holds; else all
     of it.
@@ -452,7 +490,9 @@ def _held(
         X = motion.position + along(work.curves.x, u)
         force = along(work.curves.force, u)
         if holds(
-            wanted.stop, X, spring_force(case.slider, case.drive, times[n], X, force)
+            wanted.stop,
+            X,
+            spring_force(case.slider, case.drive, times[n], X, force),
         ):
             return float(times[n] - motion.time)
         n += 1
@@ -475,7 +515,11 @@ def _turn(
     if case.breaking.knots.size > 0:
         room = len(state.cohorts) - case.newborn.stretching.size
         state.used.cohorts = divide(
-            state.cohorts, state.used.cohorts, motion.position, case.breaking, room
+            state.cohorts,
+            state.used.cohorts,
+            motion.position,
+            case.breaking,
+            room,
         )
     if case.delays.arrest:
         _arrest(state, case, finite)
@@ -576,7 +620,11 @@ def _run(
     counted = finite is not None
     spare = panel_state.SPARE + case.newborn.stretching.size
     motion.drive_force = spring_force(
-        case.slider, case.drive, motion.time, motion.position, motion.contact_force
+        case.slider,
+        case.drive,
+        motion.time,
+        motion.position,
+        motion.contact_force,
     )
     if is_rigid(case.slider):
         motion.velocity = drive_at(case.drive, motion.time)[1]
@@ -647,7 +695,11 @@ def _take(
     if finite is not None:
         settle(state, work, case, finite, dt, direction)
         motion.drive_force = spring_force(
-            case.slider, case.drive, motion.time, motion.position, motion.contact_force
+            case.slider,
+            case.drive,
+            motion.time,
+            motion.position,
+            motion.contact_force,
         )
     motion.direction = direction
     if event == TURNS:
@@ -726,7 +778,9 @@ def _room_to_work(state: PanelsState, breaking: Breaking) -> Work:
 
 
 def _with_room(
-    state: PanelsState, case: Case, finite: FiniteNumber | None
+    state: PanelsState,
+    case: Case,
+    finite: FiniteNumber | None,
 ) -> PanelsState:
     """Return the state with room for more cohorts, some of them joined, and for more
     panels.
@@ -737,7 +791,11 @@ def _with_room(
     if used.cohorts + spare > room:
         if finite is not None:
             kept = joined(
-                state.cohorts, used.cohorts, case.breaking, finite, state.motion.time
+                state.cohorts,
+                used.cohorts,
+                case.breaking,
+                finite,
+                state.motion.time,
             )
         else:
             kept = merged(

@@ -128,7 +128,12 @@ def along(curve: Floats, u: float) -> float:
 
 @inlined
 def bisect(
-    curve: Floats, level: float, sign: float, low: float, high: float, times: int
+    curve: Floats,
+    level: float,
+    sign: float,
+    low: float,
+    high: float,
+    times: int,
 ) -> tuple[float, float]:
     """Bracket where a polynomial crosses a level, in the direction of `sign`, between
     two places, by bisection.

@@ -38,7 +38,11 @@ _ON_THE_EDGE = 1e-10
 
 @inlined
 def _solve(
-    diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats
+    diagonal: Floats,
+    coupling: float,
+    right: Floats,
+    Y: Floats,
+    work: Floats,
 ) -> None:
     """Solve the tridiagonal system with ``-coupling`` beside the diagonal."""
     n = Y.size
@@ -54,7 +58,11 @@ def _solve(
 
 @inlined
 def _solve_ring(
-    diagonal: Floats, coupling: float, right: Floats, Y: Floats, work: Floats
+    diagonal: Floats,
+    coupling: float,
+    right: Floats,
+    Y: Floats,
+    work: Floats,
 ) -> None:
     """Solve it with the two corners of a ring: as a chain, and a correction of rank
     one.
@@ -146,7 +154,11 @@ def _answer(
 
 @bare
 def _first(
-    state: BlocksState, sliding: float, direction: float, most: float, room: Floats
+    state: BlocksState,
+    sliding: float,
+    direction: float,
+    most: float,
+    room: Floats,
 ) -> tuple[float, int, int]:
     """Distance along ``direction * room[0]`` to the first event, up to `most`; its
     block; 1 if it is a break.
@@ -228,7 +240,11 @@ def _time_of(piece: Piece, now: float, distance: float) -> float:
 
 @bare
 def _break_there(
-    state: BlocksState, j: int, direction: float, sliding: float, draws: BlockDraws
+    state: BlocksState,
+    j: int,
+    direction: float,
+    sliding: float,
+    draws: BlockDraws,
 ) -> int:
     """Break all contacts of a block at their thresholds where it stands, moving this
     way.
@@ -284,7 +300,11 @@ def _attach_due(state: BlocksState, sliding: float, draws: BlockDraws) -> int:
 
 @bare
 def _out_of_balance(
-    state: BlocksState, network: Network, piece: Piece, sliding: float, right: Floats
+    state: BlocksState,
+    network: Network,
+    piece: Piece,
+    sliding: float,
+    right: Floats,
 ) -> None:
     """Forces on the blocks that nothing balances."""
     blocks = state.motion.blocks
@@ -328,7 +348,13 @@ def _let_go(
         now.mode = DRIVEN
     elif is_break == 1:
         now.block = j
-        return _break_there(state, j, math.copysign(1.0, room[0, j]), sliding, draws)
+        return _break_there(
+            state,
+            j,
+            math.copysign(1.0, room[0, j]),
+            sliding,
+            draws,
+        )
     return drive.ON_THE_WAY
 
 

@@ -44,7 +44,10 @@ def in_panel(panels: Floats, k: int, t: float) -> float:
 
 @bare
 def known_reattachment(
-    state: PanelsState, work: Work, delays: Delays, dt: float
+    state: PanelsState,
+    work: Work,
+    delays: Delays,
+    dt: float,
 ) -> None:
     """Sum what re-attaches up to each node of a step of what broke before it."""
     nodes = work.nodes
@@ -69,7 +72,10 @@ def known_reattachment(
 
 @bare
 def _add_spread_delays(
-    state: PanelsState, work: Work, delays: Delays, dt: float
+    state: PanelsState,
+    work: Work,
+    delays: Delays,
+    dt: float,
 ) -> None:
     """Add what re-attaches after a delay of the continuous part."""
     panels = state.panels
@@ -125,7 +131,12 @@ def all_reattachment(work: Work, delays: Delays, dt: float) -> None:
 
 
 @bare
-def next_front(state: PanelsState, delays: Delays, t: float, smallest: float) -> float:
+def next_front(
+    state: PanelsState,
+    delays: Delays,
+    t: float,
+    smallest: float,
+) -> float:
     """The next time at which what broke at a rough moment re-attaches."""
     front = math.inf
     for delay in delays.time:

@@ -116,7 +116,9 @@ def _carried(contacts: RenewalContacts) -> float:
 
 
 def observe(
-    contacts: RenewalContacts, re_attached: ReAttached, X: Floats
+    contacts: RenewalContacts,
+    re_attached: ReAttached,
+    X: Floats,
 ) -> RigidResponse:
     """Evaluate force, attached fraction, breaking rate and stiffness at any positions
     up to the distance of `solve`.
@@ -138,12 +140,18 @@ def observe(
         stiffness += carried * re_attaching(contacts, re_attached, X, breaking)
     force += initial.force + carried * once * broken
     return RigidResponse(
-        force, 1.0 - (1.0 - once) * broken + attached, breaking, stiffness
+        force,
+        1.0 - (1.0 - once) * broken + attached,
+        breaking,
+        stiffness,
     )
 
 
 def re_attaching(
-    contacts: RenewalContacts, re_attached: ReAttached, X: Floats, breaking: Floats
+    contacts: RenewalContacts,
+    re_attached: ReAttached,
+    X: Floats,
+    breaking: Floats,
 ) -> Floats:
     """Contacts that re-attach per contact and unit displacement: the breaking rate,
     each delay earlier.
@@ -245,7 +253,9 @@ def _antiderivatives(contacts: RenewalContacts, path: Floats, end: float) -> Flo
     tail = int(np.searchsorted(path, end - float(contacts.born.min())))
     lost = np.zeros(2)
     for born, weight in zip(
-        contacts.born.tolist(), contacts.born_weight.tolist(), strict=True
+        contacts.born.tolist(),
+        contacts.born_weight.tolist(),
+        strict=True,
     ):
         held = abs(born)
         at_birth = np.array([held])

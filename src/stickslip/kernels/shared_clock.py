@@ -116,7 +116,13 @@ def strikes(clock: Clock, rule: Rule, now: float) -> tuple[float, int]:
 
 
 @inlined
-def chance(clock: Clock, side: int, rule: Rule, X: float, x: float) -> float:
+def chance(
+    clock: Clock,
+    side: int,
+    rule: Rule,
+    X: float,
+    x: float,
+) -> float:
     """Probability that a proposal is accepted, of a contact stretched by `x`."""
     width = rule.hazard.width
     sign = 1 - 2 * side
@@ -127,7 +133,12 @@ def chance(clock: Clock, side: int, rule: Rule, X: float, x: float) -> float:
 
 @inlined
 def _reading(
-    clock: Clock, side: int, rest: float, width: float, time: float, variate: float
+    clock: Clock,
+    side: int,
+    rest: float,
+    width: float,
+    time: float,
+    variate: float,
 ) -> float:
     """Draw the reading at which a contact is proposed whose threshold is at `rest`,
     mirrored behind.
@@ -161,7 +172,12 @@ def propose(
         clock.window[0].until = -np.inf
     if dial.kept:
         reading = _reading(
-            clock, side, rest, rule.hazard.width, m.time, variates[m.variates_used]
+            clock,
+            side,
+            rest,
+            rule.hazard.width,
+            m.time,
+            variates[m.variates_used],
         )
         enter(clock.readings[side], contacts, slot, reading)
         m.variates_used += 1
@@ -257,7 +273,12 @@ def wind(
 
 @bare
 def _wind(
-    clock: Clock, side: int, rule: Rule, m: Record, held: Queue, variates: Floats
+    clock: Clock,
+    side: int,
+    rule: Rule,
+    m: Record,
+    held: Queue,
+    variates: Floats,
 ) -> None:
     """Draw all readings of a clock."""
     for place in range(used(held)):
@@ -265,7 +286,12 @@ def _wind(
         if contact["key"] < np.inf:
             rest = contact["threshold"] + (1 - 2 * side) * contact["birth"]
             reading = _reading(
-                clock, side, rest, rule.hazard.width, m.time, variates[m.variates_used]
+                clock,
+                side,
+                rest,
+                rule.hazard.width,
+                m.time,
+                variates[m.variates_used],
             )
             clock.readings[side, contact["slot"] - held.capacity] = reading
             m.variates_used += 1

@@ -99,20 +99,34 @@ def _form(matrix: Floats, z: Floats) -> float:
 
 
 @inlined
-def _pull(body: Body, z: Floats, D: float, V: float) -> float:
+def _pull(
+    body: Body,
+    z: Floats,
+    D: float,
+    V: float,
+) -> float:
     """Force that pulls the structure."""
     return dot(body.pull, z) + body.pull_drive * D + body.pull_rate * V
 
 
 @inlined
-def _velocity(body: Body, z: Floats, D: float, V: float) -> float:
+def _velocity(
+    body: Body,
+    z: Floats,
+    D: float,
+    V: float,
+) -> float:
     """Velocity of the contacts."""
     return dot(body.moving, z) + body.moving_drive * D + body.moving_rate * V
 
 
 @inlined
 def _update(
-    controller: Controller, memory: Record, z: Floats, X: float, D: float
+    controller: Controller,
+    memory: Record,
+    z: Floats,
+    X: float,
+    D: float,
 ) -> None:
     """Let the controller see the position, and set its force until the next time."""
     seen = X
@@ -162,7 +176,13 @@ def _write(
 
 
 @inlined
-def _between(row: Floats, before: Floats, after: Floats, part: float, h: float) -> None:
+def _between(
+    row: Floats,
+    before: Floats,
+    after: Floats,
+    part: float,
+    h: float,
+) -> None:
     """Write a sample within a step: its displacement from a cubic, the rest linear."""
     for i in range(row.size):
         row[i] = before[i] + part * (after[i] - before[i])

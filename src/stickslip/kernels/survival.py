@@ -101,7 +101,13 @@ def tabulate(
         True,
         key=lambda i: bool(function(np.full(1, low + width * (i + 1.0))) < whole),
     )
-    return SurvivalTable(pieces, 1.0 / width, low + width * full, low, top)
+    return SurvivalTable(
+        pieces,
+        1.0 / width,
+        low + width * full,
+        low,
+        top,
+    )
 
 
 @inlined
@@ -139,7 +145,11 @@ def values_at(table: SurvivalTable, x: Floats) -> Floats:
 
 
 def widest(
-    table: SurvivalTable, knots: Floats, tolerance: float, most: float, order: int
+    table: SurvivalTable,
+    knots: Floats,
+    tolerance: float,
+    most: float,
+    order: int,
 ) -> float:
     """Width of a window, up to `most`, in which Gauss nodes give the mean of
     ``x**order`` times the function.
@@ -171,7 +181,11 @@ def widest(
 
 
 EMPTY = SurvivalTable(
-    np.zeros((2, DEGREE + 3)), 1.0, 0.0, 0.0, 0.0
+    np.zeros((2, DEGREE + 3)),
+    1.0,
+    0.0,
+    0.0,
+    0.0,
 )  # the table of nothing
 
 

@@ -88,7 +88,12 @@ def can_hold(rule: Rule, strength: float, speed: float) -> bool:
 
 
 @inlined
-def is_met(x: float, threshold: float, strength: float, rounding: float) -> bool:
+def is_met(
+    x: float,
+    threshold: float,
+    strength: float,
+    rounding: float,
+) -> bool:
     """Whether a contact has come to its threshold, its stretching being known to
     within a rounding.
     """
@@ -97,7 +102,12 @@ def is_met(x: float, threshold: float, strength: float, rounding: float) -> bool
 
 @inlined
 def box_of(
-    rule: Rule, x: float, strength: float, age: float, speed: float, rounding: float
+    rule: Rule,
+    x: float,
+    strength: float,
+    age: float,
+    speed: float,
+    rounding: float,
 ) -> Box:
     """Box of a contact that is stretched by ``|x|``, to within a rounding, with the
     slider at this speed.
@@ -177,7 +187,14 @@ def lifetimes(
             if used + 2 > variates.size:
                 return i, boxes
             boxes += 1
-            box = box_of(rule, x, strength[i], (x - start[i]) / velocity, velocity, 0.0)
+            box = box_of(
+                rule,
+                x,
+                strength[i],
+                (x - start[i]) / velocity,
+                velocity,
+                0.0,
+            )
             if box.time == 0.0:
                 break
             end = min(box.reach, x + velocity * box.time)

@@ -101,7 +101,11 @@ def keep(state: Floats, here: Motion, loss: float) -> None:
 
 @jit
 def _pace(
-    course: Course, here: Motion, load: Load, angle: float, until: float
+    course: Course,
+    here: Motion,
+    load: Load,
+    angle: float,
+    until: float,
 ) -> float:
     """Length of the next step: it ends by `until`, and the slider goes no farther than
     it may.
@@ -130,20 +134,31 @@ def _pace(
 
 
 @jit
-def goes_on(course: Course, samples: Floats, filled: int, taken: int) -> bool:
+def goes_on(
+    course: Course,
+    samples: Floats,
+    filled: int,
+    taken: int,
+) -> bool:
     """Whether samples and steps are left, and the last sample does not meet the
     condition that ends the course.
     """
     if filled == course.times.size or taken == course.budget:
         return False
     return filled == 0 or not holds(
-        course.stop, samples[filled - 1, 0], samples[filled - 1, 2]
+        course.stop,
+        samples[filled - 1, 0],
+        samples[filled - 1, 2],
     )
 
 
 @jit
 def plan(
-    course: Course, filled: int, here: Motion, load: Load, angle: float
+    course: Course,
+    filled: int,
+    here: Motion,
+    load: Load,
+    angle: float,
 ) -> tuple[Motion, Stroke]:
     """Guess where the next step ends, under the load that is expected; it ends where
     the slider turns back.
@@ -160,12 +175,22 @@ def plan(
     if shorter < dt or dt < end - here.time:
         end = here.time + shorter
     guess = Motion(end, guess.X, guess.V)
-    return guess, Stroke(here.time, end, shorter, here.X, guess.X - here.X)
+    return guess, Stroke(
+        here.time,
+        end,
+        shorter,
+        here.X,
+        guess.X - here.X,
+    )
 
 
 @jit
 def settle(
-    course: Course, here: Motion, guess: Motion, load: Load, dt: float
+    course: Course,
+    here: Motion,
+    guess: Motion,
+    load: Load,
+    dt: float,
 ) -> Motion:
     """End of a step under the load that the contacts have turned out to give."""
     if is_rigid(course.slider):
@@ -198,7 +223,11 @@ def fill(
         samples[filled, 0] = here.X
         samples[filled, 1] = here.V
         samples[filled, 2] = spring_force(
-            course.slider, course.drive, course.times[filled], here.X, force
+            course.slider,
+            course.drive,
+            course.times[filled],
+            here.X,
+            force,
         )
         samples[filled, 3] = force
         samples[filled, 4] = attached

@@ -58,7 +58,12 @@ def _least(tree: Floats, node: int) -> float:
 
 
 @inlined
-def enter(tree: Floats, slots: int, slot: int, value: float) -> None:
+def enter(
+    tree: Floats,
+    slots: int,
+    slot: int,
+    value: float,
+) -> None:
     """Give a slot another number."""
     node = tree.size - slots + slot
     old = tree[node]

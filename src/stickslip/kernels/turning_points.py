@@ -34,7 +34,13 @@ START = Zigzag(False, -np.inf, 0, np.inf, 0, NOTHING)
 
 
 @jit
-def turn(state: Zigzag, at: int, value: float, drop: float, rise: float) -> Zigzag:
+def turn(
+    state: Zigzag,
+    at: int,
+    value: float,
+    drop: float,
+    rise: float,
+) -> Zigzag:
     """Add the next value of the force; `found` says whether it proves the last peak or
     the last trough.
     """
