@@ -108,7 +108,12 @@ def bistable_range(
     ([('fold', 'linear')], True)
     """
     scan = ParameterScan(
-        rig, parameter, between, FromRest(), tolerance=tolerance, step=step
+        rig,
+        parameter,
+        between,
+        FromRest(),
+        tolerance=tolerance,
+        step=step,
     )
     scan.check_work(scan.steps)
     crossings = critical(rig, scan.parameter, between=(scan.low, scan.high))
@@ -263,7 +268,10 @@ def bistable_region(
     table = np.array(rows).reshape(-1, 4)
     found = {
         f"band_{across.name}": labelled(
-            across.name, "band", table[:, 0], rig.unit_name(across.unit)
+            across.name,
+            "band",
+            table[:, 0],
+            rig.unit_name(across.unit),
         )
     }
     for i, (end, what) in enumerate(
@@ -271,6 +279,9 @@ def bistable_region(
     ):
         title = f"{up.name}, {what}"
         found[f"band_{up.name}_{end}"] = labelled(
-            title, "band", table[:, i], rig.unit_name(up.unit)
+            title,
+            "band",
+            table[:, i],
+            rig.unit_name(up.unit),
         )
     return xr.Dataset(found)

@@ -96,13 +96,22 @@ def cycle_branch(
     import xarray as xr
 
     scan = ParameterScan(
-        rig, parameter, between, FromRest(), tolerance=tolerance, step=step
+        rig,
+        parameter,
+        between,
+        FromRest(),
+        tolerance=tolerance,
+        step=step,
     )
     scan.check_work(scan.steps)
     along = scan.parameter.name
     if begin is not None:
         begin = number(
-            "begin", begin, at_least=scan.low, at_most=scan.high, hint=scan.unit
+            "begin",
+            begin,
+            at_least=scan.low,
+            at_most=scan.high,
+            hint=scan.unit,
         )
     first = first_point(scan, begin)
     (down, low_end), (up, high_end) = (
@@ -170,7 +179,9 @@ def first_point(scan: ParameterScan, begin: float | None = None) -> CyclePoint:
 
 
 def carried(
-    scan: ParameterScan, first: CyclePoint, until: float
+    scan: ParameterScan,
+    first: CyclePoint,
+    until: float,
 ) -> tuple[list[CyclePoint], Edge]:
     """Carry the cycle on towards a value; the points, from the first on, and the end
     of the branch.

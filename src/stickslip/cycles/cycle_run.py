@@ -71,11 +71,17 @@ def check_rig(rig: Rig, start: Start, method: MasterEquation) -> None:
     """
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     instance(
-        "cycles: start", start, FromRest | FromSliding, "FromRest() or FromSliding(...)"
+        "cycles: start",
+        start,
+        FromRest | FromSliding,
+        "FromRest() or FromSliding(...)",
     )
     instance("cycles: method", method, MasterEquation, "MasterEquation(...)")
     instance(
-        "Rig.slider", rig.slider, Slider | Structure, "a Slider or a linear structure"
+        "Rig.slider",
+        rig.slider,
+        Slider | Structure,
+        "a Slider or a linear structure",
     )
     if method.memoryless:
         raise InputError(
@@ -240,7 +246,9 @@ class CycleRun:
         )
         completed, rest = _cycles(joined)
         run = replace(
-            self, engine=engine, begun=joined[:, rest:] if completed.size else None
+            self,
+            engine=engine,
+            begun=joined[:, rest:] if completed.size else None,
         )
         cycles = completed if self.begun is None else _cycles(rows)[0]
         _, force, speed, _ = rows
@@ -250,13 +258,21 @@ class CycleRun:
             if oscillation > TINY:  # cycles longer than expected
                 run = replace(run, cycle=2.0 * run.cycle)
             return run, Look(
-                oscillation, math.nan, fastest, float(force.mean()), completed[0]
+                oscillation,
+                math.nan,
+                fastest,
+                float(force.mean()),
+                completed[0],
             )
         oscillation = np.median(cycles[0])
         period = np.mean(cycles[1])
         mean = np.average(cycles[2], weights=cycles[1])
         return run, Look(
-            float(oscillation), float(period), fastest, float(mean), completed[0]
+            float(oscillation),
+            float(period),
+            fastest,
+            float(mean),
+            completed[0],
         )
 
     def _samples(self, engine: CycleEngine, duration: float) -> Array:
@@ -338,7 +354,12 @@ def _cycles(rows: Array) -> tuple[Array, int]:
     return np.array([oscillations, np.diff(times), means]), int(below[-1])
 
 
-def extreme(t: Array, force: Array, slope: Array, i: int) -> float:
+def extreme(
+    t: Array,
+    force: Array,
+    slope: Array,
+    i: int,
+) -> float:
     """Value where the slope changes sign next to a sample, by a parabola, unless
     that does not fit.
     """

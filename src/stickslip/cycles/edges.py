@@ -48,12 +48,18 @@ class Edge(Answer):
 
     @classmethod
     def of(
-        cls, kind: EdgeKind, decays_at: float, persists_at: float | None = None
+        cls,
+        kind: EdgeKind,
+        decays_at: float,
+        persists_at: float | None = None,
     ) -> Self:
         """Return an edge at a value, or bracketed by runs at two."""
         if persists_at is None:
             return cls(
-                value=decays_at, kind=kind, decays_at=decays_at, persists_at=decays_at
+                value=decays_at,
+                kind=kind,
+                decays_at=decays_at,
+                persists_at=decays_at,
             )
         return cls(
             value=math.sqrt(decays_at * persists_at),

@@ -105,7 +105,10 @@ class Verdict(Answer):
 
 
 def is_sustained(
-    rig: Rig, *, start: Start = FromRest(), method: MasterEquation = METHOD
+    rig: Rig,
+    *,
+    start: Start = FromRest(),
+    method: MasterEquation = METHOD,
 ) -> Verdict:
     """Return whether an oscillation persists from a start, at a constant velocity of
     the drive.
@@ -219,7 +222,9 @@ def _friction(rig: Rig) -> float:
 
 
 def _fate(
-    looks: list[Look], floor: float, growing: bool | None
+    looks: list[Look],
+    floor: float,
+    growing: bool | None,
 ) -> tuple[bool | None, float, str] | None:
     """Whether it persists, its amplitude, and why, as soon as the looks decide."""
     size = np.array([look.amplitude for look in looks])
@@ -270,7 +275,10 @@ def _has_no_trend(size: Array) -> bool:
     and no deep drop.
     """
     (slope, _), covariance = np.polyfit(
-        np.arange(size.size), np.log(np.maximum(size, 1e-300)), 1, cov=True
+        np.arange(size.size),
+        np.log(np.maximum(size, 1e-300)),
+        1,
+        cov=True,
     )
     return bool(
         size.min() > 0.5 * size.max() and abs(slope) < 2.0 * math.sqrt(covariance[0, 0])

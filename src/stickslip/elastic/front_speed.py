@@ -120,7 +120,11 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
     """  # noqa: E501
     body, interface = elastic_parts(rig, "front_speed")
     tau = number(
-        "prestress", prestress, above=0, below=1, hint="(tau_0 - f_d)/(f_s - f_d)"
+        "prestress",
+        prestress,
+        above=0,
+        below=1,
+        hint="(tau_0 - f_d)/(f_s - f_d)",
     )
     alike = interface.threshold_distribution.single
     speed = _on_lattice(tau, body) if alike else _of_distribution(body, interface, tau)

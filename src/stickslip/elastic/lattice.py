@@ -81,7 +81,11 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
 
 
 def _panels(
-    kappa: float, leaf: float, alpha: float, zeta: float, period: float
+    kappa: float,
+    leaf: float,
+    alpha: float,
+    zeta: float,
+    period: float,
 ) -> tuple[Array, float]:
     """Frequencies between which the phase is smooth, from 0 on, and the one beyond
     which it is averaged.

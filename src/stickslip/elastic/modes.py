@@ -45,8 +45,8 @@ _SHAPE = 8.0
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CriticalLength(Answer):
-    """How long an elastic slider, and how long a wave on it, has to be to lose
-    stability; lengths in blocks.
+    """Lengths from which an elastic slider, and a wave on it, lose stability, in
+    blocks.
     """
 
     #: ``K_c(v)``, below which a mode grows, in the rig's own units; 0 if none does
@@ -170,7 +170,13 @@ def sliders_of(
     """
     ring = body.ends == "periodic"
     if isinstance(body, Chain | Sheet) and not (ring and body.side > 0):
-        row, bulk = _row(body.size // body.rows, body.coupling, body.side, ring, count)
+        row, bulk = _row(
+            body.size // body.rows,
+            body.coupling,
+            body.side,
+            ring,
+            count,
+        )
         shear = body.shear if isinstance(body, Sheet) else 0.0
         beside, _ = _row(body.rows, shear, 0.0, ring, count)
         total = (row[:, None] + beside).ravel()
@@ -193,7 +199,9 @@ def sliders_of(
     sine = np.sqrt(along / (4.0 * body.coupling))
     with np.errstate(divide="ignore"):
         wavelength = np.where(
-            sine > 1, np.nan, np.pi / np.arcsin(np.minimum(sine, 1.0))
+            sine > 1,
+            np.nan,
+            np.pi / np.arcsin(np.minimum(sine, 1.0)),
         )
     stiffness = stiffness + body.leaf
     if not stiffness[0] > 0:
@@ -255,8 +263,8 @@ def critical_length(rig: Rig) -> CriticalLength:
     natural = rig.natural
 
     def spare(coupling: float) -> float:
-        """How far a wave of this stiffness of the bulk is from being stable, with
-        the viscosity that it meets.
+        """Stiffness that a wave of this stiffness of the bulk has to spare until it
+        is unstable, with the viscosity that it meets.
         """
         held = critical_spring(replace(natural, slider=_mode(body, 1.0, coupling)))
         return held - body.leaf - coupling
@@ -295,12 +303,18 @@ def _mode(body: ElasticBody, stiffness: float, coupling: float) -> Slider:
     """Return the rigid slider that a mode amounts to."""
     viscous = body.viscosity / body.coupling * coupling
     return Slider(
-        stiffness=stiffness, mass=body.mass, damping=body.damping + viscous / body.mass
+        stiffness=stiffness,
+        mass=body.mass,
+        damping=body.damping + viscous / body.mass,
     )
 
 
 def _row(
-    blocks: int, coupling: float, side: float, ring: bool, count: int
+    blocks: int,
+    coupling: float,
+    side: float,
+    ring: bool,
+    count: int,
 ) -> tuple[Array, Array]:
     """Stiffness of the softest modes of a row of blocks without leaf springs, and
     the bulk's part of it.
@@ -316,6 +330,9 @@ def _row(
     diagonal[0] += side
     beside = np.full(blocks - 1, -coupling)
     stiffness, shape = eigh_tridiagonal(
-        diagonal, beside, select="i", select_range=(0, count - 1)
+        diagonal,
+        beside,
+        select="i",
+        select_range=(0, count - 1),
     )
     return np.asarray(stiffness), np.asarray(stiffness - side * shape[0] ** 2)

@@ -167,7 +167,7 @@ def precursor_force(rig: Rig) -> xr.DataArray:
 
 
 def distance_to_the_first_break(rig: Rig) -> float | None:
-    """How far a drive goes until the first block of a bar breaks loose, where
+    """Distance of a drive until the first block of a bar breaks loose, where
     precursors start; in natural units.
 
     Blocks on their contacts are a net of springs, and one breaks loose when it has

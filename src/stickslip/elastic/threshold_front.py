@@ -95,7 +95,10 @@ class Medium(NamedTuple):
 
 
 def rising(
-    lack: Callable[[float], float], low: float, high: float, step: float
+    lack: Callable[[float], float],
+    low: float,
+    high: float,
+    step: float,
 ) -> float:
     """Where a function rises through 0, or 0 if it does not; the bracket is widened
     by a factor until it holds that.

@@ -30,7 +30,10 @@ class AgeingModel(Record):
     """
 
     def friction(
-        self, thresholds: Distribution, delay: DelayModel, velocity: float
+        self,
+        thresholds: Distribution,
+        delay: DelayModel,
+        velocity: float,
     ) -> float:
         """Return the force in steady sliding, per contact, of positive `thresholds`;
         `velocity` in ``x_s`` per time.

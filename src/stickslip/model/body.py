@@ -107,7 +107,9 @@ class ElasticBody(Record):
     coupling: Annotated[
         float,
         Number(
-            "k", above=0, hint="k_b, between neighbours along the drive, per contact"
+            "k",
+            above=0,
+            hint="k_b, between neighbours along the drive, per contact",
         ),
     ]
     mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N of a block")]
@@ -121,7 +123,9 @@ class ElasticBody(Record):
     side: Annotated[
         float,
         Number(
-            "k", at_least=0, hint="spring from the first block of a row to the drive"
+            "k",
+            at_least=0,
+            hint="spring from the first block of a row to the drive",
         ),
     ] = 0.0
     ends: Literal["free", "periodic"] = "free"
@@ -269,7 +273,9 @@ class Sheet(ElasticBody):
     along: Annotated[
         int,
         Number(
-            at_least=1, at_most=100_000_000, hint="number of blocks along the drive"
+            at_least=1,
+            at_most=100_000_000,
+            hint="number of blocks along the drive",
         ),
     ]
     across: Annotated[

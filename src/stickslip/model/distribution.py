@@ -71,13 +71,20 @@ class Distribution(Record):
         bottom = table.survival[panel + 1]
 
         def lacking(
-            x: Array, p: Array, a: Array, b: Array, s: Array, t: Array
+            x: Array,
+            p: Array,
+            a: Array,
+            b: Array,
+            s: Array,
+            t: Array,
         ) -> Array:
             inside = np.clip(Distribution.partial_moment(self, x, 0), t, s)
             return np.where(x <= a, s, np.where(x >= b, t, inside)) - p
 
         return elementwise.find_root(
-            lacking, (low, high), args=(wanted, low, high, top, bottom)
+            lacking,
+            (low, high),
+            args=(wanted, low, high, top, bottom),
         ).x
 
     def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -191,17 +198,19 @@ class Positive(Distribution):
         y = np.asarray(x, dtype=float) + self.stretching
         begin = abs(self.stretching)
         return np.where(
-            y > begin, self.whole.density(y) / self.whole.survival(begin), 0.0
+            y > begin,
+            self.whole.density(y) / self.whole.survival(begin),
+            0.0,
         )
 
     @property
     def leftmost(self) -> float:
-        """That of the whole: its tail is the same."""
+        """Abscissa of the whole: its tail is the same."""
         return self.whole.leftmost
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Where it begins, and what jumps there are above."""
+        """Its beginning, and the jumps above."""
         begin = abs(self.stretching)
         return (
             begin - self.stretching,
@@ -321,7 +330,11 @@ def table_of(distribution: Distribution) -> QuadratureTable:
     weight = weight[part] / total
     survival = sums_beyond(weight.sum(axis=1))
     return QuadratureTable(
-        edges[held[0] : held[-1] + 2], x[part], weight, survival, total
+        edges[held[0] : held[-1] + 2],
+        x[part],
+        weight,
+        survival,
+        total,
     )
 
 
@@ -353,7 +366,10 @@ def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:
         halves = np.abs(first + second)
         change = np.abs(first + second - whole)
         relative = np.divide(
-            change, halves, out=np.zeros_like(change), where=halves > 0
+            change,
+            halves,
+            out=np.zeros_like(change),
+            where=halves > 0,
         )
         stalled = np.where(relative > 0.25 * before, stalled + 1, 0)
         # Relative, so that far tails are right as well.
@@ -409,7 +425,9 @@ TRAPEZOID = 0.17
 
 
 def _sums(
-    q: ComplexArray, x: Array | ComplexArray, weight: Array | ComplexArray
+    q: ComplexArray,
+    x: Array | ComplexArray,
+    weight: Array | ComplexArray,
 ) -> ComplexArray:
     """Sums of ``exp(-q x)`` and of ``x exp(-q x)`` over weighted nodes, shape (2,
     q.size).
@@ -426,7 +444,9 @@ def _sums(
 
 @lru_cache(maxsize=64)
 def _fine_nodes(
-    distribution: Distribution, power: float, least: float
+    distribution: Distribution,
+    power: float,
+    least: float,
 ) -> tuple[Array, Array]:
     """Nodes and weights for ``|q|`` up to 2 to the `power` and ``Re q >= least``."""
     table = table_of(hashable(distribution))
@@ -456,7 +476,9 @@ def _fine_nodes(
 
 
 def transforms_on_a_path(
-    q: ComplexArray, x: ComplexArray, weight: ComplexArray
+    q: ComplexArray,
+    x: ComplexArray,
+    weight: ComplexArray,
 ) -> tuple[ComplexArray, ComplexArray]:
     """Transforms of orders 0 and 1 on a path turned off the real axis, for densities
     without a closed form.

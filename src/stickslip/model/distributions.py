@@ -124,7 +124,9 @@ class Gaussian(Distribution):
         part = 0.5 * at_cut * special.erfcx(np.where(right, z, -z))
         left = np.where(right, 0.0, q)
         kept = np.where(
-            right, part, np.exp(-left * self.mean + 0.5 * left * left * variance) - part
+            right,
+            part,
+            np.exp(-left * self.mean + 0.5 * left * left * variance) - part,
         )
         slope = (self.mean - q * variance) * kept + at_cut / math.sqrt(
             2 * math.pi
@@ -290,7 +292,9 @@ class _PowerOfGamma(Distribution):
         t = np.exp(np.arange(-40.0, 4.8, TRAPEZOID * turn) - 1j * turn)
         weight = t**shape * np.exp(-t)
         return transforms_on_a_path(
-            q, scale * t ** (1.0 / power), weight / weight.sum()
+            q,
+            scale * t ** (1.0 / power),
+            weight / weight.sum(),
         )
 
     @property
@@ -449,7 +453,10 @@ class Empirical(_Histogram):
             )
         if bins is not None:
             bins = whole(
-                "Empirical.from_samples: bins", bins, at_least=1, at_most=10_000_000
+                "Empirical.from_samples: bins",
+                bins,
+                at_least=1,
+                at_most=10_000_000,
             )
         counts, edges = np.histogram(values, bins="auto" if bins is None else bins)
         return cls(
@@ -494,11 +501,8 @@ class SteadyState(Distribution):
         x = np.maximum(np.asarray(x, dtype=float), 0.0)
         distribution = self.thresholds
         n = order + 1
-        beyond = np.where(
-            np.isfinite(x),
-            np.where(np.isfinite(x), x, 0.0) ** n * distribution.survival(x),
-            0.0,
-        )
+        finite = np.where(np.isfinite(x), x, 0.0)
+        beyond = finite**n * distribution.survival(x)
         return np.asarray(
             (distribution.partial_moment(x, n) - beyond) / (n * distribution.moment(1))
         )

@@ -210,7 +210,10 @@ class Interface(Record):
         )
 
     def allow(
-        self, mechanisms: Collection[str], who: str, otherwise: str = ", or simulate"
+        self,
+        mechanisms: Collection[str],
+        who: str,
+        otherwise: str = ", or simulate",
     ) -> None:
         """Raise `InputError` if the interface has a mechanism that is not among
         those that `who` can take.

@@ -15,7 +15,9 @@ from stickslip.model.interface import Interface
 
 
 def stretching_nodes(
-    distribution: Distribution, thresholds: Distribution, finer: float = 1.0
+    distribution: Distribution,
+    thresholds: Distribution,
+    finer: float = 1.0,
 ) -> tuple[Array, Array]:
     """Quadrature nodes of stretchings below the largest threshold, between jumps, and
     their weights of sum 1.
@@ -106,7 +108,9 @@ def as_unstretched(interface: Interface) -> tuple[Distribution, float]:
     )
     if isinstance(thresholds, Gaussian) and x >= 0 and thresholds.std > 0:
         return replace(
-            thresholds, mean=thresholds.mean - x, lower=max(thresholds.lower - x, 0.0)
+            thresholds,
+            mean=thresholds.mean - x,
+            lower=max(thresholds.lower - x, 0.0),
         ), force
     return Positive(whole=thresholds, stretching=x), force
 
@@ -134,7 +138,10 @@ _REDRAWN = 100_000
 
 
 def stretchings_within(
-    distribution: Distribution, rng: np.random.Generator, size: int, largest: float
+    distribution: Distribution,
+    rng: np.random.Generator,
+    size: int,
+    largest: float,
 ) -> Array:
     """Draw stretchings; those beyond the largest threshold are drawn again.
 

@@ -130,11 +130,18 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
 
 
 STIFFNESS = _parameter_of_part(
-    "stiffness", "k", "stiffness of the driving spring", holds="damping"
+    "stiffness",
+    "k",
+    "stiffness of the driving spring",
+    holds="damping",
 )
 """Stiffness of the driving spring ``K/N``."""
 MASS = _parameter_of_part(
-    "mass", "f_s time^2/x_s", "mass of the slider", zero=True, holds="damping"
+    "mass",
+    "f_s time^2/x_s",
+    "mass of the slider",
+    zero=True,
+    holds="damping",
 )
 """Mass ``M/N``."""
 DAMPING = _parameter_of_part("damping", "1/time", "damping eta", zero=True)
@@ -148,25 +155,42 @@ VELOCITY = Parameter(
 )
 """Velocity of the drive at its beginning; the path of the drive stays."""
 DELAY = _parameter_of_part(
-    "delay", "time", "delay of re-attachment", "delay", "mean", zero=True
+    "delay",
+    "time",
+    "delay of re-attachment",
+    "delay",
+    "mean",
+    zero=True,
 )
 """Delay time; for a `RandomDelay` its mean, the standard deviation kept in
 proportion.
 """
 STD = _parameter_of_part(
-    "std", "1", "standard deviation of the thresholds", "thresholds"
+    "std",
+    "1",
+    "standard deviation of the thresholds",
+    "thresholds",
 )
 """Standard deviation of the thresholds at constant mean: the distribution's own
 ``std``, else as it is.
 """
 AGEING = _parameter_of_part(
-    "ageing", "time", "time of ageing of the thresholds", "ageing", "time"
+    "ageing",
+    "time",
+    "time of ageing of the thresholds",
+    "ageing",
+    "time",
 )
 """Time in which thresholds age: ``rate**-2`` for `Langevin`."""
 
 
 def _unit_of_the_rig(
-    name: str, unit: str, title: str, force: int, length: int, holds: str = ""
+    name: str,
+    unit: str,
+    title: str,
+    force: int,
+    length: int,
+    holds: str = "",
 ) -> Parameter:
     """Parameter that is a unit of the rig: 1 in natural units; force and length
     follow it with these powers.
@@ -185,7 +209,9 @@ def _unit_of_the_rig(
             slider=converted(rig.slider, larger.natural),
             drive=converted(rig.drive, larger.natural),
             operation=replace(
-                converted(rig.operation, larger.natural), feasible=ranges, **kept
+                converted(rig.operation, larger.natural),
+                feasible=ranges,
+                **kept,
             ),
             scales=scales
             and replace(
@@ -199,7 +225,13 @@ def _unit_of_the_rig(
         return (name == "load" and rig.operation.normal_load) or 1.0
 
     return Parameter(
-        name=name, unit=unit, title=title, rescales=True, holds=holds, get=get, set=set_
+        name=name,
+        unit=unit,
+        title=title,
+        rescales=True,
+        holds=holds,
+        get=get,
+        set=set_,
     )
 
 
@@ -212,7 +244,12 @@ FRICTION = _unit_of_the_rig("friction", "f_s", "level of friction", 1, 1, "delay
 much larger.
 """
 CONTACT_STIFFNESS = _unit_of_the_rig(
-    "contact_stiffness", "k", "stiffness of the contacts (lining)", 0, -1, "delay"
+    "contact_stiffness",
+    "k",
+    "stiffness of the contacts (lining)",
+    0,
+    -1,
+    "delay",
 )
 """Stiffness of each contact at constant strength: it breaks at a displacement as
 much smaller.
@@ -235,7 +272,10 @@ UNITS_OF_A_RIG: tuple[Parameter, ...] = (LOAD, FRICTION, CONTACT_STIFFNESS)
 _OF_BODIES = (
     _parameter_of_part("coupling", "k", "coupling of neighbouring blocks"),
     _parameter_of_part(
-        "leaf", "k", "stiffness of the spring from each block to the drive", zero=True
+        "leaf",
+        "k",
+        "stiffness of the spring from each block to the drive",
+        zero=True,
     ),
     _parameter_of_part(
         "side",

@@ -85,7 +85,13 @@ _UNCLEAR = {
 """Units that mean different things to different people."""
 
 
-def read_quantity(text: str, unit: str, example: str, *, bare: bool = False) -> float:
+def read_quantity(
+    text: str,
+    unit: str,
+    example: str,
+    *,
+    bare: bool = False,
+) -> float:
     """Read a quantity such as ``"4 MN/m"``, one number with a decimal point and its
     unit, as a number in `unit`.
 

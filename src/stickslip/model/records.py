@@ -120,7 +120,12 @@ def check(record: Any) -> None:
             object.__setattr__(record, name, _numbers(kind, place, value, mark))
 
 
-def _numbers(kind: Any, place: str, value: object, mark: Number) -> Any:
+def _numbers(
+    kind: Any,
+    place: str,
+    value: object,
+    mark: Number,
+) -> Any:
     """A number within the bounds declared, or as many as are given where there may
     be several, or a matrix by its rows.
     """
@@ -136,7 +141,12 @@ def _numbers(kind: Any, place: str, value: object, mark: Number) -> Any:
     return tuple(_number(float, f"{place}[{i}]", item, mark) for i, item in items)
 
 
-def _number(kind: Any, place: str, value: object, mark: Number) -> float:
+def _number(
+    kind: Any,
+    place: str,
+    value: object,
+    mark: Number,
+) -> float:
     """A number within the bounds declared."""
     hint = mark.hint
     if (
@@ -148,7 +158,11 @@ def _number(kind: Any, place: str, value: object, mark: Number) -> float:
         hint = f"{hint or 'in natural units'}; give SI to read_rig or Rig.replace"
     if kind is int:
         return whole(
-            place, value, at_least=mark.at_least or 0, at_most=mark.at_most, hint=hint
+            place,
+            value,
+            at_least=mark.at_least or 0,
+            at_most=mark.at_most,
+            hint=hint,
         )
     return number(
         place,
@@ -220,7 +234,12 @@ def registry(
     return known, lambda name: partial(_enter, known, f"{what} {shown(name)}", name)
 
 
-def _enter(table: dict[str, type], place: str, name: str, kind: Kind) -> Kind:
+def _enter(
+    table: dict[str, type],
+    place: str,
+    name: str,
+    kind: Kind,
+) -> Kind:
     if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
         raise InputError(f"{place}: {kind.__name__} must be a frozen dataclass")
     known = table.setdefault(name, kind)

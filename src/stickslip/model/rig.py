@@ -381,7 +381,10 @@ class Rig(Answer):
         return here / USUAL_RANGE, here * USUAL_RANGE
 
     def span(
-        self, parameter: Parameter, between: Ends, place: str = "between"
+        self,
+        parameter: Parameter,
+        between: Ends,
+        place: str = "between",
     ) -> tuple[float, float]:
         """Return a range of a parameter, given as in `Ends`, in its natural unit."""
         first, last = pair(place, between, "two values, such as (0.1, 10)")

@@ -60,8 +60,8 @@ class Pull(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Structure(Record):
-    """What every linear structure has; as a function it is its mechanical impedance at
-    the contacts.
+    """Base of linear structures; as a function it is its mechanical impedance at the
+    contacts.
 
     A structure of the user's own derives from this class and gives its `system`.
     """
@@ -87,7 +87,7 @@ class Structure(Record):
 
     @property
     def parts(self) -> tuple[str, Array]:
-        """What its parts are called, and their displacements in its state."""
+        """Name of its parts, and their displacements in its state."""
         return "", np.empty((0, len(self.system.A)))
 
     @property
@@ -302,7 +302,7 @@ class Modes(_SecondOrder):
 
     @property
     def parts(self) -> tuple[str, Array]:
-        """What each mode moves the contacts."""
+        """Displacement of the contacts by each mode."""
         return "mode", _first(np.diag(self.contact))
 
     @property
@@ -312,7 +312,7 @@ class Modes(_SecondOrder):
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """Diagonal ones."""
+        """Diagonal matrices of mass, damping and stiffness."""
         mass, damping, stiffness = map(np.diag, self._diagonals)
         return mass, damping, stiffness
 
@@ -377,7 +377,7 @@ class Matrices(_SecondOrder):
     Raises
     ------
     InputError
-        If shapes differ, a matrix is not as said, or nothing holds the structure.
+        If shapes differ, a matrix is not as above, or nothing holds the structure.
 
     Examples
     --------
@@ -448,7 +448,7 @@ class Matrices(_SecondOrder):
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """As given."""
+        """Mass, damping and stiffness."""
         return np.array(self.M), np.array(self.C), np.array(self.K)
 
 

@@ -111,7 +111,9 @@ def in_si(data: "xr.Dataset", scales: Scales) -> "xr.Dataset":
         units = str(variable.attrs.get("units"))
         if units in UNITS and units != "1" and variable.dtype.kind in "fiu":
             title = re.sub(
-                ",? per contact", "", str(variable.attrs.get("long_name", name))
+                ",? per contact",
+                "",
+                str(variable.attrs.get("long_name", name)),
             )
             values = variable.to_numpy() * scales.unit(units)
             converted[name] = (
@@ -122,13 +124,20 @@ def in_si(data: "xr.Dataset", scales: Scales) -> "xr.Dataset":
     return converted
 
 
-def in_words(value: float, unit: str, scales: Scales | None, digits: int = 4) -> str:
+def in_words(
+    value: float,
+    unit: str,
+    scales: Scales | None,
+    digits: int = 4,
+) -> str:
     """Return a natural value in words: in SI units with a prefix, or in natural units
     where there are no scales.
     """
     if scales is None:
         natural = natural_unit(unit)
         return engineering(
-            value, "" if natural == "f_s time^2/x_s" else natural, digits
+            value,
+            "" if natural == "f_s time^2/x_s" else natural,
+            digits,
         )
     return engineering(scales.si(value, unit), si_unit(unit), digits)

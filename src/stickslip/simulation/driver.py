@@ -30,7 +30,7 @@ from stickslip.simulation.engines.base import MOTION, Array, advances
 
 @dataclass(frozen=True)
 class Track:
-    """Where an engine has been: samples, the drive at their times, and snapshots
+    """Track of an engine: samples, the drive at their times, and snapshots
     with their times.
     """
 
@@ -90,7 +90,9 @@ def follow(
             load,
         )
         rows, seen = follow_leg(
-            engine, leg, lambda t: report(min((t - first) / total, 1.0))
+            engine,
+            leg,
+            lambda t: report(min((t - first) / total, 1.0)),
         )
         at = leg.times[: len(rows)]
         parts.append(
@@ -109,7 +111,13 @@ def follow(
         np.concatenate(part) for part in zip(*parts, strict=True)
     )
     return Track(
-        engine.columns, times, rows, velocity, place, tuple(snapshots), position
+        engine.columns,
+        times,
+        rows,
+        velocity,
+        place,
+        tuple(snapshots),
+        position,
     )
 
 
@@ -119,7 +127,9 @@ def load_points(drive: Drive) -> Array:
 
 
 def follow_leg(
-    engine: Engine, leg: Leg, report: Progress = lambda _: None
+    engine: Engine,
+    leg: Leg,
+    report: Progress = lambda _: None,
 ) -> tuple[Array, list[Stretchings]]:
     """Follow a leg to its end; returns a row for each sample that was passed, and
     what the looks have seen.
@@ -138,7 +148,12 @@ def follow_leg(
     return np.concatenate(parts), seen
 
 
-def _check_finite(engine: Engine, leg: Leg, times: Array, rows: Array) -> None:
+def _check_finite(
+    engine: Engine,
+    leg: Leg,
+    times: Array,
+    rows: Array,
+) -> None:
     lost = np.flatnonzero(~np.isfinite(rows[:, : len(MOTION)]).all(axis=1))
     if lost.size or not np.isfinite(engine.here()).all():
         since = (

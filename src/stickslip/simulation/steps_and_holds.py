@@ -108,7 +108,10 @@ def velocity_step(
         approach + np.linspace(0.0, way / w, count + 1)[1:],
     )
     track = follow(
-        engine, constant(v, approach).then(constant(w, way / w)), origin, times
+        engine,
+        constant(v, approach).then(constant(w, way / w)),
+        origin,
+        times,
     )
     values = {
         name: track[name]
@@ -204,7 +207,10 @@ def slide_hold_slide(
     mean = checked.interface.threshold_distribution.moment(1)
     engine, origin, spring = _sliding(checked, v, who, stiffness)
     before = follow(
-        engine, constant(v, mean / v), origin, np.linspace(0.0, mean / v, 401)
+        engine,
+        constant(v, mean / v),
+        origin,
+        np.linspace(0.0, mean / v, 401),
     )
     steady = float(before["friction_force"].mean())
     at_end = float(before["friction_force"][-1])
@@ -220,7 +226,10 @@ def slide_hold_slide(
     for hold in times:
         again = engine.here()[0] + hold + np.linspace(0.0, way / v, count)
         track = follow(
-            engine.copy(), constant(0.0, hold).then(constant(v, way / v)), origin, again
+            engine.copy(),
+            constant(0.0, hold).then(constant(v, way / v)),
+            origin,
+            again,
         )
         force = track["friction_force"]
         best = int(np.argmax(force))
@@ -261,13 +270,19 @@ def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:
     if method is not None or not isinstance(given, Rig):
         rig = replace(rig, method=method or MasterEquation())
     instance(
-        f"{who}: method", rig.method, Method, "Contacts(...) or MasterEquation(...)"
+        f"{who}: method",
+        rig.method,
+        Method,
+        "Contacts(...) or MasterEquation(...)",
     )
     return rig
 
 
 def _sliding(
-    rig: Rig, velocity: float, who: str, stiffness: float | str
+    rig: Rig,
+    velocity: float,
+    who: str,
+    stiffness: float | str,
 ) -> tuple[Engine, float, float]:
     """Return an engine in steady sliding, where the drive is, and the stiffness of
     its spring.

@@ -115,7 +115,13 @@ class ActivatedResponse(Response):
         missing = np.asarray(delay.absence(s))
         away = velocity * delay.moment(1)
         answer = Perturbed(*self._transforms(velocity, q))
-        life = stretched(q, answer.lost, answer.work, rest, float(mean.work[0]))
+        life = stretched(
+            q,
+            answer.lost,
+            answer.work,
+            rest,
+            float(mean.work[0]),
+        )
         noise = life.noise(q, missing, away, force) / velocity
         return Fluctuations(answer.kappa(q, missing, rest, away, force), noise)
 
@@ -168,5 +174,9 @@ class ActivatedResponse(Response):
             mean_lives(self.interface, velocity).distance[0]
         ) / velocity + self.interface.delay.moment(1)
         return ResponseScales(
-            cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle
+            cycle,
+            cycle,
+            cycle,
+            fastest=math.inf,
+            leftmost=-8.0 / cycle,
         )

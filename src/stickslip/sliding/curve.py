@@ -207,7 +207,10 @@ def _viscosity(v: Array, force: Array, error: Array) -> float:
     most = float(np.min(force / v)) * (1.0 - 1e-9)
     best = float(
         optimize.minimize_scalar(
-            misfit, bounds=(0.0, most), method="bounded", options={"xatol": 1e-9 * most}
+            misfit,
+            bounds=(0.0, most),
+            method="bounded",
+            options={"xatol": 1e-9 * most},
         ).x
     )
     enough = min(float(v.size), misfit(best) + 1.0)
@@ -226,7 +229,10 @@ def _viscosity(v: Array, force: Array, error: Array) -> float:
 
 
 def _growth(
-    v: Array, force: Array, error: Array, thresholds: Distribution
+    v: Array,
+    force: Array,
+    error: Array,
+    thresholds: Distribution,
 ) -> TabulatedGrowth:
     """Growth of thresholds that gives friction at velocities that rise, by least
     squares.
@@ -360,7 +366,10 @@ def delay_of(
     least = int(np.argmin([misfit(place) for place in places]))
     ends = places[max(least - 1, 0)], places[min(least + 1, places.size - 1)]
     log_half = minimize_scalar(
-        misfit, bounds=ends, method="bounded", options={"xatol": 1e-12}
+        misfit,
+        bounds=ends,
+        method="bounded",
+        options={"xatol": 1e-12},
     ).x
     (sliding, above), residual = parts(float(log_half))
     if above <= 0.0 or residual @ residual > v.size:

@@ -80,7 +80,14 @@ def lives_of(interface: Interface) -> Lives:
 
         def left(x: Array) -> list[Array]:
             number, b, square = (beyond(x * x, 0.5 * order) for order in range(3))
-            return [number, x * b, 0.0 * x, b, 0.0 * x, x * square]
+            return [
+                number,
+                x * b,
+                0.0 * x,
+                b,
+                0.0 * x,
+                x * square,
+            ]
     else:
         born, part = stretching_nodes(newborn, thresholds)
         std = math.hypot(thresholds.standard_deviation(), newborn.standard_deviation())
@@ -93,7 +100,14 @@ def lives_of(interface: Interface) -> Lives:
                 part * thresholds.survival(reached) / thresholds.survival(np.abs(born))
             )
             number, a, square = (holds @ born**order for order in range(3))
-            return [number, a + x * number, a, number, square + x * a, a + x * number]
+            return [
+                number,
+                a + x * number,
+                a,
+                number,
+                square + x * a,
+                a + x * number,
+            ]
 
     highest = _FINEST / std
     if end > _NARROWEST * std:
@@ -214,7 +228,13 @@ class DrawnResponse(Response):
         survival, whole, a_left, b_left, a_pull, b_pull = found.T
         rest, _, _, b, _, b_sum = held.sum(axis=0).tolist()
         each = 2.0 * ((b_sum - b_pull.real) / size**2 - a_pull.imag / size)
-        return Unperturbed(q * survival, a_left + (b - b_left) / q, whole, each, rest)
+        return Unperturbed(
+            q * survival,
+            a_left + (b - b_left) / q,
+            whole,
+            each,
+            rest,
+        )
 
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
@@ -237,5 +257,9 @@ class DrawnResponse(Response):
             lives_of(self.interface).held[:, 0].sum()
         ) / velocity + self.interface.delay.moment(1)
         return ResponseScales(
-            cycle, cycle, cycle, fastest=math.inf, leftmost=-8.0 / cycle
+            cycle,
+            cycle,
+            cycle,
+            fastest=math.inf,
+            leftmost=-8.0 / cycle,
         )

@@ -62,10 +62,23 @@ class AgedResponse(Response):
         missing = np.asarray(self.delay.absence(points * self._square))
         away = self.delay.moment(1) * self._square
         found = Perturbed(rest - life, work, -less, -lost).kappa(
-            points, missing, rest, away, force=0.0
+            points,
+            missing,
+            rest,
+            away,
+            force=0.0,
         )
-        noise = stretched(points, rest - life, work / u, rest, done / u).noise(
-            points, missing, away, force=0.0
+        noise = stretched(
+            points,
+            rest - life,
+            work / u,
+            rest,
+            done / u,
+        ).noise(
+            points,
+            missing,
+            away,
+            force=0.0,
         )
         noise *= (u * self.constants.mean) ** 2 / self._square
         # A fast perturbation finds the attached contacts as springs, but for those next
@@ -106,7 +119,11 @@ class AgedResponse(Response):
         u = self._reduced(velocity)
         cycle = 1.0 / ((u + u * u) * self._square)
         return ResponseScales(
-            cycle, cycle, cycle, fastest=np.inf, leftmost=-4.0 / cycle
+            cycle,
+            cycle,
+            cycle,
+            fastest=np.inf,
+            leftmost=-4.0 / cycle,
         )
 
     @cached_property
@@ -150,7 +167,10 @@ def force(interface: Interface, velocity: Array) -> Array:
                 "times; beyond, the force cannot be resolved"
             )
     return langevin_steady.steady_friction(
-        velocity, constants, delay, hazard=hazard_of(interface.activation)
+        velocity,
+        constants,
+        delay,
+        hazard=hazard_of(interface.activation),
     )
 
 
@@ -178,7 +198,10 @@ def _kept_excursions(u: float, delta: float, newborn: float) -> Excursions:
 
 
 def _life(
-    u: float, delta: float, newborn: float, p: ComplexArray
+    u: float,
+    delta: float,
+    newborn: float,
+    p: ComplexArray,
 ) -> tuple[ComplexArray, tuple[float, float]]:
     """Transforms of one life, shape (4, n), its mean length (1 for newborns without
     strength) and work.

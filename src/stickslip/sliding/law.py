@@ -87,7 +87,10 @@ def kinetic_friction(
         else "; with ageing, a temperature or an infinite delay there is no slow limit"
     )
     speed = numbers(
-        "velocity", velocity, hint=hint, **{"at_least" if slowly else "above": 0.0}
+        "velocity",
+        velocity,
+        hint=hint,
+        **{"at_least" if slowly else "above": 0.0},
     )
     return at_each(sliding.force, speed)
 
@@ -164,7 +167,9 @@ def turning_velocities(
         )
     low, high = np.log(ends).tolist()
     places = np.linspace(
-        low, high, 2 + math.ceil(_PER_DECADE * (high - low) / math.log(10.0))
+        low,
+        high,
+        2 + math.ceil(_PER_DECADE * (high - low) / math.log(10.0)),
     )
 
     def slope(place: float) -> float:

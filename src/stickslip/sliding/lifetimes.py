@@ -51,7 +51,9 @@ from stickslip.model.records import hashable
 
 
 def lifetimes_of(
-    interface: Interface, velocity: float, highest: float = 0.0
+    interface: Interface,
+    velocity: float,
+    highest: float = 0.0,
 ) -> Lifetimes:
     """The lifetimes of contacts in steady sliding at a speed, for perturbations of
     wave numbers up to `highest`.
@@ -95,7 +97,11 @@ def _lifetimes(
         )
         bends = [(bend, activation.width)]
     return kernel.march(
-        hazard, growth, *threshold_nodes(distribution, 0.01, bends), velocity, longest
+        hazard,
+        growth,
+        *threshold_nodes(distribution, 0.01, bends),
+        velocity,
+        longest,
     )
 
 
@@ -140,7 +146,9 @@ def _cut_panels(one: Lifetimes, longest: float) -> Lifetimes:
 
 
 def threshold_nodes(
-    distribution: Distribution, first: float, places: list[tuple[float, float]]
+    distribution: Distribution,
+    first: float,
+    places: list[tuple[float, float]],
 ) -> tuple[Array, Array]:
     """Nodes of thresholds and their weights, on panels of the size `first` at the
     start, and finer at some places.
@@ -244,7 +252,10 @@ _FOLLOWED = 60.0
 
 @lru_cache(maxsize=128)
 def _in_one(
-    distribution: Distribution, hazard: Hazard, ageing: AgeingModel | None, v: float
+    distribution: Distribution,
+    hazard: Hazard,
+    ageing: AgeingModel | None,
+    v: float,
 ) -> Lifetimes:
     """Lives of all contacts at once: of a barrier that falls linearly or as a parabola,
     or without temperature.
@@ -258,7 +269,14 @@ def _in_one(
     A = hazard.width
     # even the strongest break as soon as they attach: there are no lifetimes
     if kernel.reach(growth, high, v) <= 0:
-        return kernel.march(hazard, growth, np.empty(0), np.empty(0), v, math.inf)
+        return kernel.march(
+            hazard,
+            growth,
+            np.empty(0),
+            np.empty(0),
+            v,
+            math.inf,
+        )
     edges = _edges_in_one(distribution, hazard, growth, v)
     # On half of what the integrals need, polynomials give what lies between the nodes,
     # too, to 1e-8.
@@ -315,7 +333,10 @@ def _in_one(
 
 
 def _edges_in_one(
-    distribution: Distribution, hazard: Hazard, growth: Growth, v: float
+    distribution: Distribution,
+    hazard: Hazard,
+    growth: Growth,
+    v: float,
 ) -> Array:
     """Ends of panels for all contacts at once, up to where the strongest have
     broken.
@@ -328,7 +349,10 @@ def _edges_in_one(
     # strengths
     if hazard.attempts == 0:
         strengths = panel_edges(
-            distribution, weakest, high, [(weakest, shortest)]
+            distribution,
+            weakest,
+            high,
+            [(weakest, shortest)],
         ).tolist()
         met = {0.0, *(kernel.reach(growth, strength, v) for strength in strengths)}
         # a table is smooth between its nodes only
@@ -377,7 +401,10 @@ def _edges_in_one(
 
 
 def _shortest(
-    distribution: Distribution, hazard: Hazard, growth: Growth, v: float
+    distribution: Distribution,
+    hazard: Hazard,
+    growth: Growth,
+    v: float,
 ) -> float:
     """Length over which the survival or the threshold of a newborn may change."""
     lengths = [0.05 * distribution.standard_deviation()]
@@ -403,7 +430,11 @@ def _met(growth: Growth, x: Array, v: float) -> tuple[Array, Array, Array]:
 
 
 def _reached(
-    hazard: Hazard, growth: Growth, v: float, width: Array, x: Array
+    hazard: Hazard,
+    growth: Growth,
+    v: float,
+    width: Array,
+    x: Array,
 ) -> tuple[Array, Array, Array, Array]:
     """``u = A ln G``; with ``rho = G'`` also ``G/rho``, the same for the slope by
     age, and ``rho'/rho``.
@@ -437,7 +468,10 @@ def under_gumbel(low: Array, high: Array) -> tuple[Array, Array]:
 
 
 def blurred_survival(
-    survival: Callable[[Array], Array], width: float, u: Array, knots: Sequence[float]
+    survival: Callable[[Array], Array],
+    width: float,
+    u: Array,
+    knots: Sequence[float],
 ) -> Array:
     """Survival of a newborn of any threshold at ``u = A ln G``: ``J(u)``, thresholds
     blurred by a Gumbel distribution.

@@ -189,7 +189,9 @@ def whole_axis(
     # step: up to a sixteenth of it.
     u = np.unique(
         np.interp(
-            np.arange(16 * omega.size - 15) / 16.0, np.arange(omega.size), np.log(omega)
+            np.arange(16 * omega.size - 15) / 16.0,
+            np.arange(omega.size),
+            np.log(omega),
         ).round(9)
     )
 
@@ -203,7 +205,10 @@ def whole_axis(
 
 
 def splined(
-    at: Callable[[Array], ComplexArray], u: Array, apart: int, most: float
+    at: Callable[[Array], ComplexArray],
+    u: Array,
+    apart: int,
+    most: float,
 ) -> "CubicSpline[np.complex128]":
     """A function as a spline, from its values along the last axis at every so many of
     some points, and halfway.
@@ -249,7 +254,11 @@ class Unperturbed(NamedTuple):
     rest: float
 
     def noise(
-        self, q: ComplexArray, missing: ComplexArray, away: float, force: float
+        self,
+        q: ComplexArray,
+        missing: ComplexArray,
+        away: float,
+        force: float,
     ) -> Array:
         """Two-sided spectrum of the force of a contact at ``q = i y != 0``, along
         ``x``: a renewal process.
@@ -276,7 +285,11 @@ class Unperturbed(NamedTuple):
 
 
 def stretched(
-    q: ComplexArray, lost: ComplexArray, work: ComplexArray, rest: float, done: float
+    q: ComplexArray,
+    lost: ComplexArray,
+    work: ComplexArray,
+    rest: float,
+    done: float,
 ) -> Unperturbed:
     """A life in which the force is ``x``, from what the survival loses,
     ``M_0 - S^``, and ``W``; ``M_0, M_1`` at 0.

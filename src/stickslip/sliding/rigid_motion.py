@@ -36,7 +36,10 @@ def check_renewal(interface: Interface, who: str) -> None:
 
 
 def solved(
-    interface: Interface, distance: float, velocity: float, points: int
+    interface: Interface,
+    distance: float,
+    velocity: float,
+    points: int,
 ) -> Callable[[Array], renewal.RigidResponse]:
     """Return the solution of the renewal equation, to be looked at anywhere."""
     distribution = interface.threshold_distribution
@@ -46,7 +49,9 @@ def solved(
     # its own in the stiffness.
     jumps = any(0 < knot < math.inf for knot in distribution.knots)
     stretchings, weight = stretching_nodes(
-        interface.initial, interface.threshold_distribution, 16 if jumps else 1
+        interface.initial,
+        interface.threshold_distribution,
+        16 if jumps else 1,
     )
     work = stretchings.size * float(points)
     if work > _MOST_WORK:
@@ -81,7 +86,10 @@ def solved(
         element = np.minimum(X, sliding_force)
         detached = 1.0 - found.attached
         detaching = found.rate - renewal.re_attaching(
-            contacts, re_attached, X, found.rate
+            contacts,
+            re_attached,
+            X,
+            found.rate,
         )
         stiffness = (
             found.stiffness
@@ -157,7 +165,9 @@ def friction_ratios(initial: Distribution) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def thresholds_of(
-    static: float, kinetic: float, initial: Distribution
+    static: float,
+    kinetic: float,
+    initial: Distribution,
 ) -> tuple[Gaussian, float]:
     """Return Gaussian thresholds of mean 1 whose slow friction has this ratio, and the
     sum of all threshold forces.
@@ -191,7 +201,9 @@ def thresholds_of(
 
 
 def thresholds_or_even(
-    static: float, kinetic: float, initial: Distribution
+    static: float,
+    kinetic: float,
+    initial: Distribution,
 ) -> tuple[Distribution, float]:
     """Return what `thresholds_of` does; of equal friction exponential thresholds, which
     make no peak: as many contacts break as attach from the first moment on.

@@ -83,7 +83,10 @@ def _kind(interface: Interface) -> Sliding:
     if interface.areas is None and ageing is None and interface.activation is None:
         laws = _by_lifetimes(interface, unaged.mean_lives)
         return Sliding(
-            who, ("sliding_force", "newborn"), *laws, lambda: unaged.response(interface)
+            who,
+            ("sliding_force", "newborn"),
+            *laws,
+            lambda: unaged.response(interface),
         )
     if interface.areas is None and isinstance(ageing, Langevin):
         from stickslip.sliding import langevin
@@ -91,7 +94,10 @@ def _kind(interface: Interface) -> Sliding:
         who = f"{who} of thresholds that age by Langevin"
         laws = _by_force(lambda v: langevin.force(interface, v))
         return Sliding(
-            who, ("ageing", "activation"), *laws, lambda: langevin.response(interface)
+            who,
+            ("ageing", "activation"),
+            *laws,
+            lambda: langevin.response(interface),
         )
     if (
         interface.areas is None
@@ -113,7 +119,10 @@ def _kind(interface: Interface) -> Sliding:
         takes = ("areas", "activation", "sliding_force")
         laws = _by_lifetimes(interface, activated.mean_lives_of_areas)
         return Sliding(
-            f"{who} of areas", takes, *laws, lambda: drawn.response_of_areas(interface)
+            f"{who} of areas",
+            takes,
+            *laws,
+            lambda: drawn.response_of_areas(interface),
         )
     who += (
         " of thresholds that grow"

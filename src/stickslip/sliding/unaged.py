@@ -91,7 +91,11 @@ class UnagedResponse(Response):
         # abscissa of convergence.
         fastest = 8.0 * velocity / scatter
         return ResponseScales(
-            cycle, pace, memory, fastest, self.distribution.leftmost * velocity
+            cycle,
+            pace,
+            memory,
+            fastest,
+            self.distribution.leftmost * velocity,
         )
 
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
@@ -127,7 +131,11 @@ class UnagedResponse(Response):
         )
         numerator, denominator = self._joined(velocity, s, complement, shape)
         life = stretched(
-            q, mean - complement / q, shape / q, mean, 0.5 * self.distribution.moment(2)
+            q,
+            mean - complement / q,
+            shape / q,
+            mean,
+            0.5 * self.distribution.moment(2),
         )
         noise = (
             life.noise(q, self.delay.absence(s), velocity * delay, self.sliding_force)
@@ -148,7 +156,10 @@ class UnagedResponse(Response):
         stop = int(np.searchsorted(velocity * y, top)) + 2
         omega = velocity * y[:stop]
         return omega, self._joined(
-            velocity, 1j * omega, complement[:stop], shape[:stop]
+            velocity,
+            1j * omega,
+            complement[:stop],
+            shape[:stop],
         )
 
     def frequencies(self, velocity: float, top: float) -> Array:
@@ -217,7 +228,9 @@ def response(interface: Interface) -> Response:
             "deviation above 0"
         )
     return UnagedResponse(
-        distribution=thresholds, delay=delay, sliding_force=sliding_force
+        distribution=thresholds,
+        delay=delay,
+        sliding_force=sliding_force,
     )
 
 
@@ -242,7 +255,10 @@ def _steps(reach: float, top: float) -> tuple[float, int]:
 
 @lru_cache(maxsize=16)
 def _discs(
-    distribution: Distribution, sliding_force: float, step: float, count: int
+    distribution: Distribution,
+    sliding_force: float,
+    step: float,
+    count: int,
 ) -> tuple[Array, ComplexArray]:
     """Wave numbers, and the centres of discs there, for contacts that come back at
     once.
@@ -271,7 +287,9 @@ def _discs(
 
 @lru_cache(maxsize=64)
 def axis_table(
-    distribution: Distribution, step: float, count: int
+    distribution: Distribution,
+    step: float,
+    count: int,
 ) -> tuple[Array, ComplexArray, ComplexArray]:
     """Wave numbers at `count` equal steps, a power of 2, and below the first one, and
     `transforms` there on the imaginary axis.

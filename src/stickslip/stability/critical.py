@@ -155,7 +155,10 @@ class Crossings(Along[Crossing]):
 
 
 def critical(
-    rig: Rig, parameter: Parameter | str, *, between: Ends | None = None
+    rig: Rig,
+    parameter: Parameter | str,
+    *,
+    between: Ends | None = None,
 ) -> Crossings:
     """Find every value of a parameter in a range at which a mode of smooth sliding is
     neutral (linear).
@@ -282,7 +285,9 @@ def critical_spring(rig: Rig) -> float:
 
 
 def _range(
-    rig: Rig, parameter: Parameter | str, between: Ends | None
+    rig: Rig,
+    parameter: Parameter | str,
+    between: Ends | None,
 ) -> tuple[Parameter, Rig, float, float]:
     """The parameter, the rig and the range, in natural units."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
@@ -326,7 +331,9 @@ def search(
         ahead = values[len(points) : len(points) + (6 if first else count)]
         points += line.look(ahead)
         found += line.crossings(
-            points, begin=len(points) - len(ahead), edges_only=edges_only
+            points,
+            begin=len(points) - len(ahead),
+            edges_only=edges_only,
         )
         # what is found first, from a stable point on, is an edge
         if first and (points[0].unstable > 0 or found):
@@ -479,7 +486,9 @@ class Line(NamedTuple):
         if len(changing) == 1 and math.isinf(changing[0][0]):
             _, e, _, f = changing[0]
             cuts = np.clip(
-                e / (e - f) + min(0.25, width) * np.array([-1.0, 1.0]), 0.01, 0.99
+                e / (e - f) + min(0.25, width) * np.array([-1.0, 1.0]),
+                0.01,
+                0.99,
             )
         return [
             found
@@ -488,7 +497,10 @@ class Line(NamedTuple):
         ]
 
     def polish(
-        self, log_value: float, log_omega: float, furthest: float
+        self,
+        log_value: float,
+        log_omega: float,
+        furthest: float,
     ) -> tuple[float, float] | None:
         """Newton's method in (log value, log omega) for ``Z + kappa = 0`` on the
         axis; None if it does not settle.
@@ -543,11 +555,7 @@ def _matched(one: LinePoint, two: LinePoint) -> list[tuple[float, float, float, 
     """Branches present at both points, each the other's nearest: frequency and
     lacking spring at one, then at two.
     """
-    here, there = (
-        Neutral(n.omega[finite], n.extra[finite], n.modes[finite])
-        for n in (one.neutral, two.neutral)
-        for finite in (np.isfinite(n.extra),)
-    )
+    here, there = (n.at(np.isfinite(n.extra)) for n in (one.neutral, two.neutral))
     if here.omega.size == 0 or there.omega.size == 0:
         return []
     # In the logarithm infinity is as near to itself as any other frequency.
@@ -560,17 +568,10 @@ def _matched(one: LinePoint, two: LinePoint) -> list[tuple[float, float, float, 
     alike = (np.argmin(apart, axis=0)[m] == k) & (
         apart[k, m] < 0.02 + 2.5 * abs(math.log(two.value / one.value))
     )
-    k = k[alike]
-    m = m[alike]
-    return list(
-        zip(
-            *(
-                a.tolist()
-                for a in (here.omega[k], here.extra[k], there.omega[m], there.extra[m])
-            ),
-            strict=True,
-        )
-    )
+    here = here.at(k[alike])
+    there = there.at(m[alike])
+    columns = (here.omega, here.extra, there.omega, there.extra)
+    return list(zip(*map(np.ndarray.tolist, columns), strict=True))
 
 
 def _hides(points: list[LinePoint], close: float) -> bool:

@@ -154,10 +154,10 @@ def spring_at_contact(body: Impedance) -> float | None:
     """Stiffness of the driving spring where it pulls at the contacts, so that it adds
     to the impedance; None elsewhere.
     """
-    if isinstance(body, Structure) and getattr(body, "drive", 0) != getattr(
-        body, "contact", 1
-    ):
-        return None
+    if isinstance(body, Structure):
+        drive = getattr(body, "drive", None)
+        if drive is None or drive != getattr(body, "contact", None):
+            return None
     found = getattr(body, "stiffness", None)
     return None if found is None else float(found)
 

@@ -147,7 +147,9 @@ def stability_map(
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     parameters = _two_parameters(over)
     given = zip(
-        parameters, pair("values", values, "values of each parameter"), strict=True
+        parameters,
+        pair("values", values, "values of each parameter"),
+        strict=True,
     )
     grids = [
         np.atleast_1d(
@@ -312,7 +314,10 @@ class _MapGrid(NamedTuple):
         return curves
 
     def on_side(
-        self, points: list[list[Neutral]], i: float, j: float
+        self,
+        points: list[list[Neutral]],
+        i: float,
+        j: float,
     ) -> tuple[float, float, float] | None:
         """The boundary itself on the side of a cell, of which ``(i, j)`` is the
         middle, and the frequency there.

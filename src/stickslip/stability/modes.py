@@ -19,7 +19,9 @@ from stickslip.stability.scan import SmoothSliding
 
 
 def dynamic_stiffness(
-    interface: Interface, velocity: float, s: ArrayLike
+    interface: Interface,
+    velocity: float,
+    s: ArrayLike,
 ) -> ComplexArray:
     """Force of the interface over displacement for motion ``v t + small exp(s t)``, per
     contact.

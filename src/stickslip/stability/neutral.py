@@ -8,7 +8,7 @@ frequency with ``Im(Z + kappa) = 0`` is neutral for exactly one extra spring,
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,10 @@ class Neutral(NamedTuple):
     omega: Array
     extra: Array
     modes: NDArray[np.int64]
+
+    def at(self, index: NDArray[Any]) -> "Neutral":
+        """Some of them."""
+        return Neutral(*(each[index] for each in self))
 
     def unstable(self, added: float = 0.0) -> int:
         """Number of growing modes with a spring `added` at the interface."""
@@ -77,31 +81,13 @@ def neutral_frequencies(
         begin = end
         end += rising.size
         neutral = Neutral(omega[begin:end], extra[begin:end], np.where(rising, 2, -2))
+        neutral = neutral.at(np.argsort(neutral.omega))
         frequency, value = seen
         if value.size and value[-1] < 0:
-            neutral = _with_mode_beyond(neutral, _beyond(rig, frequency[-1], softest))
-        answers.append(_by_frequency(neutral))
+            beyond = _beyond(rig, frequency[-1], softest)
+            neutral = Neutral(*map(np.append, neutral, beyond))
+        answers.append(neutral)
     return answers
-
-
-def _with_mode_beyond(
-    neutral: Neutral, beyond: tuple[float, float, int] | None
-) -> Neutral:
-    """Neutral frequencies with the one beyond the end of the scan, if there is one."""
-    if beyond is None:
-        return neutral
-    omega, extra, modes = beyond
-    return Neutral(
-        np.append(neutral.omega, omega),
-        np.append(neutral.extra, extra),
-        np.append(neutral.modes, modes),
-    )
-
-
-def _by_frequency(neutral: Neutral) -> Neutral:
-    """Neutral frequencies in rising order."""
-    order = np.argsort(neutral.omega)
-    return Neutral(neutral.omega[order], neutral.extra[order], neutral.modes[order])
 
 
 def _zeros(f: Callable[[Array], Array], left: Array, right: Array) -> Array:
@@ -128,7 +114,9 @@ def _zeros(f: Callable[[Array], Array], left: Array, right: Array) -> Array:
 
 
 def _brackets(
-    sliding: SmoothSliding, omega: Array, value: Array
+    sliding: SmoothSliding,
+    omega: Array,
+    value: Array,
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Intervals of frequency in which ``Im(Z + kappa)`` changes sign, and whether it
     rises there.
@@ -171,10 +159,12 @@ def _brackets(
 
 
 def _beyond(
-    sliding: SmoothSliding, end: float, softest: float | None
-) -> tuple[float, float, int] | None:
-    """Modes that cross beyond the end of the scan: frequency, extra stiffness, and
-    how many grow with less.
+    sliding: SmoothSliding,
+    end: float,
+    softest: float | None,
+) -> tuple[Any, Any, Any]:
+    """Frequency, extra stiffness and number of the modes that cross beyond the end of
+    the scan; empty arrays for none.
     """
     z = complex(sliding.body(np.array([1j * end]))[0])
     at_rest = complex(sliding.body(np.array([0j]))[0])
@@ -186,7 +176,9 @@ def _beyond(
     angle_of_body = math.atan2(max(z.imag, 0.0), z.real)
     turned = math.atan2(total.imag, total.real) - angle_of_body
     # Cut off for |kappa| < |Z| just past half a turn, which is never completed.
-    return (math.inf, math.inf, 2) if softest is None and turned < -math.pi else None
+    if softest is None and turned < -math.pi:
+        return math.inf, math.inf, 2
+    return NOTHING
 
 
 def _nearly_touching(value: Array) -> NDArray[np.intp]:

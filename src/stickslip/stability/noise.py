@@ -96,7 +96,10 @@ class ContactNoise(Answer):
         ):
             title = f"spectrum of the {name.replace('_', ' ')}"
             found[name] = labelled(
-                title, "frequency", value, f"({rig.unit_name(unit)})^2{per}"
+                title,
+                "frequency",
+                value,
+                f"({rig.unit_name(unit)})^2{per}",
             )
         return xr.Dataset(
             found, {"frequency": labelled("frequency", "frequency", frequency, hertz)}
@@ -225,7 +228,9 @@ class ContactNoise(Answer):
         with matplotlib.style.context("stickslip.plot.house"):
             figure = Figure(figsize=(7.0, 2.6), layout="constrained")
             for ax, name in zip(
-                figure.subplots(1, 2), ("spring_force", "velocity"), strict=True
+                figure.subplots(1, 2),
+                ("spring_force", "velocity"),
+                strict=True,
             ):
                 draw: Any = self.spectrum[name].plot
                 draw(ax=ax, xscale="log", yscale="log")

@@ -132,7 +132,9 @@ def with_partners(roots: ComplexArray) -> int:
 
 
 def _value(
-    sliding: SmoothSliding, s: ComplexArray, parts: Parts | None = None
+    sliding: SmoothSliding,
+    s: ComplexArray,
+    parts: Parts | None = None,
 ) -> ComplexArray:
     """``Z + kappa`` times the denominator of kappa, without its zero at 0; not
     finite where it overflows. The parts of kappa may be known.
@@ -274,7 +276,9 @@ def is_rightmost(
     best = float(roots[0].real)
     after = roots.real[roots.real < best - 1e-6 / cycle]
     nearest = max(
-        float(after[0]) if after.size else -math.inf, limit, best - 0.2 / cycle
+        float(after[0]) if after.size else -math.inf,
+        limit,
+        best - 0.2 / cycle,
     )
     line = 0.5 * (best + nearest)
     return count_right_of(sliding, line) == with_partners(roots[roots.real > line])

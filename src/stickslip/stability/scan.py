@@ -90,7 +90,10 @@ def scan(sliding: SmoothSliding, softest: float | None) -> tuple[Array, Array]:
 
 
 def merged(
-    omega: Array, more: Array, value: NDArray[Any], new: NDArray[Any]
+    omega: Array,
+    more: Array,
+    value: NDArray[Any],
+    new: NDArray[Any],
 ) -> tuple[Array, NDArray[Any]]:
     """Return two samplings as one, rising in frequency."""
     order = np.argsort(np.concatenate([omega, more]), kind="stable")
@@ -147,7 +150,9 @@ def doubtful_below(sliding: SmoothSliding, softest: float | None) -> float:
 
 
 def _clear(
-    z: ComplexArray, centre: ComplexArray, held: float | None
+    z: ComplexArray,
+    centre: ComplexArray,
+    held: float | None,
 ) -> NDArray[np.bool_]:
     """Whether no delay could make the mode at each frequency neutral (with `held`:
     nor on any stiffer spring).

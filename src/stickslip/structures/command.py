@@ -42,6 +42,10 @@ def export(
         again.
     """
     text = write_export(
-        read_rig_with(rig, settings), to, output, speeds=speeds, poles=poles
+        read_rig_with(rig, settings),
+        to,
+        output,
+        speeds=speeds,
+        poles=poles,
     )
     print(text if output is None else f"{to}: {output}\n", end="")

@@ -129,7 +129,10 @@ class ContactByContact:
         return kernel.force_of(self.state)
 
     def step(
-        self, dt: float, velocity: float, displacement: float
+        self,
+        dt: float,
+        velocity: float,
+        displacement: float,
     ) -> tuple[float, float, float]:
         """Move the slider."""
         return kernel.step(self.state, dt, velocity, displacement)

@@ -14,7 +14,7 @@ _FARTHEST = 1e4  # way of a step, in x_s: each contact breaks as often
 
 
 class Reaction(NamedTuple):
-    """What an interface does in a step."""
+    """Response of an interface to a step."""
 
     force: float
     """Friction force at the end, against a positive displacement."""
@@ -25,7 +25,7 @@ class Reaction(NamedTuple):
 
 
 class NextEvent(NamedTuple):
-    """How far the slider can go, and how long the interface stays as it is."""
+    """Ways of the slider and time until the interface changes."""
 
     ahead: float
     """Way ahead until a contact breaks; infinite if none would."""
@@ -47,7 +47,7 @@ class State:
 
 
 class Carrier(Protocol):
-    """What an element needs of a method, in natural units."""
+    """Protocol of the methods of an element, in natural units."""
 
     @property
     def here(self) -> tuple[float, float]:
@@ -60,7 +60,10 @@ class Carrier(Protocol):
         ...
 
     def step(
-        self, dt: float, velocity: float, displacement: float
+        self,
+        dt: float,
+        velocity: float,
+        displacement: float,
     ) -> tuple[float, float, float]:
         """Move the slider; see `stickslip.kernels.element.step`."""
         ...
@@ -70,7 +73,7 @@ class Carrier(Protocol):
         ...
 
     def next_event(self) -> tuple[float, float, float]:
-        """What `NextEvent` holds."""
+        """Fields of `NextEvent`."""
         ...
 
     def save(self) -> object:
@@ -155,7 +158,10 @@ class Element:
         self._kind = hashlib.sha256(kind.encode()).hexdigest()[:16]
 
     def step(
-        self, dt: float, displacement: float, velocity: float | None = None
+        self,
+        dt: float,
+        displacement: float,
+        velocity: float | None = None,
     ) -> Reaction:
         """Move the slider on to a displacement, and return what the interface does.
 
@@ -203,7 +209,7 @@ class Element:
 
     @property
     def displacement(self) -> float:
-        """Where the slider is."""
+        """Position of the slider."""
         return self._carrier.here[1] * self._length
 
     @property

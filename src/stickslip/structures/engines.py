@@ -29,7 +29,10 @@ class DrivenEngine:
     """
 
     def __init__(
-        self, beginning: Beginning, method: Method, kind: type[Engine]
+        self,
+        beginning: Beginning,
+        method: Method,
+        kind: type[Engine],
     ) -> None:
         interface = beginning.interface
         if interface.areas is not None:
@@ -56,7 +59,10 @@ class DrivenEngine:
         return self._now.force
 
     def step(
-        self, dt: float, velocity: float, displacement: float
+        self,
+        dt: float,
+        velocity: float,
+        displacement: float,
     ) -> tuple[float, float, float]:
         """Move the slider along a line, whatever its velocity at the beginning."""
         del velocity

@@ -94,7 +94,13 @@ def export(
     return text
 
 
-def _check(rig: Rig, to: str, path: Any, speeds: Any, poles: Any) -> None:
+def _check(
+    rig: Rig,
+    to: str,
+    path: Any,
+    speeds: Any,
+    poles: Any,
+) -> None:
     """Refuse, before any work, what cannot be exported."""
     if to not in get_args(Target):
         raise refused("to", to, f"must be one of {', '.join(get_args(Target))}")

@@ -58,7 +58,7 @@ class Slip(NamedTuple):
 
 @dataclass(frozen=True)
 class Move:
-    """What an axis does after a move."""
+    """Motion of an axis after a move."""
 
     distance: float
     peak_to_peak: float
@@ -142,7 +142,9 @@ def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Sl
     hunts whose slip is not longer than that.
     """
     slider = Slider(
-        stiffness=axis.kp, mass=axis.mass, damping=axis.kd / axis.mass + axis.damping
+        stiffness=axis.kp,
+        mass=axis.mass,
+        damping=axis.kd / axis.mass + axis.damping,
     )
     mean = interface.threshold_distribution.moment(1)
     fastest = math.sqrt((axis.kp + 1.0) / axis.mass) * mean
@@ -228,7 +230,10 @@ class Hunt:
         return self._hold(engine, self.axis, distance), engine
 
     def _hold(
-        self, engine: SteppedStructure, axis: ControlledAxis, place: float
+        self,
+        engine: SteppedStructure,
+        axis: ControlledAxis,
+        place: float,
     ) -> Move:
         """Let an axis stand at a place for some periods of hunting."""
         swing = self.slip.length + self.slip.break_away

@@ -94,7 +94,10 @@ class SteppedStructure(Engine):
         assert isinstance(structure, Structure)
         self.slider = structure
         alone = Beginning(
-            beginning.interface, None, beginning.velocity, beginning.start
+            beginning.interface,
+            None,
+            beginning.velocity,
+            beginning.start,
         )
         self._element = element_of(alone, method)
         force = force_of(self._element)

@@ -1,7 +1,7 @@
-"""What a rough surface tells of an interface: its contacts, from a map of heights.
+"""Contacts of a rough surface, from a map of heights, and the interface they make.
 
 `read` a map, or draw one with `self_affine` or `from_drawing`; `contacts` presses it on
-a flat surface; `estimate` says what its contacts tell, and `rig` puts that into a rig,
+a flat surface; `estimate` gives their parameters, and `rig` puts these into a rig,
 with the ranges that it leaves as assumptions. A map is a prior: it does not say which
 length counts, nor the delay.
 """

@@ -171,7 +171,10 @@ def _bearing(height: Array, load: float, hardness: float) -> Array:
 
 
 def tangential_stiffness(
-    contact: Array, spacing: float, modulus: float, poisson: float
+    contact: Array,
+    spacing: float,
+    modulus: float,
+    poisson: float,
 ) -> float:
     """Return the stiffness of a contact along the first axis, per area of the map: the
     mean traction where all its nodes move by one unit.

@@ -103,7 +103,7 @@ def levelled(height: xr.DataArray) -> xr.DataArray:
 
 
 def _mismatch(values: Array) -> float:
-    """How far opposite edges of a map lie apart, squared."""
+    """Sum of the squared distances between opposite edges of a map."""
     jumps = values[0] - values[-1], values[:, 0] - values[:, -1]
     return sum(float((jump**2).sum()) for jump in jumps)
 
@@ -226,7 +226,11 @@ RSm from a sixth of it to half of it.
 
 
 def from_drawing(
-    *, ra: Length, rsm: Length | None = None, nodes: int = 512, seed: int = 1
+    *,
+    ra: Length,
+    rsm: Length | None = None,
+    nodes: int = 512,
+    seed: int = 1,
 ) -> xr.DataArray:
     """Return a random map of a surface known from a drawing: ``Rq = 1.25 Ra`` of
     Gaussian heights, waves from RSm down to a sixteenth of it, Hurst exponent 0.8.
@@ -265,7 +269,10 @@ def from_drawing(
 
 
 def read(
-    file: Any, *, unit: str | None = None, spacing: Length | None = None
+    file: Any,
+    *,
+    unit: str | None = None,
+    spacing: Length | None = None,
 ) -> xr.DataArray:
     """Read a map of heights.
 
@@ -399,7 +406,9 @@ def _of_topography(topography: Any, place: str) -> xr.DataArray:
         unit = topography.unit
     except AttributeError:
         raise refused(
-            place, topography, "must be a file or a topography of SurfaceTopography"
+            place,
+            topography,
+            "must be a file or a topography of SurfaceTopography",
         ) from None
     if unit is None:
         raise InputError(f"{place}: the unit of the heights is missing")

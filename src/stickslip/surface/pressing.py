@@ -201,7 +201,12 @@ def _coarser(surface: xr.DataArray, length: float) -> xr.DataArray:
 
 
 def _pressed(
-    surface: xr.DataArray, load: float, body: Material, progress: Any, *, finest: bool
+    surface: xr.DataArray,
+    load: float,
+    body: Material,
+    progress: Any,
+    *,
+    finest: bool,
 ) -> xr.Dataset:
     """The contacts of a map at one resolution."""
     spacing = spacing_of(surface)
@@ -223,7 +228,10 @@ def _pressed(
     force = spacing**2 * np.asarray(ndimage.sum_labels(p, labels, each))
     places = np.array(ndimage.maximum_position(p, labels, each)) * spacing
     stiffness = whole_area * tangential_stiffness(
-        p, spacing, body.modulus, body.poisson
+        p,
+        spacing,
+        body.modulus,
+        body.poisson,
     )
     # a disc of the same area, alone on a half-space (Mindlin)
     softer = 2.0 * (1.0 - body.poisson) / (2.0 - body.poisson)
@@ -302,7 +310,10 @@ _EACH = ("area", "force", "stiffness", "place_x", "place_y")
 
 
 def _joined(
-    surface: xr.DataArray, rows: list[xr.Dataset], load: float, body: Material
+    surface: xr.DataArray,
+    rows: list[xr.Dataset],
+    load: float,
+    body: Material,
 ) -> xr.Dataset:
     """All resolutions in one Dataset, with units and notes."""
     found = xr.concat(

@@ -1,4 +1,4 @@
-"""What contacts tell of an interface: a prior for its parameters, and its limits."""
+"""Parameters of an interface from the contacts of a map: a prior, and its limits."""
 
 from __future__ import annotations
 
@@ -43,7 +43,10 @@ Range = tuple[float, float]
 
 
 def stretchings(
-    found: xr.Dataset, resolution: int, length: Which, friction: float
+    found: xr.Dataset,
+    resolution: int,
+    length: Which,
+    friction: float,
 ) -> tuple[Array, Array]:
     """Stretching in m at which each contact at one resolution breaks, and its part of
     the stiffness: where friction holds no more (elastic), or at its diameter (renewal).
@@ -72,7 +75,7 @@ def births(x: Array, stiffness: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Estimate(Answer):
-    """What a map of heights says of an interface, in SI units: each value at its finest
+    """Parameters of an interface by a map of heights, in SI units: each at its finest
     resolution, and the range over the resolutions and the error of one map.
     """
 
@@ -331,10 +334,13 @@ def rig(
 
 
 def _with_contacts(
-    document: dict[str, Any], before: Rig, told: Estimate, strength: float
+    document: dict[str, Any],
+    before: Rig,
+    told: Estimate,
+    strength: float,
 ) -> None:
-    """Put the number of contacts into the content of a file, as far as a map tells it
-    and it matters.
+    """Put the number of contacts into the content of a file, as far as a map
+    gives it and it matters.
     """
     load = before.operation.normal_load
     newtons = before.value("normal_load") if load else strength / told.friction

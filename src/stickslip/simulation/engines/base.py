@@ -1,5 +1,5 @@
-"""What every solver is to the driver: an engine that goes on along a leg of the way,
-and where engines are registered.
+"""The protocol of solvers, engines that go on along a leg of the way, and their
+registry.
 
 To add a solver, write a class that has what `Engine` asks for and register it, with
 `solves`, for the method that selects it.
@@ -52,7 +52,7 @@ COLUMNS = (
     "damped_energy",
     "broken_energy",
 )
-"""What an engine samples, in this order; one that does not know the energies stops
+"""Samples of an engine, in this order; one that does not know the energies stops
 after `MOTION`.
 """
 MOTION = COLUMNS[:4]
@@ -103,8 +103,8 @@ class Individuals(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """What an engine has passed on a leg: samples, looks, and whether it has come to
-    the end.
+    """Result of an advance on a leg: samples, looks, and whether it has come to the
+    end.
     """
 
     rows: Array
@@ -114,7 +114,7 @@ class Advance(NamedTuple):
 
 @dataclass(frozen=True)
 class Beginning:
-    """What a run begins with; no slider is rigid motion, and the velocity is the
+    """Beginning of a run; no slider is rigid motion, and the velocity is the
     drive's first.
     """
 
@@ -166,7 +166,7 @@ class Beginning:
 
     @property
     def at_rest(self) -> int:
-        """How many of the first blocks of an elastic slider stand still while the
+        """Number of the first blocks of an elastic slider that stand still while the
         others slide.
         """
         return self.start.at_rest if isinstance(self.start, FromSliding) else 0
@@ -221,14 +221,14 @@ class Engine(Protocol):
     """
 
     columns: ClassVar[tuple[str, ...]]
-    """What its samples hold: the first of `COLUMNS`, at least `MOTION`."""
+    """Columns of its samples: the first of `COLUMNS`, at least `MOTION`."""
     angle: ClassVar[float]
     """Default distance of samples, in radians of the fastest oscillation of the
     slider.
     """
     mechanisms: ClassVar[frozenset[str]] = frozenset()
-    """What it takes of `Interface.mechanisms` besides ageing; the rest is refused
-    before it is asked.
+    """Part of `Interface.mechanisms` that it takes besides ageing; the rest is refused
+    before.
     """
     takes_loads: ClassVar[bool] = False
     """Whether it takes a drive with a load, or with a force."""
@@ -314,7 +314,9 @@ def solves(
 
 
 def engine_of(
-    interface: Interface, method: object, slider: object = None
+    interface: Interface,
+    method: object,
+    slider: object = None,
 ) -> type[Engine]:
     """Return the engine for a method on an interface, under a slider; `InputError`
     if it cannot be taken.
@@ -347,7 +349,7 @@ def _engine_of_structures(interface: Interface, method: object) -> type[Engine]:
 
 
 def _parts(interface: Interface) -> list[str]:
-    """What an engine may not take of an interface, ageing and activation first."""
+    """Mechanisms that an engine may refuse, ageing and activation first."""
     return sorted(
         interface.mechanisms,
         key=lambda part: (part != "ageing", part != "activation", part),
@@ -355,7 +357,10 @@ def _parts(interface: Interface) -> list[str]:
 
 
 def _engine(
-    method: type, interface: Interface, parts: Collection[str], elastic: bool
+    method: type,
+    interface: Interface,
+    parts: Collection[str],
+    elastic: bool,
 ) -> type[Engine] | None:
     """Return the engine for an interface that has only these of its parts."""
     ageing, breaking = (

@@ -221,7 +221,10 @@ class Streams:
 
 
 def drawn_contacts(
-    beginning: Beginning, streams: Streams, count: int, prestress: Array
+    beginning: Beginning,
+    streams: Streams,
+    count: int,
+    prestress: Array,
 ) -> tuple[Array, Array, Array]:
     """Stretchings, thresholds and times of re-attachment of the contacts of all
     blocks, shape (blocks, count) each.
@@ -301,12 +304,21 @@ class BlocksOfContacts(Engine):
         element = np.clip(anchored, -self._sliding, self._sliding)
         self._streams = Streams(beginning.interface, method.seed, body.size)
         x, threshold, waiting = drawn_contacts(
-            beginning, self._streams, method.count, prestress
+            beginning,
+            self._streams,
+            method.count,
+            prestress,
         )
         friction = np.where(threshold > 0, x, element[:, None]).mean(axis=1)
         X, V = start_of(beginning, body, friction, slides)
         self._state = blocks.make_state(
-            X[:, None] - x, threshold, waiting, X, V, self._sliding, anchored
+            X[:, None] - x,
+            threshold,
+            waiting,
+            X,
+            V,
+            self._sliding,
+            anchored,
         )
         self._motion = self._state.motion
         self._state.contacts.next_threshold[:] = self._streams.draws.thresholds.shape[1]
@@ -319,7 +331,9 @@ class BlocksOfContacts(Engine):
 
     @staticmethod
     def cost(
-        rig: Rig, method: Contacts | QuasiStatic, course: Course
+        rig: Rig,
+        method: Contacts | QuasiStatic,
+        course: Course,
     ) -> tuple[Part, ...]:
         """Return the work of a run, by part: of steps, unless in balance all the
         time, and of breaks.
@@ -361,7 +375,12 @@ class BlocksOfContacts(Engine):
         words = f"{steps * body.size:.2g} steps of blocks"
         seconds = steps * (_ALL + _STEP * body.size)
         moving = Part(
-            f"slider.{name}", getattr(body, name), name, power, words, seconds
+            f"slider.{name}",
+            getattr(body, name),
+            name,
+            power,
+            words,
+            seconds,
         )
         return moving, contacts
 
@@ -429,10 +448,23 @@ class BlocksOfContacts(Engine):
         draws = self._streams.draws
         if not self._balanced:
             return blocks.advance_blocks(
-                state, network, piece, sampling, draws, self._sliding, _BUDGET
+                state,
+                network,
+                piece,
+                sampling,
+                draws,
+                self._sliding,
+                _BUDGET,
             )
         return quasistatic.advance_quasistatic(
-            state, network, piece, sampling, draws, self._sliding, _BUDGET, self._room
+            state,
+            network,
+            piece,
+            sampling,
+            draws,
+            self._sliding,
+            _BUDGET,
+            self._room,
         )
 
     def _provide(self, why: int) -> bool:

@@ -140,7 +140,10 @@ class EventByEvent(Engine):
         strength *= load
         slides = int(beginning.sliding and interface.sliding_force > 0)
         motion = make_motion(
-            0.0, beginning.slider_velocity, interface.sliding_force, slides
+            0.0,
+            beginning.slider_velocity,
+            interface.sliding_force,
+            slides,
         )
         path = strength[:4096] if strength.size else np.ones(1)
         boxes = 1.0
@@ -151,7 +154,13 @@ class EventByEvent(Engine):
             if interface.activation is None:
                 boxes = max(lived / path.size, 1.0)
         self._state = kernel.make_state(
-            -x, strength, pending, path, self._delay.moment(1), motion, boxes
+            -x,
+            strength,
+            pending,
+            path,
+            self._delay.moment(1),
+            motion,
+            boxes,
         )
         self._boxes = None
         if self._rule is not None:
@@ -165,7 +174,13 @@ class EventByEvent(Engine):
         )
         happens = isinstance(self._delay, OnArrest), interface.slip_to_slip_scatter > 0
         self._draws = self._with_thresholds(
-            kernel.ContactDraws(np.empty(0), np.empty(0), fixed, np.empty(0), *happens)
+            kernel.ContactDraws(
+                np.empty(0),
+                np.empty(0),
+                fixed,
+                np.empty(0),
+                *happens,
+            )
         )
 
     @staticmethod
@@ -227,7 +242,12 @@ class EventByEvent(Engine):
         radians = course.turns if turns_again else course.rung
         more += drawing(rig, count)
         return *oscillation(rig, radians), breaking(
-            count, lives, each, _CONTACT, how, more
+            count,
+            lives,
+            each,
+            _CONTACT,
+            how,
+            more,
         )
 
     def _first(
@@ -252,7 +272,12 @@ class EventByEvent(Engine):
         if not keeps:
             reached, _ = lifetimes_of(self._rule, start, strength, velocity, rng)
             x, strength, pending, gone = lives_met(
-                beginning, count, rng, start, strength, reached
+                beginning,
+                count,
+                rng,
+                start,
+                strength,
+                reached,
             )
             return x, strength, pending, -gone / velocity
         # Each is met somewhere in one of its own lifetimes and the time after it, the
@@ -289,7 +314,11 @@ class EventByEvent(Engine):
             else _BLOCK
         )
         x, threshold = newborns(
-            self._interface, count, self._factor, self._newborns, self._thresholds
+            self._interface,
+            count,
+            self._factor,
+            self._newborns,
+            self._thresholds,
         )
         self._state.motion[0].thresholds_used = 0
         return draws._replace(
@@ -339,7 +368,10 @@ class EventByEvent(Engine):
         """Return what is to come of every contact."""
         count = self._state.size
         found = Attachments(
-            np.zeros(count), np.zeros(count), np.full(count, math.inf), self._factor
+            np.zeros(count),
+            np.zeros(count),
+            np.full(count, math.inf),
+            self._factor,
         )
         contacts = kernel.attached_contacts(self._state)
         held = contacts["slot"]

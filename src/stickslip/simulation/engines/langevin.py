@@ -79,7 +79,7 @@ _HOT_BUDGET = 25_000
 
 
 def _memory(constants: Constants, speed: float) -> float:
-    """How long contacts remember at what speed they slide: the relaxation time of
+    """Memory of contacts for the speed at which they slide: the relaxation time of
     their margins at the boundary, and the life of a newborn; inf where the slider is
     too slow to drive them all to break.
     """
@@ -213,7 +213,7 @@ def _start(beginning: Beginning, rate: float) -> float:
 
 
 def _settling(rig: Rig) -> float:
-    """How long a run slides rigidly before it begins."""
+    """Time of rigid sliding before a run begins."""
     assert isinstance(rig.interface.ageing, Langevin)
     case = rig.natural
     beginning = Beginning(case.interface, case.slider, case.velocity, case.start)
@@ -221,12 +221,17 @@ def _settling(rig: Rig) -> float:
 
 
 def _way_settled(rig: Rig) -> float:
-    """How far it does, in mean thresholds."""
+    """Way of rigid sliding before a run begins, in mean thresholds."""
     mean = rig.natural.interface.threshold_distribution.moment(1)
     return abs(rig.natural.velocity) * _settling(rig) / mean
 
 
-def _cost(rig: Rig, course: Course, aged: float, part: Part) -> tuple[Part, ...]:
+def _cost(
+    rig: Rig,
+    course: Course,
+    aged: float,
+    part: Part,
+) -> tuple[Part, ...]:
     """Return the work of a run, by part; a time of ageing takes the seconds `aged`,
     at rest as in motion.
     """
@@ -258,15 +263,10 @@ class LangevinContacts(Steps):
         initial, self._rng, delays = generators(method.seed)
         self._constants = ageing_constants(beginning.interface)
         self._hazard = hazard_of(beginning.interface.activation)
-        self.budget = max(
-            (_BUDGET if beginning.interface.activation is None else _HOT_BUDGET)
-            // method.count,
-            1,
-        )
-        self.longest, self.reach = (
-            _STEP / self._constants.rate**2,
-            _STEP * self._constants.mean,
-        )
+        cold = beginning.interface.activation is None
+        self.budget = max((_BUDGET if cold else _HOT_BUDGET) // method.count, 1)
+        self.longest = _STEP / self._constants.rate**2
+        self.reach = _STEP * self._constants.mean
         delay = beginning.interface.delay
         self._delays = delay.sample(delays, 1 if isinstance(delay, Delay) else _POOL)
         x, threshold, pending = first_contacts(beginning, method.count, initial)
@@ -313,17 +313,28 @@ class LangevinContacts(Steps):
         seconds = (step + count * _LOOK) * moved
         what = f"{moved:.2g} steps of {count:.2g} contacts"
         looks = Part(
-            "simulation.contacts", count, None, 1.0, what, seconds, _CONTACT * count
+            "simulation.contacts",
+            count,
+            None,
+            1.0,
+            what,
+            seconds,
+            _CONTACT * count,
         )
         return _cost(
-            rig, course, (step + count * _LOOK * min(2.0 * awake, 1.0)) / _STEP, looks
+            rig,
+            course,
+            (step + count * _LOOK * min(2.0 * awake, 1.0)) / _STEP,
+            looks,
         )
 
     def stretchings(self) -> Stretchings:
         """Stretchings of the attached contacts now."""
         x, held = self.individuals()
         return Stretchings(
-            x[held], np.full(np.count_nonzero(held), 1.0 / x.size), cells=False
+            x[held],
+            np.full(np.count_nonzero(held), 1.0 / x.size),
+            cells=False,
         )
 
     def individuals(self) -> Individuals:
@@ -338,7 +349,11 @@ class LangevinContacts(Steps):
         model = self._constants, self._hazard, self._delays
         try:
             return advance_contacts(
-                self.state, self._contacts, course, *model, self._rng
+                self.state,
+                self._contacts,
+                course,
+                *model,
+                self._rng,
             )
         except RuntimeError as error:  # a contact breaks without end
             raise InputError(str(error)) from None
@@ -354,16 +369,12 @@ class LangevinDensity(Steps):
         self._constants = ageing_constants(beginning.interface)
         cells = _cells_of_density(method.rtol)
         step = 4.0 / cells
-        self.longest, self.reach = (
-            step / self._constants.rate**2,
-            step * self._constants.mean,
-        )
+        self.longest = step / self._constants.rate**2
+        self.reach = step * self._constants.mean
         # of some cells^2 cells of the density each
         self.budget = math.ceil(8e7 / cells**2)
         self._nodes = density_nodes(self._constants, cells / 40.0)
-        cohorts = _first_cohorts(
-            beginning, self._nodes, 4.0 * step * self._constants.mean
-        )
+        cohorts = _first_cohorts(beginning, self._nodes, 4.0 * self.reach)
         count = cohorts[0].size
         room = math.ceil(self._nodes[-1] / self.reach) + 3
         self._cohorts = Cohorts(
@@ -425,7 +436,11 @@ class LangevinDensity(Steps):
     def take(self, course: time_steps.Course) -> Array:
         """Follow a course, and return the samples."""
         return advance_density(
-            self.state, self._cohorts, self._nodes, course, self._constants
+            self.state,
+            self._cohorts,
+            self._nodes,
+            course,
+            self._constants,
         )
 
 
@@ -437,7 +452,9 @@ def _cells_of_density(rtol: float) -> float:
 
 
 def _first_cohorts(
-    beginning: Beginning, margins: Array, width: float
+    beginning: Beginning,
+    margins: Array,
+    width: float,
 ) -> tuple[Array, Array, Array]:
     """Cohorts of contacts whose stretchings are no farther apart than `width`, the
     slider at 0.

@@ -135,7 +135,13 @@ class _Trial:
     seconds spent up to each, and when it slipped.
     """
 
-    def __init__(self, rig: Rig, pieces: list[Piece], begin: float, some: int) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        pieces: list[Piece],
+        begin: float,
+        some: int,
+    ) -> None:
         slider = rig.slider
         mean = rig.interface.threshold_distribution.moment(1)
         self.begin = begin
@@ -185,7 +191,7 @@ class _Trial:
 
     @property
     def ring(self) -> float:
-        """How long the slider rings after a slip."""
+        """Time for which the slider rings after a slip."""
         return min(self.rings, self.cycle, max(self.end - self.slip, 0.0))
 
     def is_enough(self) -> bool:

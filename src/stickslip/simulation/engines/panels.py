@@ -139,7 +139,9 @@ class Panels(Engine):
         distribution = interface.threshold_distribution
         breaking = breaking_of(interface)
         newborn = _newborn(
-            hashable(distribution), hashable(interface.newborn), method.rtol
+            hashable(distribution),
+            hashable(interface.newborn),
+            method.rtol,
         )
         # all are as strong at first
         if isinstance(interface.ageing, ExponentialGrowth):
@@ -157,7 +159,9 @@ class Panels(Engine):
         lives = None
         if beginning.sliding:
             x, fraction, lives, path = _lives_met(
-                distribution, self.case, beginning.velocity
+                distribution,
+                self.case,
+                beginning.velocity,
             )
             if is_fixed(breaking):
                 path = mean_life(interface)[0]
@@ -185,7 +189,9 @@ class Panels(Engine):
                 * min(math.sqrt(method.rtol / 1e-4), 2.0)
             )
             finite = kernel.FiniteNumber(
-                float(count), np.random.default_rng(method.seed), grain
+                float(count),
+                np.random.default_rng(method.seed),
+                grain,
             )
             self.case = self.case._replace(finite=finite)
             self.state = counted(self.state, self.case, finite)
@@ -193,7 +199,9 @@ class Panels(Engine):
 
     @staticmethod
     def cost(
-        rig: Rig, method: MasterEquation | Population, course: Course
+        rig: Rig,
+        method: MasterEquation | Population,
+        course: Course,
     ) -> tuple[Part, ...]:
         """Return the work of a run: no theory says how many slips there are, so one
         worth it is tried for a while.
@@ -248,7 +256,12 @@ class Panels(Engine):
         case = self.case._replace(drive=leg.drive)
         begun = time.perf_counter()
         self.state, records, reason = advance_panels(
-            self.state, case, leg.end, leg.times, leg.stop, self.steps
+            self.state,
+            case,
+            leg.end,
+            leg.times,
+            leg.stop,
+            self.steps,
         )
         took = max(time.perf_counter() - begun, 1e-9)
         # twice as many at most: later steps may have more cohorts
@@ -271,7 +284,9 @@ class Panels(Engine):
             .reshape(len(records), len(records.dtype))[:, : len(COLUMNS)]
         )
         return Advance(
-            rows, looks_aside(before, leg, self.here()[0]), over=reason != PAUSED
+            rows,
+            looks_aside(before, leg, self.here()[0]),
+            over=reason != PAUSED,
         )
 
     def stretchings(self) -> Stretchings:
@@ -322,7 +337,10 @@ class Panels(Engine):
         ):
             breaking = breaking_of(interface)
             accuracy = _accuracy(
-                interface.threshold_distribution, breaking, self._method.rtol, 0
+                interface.threshold_distribution,
+                breaking,
+                self._method.rtol,
+                0,
             )
             cohorts = state.cohorts[: state.used.cohorts]
             old = survivals(case.breaking, cohorts.clock, cohorts.reach)
@@ -379,7 +397,10 @@ def _tolerance(rtol: float) -> float:
 
 
 def _accuracy(
-    distribution: Distribution, breaking: Breaking, rtol: float, count: int
+    distribution: Distribution,
+    breaking: Breaking,
+    rtol: float,
+    count: int,
 ) -> kernel.Accuracy:
     """Tolerance of a step, and the widest panel on which a sum over nodes is good to
     it.
@@ -397,13 +418,20 @@ def _accuracy(
     if not count:
         return Accuracy(tolerance, width)
     return Accuracy(
-        tolerance, width, 1.0 / math.sqrt(count), _BROKEN * math.sqrt(rtol / 1e-4)
+        tolerance,
+        width,
+        1.0 / math.sqrt(count),
+        _BROKEN * math.sqrt(rtol / 1e-4),
     )
 
 
 @lru_cache(maxsize=64)
 def _width(
-    distribution: Distribution, width: float, fixed: bool, tolerance: float, most: float
+    distribution: Distribution,
+    width: float,
+    fixed: bool,
+    tolerance: float,
+    most: float,
 ) -> float:
     """Widest panel, up to the most, on which a sum over nodes is good to a
     tolerance: between knots where it is cut.
@@ -418,7 +446,16 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
     mean = delay.moment(1)
     arrest = isinstance(delay, OnArrest)
     if isinstance(method, MasterEquation) and method.memoryless:
-        return Delays(np.zeros(1), np.ones(1), EMPTY, 0.0, 1.0, mean, arrest, True)
+        return Delays(
+            np.zeros(1),
+            np.ones(1),
+            EMPTY,
+            0.0,
+            1.0,
+            mean,
+            arrest,
+            True,
+        )
     (time, weight), continuous = delay.parts()
     if not continuous:
         return Delays(time, weight, EMPTY, 0.0, 1.0, mean, arrest, False)
@@ -434,13 +471,21 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
         )
 
     table = tabulate(survival, top, np.empty(0))
-    grain = widest(table, np.empty(0), _tolerance(method.rtol), 0.3 * mean, order=0)
+    grain = widest(
+        table,
+        np.empty(0),
+        _tolerance(method.rtol),
+        0.3 * mean,
+        order=0,
+    )
     return Delays(time, weight, table, fraction, grain, mean, arrest, False)
 
 
 @lru_cache(maxsize=64)
 def _newborn(
-    thresholds: Distribution, newborn: Distribution | None, rtol: float
+    thresholds: Distribution,
+    newborn: Distribution | None,
+    rtol: float,
 ) -> kernel.Newborn:
     """Stretchings of contacts that attach: as few as give their force to the
     tolerance, however far they are pulled.
@@ -475,7 +520,9 @@ def _newborn(
 
 
 def _lives_met(
-    thresholds: Distribution, case: kernel.Case, velocity: float
+    thresholds: Distribution,
+    case: kernel.Case,
+    velocity: float,
 ) -> tuple[Array, Array, tuple[Array, Array, Array], float]:
     """Nodes, and weights of sum 1, of the stretchings in steady sliding: those on the
     way from each newborn one.
@@ -495,7 +542,10 @@ def _lives_met(
         mass = fraction / max(float(thresholds.survival(begun)), 1e-13)
         if is_fixed(breaking):
             x, weight = _on_panels(
-                {abs(begin), *_knots(thresholds)}, begin, strongest, width
+                {abs(begin), *_knots(thresholds)},
+                begin,
+                strongest,
+                width,
             )
         else:
             # what breaks at a rate, or as it grows, does so at once
@@ -520,7 +570,9 @@ def _lives_met(
 
 
 def _nodes(
-    initial: Distribution, thresholds: Distribution, accuracy: kernel.Accuracy
+    initial: Distribution,
+    thresholds: Distribution,
+    accuracy: kernel.Accuracy,
 ) -> tuple[Array, Array]:
     """Initial stretchings at nodes of Gauss, and the weight of each, of sum 1; both of
     shape (n, Q).
@@ -537,7 +589,10 @@ def _nodes(
         std * min(1.5 * (accuracy.tolerance / 1e-5) ** (0.5 / Q), 1.0), accuracy.width
     )
     x, weight = _on_panels(
-        {*initial.knots, *_knots(thresholds)}, max(low, -end), min(high, end), width
+        {*initial.knots, *_knots(thresholds)},
+        max(low, -end),
+        min(high, end),
+        width,
     )
     weight = weight * initial.density(x) * (thresholds.survival(np.abs(x)) > 1e-12)
     kept = weight.sum(axis=1) > 1e-17
@@ -550,7 +605,10 @@ def _knots(thresholds: Distribution) -> set[float]:
 
 
 def _on_panels(
-    knots: set[float], low: float, high: float, width: float
+    knots: set[float],
+    low: float,
+    high: float,
+    width: float,
 ) -> tuple[Array, Array]:
     """Nodes and weights of Gauss on panels no wider than `width`, between these
     knots; both of shape (n, Q).

@@ -1,4 +1,4 @@
-"""What contacts are like at the beginning of a run: drawn one by one, or as nodes of
+"""Contacts at the beginning of a run: drawn one by one, or as nodes of
 a quadrature.
 """
 
@@ -44,7 +44,10 @@ def generators(seed: int, count: int = 3) -> list[np.random.Generator]:
 
 
 def first_contacts(
-    beginning: Beginning, count: int, rng: np.random.Generator, factor: float = 1.0
+    beginning: Beginning,
+    count: int,
+    rng: np.random.Generator,
+    factor: float = 1.0,
 ) -> tuple[Array, Array, Array]:
     """Draw stretchings and thresholds of all contacts (detached ones last), and when
     the latter re-attach.
@@ -63,7 +66,11 @@ def first_contacts(
         attached = round(count * beginning.attached)
     x = stretchings_within(initial, rng, attached, _largest(interface))
     return with_detached(
-        beginning, count, rng, x, _thresholds_of(interface, rng, x, factor)
+        beginning,
+        count,
+        rng,
+        x,
+        _thresholds_of(interface, rng, x, factor),
     )
 
 
@@ -99,7 +106,10 @@ def _largest(interface: Interface) -> float:
 
 
 def _thresholds_of(
-    interface: Interface, rng: np.random.Generator, x: Array, factor: float
+    interface: Interface,
+    rng: np.random.Generator,
+    x: Array,
+    factor: float,
 ) -> Array:
     """Draw thresholds that hold contacts of these stretchings."""
     if interface.areas is None:
@@ -134,7 +144,11 @@ def lives_met(
     )
     gone = path[met] * rng.random(attached)
     return *with_detached(
-        beginning, count, rng, gone + start[met], threshold[met]
+        beginning,
+        count,
+        rng,
+        gone + start[met],
+        threshold[met],
     ), np.append(gone, np.zeros(count - attached))
 
 
@@ -169,7 +183,9 @@ def pending_times(delay: DelayModel, detached: int, rng: np.random.Generator) ->
 
 
 def survival_of(
-    distribution: Distribution, width: float = 0.0, squared: bool = False
+    distribution: Distribution,
+    width: float = 0.0,
+    squared: bool = False,
 ) -> SurvivalTable:
     """Return the survival of thresholds as kernels take it; with a width that of
     newborns, at ``u = A ln G``.
@@ -180,7 +196,9 @@ def survival_of(
 
 @lru_cache(maxsize=128)
 def _survival_of(
-    distribution: Distribution, width: float, squared: bool
+    distribution: Distribution,
+    width: float,
+    squared: bool,
 ) -> SurvivalTable:
     if width == 0.0:
         return tabulate(distribution.survival, *end_and_knots(distribution))
@@ -193,12 +211,20 @@ def _survival_of(
 
     def blurred(u: Array) -> Array:
         return blurred_survival(
-            survival, width, u, tuple(0.5 * knots**2 if squared else knots)
+            survival,
+            width,
+            u,
+            tuple(0.5 * knots**2 if squared else knots),
         )
 
     high = (0.5 * end**2 if squared else end) + 3.8 * width
     return tabulate(
-        blurred, high, np.empty(0), tolerance=_BLURRED, most=4096, low=-38.0 * width
+        blurred,
+        high,
+        np.empty(0),
+        tolerance=_BLURRED,
+        most=4096,
+        low=-38.0 * width,
     )
 
 
@@ -215,15 +241,21 @@ def breaking_of(interface: Interface) -> Breaking:
         width = heat.temperature if isinstance(heat, Parabolic) else heat.width
         blurred = survival_of(distribution, width, squared)
         return Breaking(
-            table, np.empty(0), blurred, width, heat.attempts, growth, squared
+            table,
+            np.empty(0),
+            blurred,
+            width,
+            heat.attempts,
+            growth,
+            squared,
         )
     knots = end_and_knots(distribution)[1] if interface.ageing is None else np.empty(0)
     return Breaking(table, knots, table, 0.0, 0.0, growth)
 
 
 def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
-    """Where next to nothing survives any more, and the knots up to there; none is
-    the end itself.
+    """Stretching beyond which next to nothing survives, and the knots up to there; none
+    is the end itself.
     """
     top = float(distribution.inverse_survival(1e-13))
     knots = np.array(
@@ -238,7 +270,7 @@ lives or as roots in sliding.
 """
 _DRAWN = 256
 """Lifetimes drawn to say how many there are: known to a tenth, where a factor of two
-is what theory tells.
+is what theory gives.
 """
 _STILL = 1e-9  # way of a slider at rest, in mean thresholds
 
@@ -258,7 +290,7 @@ def drawing(rig: Rig, count: int, blocks: int = 1) -> float:
 
 
 def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
-    """How often a contact breaks in a run, about, and is in a box: as in steady
+    """Numbers of breaks and of boxes of a contact in a run, about: as in steady
     sliding at the drive's velocity.
     """
     lives, boxes = np.sum(
@@ -268,8 +300,8 @@ def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
 
 
 def _lifetimes(interface: Interface, piece: Piece) -> tuple[float, float]:
-    """How often each contact breaks in a piece of the drive, or at rest, and is in a
-    box of `kernels.thinning`.
+    """Numbers of breaks of each contact in a piece of the drive, or at rest, and of
+    its boxes in `kernels.thinning`.
 
     Whatever the distribution of the time `C` from one attachment to the next, a renewal
     process attaches contacts between once and twice ``T/<min(C, T)>`` times in the time
@@ -330,7 +362,11 @@ def rule_of(interface: Interface) -> Rule | None:
 
 
 def lifetimes_of(
-    rule: Rule, start: Array, strength: Array, velocity: float, rng: np.random.Generator
+    rule: Rule,
+    start: Array,
+    strength: Array,
+    velocity: float,
+    rng: np.random.Generator,
 ) -> tuple[Array, int]:
     """Draw the stretchings at which newborn contacts break in steady sliding; and in
     how many boxes.
