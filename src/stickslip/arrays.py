@@ -25,6 +25,12 @@ def labelled(
     return dims, np.asarray(values), {"units": units, "long_name": name}
 
 
+def labels(table: str) -> dict[str, dict[str, str]]:
+    """Return unit and long name of variables, by rows ``name | unit | long name``."""
+    rows = (line.split(" | ") for line in table.strip().split("\n"))
+    return {name: {"units": unit, "long_name": words} for name, unit, words in rows}
+
+
 def units_of(variable: xr.DataArray | xr.Variable | None) -> str:
     """Return the unit of a variable; empty where it has none, or there is no such."""
     return "" if variable is None else str(variable.attrs.get("units", ""))

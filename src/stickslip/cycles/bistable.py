@@ -266,22 +266,17 @@ def bistable_region(
             )
             rows.append((value, band.low.value, band.high.value, fold))
     table = np.array(rows).reshape(-1, 4)
-    found = {
-        f"band_{across.name}": labelled(
-            across.name,
-            "band",
-            table[:, 0],
-            rig.unit_name(across.unit),
-        )
+    columns = {
+        f"band_{across.name}": (across.name, across.unit),
+        f"band_{up.name}_low": (f"{up.name}, lower end", up.unit),
+        f"band_{up.name}_high": (f"{up.name}, upper end", up.unit),
+        f"band_{up.name}_fold": (f"{up.name}, fold", up.unit),
     }
-    for i, (end, what) in enumerate(
-        (("low", "lower end"), ("high", "upper end"), ("fold", "fold")), start=1
-    ):
-        title = f"{up.name}, {what}"
-        found[f"band_{up.name}_{end}"] = labelled(
-            title,
-            "band",
-            table[:, i],
-            rig.unit_name(up.unit),
-        )
-    return xr.Dataset(found)
+    return xr.Dataset(
+        {
+            name: labelled(title, "band", values, rig.unit_name(unit))
+            for (name, (title, unit)), values in zip(
+                columns.items(), table.T, strict=True
+            )
+        }
+    )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arrays import Labelled, labelled
+from stickslip.arrays import Labelled, labelled, labels
 from stickslip.kernels.leapfrog import OF_BLOCKS, SUMS
 from stickslip.model import ElasticBody, Mass, Sheet, Slider
 from stickslip.model.structure import Structure
@@ -22,97 +22,46 @@ if TYPE_CHECKING:
 STATE = "state "
 """How the columns of an engine that hold the state of a structure begin."""
 
-LABELS: Mapping[str, Mapping[str, str]] = {
-    "time": {"units": "time", "long_name": "time"},
-    "displacement": {"units": "x_s", "long_name": "displacement of the slider"},
-    "velocity": {"units": "x_s/time", "long_name": "velocity of the slider"},
-    "spring_force": {"units": "f_s", "long_name": "spring force per contact"},
-    "friction_force": {"units": "f_s", "long_name": "friction force, per contact"},
-    "attached": {"units": "1", "long_name": "fraction of attached contacts"},
-    "load": {
-        "units": "1",
-        "long_name": "normal load, over that at which contacts have their strength",
-    },
-    "drive_velocity": {"units": "x_s/time", "long_name": "velocity of the drive"},
-    "work": {"units": "f_s x_s", "long_name": "work of the drive, per contact"},
-    "kinetic_energy": {
-        "units": "f_s x_s",
-        "long_name": "kinetic energy of the slider, per contact",
-    },
-    "spring_energy": {
-        "units": "f_s x_s",
-        "long_name": "energy of the driving spring, per contact",
-    },
-    "contact_energy": {
-        "units": "f_s x_s",
-        "long_name": "energy stored in contacts, per contact",
-    },
-    "damped_energy": {
-        "units": "f_s x_s",
-        "long_name": "energy dissipated by damping, per contact",
-    },
-    "broken_energy": {
-        "units": "f_s x_s",
-        "long_name": "energy lost by the contacts, per contact",
-    },
-    "breaking_rate": {"units": "1/x_s", "long_name": "breaks per contact and x_s"},
-    "stiffness": {"units": "k", "long_name": "stiffness dF_c/dX, per contact"},
-    "stretching_density": {
-        "units": "1/x_s",
-        "long_name": "density of stretchings, per contact",
-    },
-    "bulk_energy": {
-        "units": "f_s x_s",
-        "long_name": "energy of the springs between blocks, per contact of a block",
-    },
-    "viscous_energy": {
-        "units": "f_s x_s",
-        "long_name": "energy dissipated between blocks, per contact of a block",
-    },
-    "broken": {"units": "1", "long_name": "breaks since the start, per contact"},
-    "pulling_force": {
-        "units": "f_s",
-        "long_name": "force of the driving spring of a block, per contact",
-    },
-    "preload": {
-        "units": "f_s",
-        "long_name": (
-            "force on a block by its springs, with block and drive at 0, per contact"
-        ),
-    },
-    "first_break": {"units": "time", "long_name": "time of the first break"},
-    "first_break_force": {
-        "units": "f_s",
-        "long_name": "spring force at the first break",
-    },
-    "half_detached": {
-        "units": "time",
-        "long_name": "first time at which half of the contacts are detached",
-    },
-    "relaxation": {
-        "units": "f_s",
-        "long_name": "force at the end of the hold less that of sliding, per contact",
-    },
-    "peak": {
-        "units": "f_s",
-        "long_name": "largest force after the hold less that of sliding, per contact",
-    },
-    "slip_to_peak": {
-        "units": "x_s",
-        "long_name": "displacement from the end of the hold to the peak",
-    },
-    "sliding_force": {
-        "units": "f_s",
-        "long_name": "friction force of sliding, per contact",
-    },
-    "hold": {"units": "time", "long_name": "time of rest"},
-    "block": {"units": "1", "long_name": "block"},
-    "pulled": {"units": "1", "long_name": "block that the drive pulls"},
-    "x": {"units": "x_s", "long_name": "stretching"},
-    "snapshot": {"units": "time", "long_name": "time of the snapshot"},
-    "parts": {"units": "x_s", "long_name": "displacement by each part"},
-    "state": {"units": "1", "long_name": "state of the structure, in natural units"},
-}
+LABELS: Mapping[str, Mapping[str, str]] = labels(
+    """
+time | time | time
+displacement | x_s | displacement of the slider
+velocity | x_s/time | velocity of the slider
+spring_force | f_s | spring force per contact
+friction_force | f_s | friction force, per contact
+attached | 1 | fraction of attached contacts
+load | 1 | normal load, over that at which contacts have their strength
+drive_velocity | x_s/time | velocity of the drive
+work | f_s x_s | work of the drive, per contact
+kinetic_energy | f_s x_s | kinetic energy of the slider, per contact
+spring_energy | f_s x_s | energy of the driving spring, per contact
+contact_energy | f_s x_s | energy stored in contacts, per contact
+damped_energy | f_s x_s | energy dissipated by damping, per contact
+broken_energy | f_s x_s | energy lost by the contacts, per contact
+breaking_rate | 1/x_s | breaks per contact and x_s
+stiffness | k | stiffness dF_c/dX, per contact
+stretching_density | 1/x_s | density of stretchings, per contact
+bulk_energy | f_s x_s | energy of the springs between blocks, per contact of a block
+viscous_energy | f_s x_s | energy dissipated between blocks, per contact of a block
+broken | 1 | breaks since the start, per contact
+pulling_force | f_s | force of the driving spring of a block, per contact
+preload | f_s | force on a block by its springs, with block and drive at 0, per contact
+first_break | time | time of the first break
+first_break_force | f_s | spring force at the first break
+half_detached | time | first time at which half of the contacts are detached
+relaxation | f_s | force at the end of the hold less that of sliding, per contact
+peak | f_s | largest force after the hold less that of sliding, per contact
+slip_to_peak | x_s | displacement from the end of the hold to the peak
+sliding_force | f_s | friction force of sliding, per contact
+hold | time | time of rest
+block | 1 | block
+pulled | 1 | block that the drive pulls
+x | x_s | stretching
+snapshot | time | time of the snapshot
+parts | x_s | displacement by each part
+state | 1 | state of the structure, in natural units
+"""
+)
 """Units and names of every variable of a run."""
 
 

@@ -18,7 +18,6 @@ import numpy as np
 
 from stickslip.errors import InputError, instance
 from stickslip.io import datasets as store
-from stickslip.kernels.drive import load_at
 from stickslip.model import (
     ElasticBody,
     ExponentialGrowth,
@@ -165,8 +164,7 @@ class Recording:
         output = self.rig.output
         run = dataset_of(self.track, self.rig.slider, output.bins, provenance, marks)
         if self.rig.drive.load:
-            times, loads = load_points(self.rig.drive).T
-            load = np.interp(self.track.times, times, loads)
+            load = np.interp(self.track.times, *load_points(self.rig.drive).T)
             run["load"] = with_label("load", "time", load)
         run = self.rig.in_its_units(run)
         return states.keep(run, (self.track, self.engine)) if output.state else run
@@ -224,7 +222,7 @@ def record(
     announce(rig.name, work.seconds, work.longest.what)
     solver = engine_of(case.interface, case.method, case.slider)
     load = load_points(case.drive)
-    first = load_at(load, 0.0)
+    first = float(np.interp(0.0, *load.T)) if load.size else 1.0
     beginning = Beginning(
         case.interface, case.slider, case.drive.velocity, case.start, first
     )

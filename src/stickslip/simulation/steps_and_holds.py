@@ -269,12 +269,6 @@ def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:
     )
     if method is not None or not isinstance(given, Rig):
         rig = replace(rig, method=method or MasterEquation())
-    instance(
-        f"{who}: method",
-        rig.method,
-        Method,
-        "Contacts(...) or MasterEquation(...)",
-    )
     return rig
 
 

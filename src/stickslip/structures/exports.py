@@ -139,9 +139,9 @@ def _speeds(rig: Rig, speeds: Ends | None) -> Array:
     return np.geomspace(*ends, _POINTS)
 
 
-def _friction(rig: Rig, speeds: Array) -> Array:
-    """Return friction in N."""
-    return rig.unit("force") * kinetic_friction(rig.interface, speeds)
+def _friction(rig: Rig, speed: Any) -> Any:
+    """Return friction in N at a speed or at several."""
+    return rig.unit("force") * kinetic_friction(rig.interface, speed)
 
 
 def _static(rig: Rig) -> float:
@@ -184,12 +184,12 @@ def _modelica(rig: Rig, speeds: Array) -> str:
 
 
 def _simscape(rig: Rig, speeds: Array) -> str:
-    slow = float(_friction(rig, speeds)[0])
+    slow = _friction(rig, speeds[0])
     notes = _notes(rig, "Simscape, block Translational Friction", speeds)
     notes.append("v_brk is the slowest speed of the range; below it the block creeps.")
     lines = [
         f"F_brk = {max(_static(rig), slow):.6g};  % N, static friction",
-        f"F_C = {float(_friction(rig, rig.natural.velocity * np.ones(1))[0]):.6g};"
+        f"F_C = {_friction(rig, rig.natural.velocity):.6g};"
         f"  % N, at {engineering(rig.velocity, 'm/s')}",
         f"v_brk = {speeds[0] * rig.unit('velocity'):.6g};  % m/s",
         "f = 0;  % N/(m/s)",
@@ -198,7 +198,7 @@ def _simscape(rig: Rig, speeds: Array) -> str:
 
 
 def _mujoco(rig: Rig, speeds: Array) -> str:  # noqa: ARG001
-    force = float(_friction(rig, rig.natural.velocity * np.ones(1))[0])
+    force = _friction(rig, rig.natural.velocity)
     notes = "\n".join(f"     {note}" for note in _notes(rig, "MuJoCo"))
     hinge = "     On a hinge joint: this force times its lever arm, in N m."
     loss = f'<joint type="slide" frictionloss="{force:.5g}"/>'

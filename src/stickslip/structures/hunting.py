@@ -115,11 +115,9 @@ def tracking(rig: Rig) -> Tracking:
     natural = rig.natural
     without = count_unstable(replace(natural, slider=replace(axis, ki=0.0)))
     unstable = count_unstable(natural) if axis.ki else without
-    if without:
-        return Tracking(unstable, without, 0.0, math.nan)
     # frictionless: M s^3 + (kd + M eta) s^2 + kp s + ki
     routh = (axis.kd + axis.mass * axis.damping) * axis.kp / axis.mass
-    if routh == 0.0:
+    if without or routh == 0.0:
         return Tracking(unstable, without, 0.0, math.nan)
     some = replace(natural, slider=replace(axis, ki=1e-3 * routh))
     found = critical(some, "ki", between=(1e-4 * routh, 2.0 * routh))
@@ -148,7 +146,8 @@ def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Sl
     )
     mean = interface.threshold_distribution.moment(1)
     fastest = math.sqrt((axis.kp + 1.0) / axis.mass) * mean
-    quick, slow = _QUICK * fastest, _SLOW * fastest
+    quick = _QUICK * fastest
+    slow = _SLOW * fastest
     way = mean * (1.0 + 1.0 / axis.kp)
     drive = constant(quick, 0.5 * way / quick).then(constant(slow, way / slow))
     rest = replace(interface, initial=Gaussian(mean=0.0, std=0.0))

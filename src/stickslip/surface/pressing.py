@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, labels
 from stickslip.errors import InputError, instance, sequence, shown
 from stickslip.model.quantities import read_value
 from stickslip.model.records import Number, Record
@@ -289,23 +289,25 @@ def _check(found: xr.Dataset, spacing: float) -> None:
         )
 
 
-_WORDS = {
-    "area": ("m^2", "area of a contact"),
-    "force": ("N", "normal force of a contact"),
-    "stiffness": ("N/m", "stiffness of a contact along the plane"),
-    "place_x": ("m", "x"),
-    "place_y": ("m", "y"),
-    "resolution": ("1", "resolution, 0 the finest"),
-    "pressure": ("Pa", "pressure"),
-    "shortest": ("m", "shortest wave"),
-    "contact_area": ("1", "fraction of the area in contact"),
-    "number": ("1", "number of contacts"),
-    "effective_number": ("1", "effective number of contacts"),
-    "single_nodes": ("1", "fraction of contacts of a single node"),
-    "single_node_area": ("1", "fraction of the contact area in these"),
-    "length": ("m", "load over stiffness"),
-    "interaction": ("1", "stiffness over that of contacts alone"),
-}
+_LABELS = labels(
+    """
+area | m^2 | area of a contact
+force | N | normal force of a contact
+stiffness | N/m | stiffness of a contact along the plane
+place_x | m | x
+place_y | m | y
+resolution | 1 | resolution, 0 the finest
+pressure | Pa | pressure
+shortest | m | shortest wave
+contact_area | 1 | fraction of the area in contact
+number | 1 | number of contacts
+effective_number | 1 | effective number of contacts
+single_nodes | 1 | fraction of contacts of a single node
+single_node_area | 1 | fraction of the contact area in these
+length | m | load over stiffness
+interaction | 1 | stiffness over that of contacts alone
+"""
+)
 _EACH = ("area", "force", "stiffness", "place_x", "place_y")
 
 
@@ -325,9 +327,9 @@ def _joined(
     levels = np.repeat(np.arange(len(rows)), [row.sizes["contact"] for row in rows])
     found = found.assign_coords(resolution_of=("contact", levels))
     found = found.assign(height=surface, pressure=rows[0]["pressure"])
-    for name, (units, words) in _WORDS.items():
+    for name, label in _LABELS.items():
         if name in found:
-            found[name].attrs.update(units=units, long_name=words)
+            found[name].attrs.update(label)
     spans = min(surface.shape) * spacing_of(surface) / correlation_length(surface)
     notes = [surface.attrs["note"]]
     if (few := float(found["effective_number"][0])) < FEWEST:

@@ -443,22 +443,21 @@ def _width(
 @lru_cache(maxsize=64)
 def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.Delays:
     """Times until a broken contact re-attaches, as the kernel takes them."""
-    mean = delay.moment(1)
-    arrest = isinstance(delay, OnArrest)
-    if isinstance(method, MasterEquation) and method.memoryless:
-        return Delays(
-            np.zeros(1),
-            np.ones(1),
-            EMPTY,
-            0.0,
-            1.0,
-            mean,
-            arrest,
-            True,
-        )
-    (time, weight), continuous = delay.parts()
+    memoryless = isinstance(method, MasterEquation) and method.memoryless
+    at_once = (np.zeros(1), np.ones(1))
+    (time, weight), continuous = (at_once, []) if memoryless else delay.parts()
+    known = Delays(
+        time,
+        weight,
+        EMPTY,
+        fraction=0.0,
+        grain=1.0,
+        mean=delay.moment(1),
+        arrest=isinstance(delay, OnArrest),
+        memoryless=memoryless,
+    )
     if not continuous:
-        return Delays(time, weight, EMPTY, 0.0, 1.0, mean, arrest, False)
+        return known
     fraction = sum(part for part, _ in continuous)
     top = max(end_and_knots(distribution)[0] for _, distribution in continuous)
 
@@ -475,10 +474,10 @@ def _delays(delay: DelayModel, method: MasterEquation | Population) -> kernel.De
         table,
         np.empty(0),
         _tolerance(method.rtol),
-        0.3 * mean,
+        0.3 * known.mean,
         order=0,
     )
-    return Delays(time, weight, table, fraction, grain, mean, arrest, False)
+    return known._replace(continuous=table, fraction=fraction, grain=grain)
 
 
 @lru_cache(maxsize=64)
