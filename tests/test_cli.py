@@ -285,7 +285,14 @@ def heed_interrupts():
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGINT,
+        signal.SIGTERM,
+        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
+    ],
+)
 def test_an_interrupt_leaves_nothing_half_written_and_says_so(tmp_path, number):
     file = tmp_path / "big.toml"
     file.write_text(SMALL.replace("distance = 40.0", "distance = 1e6"))

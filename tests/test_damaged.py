@@ -125,6 +125,7 @@ def with_attributes(run, name, **attributes):
     return run
 
 
+KINDS = ("phase", "energy")
 DAMAGED = """
 run.assign(spring_force=texts(run))
 run.assign(velocity=texts(run))
@@ -147,15 +148,17 @@ run.isel(time=slice(0))
 
 
 @refused(DAMAGED, globals(), given="run")
-def test_damaged_variables(whole, tmp_path, check, call, message):
+@pytest.mark.parametrize(
+    "kind", ["overview", *(pytest.param(k, marks=pytest.mark.slow) for k in KINDS)]
+)
+def test_damaged_variables(whole, tmp_path, check, call, message, kind):
     place = tmp_path / "run.nc"
     call(ss.load(whole)).to_netcdf(place, engine="h5netcdf")
     if message == "-":
         check("measure", place)
     else:
         assert message in check("measure", place, code=2)
-    for kind in ("overview", "phase", "energy"):
-        check("plot", place, tmp_path / "out.png", "--kind", kind)
+    check("plot", place, tmp_path / "out.png", "--kind", kind)
 
 
 def test_hdf5_of_others(tmp_path, check):

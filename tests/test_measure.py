@@ -460,7 +460,9 @@ def test_steps_of_amplitude_and_level_are_found_where_they_are(when, factor, lev
     assert (smooth.kind, len(smooth.segments)) == ("smooth sliding", 2)
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.9, 0.99])
+@pytest.mark.parametrize(
+    "memory", [0.0, pytest.param(0.9, marks=pytest.mark.slow), 0.99]
+)
 def test_noise_has_no_steps_whatever_its_colour(memory):
     t = 0.05 * np.arange(4000)
     stepped = [

@@ -394,13 +394,15 @@ HOT = {"activation": ss.Bell(width=0.01, attempts=1e6)}
     ("fields", "velocity", "damping", "rtol"),
     [
         *(
-            ({"sliding_force": f, "newborn": born}, 1.5, 42.426, 1e-7)
-            for f in (0.0, 0.1, 0.3)
+            pytest.param(
+                {"sliding_force": f, "newborn": born}, 1.5, 42.426, 1e-7, marks=m
+            )
+            for f, m in ((0.0, ()), (0.1, pytest.mark.slow), (0.3, ()))
             for born in (None, NEWBORNS[0])
         ),
         *(
-            ({"delay": ss.Delay(delay)}, 1.0, 42.426, 1e-7)
-            for delay in (0.1, 0.13, 0.2)
+            pytest.param({"delay": ss.Delay(delay)}, 1.0, 42.426, 1e-7, marks=m)
+            for delay, m in ((0.1, ()), (0.13, pytest.mark.slow), (0.2, ()))
         ),
         ({"delay": ss.Delay(0.2)}, 1.0, 200.0, 1e-7),
         ({"delay": ss.RandomDelay(mean=0.2, std=0.06)}, 2.0, 42.426, 1e-7),

@@ -205,7 +205,13 @@ def test_contacts_that_age_take_as_many_steps_as_were_said(numbers, method, word
 
 
 @pytest.mark.takes(8)
-@pytest.mark.parametrize("name", rig_files.example_names())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name == "pmma_bar" else ())
+        for name in rig_files.example_names()
+    ],
+)
 def test_the_estimate_holds_for_the_examples(name):
     """Within a factor 3 of what runs take on a quiet machine; a busy one, or
     another, may differ by as much again.

@@ -204,7 +204,14 @@ def plain(case, birth, threshold, newborn, delay, times):
 
 
 @pytest.mark.takes(4)  # the loop is plain Python
-@every_rig
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(seed, marks=pytest.mark.slow if seed in (2, 4) else ())
+        for seed in range(QUICK)
+    ]
+    + [pytest.param(seed, marks=pytest.mark.slow) for seed in range(QUICK, ALL)],
+)
 @pytest.mark.eq(11)
 def test_contacts_move_as_in_a_plain_loop(seed):
     case = case_of(seed)
