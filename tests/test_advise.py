@@ -5,6 +5,7 @@ a simulation after it.
 import html
 import math
 import re
+import time
 import tomllib
 from dataclasses import replace
 from itertools import pairwise
@@ -335,6 +336,23 @@ def example(name, **tables):
     return ss.read_rig(
         tomllib.loads(rigs.example_file(name).read_text(encoding="utf-8")) | tables
     )
+
+
+@pytest.mark.slow
+@pytest.mark.takes(60)
+@pytest.mark.parametrize("std", [0.002, 0.02, 0.9])
+@pytest.mark.parametrize("part", ["thresholds", "newborn", "delay"])
+def test_a_prediction_of_narrow_or_wide_scatter_ends(part, std):
+    """Whatever a look at the response of such contacts takes."""
+    scattered_parts = {
+        "thresholds": ss.LogNormal(mean=1.0, std=std),
+        "newborn": ss.Gaussian(0.3, 0.3 * std),
+        "delay": scattered(0.1, 0.1 * std),
+    }
+    begun = time.process_time()
+    found = advise.predict(make(stiffness=0.5, **{part: scattered_parts[part]}))
+    assert found.complete
+    assert time.process_time() - begun < 120.0
 
 
 @pytest.mark.slow

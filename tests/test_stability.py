@@ -29,7 +29,7 @@ from stickslip.model.ageing import LogarithmicGrowth
 from stickslip.model.distributions import Gaussian
 from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG7, FIG8
-from stickslip.sliding import kinetic_friction, respond
+from stickslip.sliding import drawn, kinetic_friction, respond
 from stickslip.stability import (
     AGEING,
     STIFFNESS,
@@ -873,3 +873,21 @@ def test_a_mode_on_the_stability_boundary_grows_by_rounding_or_not(half):
             root = growth_rate(with_mass.replace(mass=edge.value * by))
             assert abs(root.real) < 1e-9
             assert root.imag == pytest.approx(edge.frequency, rel=1e-9)
+
+
+def test_lives_of_contacts_that_draw_are_computed_once_for_all_speeds(monkeypatch):
+    """And what a scan finds of them is the response."""
+    waves = []
+    summed = drawn._summed
+    monkeypatch.setattr(
+        drawn, "_summed", lambda lives, q: (waves.append(q.size), summed(lives, q))[1]
+    )
+    on = case(Gaussian(1.0, 0.02))
+    response = respond(replace(on, newborn=Gaussian(0.3, 0.0171)))
+    for velocity, most in ((1.0, 1e4), (0.01, 1e3), (40.0, 1e3)):
+        waves.clear()
+        omega, found = response.sampled(velocity, math.inf)
+        assert sum(waves) < most
+        omega, kappa = omega[::100], found.numerator[::100]
+        exact = response.stiffness(velocity, 1j * omega)
+        np.testing.assert_allclose(kappa, exact, rtol=1e-5)

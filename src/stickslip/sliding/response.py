@@ -120,6 +120,10 @@ class Response(ABC):
         """
         return Fluctuations(self.kappa(velocity, s), np.full(np.shape(s), np.nan))
 
+    def along_axis(self, velocity: float, omega: Array) -> Fluctuations:
+        """`fluctuations` at many frequencies, as exact as a scan needs them."""
+        return self.fluctuations(velocity, 1j * omega)
+
     def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
         """Numerator and denominator of ``kappa(s)``, which is 0 at 0; here ``kappa``
         and 1.
@@ -185,8 +189,26 @@ def whole_axis(
     logarithm; unknown noise is 0.
     """
     omega = response.frequencies(velocity, math.inf)
-    # Where contacts break together, life after life, they answer within less than a
-    # step: up to a sixteenth of it.
+
+    def at(some: Array) -> ComplexArray:
+        return np.asarray(
+            np.nan_to_num(np.stack(response.along_axis(velocity, np.exp(some))))
+        )
+
+    most = max(response.accuracy, _LOST)
+    u, table = along_logarithm(at, omega, most)
+    return np.exp(np.union1d(u, table.x)), table
+
+
+def along_logarithm(
+    at: Callable[[Array], ComplexArray], omega: Array, most: float
+) -> tuple[Array, "CubicSpline[np.complex128]"]:
+    """Logarithms of frequencies that follow a function, and the function over them as
+    a spline, within `most` of its values.
+
+    Where contacts break together, life after life, they answer within less than a
+    step: up to a sixteenth of it.
+    """
     u = np.unique(
         np.interp(
             np.arange(16 * omega.size - 15) / 16.0,
@@ -194,14 +216,7 @@ def whole_axis(
             np.log(omega),
         ).round(9)
     )
-
-    def at(some: Array) -> ComplexArray:
-        return np.asarray(
-            np.nan_to_num(np.stack(response.fluctuations(velocity, 1j * np.exp(some))))
-        )
-
-    table = splined(at, u, 16 * _APART, max(response.accuracy, _LOST))
-    return np.exp(np.union1d(u[::16], table.x)), table
+    return u[::16], splined(at, u, 16 * _APART, most)
 
 
 def splined(
