@@ -11,6 +11,7 @@ contact.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -180,7 +181,7 @@ class _SecondOrder(Structure):
         """Whether it only takes energy out."""
         return True
 
-    @property
+    @cached_property
     def system(self) -> LinearSystem:
         """The equations of motion of first order."""
         mass, damping, stiffness = self.matrices
@@ -518,7 +519,7 @@ class StateSpace(Structure):
                 "contacts down (a mass has -1/M)",
             )
 
-    @property
+    @cached_property
     def system(self) -> LinearSystem:
         """Itself."""
         return LinearSystem(
@@ -583,7 +584,7 @@ class ControlledAxis(Structure):
                 "all the time has no last position; give one",
             )
 
-    @property
+    @cached_property
     def system(self) -> LinearSystem:
         """States are position, velocity and, if it counts, the integral of the
         error.
