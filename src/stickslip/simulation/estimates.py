@@ -11,7 +11,7 @@ True
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from operator import attrgetter
 from typing import NamedTuple
@@ -38,7 +38,7 @@ LARGEST = 4e9  # bytes that it may take
 _RADIAN = 6e-7  # seconds a radian of the slider's oscillation takes
 SAMPLES = "simulation.interval"  # the key of their work
 # seconds and bytes a sample takes
-_SAMPLE = (4e-7, 200.0)
+_SAMPLE = (2.5e-7, 200.0)
 _SAMPLE_OF_BLOCK = (2e-8, 120.0)
 # bytes of a stretching in a snapshot, with its weight, and of a bin
 _STRETCHING = 16.0
@@ -178,6 +178,13 @@ def way_of(piece: Piece) -> float:
     """
     way = 0.5 * (abs(piece.start) + abs(piece.end)) * piece.duration
     return min(way, piece.until.distance) if isinstance(piece.until, Travel) else way
+
+
+def shortened(piece: Piece) -> Piece:
+    """Return a piece that ends where its condition may end it."""
+    whole = way_of(replace(piece, until=None))
+    share = way_of(piece) / whole if whole else 1.0
+    return replace(piece, duration=piece.duration * share, until=None)
 
 
 def oscillation(rig: Rig, radians: float) -> tuple[Part, ...]:

@@ -32,6 +32,7 @@ from stickslip.model import (
     Interface,
     Prestressed,
     QuasiStatic,
+    Slider,
 )
 from stickslip.model.body import coupling_matrix
 from stickslip.model.newborn import thresholds_beyond
@@ -48,6 +49,7 @@ from stickslip.simulation.engines.base import (
     looks_aside,
     solves,
 )
+from stickslip.simulation.engines.contacts import tried
 from stickslip.simulation.engines.start import (
     drawing,
     first_contacts,
@@ -66,11 +68,25 @@ _POOL = 256
 # a block at each break in balance.
 _ALL, _STEP = 3e-7, 2e-8
 _BREAK = 7e-7
+_BEGIN = 1.5e-4  # seconds of a block before all
 _BALANCE = 4e-8
+_WORTH_A_TRIAL = 0.02  # seconds from which on lives are counted in a trial
 _CONTACT = 64.0  # bytes of a contact
 _BLOCK = 250.0  # and of a block, its springs to others included
 # events, or eight steps of a block each, in an advance: some 50 to 200 ms
 _BUDGET = 2_000_000
+
+
+def _lives_as_one(rig: Rig, body: ElasticBody) -> float:
+    """How often a contact breaks in a run, as under all blocks as one slider."""
+    slider = Slider(
+        stiffness=float(body.pulled.mean()), mass=body.mass, damping=body.damping
+    )
+    method = rig.method
+    assert isinstance(method, Contacts | QuasiStatic)
+    alone = Contacts(method.count * body.size, seed=method.seed)
+    lives, _ = tried(hashable(Rig(rig.interface, slider, rig.drive, method=alone)))
+    return lives
 
 
 def balanced(
@@ -367,7 +383,9 @@ class BlocksOfContacts(Engine):
         lives = max(
             lifetimes_in(rig, course)[0], float(isinstance(rig.start, Prestressed))
         )
-        drawn = drawing(rig, method.count, body.size)
+        if each * count * lives > _WORTH_A_TRIAL and isinstance(rig.start, FromRest):
+            lives = _lives_as_one(rig, body)
+        drawn = drawing(rig, method.count, body.size) + _BEGIN * body.size
         contacts = breaking(count, lives, each, _CONTACT, more=drawn)._replace(
             value=method.count
         )

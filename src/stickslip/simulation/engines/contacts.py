@@ -6,6 +6,7 @@ rule of `stickslip.kernels.thinning`.
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,9 @@ from stickslip.kernels.drive import (
     LOOK,
     PAUSED,
     Piece,
+    Quadratic,
     Sampling,
+    Stop,
 )
 from stickslip.kernels.event_motion import make_motion
 from stickslip.kernels.events import force_of, short_of
@@ -33,6 +36,7 @@ from stickslip.model import (
     Slider,
     TabulatedGrowth,
 )
+from stickslip.model.records import hashable
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import (
     COLUMNS,
@@ -61,20 +65,34 @@ from stickslip.simulation.engines.start import (
     rule_of,
     track_factor,
 )
-from stickslip.simulation.estimates import Course, Part, breaking, oscillation
+from stickslip.simulation.estimates import (
+    Course,
+    Part,
+    breaking,
+    oscillation,
+    shortened,
+    way_of,
+)
 
 # random numbers drawn at once; the same seed gives another run with another length
 _BLOCK = 16_384
 _EVENTS = 400_000  # events in an advance: some 50 ms
-_BREAK, _CLOCKED_BREAK, _BOX = 2.4e-7, 6e-7, 2e-7
-"""Seconds a break takes, and one by the shared clock; and another box of a contact
-that is in boxes of its own.
-"""
-# A break takes twice as long of so many contacts, which no cache holds, up to three
-# times of more; and twice as long where the slider creeps, the longer, the more it is
-# overdamped: by once more for each such damping ratio, up to nine times.
-_CACHED, _UNCACHED = 1e5, 3.0
-_CREEPS, _OVERDAMPED, _SLOWEST = 2.0, 9.0, 9.0
+# Seconds that a run takes to begin and to end; an event; a break by the shared clock;
+# and another box of a contact that is in boxes of its own.
+_RUN, _EVENT, _CLOCKED_BREAK, _BOX = 2e-3, 1.8e-7, 6e-7, 2e-7
+# an event takes twice as long of so many contacts, which no cache holds, up to so much
+_CACHED, _UNCACHED = 6e4, 2.4
+# events of a break and the attachment after it, and where that is the same event
+_APART, _AT_ONCE = 2.0, 1.5
+# Flights that end without a break in a radian, as the search for its end does: of a
+# slider that rings, and more the more it is damped, up to a damping ratio of 1.
+_FLIGHTS, _DAMPED_FLIGHTS = 1.0, 5.0
+# Searches take once more for each such damping ratio, up to so many times.
+_OVERDAMPED, _SLOWEST = 9.0, 9.0
+# Seconds from which on lives are counted in a trial, of one of so many of the contacts,
+# of so many at least and at most, and so many events.
+_WORTH_A_TRIAL = 0.004
+_PART, _FEWEST, _MOST, _TRIED = 20, 20, 200, 50_000
 # seconds that it takes to lay a window of the shared clock, some four on its width
 _WINDOW = 2e-7
 _CONTACT = 150.0  # bytes of a contact
@@ -106,6 +124,8 @@ class EventByEvent(Engine):
     columns = COLUMNS
     angle = 0.1
     takes_loads = True
+    events: int = _EVENTS
+    """Events in an advance."""
     mechanisms = frozenset(
         {
             "sliding_force",
@@ -223,17 +243,30 @@ class EventByEvent(Engine):
         count = method.count
         how = " by thermal activation" if interface.activation is not None else ""
         lives, boxes = lifetimes_in(rig, course)
-        each = _BREAK * min(1.0 + count / _CACHED, _UNCACHED)
+        each = _EVENT * min(1.0 + count / _CACHED, _UNCACHED)
+        plain = _APART if interface.delay.moment(1) > 0.0 else _AT_ONCE
+        breaks = count * lives
+        events = plain * breaks
         damping = rig.slider.damping if isinstance(rig.slider, Slider) else 0.0
         ratio = damping * rig.drive.duration / (2.0 * course.turns or math.inf)
-        if ratio > 1.0:
-            each *= min(_CREEPS + ratio / _OVERDAMPED, _SLOWEST)
-        more = _BOX * count * boxes
+        each *= min(1.0 + ratio / _OVERDAMPED, _SLOWEST)
+        plainly = rule_of(interface) is None and not rig.drive.load
+        plainly = plainly and isinstance(rig.slider, Slider)
+        if plainly and each * events > _WORTH_A_TRIAL:
+            found, further = tried(hashable(rig.natural))
+            # a trial that has not come to the end may be of its shaken beginning
+            lives = min(found, lives)
+            breaks = count * lives
+            each_turn = _FLIGHTS + _DAMPED_FLIGHTS * min(ratio, 1.0)
+            further = max(further - plain, 0.0) * breaks
+            events = plain * breaks + min(further, each_turn * course.turns)
+        more = _RUN + _BOX * count * boxes
         if isinstance(interface.activation, Bell) and interface.ageing is None:
             way = interface.threshold_distribution.moment(1) * (
                 course.distance + course.shaken
             )
             each = _CLOCKED_BREAK
+            events = breaks
             more = _WINDOW * 4.0 * way / interface.activation.width
         # Once it rings no more, turns cost nothing, unless rounding hides them or
         # detached contacts hold again there.
@@ -241,6 +274,7 @@ class EventByEvent(Engine):
         turns_again = interface.sliding_force > 0.0 or hidden
         radians = course.turns if turns_again else course.rung
         more += drawing(rig, count)
+        each *= events / max(breaks, 1.0)
         return *oscillation(rig, radians), breaking(
             count,
             lives,
@@ -413,7 +447,7 @@ class EventByEvent(Engine):
         sampling = Sampling(leg.times, np.empty((leg.times.size, len(COLUMNS))))
         seen: list[Stretchings] = []
         m.sample = 0
-        last = m.events + _EVENTS
+        last = m.events + self.events
         looks = (*leg.looks, math.inf)
         for _ in range(REFILLS):
             piece = Piece(leg.drive, leg.end, leg.stop, looks[len(seen)])
@@ -442,3 +476,34 @@ class EventByEvent(Engine):
         reached = np.searchsorted(leg.looks, m.time, side="right")
         seen += [self.stretchings() for _ in range(len(seen), int(reached))]
         return Advance(sampling.samples[: m.sample], tuple(seen), over=why != PAUSED)
+
+
+@lru_cache(maxsize=256)
+def tried(rig: Rig) -> tuple[float, float]:
+    """How often a contact breaks in a run, and the events for each break, as in a trial
+    with few contacts.
+
+    No formula says how far a slider slips past contacts that are still detached.
+    """
+    method = rig.method
+    assert isinstance(method, Contacts)
+    few = min(max(method.count // _PART, _FEWEST), _MOST, method.count)
+    beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
+    engine = EventByEvent(beginning, Contacts(few, seed=method.seed))
+    engine.events = _TRIED
+    position = beginning.drive_position(engine.contact_force())
+    motion = engine._state.motion[0]
+    past = 0.0
+    for piece in map(shortened, rig.drive.pieces):
+        begin, _ = engine.here()
+        drive = Quadratic(begin, position, piece.start, piece.acceleration)
+        leg = Leg(drive, begin + piece.duration, np.empty(0), Stop())
+        passed = engine.advance(leg)
+        time, _ = engine.here()
+        position = float(leg.drive_position(np.asarray(time)))
+        past += way_of(piece) * (time - begin) / piece.duration
+        if not passed.over or motion.events > _TRIED:
+            break
+    whole = sum(map(way_of, rig.drive.pieces)) / max(past, 1e-300)
+    breaks = int(motion.breaks)
+    return breaks / few * whole, int(motion.events) / max(breaks, 1)

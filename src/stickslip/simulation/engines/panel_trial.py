@@ -3,7 +3,6 @@ tried: no theory says how often a rig slips, nor how finely it rings.
 """
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,7 @@ from stickslip.model import Interface
 from stickslip.model.drive import Piece
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Leg, advances
-from stickslip.simulation.estimates import LONGEST, Course, way_of
+from stickslip.simulation.estimates import LONGEST, Course, shortened, way_of
 
 if TYPE_CHECKING:
     from stickslip.simulation.engines.panels import Panels
@@ -109,15 +108,8 @@ def _sections(pieces: tuple[Piece, ...]) -> list[list[Piece]]:
     count = min(len(pieces), _SECTIONS)
     ends = [len(pieces) * i // count for i in range(count + 1)]
     if len(pieces) > _SECTIONS:
-        return [[*map(_shortened, pieces[a:b])] for a, b in pairwise(ends)]
-    return [[part] for piece in pieces for part in _parts(_shortened(piece))]
-
-
-def _shortened(piece: Piece) -> Piece:
-    """Return a piece that ends where its condition may end it."""
-    whole = way_of(replace(piece, until=None))
-    share = way_of(piece) / whole if whole else 1.0
-    return replace(piece, duration=piece.duration * share, until=None)
+        return [[*map(shortened, pieces[a:b])] for a, b in pairwise(ends)]
+    return [[part] for piece in pieces for part in _parts(shortened(piece))]
 
 
 def _parts(piece: Piece) -> list[Piece]:
