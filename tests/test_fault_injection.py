@@ -16,7 +16,7 @@ from faults import ERRORS, failing, failing_sqlite, sqlite_files
 import stickslip as ss
 from stickslip import cli
 from stickslip.io import files, rig_files
-from stickslip.sweep._table import Table
+from stickslip.sweep._table import Store
 
 RIG = ss.Rig(
     ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.2)),
@@ -92,7 +92,7 @@ def test_a_file_is_the_old_one_or_the_new_one(tmp_path, name, write, old, code):
 
 def _sweep(place, new):
     """Take up a store that may be there, add cases, and close it."""
-    table = Table(place, {"identity": {"rig": "a"}})
+    table = Store(place, {"identity": {"rig": "a"}})
     try:
         for n in new:
             table.add(f"case {n}", json.dumps({"n": n, "more": "." * 3000}))
@@ -104,7 +104,7 @@ def _sweep(place, new):
 
 
 def _cases(place):
-    table = Table(place)
+    table = Store(place)
     try:
         for key, row in table.rows.items():
             assert key == f"case {json.loads(row)['n']}"

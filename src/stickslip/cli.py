@@ -713,14 +713,10 @@ def measure(
         plot,
         lambda: ss.plot.overview(trace, events=catalogue, seen=seen),
     )
-    numbers = {
-        str(name): each.attrs
+    statistics = {
+        str(name): {key: plain(each.attrs[key]) for key in ("mean", "std", "units")}
         for name, each in catalogue.data_vars.items()
         if "mean" in each.attrs
-    }
-    statistics = {
-        name: {key: plain(of[key]) for key in ("mean", "std", "units")}
-        for name, of in numbers.items()
     }
     content = {
         "regime": plain(seen),
@@ -735,19 +731,17 @@ def measure(
         "note": plain(note),
     }
     means = ss.measure.statistics(catalogue)
-    where = (
-        "in all of the data"
-        if since is None
-        else f"after t = {engineering(since, units_of(trace['time']))}"
-    )
-    head = f"{ss.measure.counted(catalogue)}{f' {where}; mean ± standard deviation:' if means else ''}"  # noqa: E501
+    head = ss.measure.counted(catalogue)
+    if means:
+        where = "in all of the data"
+        if since is not None:
+            where = f"after t = {engineering(since, units_of(trace['time']))}"
+        head += f" {where}; mean ± standard deviation:"
     lines = [
         _motion(trace, seen),
         *([str(moves)] if moves else []),
         "",
         head,
-    ]
-    lines += [
         *(f"{name}: {text}" for name, text in means),
         *_speeds_in_words(speeds),
         *([f"note: {note}"] if note else []),

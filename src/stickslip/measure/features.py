@@ -75,7 +75,7 @@ CHANGE = "change of the logarithm of the amplitude"
 Source = Literal["theory", "statistics", "convention"]
 
 
-class Measured(NamedTuple):
+class Feature(NamedTuple):
     """A number and its standard error."""
 
     value: float
@@ -87,7 +87,7 @@ class Loading(NamedTuple):
 
     rate: float = math.nan
     scatter: float = math.nan  # of the rate over it, without the sensor's noise
-    gain: Measured = Measured(math.nan)  # rate times wait over the drop
+    gain: Feature = Feature(math.nan)  # rate times wait over the drop
 
 
 @dataclass(frozen=True)
@@ -143,14 +143,14 @@ class Window:
         return float(self.rest.std())
 
     @cached_property
-    def white_noise(self) -> Measured:
+    def white_noise(self) -> Feature:
         """Scatter over the noise of the sensor."""
         noise = max(
             self.found.noise,
             ROUNDING * self.largest,
         )
         error = WHITE / ERRORS / math.sqrt(self.rest.size)
-        return Measured(self.scatter / noise, error)
+        return Feature(self.scatter / noise, error)
 
     @property
     def is_white_noise(self) -> bool:
@@ -176,11 +176,11 @@ class Window:
         return -MOST * self.largest <= self.trace.rise <= SMALL * self.largest
 
     @cached_property
-    def kurtosis(self) -> Measured:
+    def kurtosis(self) -> Feature:
         """Kurtosis of the force, and its error of white noise."""
         fourth = float(np.mean((self.rest**2) ** 2))
         value = fourth / self.scatter**4 if self.scatter else math.nan
-        return Measured(
+        return Feature(
             value,
             math.sqrt(24.0 / self.rest.size),
         )
@@ -191,7 +191,7 @@ class Window:
         return float(np.ptp(self.trace.force)) / self.largest
 
     @cached_property
-    def swing(self) -> Measured:
+    def swing(self) -> Feature:
         """Peak to peak over the largest force: without drift on a bench, and that of a
         period without noise.
         """
@@ -211,7 +211,7 @@ class Window:
                 swing,
                 2.0 * math.sqrt(2.0 * variance),
             )
-        return Measured(
+        return Feature(
             swing / self.largest,
             2.0 * self.found.noise / self.largest,
         )
@@ -283,7 +283,7 @@ class Window:
         waits = self.trace.clock[ends] - self.trace.clock[begins]
         rate = weighted_median(rates, waits)
         if not rate > 0:
-            return Loading(rate, math.inf, Measured(0.0))
+            return Loading(rate, math.inf, Feature(0.0))
         scatter = 1.4826 * weighted_median(np.abs(rates - rate), waits)
         # the noise of the sensor makes the rates scatter, too
         noise = self.found.noise * np.sqrt(2.0 / (last - middle + 1)) / took
@@ -294,7 +294,7 @@ class Window:
         return Loading(
             rate,
             scatter,
-            Measured(gain, gain * scatter / waits.size**0.5),
+            Feature(gain, gain * scatter / waits.size**0.5),
         )
 
     @cached_property
@@ -377,11 +377,11 @@ class Window:
         return np.log(sizes[sizes > 0]), times[sizes > 0] / trace.length
 
     @cached_property
-    def change(self) -> Measured:
+    def change(self) -> Feature:
         """Logarithm of the amplitude in the second half over the first, by a line."""
         sizes, at = self._amplitudes
         if sizes.size < FEWEST_CYCLES:
-            return Measured(math.nan)
+            return Feature(math.nan)
         at = at - at.mean()
         rate = slope(sizes, at)
         rest = sizes - sizes.mean() - rate * at
@@ -394,7 +394,7 @@ class Window:
             0.0,
         )
         power *= (1.0 + turn) / (1.0 - turn)
-        return Measured(
+        return Feature(
             0.5 * rate,
             0.5 * math.sqrt(power),
         )
@@ -483,7 +483,7 @@ class Window:
     def tests(self) -> tuple[Criterion, ...]:
         """The tests of a regime, but for those of what is not known."""
         value, error = self.change
-        change = Measured(
+        change = Feature(
             abs(value),
             error * self.errors(CHANCE) / ERRORS,
         )
@@ -561,13 +561,13 @@ class Window:
 
 def _test(
     name: str,
-    found: float | Measured,
+    found: float | Feature,
     limit: float,
     source: Source = "statistics",
     passed: bool | None = None,
 ) -> Criterion:
     """Make a test; by default it is passed where a number reaches its limit."""
-    value, error = found if isinstance(found, Measured) else (found, 0.0)
+    value, error = found if isinstance(found, Feature) else (found, 0.0)
     passed = value >= limit if passed is None else passed
     return Criterion(name, value, error, limit, source, passed)
 

@@ -170,9 +170,8 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
         content["coefficients"] = {"load": weight, "mu": mu, "a": a, "b": b}
         words += (
             f"coefficients under {given.load}: mu = {mu:.4g} at this speed, a = "
-            f"{a:.4g}, b = {b:.4g}, "
+            f"{a:.4g}, b = {b:.4g}, a - b = {a - b:.3g}\n"
         )
-        words += f"a - b = {a - b:.3g}\n"
     if given.holds is not None:
         unit, example = ("s", "10 s") if rig.scales else ("1", "10")
         times = [

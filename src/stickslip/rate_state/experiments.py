@@ -18,7 +18,7 @@ from stickslip.errors import InputError, instance, number, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.trace import ERRORS, Array
 from stickslip.rate_state.fitting import Estimate
-from stickslip.rate_state.pieces import Piece, find_pieces
+from stickslip.rate_state.pieces import SteadyPiece, find_pieces
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 """Variables that may hold the friction, in the order in which they are looked for."""
@@ -100,7 +100,7 @@ class Record(NamedTuple):
     time: Array
     friction: Array
     place: Array | None  #: displacement of the load point, without its noise
-    pieces: list[Piece]
+    pieces: list[SteadyPiece]
     names: tuple[str | None, str, str]  #: variables of displacement, time, friction
     units: tuple[str, str, str]  #: of these; "" without one
 
@@ -133,7 +133,7 @@ class Record(NamedTuple):
         names = (along, "time", name)
         length, clock, unit = (units_of(data[one] if one else None) for one in names)
         place = None
-        pieces = list[Piece]()
+        pieces = list[SteadyPiece]()
         if along is not None:
             place = rows[along].to_numpy()
             if "velocity" in along:
@@ -151,14 +151,14 @@ class Record(NamedTuple):
             units,
         )
 
-    def steps(self) -> list[tuple[Piece, Piece]]:
+    def steps(self) -> list[tuple[SteadyPiece, SteadyPiece]]:
         """The pieces before and after each velocity step."""
         return [pair for pair in pairwise(self.pieces) if pair[0].steps_to(pair[1])]
 
     def cut(
         self,
-        before: Piece,
-        after: Piece,
+        before: SteadyPiece,
+        after: SteadyPiece,
         span: Range | None = None,
         bins: int = 800,
     ) -> Step:
@@ -269,7 +269,7 @@ def step_near(
     at: float | None,
     before: float | None = None,
     after: float | None = None,
-) -> tuple[Piece, Piece]:
+) -> tuple[SteadyPiece, SteadyPiece]:
     """The pieces before and after the step nearest to a time: those of the
     displacement, or of the velocities that are given where it shows none.
     """
@@ -316,8 +316,8 @@ def step_near(
     place = 0.0
     if record.place is not None:
         place = float(np.interp(at, record.time, record.place))
-    early = Piece(first, at, given[0], place)
-    return early, Piece(at, last, given[1], place)
+    early = SteadyPiece(first, at, given[0], place)
+    return early, SteadyPiece(at, last, given[1], place)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

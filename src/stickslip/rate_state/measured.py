@@ -24,7 +24,7 @@ from stickslip.rate_state.contacts import ROUGH, finite_step, small_step
 from stickslip.rate_state.experiments import Record, Step, step_near
 from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
-from stickslip.rate_state.pieces import Piece
+from stickslip.rate_state.pieces import SteadyPiece
 from stickslip.sliding import kinetic_friction
 
 # Distances D after which a step is forgotten: exp(-20) of it is left.
@@ -387,7 +387,7 @@ def fit_rate_and_state(
         ) from None
 
 
-def nearby(record: Record, before: Piece, after: Piece) -> Step:
+def nearby(record: Record, before: SteadyPiece, after: SteadyPiece) -> Step:
     """Cut out of a step what its state remembers: farther off, friction is hardly a
     line.
     """

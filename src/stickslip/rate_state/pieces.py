@@ -28,7 +28,7 @@ _FEWEST_GROUPS = 256
 _FEWEST_POINTS = 3  # a line goes through two, whatever they are
 
 
-class Piece(NamedTuple):
+class SteadyPiece(NamedTuple):
     """A stretch of time at a constant speed."""
 
     begin: float  # times
@@ -42,7 +42,7 @@ class Piece(NamedTuple):
         """Whether the load point rests."""
         return self.velocity == 0.0
 
-    def steps_to(self, later: "Piece") -> bool:
+    def steps_to(self, later: "SteadyPiece") -> bool:
         """Whether the velocity steps from this piece to a later one: both move, in
         the same direction.
         """
@@ -62,7 +62,7 @@ class _Line(NamedTuple):
         return np.asarray(self.place + self.slope * (np.asarray(time) - self.time))
 
 
-def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
+def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
     """Find the pieces of constant speed of a displacement over time, and the
     displacement without its noise.
 
@@ -106,7 +106,7 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
     smooth = clean + memory(rest) * rest
     if not runs:
         return [], smooth
-    found = list[Piece]()
+    found = list[SteadyPiece]()
     fastest = 0.0
     for begin, end, run in zip(
         (Estimate(0.0), *crossings), (*crossings, t[-1]), runs, strict=True
@@ -119,7 +119,7 @@ def find_pieces(time: Array, place: Array) -> tuple[list[Piece], Array]:
         fastest = abs(velocity)
         if fastest < slowest:
             velocity = Estimate(0.0, velocity.error)
-        piece = Piece(
+        piece = SteadyPiece(
             begin=float(time[0]) + float(begin),
             end=float(time[0]) + float(end),
             velocity=velocity,

@@ -22,7 +22,7 @@ from stickslip.rate_state.experiments import Record
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.laws import LAWS, Law
 from stickslip.rate_state.measured import StepFit, fit_laws, nearby
-from stickslip.rate_state.pieces import Piece
+from stickslip.rate_state.pieces import SteadyPiece
 
 _FEWEST_HOLDS = 3  # a line goes through two, whatever their peaks are
 
@@ -256,14 +256,16 @@ def _unlikely(fits: Sequence[StepFit | UndecidedError]) -> tuple[int, float]:
     return len(fits) - len(found), sum(logs)
 
 
-def _is_hold(before: Piece, rest: Piece, after: Piece) -> bool:
+def _is_hold(before: SteadyPiece, rest: SteadyPiece, after: SteadyPiece) -> bool:
     """Whether a piece is a rest between sliding at the same velocity."""
     if not rest.is_rest or not before.steps_to(after):
         return False
     return abs(math.log(after.velocity / before.velocity)) < math.log1p(RESTS)
 
 
-def _hold(record: Record, before: Piece, rest: Piece, after: Piece) -> Hold:
+def _hold(
+    record: Record, before: SteadyPiece, rest: SteadyPiece, after: SteadyPiece
+) -> Hold:
     level = _level(
         record,
         0.5 * (before.begin + before.end),

@@ -29,7 +29,7 @@ from stickslip.sweep._cases import (
 )
 from stickslip.sweep._refine import Refinement, Span, cases_of, search, spans_of
 from stickslip.sweep._run import MAX_CASES, Report, Runner, Threads
-from stickslip.sweep._table import Table, writer_of
+from stickslip.sweep._table import Store, writer_of
 
 # states of a case; the index is the code in the results
 STATES = ("not run", "done", "failed")
@@ -135,7 +135,7 @@ def run_study(
     if refinement is not None:
         box = {name: vars(span) for name, span in spans.items()}
         head["search"] = {"box": box, **vars(refinement)}
-    with closing(Table(None if store is None else Path(store), head)) as table:
+    with closing(Store(None if store is None else Path(store), head)) as table:
         if retry_failed:
             table.forget_failed()
         workers = Threads() if executor is None else executor
@@ -149,7 +149,7 @@ def run_study(
 
 def open_sweep(store: FileName) -> xr.Dataset:
     """Open the results of a sweep, finished or not, as `run_study` returns them."""
-    with closing(Table(Path(store))) as table:
+    with closing(Store(Path(store))) as table:
         return dataset_of(table)
 
 
@@ -201,7 +201,7 @@ class Status:
 
 def status_of(store: FileName) -> Status:
     """Return how many cases of the sweep of a store are done, also while it runs."""
-    with closing(Table(Path(store))) as table:
+    with closing(Store(Path(store))) as table:
         found = summary(dataset_of(table))
         going_on = "search" in table.head and "cases" not in table.head
         total = table.head["total"] if going_on else len(_keys_of(table))
@@ -275,7 +275,7 @@ def axis_values(name: str, given: object) -> list[AxisValue]:
     return found
 
 
-def _keys_of(table: Table) -> list[str]:
+def _keys_of(table: Store) -> list[str]:
     """Return the keys of the cases in the order of the Dataset; of a search that is
     not done, of the cases that have been run.
     """
@@ -284,7 +284,7 @@ def _keys_of(table: Table) -> list[str]:
     return [case_key(values) for values in combinations(table.head["axes"])]
 
 
-def dataset_of(table: Table) -> xr.Dataset:
+def dataset_of(table: Store) -> xr.Dataset:
     """Return the results of all cases: over the axes of a grid, or along the ``run``
     of a search, with its crossings.
     """

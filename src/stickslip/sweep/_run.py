@@ -28,7 +28,7 @@ from multiprocessing.process import BaseProcess
 from stickslip.errors import InputError, instance, whole
 from stickslip.loops import bounded
 from stickslip.sweep._cases import DIED, NamedStudy, run_batch
-from stickslip.sweep._table import EVERY, Table
+from stickslip.sweep._table import EVERY, Store
 
 # longest that a batch takes, unless one case does: long beside the cost of handing it
 # out
@@ -161,7 +161,7 @@ class Runner:
 
     def __init__(
         self,
-        table: Table,
+        table: Store,
         study: NamedStudy,
         executor: Executor,
         total: int,

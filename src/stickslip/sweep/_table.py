@@ -37,7 +37,7 @@ _CASES = (
 )
 
 
-class Table:
+class Store:
     """Results of the cases of a sweep, as JSON by their keys; in memory if it has no
     path.
 
