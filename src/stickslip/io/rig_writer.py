@@ -98,6 +98,8 @@ class _Writer:
         self.digits = digits
         self.natural = rig.scales is None
         self.scales = rig.scales or Scales(force=1.0, stretching=1.0)
+        # forces in SI units are those of all blocks
+        self.blocks = 1 if self.natural else getattr(rig.slider, "size", 1)
 
     def _refuse(self, what: str) -> InputError:
         return InputError(
@@ -242,7 +244,7 @@ class _Writer:
     def interface(self) -> Document:
         interface = self.rig.interface
         scales = self.scales
-        blocks = 1 if self.natural else getattr(self.rig.slider, "size", 1)
+        blocks = self.blocks
         found = {}
         if not self.natural:
             found["contact_strength"] = self.quantity(
@@ -295,8 +297,7 @@ class _Writer:
         return found
 
     def _points(self, measured: MeasuredFriction) -> list[list[Any]]:
-        blocks = 1 if self.natural else getattr(self.rig.slider, "size", 1)
-        whole = measured.scaled(blocks)
+        whole = measured.scaled(self.blocks)
         points = zip(whole.velocities, whole.forces, whole.errors, strict=True)
         return [
             [

@@ -17,6 +17,8 @@ from stickslip.measure.table_files import read_table
 from stickslip.measure.tables import Table
 from stickslip.measure.trace import Array
 
+ColumnName = str | int | None
+"""A column by its name, or by its number from 1; None if it is to be found."""
 _MOST_SHOWN = 20  # columns of a table that asks for one
 _LONGEST_NAME = 28  # characters of a name in it
 # The largest difference between two steps of a column that rises evenly, in steps: a
@@ -91,7 +93,7 @@ def _range(values: Array) -> tuple[str, str, str]:
 
 
 def choose(
-    table: Table, asked: Mapping[str, str | int | None], *, timed: bool
+    table: Table, asked: Mapping[str, ColumnName], *, timed: bool
 ) -> tuple[dict[str, Choice], list[str]]:
     """Choose the columns that were asked for, and those that names, units and numbers
     show; note what was taken for granted. A step stands in place of times.

@@ -285,13 +285,15 @@ def pick(
     peaks, troughs = turning_points(force, drop, least)
     if peaks.size < 2:
         return peaks, troughs
-    rises = force[peaks[1:]] - force[troughs[:-1]]
-    took = t[peaks[1:]] - t[troughs[:-1]]
+    begins = troughs[:-1]
+    ends = peaks[1:]
+    rises = force[ends] - force[begins]
+    took = t[ends] - t[begins]
     fell = np.maximum(troughs - peaks, FEWEST_IN_A_DROP)[:-1]
     swings = rises > RINGING * weighted_median(rises / took, took) * took
-    swings &= peaks[1:] - troughs[:-1] <= RINGING * fell
+    swings &= ends - begins <= RINGING * fell
     if back is not None:
-        swings = back[peaks[1:]] >= back[troughs[:-1]]
+        swings = back[ends] >= back[begins]
     joined = [[int(peaks[0]), int(troughs[0])]]
     for i, (rise, swing) in enumerate(zip(rises, swings, strict=True), 1):
         first, lowest = joined[-1]

@@ -16,7 +16,7 @@ from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
 from stickslip.measure.clocks import unit_since_1970
-from stickslip.measure.column_choice import Choice, choose
+from stickslip.measure.column_choice import Choice, ColumnName, choose
 from stickslip.measure.headings import WEIGHTS, ratio, unit_named
 from stickslip.measure.sensor import far_outside, spikes
 from stickslip.measure.table_files import read_table
@@ -40,11 +40,11 @@ UNREADABLE_FRACTION = 0.01  # ... this fraction of them, may be unreadable
 def read_trace(
     path: files.FileName,
     *,
-    force: str | int | None = None,
-    time: str | int | None = None,
-    displacement: str | int | None = None,
-    load: str | int | None = None,
-    velocity: str | int | None = None,
+    force: ColumnName = None,
+    time: ColumnName = None,
+    displacement: ColumnName = None,
+    load: ColumnName = None,
+    velocity: ColumnName = None,
     step: float | str | None = None,
     flip: bool = False,
     delimiter: str | None = None,

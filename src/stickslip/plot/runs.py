@@ -282,11 +282,9 @@ def overview(
     if "attached" in run and "load" in run:
         panels.append(_load)
     heights = [2.4, *[1.7] * len(panels)]
-    strips: list[Callable[[xr.Dataset, Axes], Axes]]
-    strips = [partial(part, number=number) for number in _largest_parts(run)]
-    strips = strips and [_at_contacts, *strips]
-    panels += strips
-    heights += [_STRIP] * len(strips)
+    if strips := [partial(part, number=number) for number in _largest_parts(run)]:
+        panels += [_at_contacts, *strips]
+        heights += [_STRIP] * (1 + len(strips))
     rows = 1 + len(panels)
     measured = (
         "attached" not in run

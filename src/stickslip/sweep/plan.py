@@ -88,13 +88,13 @@ class Plan:
         """Number of cases (at most, with a refinement)."""
         return cases_of(self.axes, self.refinement)
 
-    def attributes(self) -> dict[str, dict[str, Any]]:
+    def attributes(self) -> Mapping[str, Mapping[str, Any]]:
         """Units and names of axes and results."""
         rig = self.study.rig
         named = MEASURES | {name: ("1", title) for name, title in OTHERS.items()}
         for name in self.parameters:
             named[name] = (BY_NAME[name].unit, BY_NAME[name].title)
-        found: dict[str, dict[str, Any]] = {}
+        found = {}
         for name, (unit, title) in named.items():
             if rig.scales is None and name in PER_CONTACT:
                 title += ", per contact"
