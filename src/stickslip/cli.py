@@ -395,10 +395,15 @@ def _limits_of_trace(
     """Return the time from which a trace is read, and the smallest drop that counts, in
     its units.
     """
-    force = units_of(trace["spring_force"])
     return (
         _quantity("--after", after, "s", "10 s", unit=units_of(trace["time"])),
-        _quantity("--minimum-drop", minimum_drop, "N", "5 mN", unit=force),
+        _quantity(
+            "--minimum-drop",
+            minimum_drop,
+            "N",
+            "5 mN",
+            unit=units_of(trace["spring_force"]),
+        ),
     )
 
 

@@ -381,7 +381,9 @@ def paper(case: PaperCase, name: str) -> Document:
     """Return a case of the paper as a document in natural units."""
     distance = 60.0 if case.interface.ageing is None else 30.0
     drive = constant(case.velocity, distance / case.velocity)
-    method = Contacts(case.contacts, seed=1)
     return io.to_document(
-        replace(case.rig, drive=drive, method=method, name=name), digits=12
+        replace(
+            case.rig, drive=drive, method=Contacts(case.contacts, seed=1), name=name
+        ),
+        digits=12,
     )

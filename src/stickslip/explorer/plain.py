@@ -97,8 +97,7 @@ def axis(variable: xr.DataArray) -> Plain:
     values, which `factor` divides out.
     """
     name = name_of(variable)
-    values = variable.values
-    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    largest = float(np.nanmax(np.abs(variable.values), initial=0.0))
     if name["unit"] not in ("N", "m", "s", "m/s") or 0.5 <= largest < 5e3:
         return {**name, "factor": 1.0}
     factor, unit = prefixed(2.0 * largest, name["unit"])  # .5 kN rather than 500 N

@@ -180,8 +180,9 @@ class _Reader:
         """Return the method; on a slider of more contacts than on a block."""
         usual = 10_000 if self.body == "slider" else 100
         given = simulation | {"count": simulation.get("contacts", usual)}
-        kind = METHODS[simulation["method"]]
-        return _made(kind, given, "simulation", {"count": "contacts"})
+        return _made(
+            METHODS[simulation["method"]], given, "simulation", {"count": "contacts"}
+        )
 
     def _with_what_follows(self, rig: Rig, scales: Scales, values: Values) -> Rig:
         """Return the rig with what the file gives by numbers that belong together,

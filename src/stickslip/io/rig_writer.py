@@ -207,8 +207,7 @@ class _Writer:
         )
         slider = self._values(structure, rig_keys.keys_of_slider(kind), defaults=False)
         if kind == "controller":
-            keys = TABLES["controller"]
-            written = self._values(structure, keys, defaults=False)
+            written = self._values(structure, TABLES["controller"], defaults=False)
             return {"slider": slider, "controller": written}
         if isinstance(structure, Modes):
             names = ("masses", "stiffnesses", "dampings", "contact", "drive")

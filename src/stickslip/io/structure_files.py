@@ -73,9 +73,12 @@ def _mass(mass: float, damping: float, stiffness: float) -> Mass:
 
 
 def _axis(file: Tables, slider: Values, controller: object) -> ControlledAxis:
-    keys = rig_keys.TABLES["controller"]
-    rules = rig_keys.RULES["controller"]
-    values = file.whole(controller, keys, "controller", rules)
+    values = file.whole(
+        controller,
+        rig_keys.TABLES["controller"],
+        "controller",
+        rig_keys.RULES["controller"],
+    )
     gains = [values.pop(name, None) for name in ("kpp", "kv", "kiv")]
     if None not in gains:
         values |= dict(zip(("kp", "ki", "kd"), cascade(*gains), strict=True))

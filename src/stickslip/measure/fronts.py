@@ -262,10 +262,13 @@ def events(run: xr.Dataset) -> xr.Dataset:
                 _speed(side) if runs else np.nan,
             )
         )
-    names = "start end first_block blocks moment drop peak_velocity front_speed"
-    found = _table("event", names, rows, units)
     return xr.Dataset(
-        found,
+        _table(
+            "event",
+            "start end first_block blocks moment drop peak_velocity front_speed",
+            rows,
+            units,
+        ),
         {"event": np.arange(len(rows))},
         {"count": len(rows), "velocity": velocity},
     )

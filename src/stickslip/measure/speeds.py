@@ -88,8 +88,9 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     friction = data["mu" if "mu" in data else "spring_force"]
     unit = units_of(friction)
     is_known = "measured_velocity" in data
-    moved = data["measured_velocity" if is_known else "measured_displacement"]
-    of_speed = units_of(moved)
+    of_speed = units_of(
+        data["measured_velocity" if is_known else "measured_displacement"]
+    )
     of_speed += "" if is_known else f"/{trace.time_unit}"
     about = {
         "velocity": (of_speed, "velocity"),

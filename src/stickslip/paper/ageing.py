@@ -51,11 +51,10 @@ def _data_8(progress: Progress, quick: bool) -> xr.Dataset:
 
     def run(solver: str, rate: float, start: str, progress: Progress) -> dict[str, Any]:
         rig = aged(FIG8, rate).replace(drive=ss.constant(FIG8.velocity, duration))
-        output = ss.Output(interval=0.005)
         made = ss.simulate(
             rig,
             method=_METHODS[solver],
-            output=output,
+            output=ss.Output(interval=0.005),
             start=_STARTS[start],
             progress=progress,
         )
@@ -297,10 +296,9 @@ def _draw_oscillation(ax: Axes, data: xr.Dataset) -> None:
         ax.plot([], [], color=colour, label=words)
     for solver, mark, _ in marks:
         ax.plot([], [], mark, color=GREY, markersize=4, label=solver)
-    title = "(d) oscillation of the force"
     panel(
         ax,
-        title,
+        "(d) oscillation of the force",
         data["rate"],
         data["amplitude"],
         "upper right",

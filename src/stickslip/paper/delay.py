@@ -494,13 +494,11 @@ def _drawing_6(picture: Picture, data: xr.Dataset) -> None:
     cube = np.cbrt(curve["mass"] * curve["velocity"] ** 2)
     scaled = curve["sustained"] * curve["velocity"]
     collapse.plot(cube, scaled, "x", color=BLACK, markersize=6, label="from (b)")
-    x = r"$(M v_d^2)^{1/3}$"
-    y = r"$\tau^* v_d$ ($x_\mathrm{s}$)"
     panel(
         collapse,
         "(c) one curve",
-        x,
-        y,
+        r"$(M v_d^2)^{1/3}$",
+        r"$\tau^* v_d$ ($x_\mathrm{s}$)",
         "lower right",
         xlim=(0, line[-1] * 1.02),
         ylim=(0, 0.2),

@@ -512,8 +512,14 @@ def _drawing_2(picture: Picture, data: xr.Dataset) -> None:
         X, K, K_eff, where=K_eff > K, color=VERMILLION, alpha=0.25, linewidth=0
     )
     _draw_point(right, "2", (at, K), (-9, 3), VERMILLION)
-    title = r"(b) $K_\mathrm{eff} = -\mathrm{d}F_\mathrm{c}/\mathrm{d}X$"
-    panel(right, title, X, K_eff, xlim=(0, 1.6), ylim=(-1.2, 5.6))
+    panel(
+        right,
+        r"(b) $K_\mathrm{eff} = -\mathrm{d}F_\mathrm{c}/\mathrm{d}X$",
+        X,
+        K_eff,
+        xlim=(0, 1.6),
+        ylim=(-1.2, 5.6),
+    )
 
 
 def _draw_point(
@@ -1043,13 +1049,23 @@ def _drawing_5(picture: Picture, data: xr.Dataset) -> None:
         ratio.plot(late["phase"], actual, color=colour, label=name)
         ratio.plot(late["phase"], printed, color=colour, linestyle="--")
     ratio.axhspan(0.9, 1.1, color=GREY, alpha=0.25, linewidth=0)
-    words = (
-        "solid: with the actual velocity\n" r"dashed: with $v_\mathrm{d}$, as printed"
+    ratio.text(
+        0.08,
+        -0.24,
+        "solid: with the actual velocity\n" r"dashed: with $v_\mathrm{d}$, as printed",
+        fontsize=8,
+        va="bottom",
+        linespacing=1.3,
     )
-    ratio.text(0.08, -0.24, words, fontsize=8, va="bottom", linespacing=1.3)
-    x = r"$\Omega\,\Delta t$ since the instability"
-    y = "slip, in terms of Eq. (12)"
-    panel(ratio, "(d)", x, y, "above", xlim=(0, 6), ylim=(-0.3, 4))
+    panel(
+        ratio,
+        "(d)",
+        r"$\Omega\,\Delta t$ since the instability",
+        "slip, in terms of Eq. (12)",
+        "above",
+        xlim=(0, 6),
+        ylim=(-0.3, 4),
+    )
 
 
 FIGURES = (

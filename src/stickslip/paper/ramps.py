@@ -107,8 +107,14 @@ def draw_oscillation(ax: Axes, run: xr.Dataset, title: str) -> None:
             label=f"ramp {name}",
         )
     fastest = float(run["drive_velocity"].max())
-    words = "peak to peak of $F_d$ ($f_\\mathrm{s}$)"
-    panel(ax, title, run["velocity"], words, xlim=(0.0, fastest), ylim=(0.0, None))
+    panel(
+        ax,
+        title,
+        run["velocity"],
+        "peak to peak of $F_d$ ($f_\\mathrm{s}$)",
+        xlim=(0.0, fastest),
+        ylim=(0.0, None),
+    )
 
 
 def _passed(run: xr.Dataset, name: str) -> tuple[float, float]:
@@ -605,12 +611,11 @@ def _drawing_10(picture: Picture, data: xr.Dataset) -> None:
         xlim=(0.6, 2.15),
         ylim=(0.0, None),
     )
-    words = r"$v/\beta^2$ ($x_\mathrm{s}$)"
     panel(
         scaled,
         r"(b) in units of $\beta^2$",
         data["rate"],
-        words,
+        r"$v/\beta^2$ ($x_\mathrm{s}$)",
         xlim=(0.6, 2.15),
         ylim=(0.0, 1.5),
     )

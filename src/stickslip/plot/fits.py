@@ -164,9 +164,13 @@ def _draw_test(ax: Axes, found: Fit) -> None:
             color=colour,
             **text,
         )
-    words = "(value - median) / (range of 95 % / 4)"
-    within = (-_WIDEST, _WIDEST)
-    panel(ax, "trace (dot), draws (bar), p", words, xlim=within, yticks=[])
+    panel(
+        ax,
+        "trace (dot), draws (bar), p",
+        "(value - median) / (range of 95 % / 4)",
+        xlim=(-_WIDEST, _WIDEST),
+        yticks=[],
+    )
     ax.spines["left"].set_visible(False)
 
 
@@ -237,9 +241,8 @@ def steps_and_holds(found: Fit) -> Figure:
     figure = new_figure(PAGE, 2.2 + 1.9 * rows)
     grid = figure.add_gridspec(1 + rows, 3)
     trace = figure.add_subplot(grid[0, :])
-    time = found.record.time
     trace.plot(
-        *envelope(time, found.record.friction),
+        *envelope(found.record.time, found.record.friction),
         color=GREY,
         linewidth=0.6,
     )

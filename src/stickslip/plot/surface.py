@@ -157,8 +157,9 @@ def _draw_verdict(ax: Axes, told: Any, answer: Any) -> None:
     """The standard deviation with its range and, of a prediction, how many of the rigs
     within the ranges oscillate.
     """
-    ends = list(told.std_between)
-    ax.plot(ends, [1, 1], color=BLACK, linewidth=7, solid_capstyle="butt")
+    ax.plot(
+        list(told.std_between), [1, 1], color=BLACK, linewidth=7, solid_capstyle="butt"
+    )
     ax.plot(told.std["renewal"], 1, "|", color="white", markersize=7)
     names = ["std"]
     title, words = "scatter of the thresholds", "standard deviation over the mean"

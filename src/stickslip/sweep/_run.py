@@ -139,11 +139,13 @@ def _end_with(parent: BaseProcess) -> None:
 
 def _check_executor(executor: Executor, study: NamedStudy) -> None:
     """Refuse what runs no cases, and a study that its processes cannot load."""
-    hint = (
+    instance(
+        "executor",
+        executor,
+        Executor,
         "Threads(n), Processes(n) or a concurrent.futures.Executor (of a Dask "
-        "client: client.get_executor())"
+        "client: client.get_executor())",
     )
-    instance("executor", executor, Executor, hint)
     if not isinstance(executor, ProcessPoolExecutor):
         return
     try:

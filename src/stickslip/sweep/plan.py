@@ -250,8 +250,11 @@ def read_plan(path: FileName) -> Plan:
     name.
     """
     source = Path(path)
-    content = rigs.content_of(source, "sweep file", "`stickslip new phase_diagram`")
-    return from_document(content, source.name, source.parent)
+    return from_document(
+        rigs.content_of(source, "sweep file", "`stickslip new phase_diagram`"),
+        source.name,
+        source.parent,
+    )
 
 
 def from_document(
@@ -469,15 +472,18 @@ def _check(rig: Rig, axes: Mapping[str, Any], refinement: Refinement | None) -> 
     """Refuse a rig that cannot be run along these axes, and axes that are none of a
     search.
     """
-    moves = "a Slider, Chain, Sheet or structure: an impedance has no motion"
     instance(
         "rig.slider",
         rig.slider,
         Slider | ElasticBody | Structure,
-        moves,
+        "a Slider, Chain, Sheet or structure: an impedance has no motion",
     )
-    starts = "'from rest' or 'sliding' in a sweep"
-    instance("rig.simulation.start", rig.start, FromRest | FromSliding, starts)
+    instance(
+        "rig.simulation.start",
+        rig.start,
+        FromRest | FromSliding,
+        "'from rest' or 'sliding' in a sweep",
+    )
     number("rig.drive.velocity", rig.velocity, above=0)
     first, *others = rig.drive.pieces
     if others or first.start != first.end:
