@@ -241,9 +241,10 @@ def _overlay(
     run = simulate(short, progress=watch)
     t = run["time"].values / unit
     F = run["spring_force"].values / force_unit_in_newtons(events, {})
-    force = ("time", F, {"units": events.force_unit})
-    times = ("time", t, {"units": events.time_unit})
-    made = xr.Dataset({"spring_force": force}, {"time": times})
+    made = xr.Dataset(
+        {"spring_force": ("time", F, {"units": events.force_unit})},
+        {"time": ("time", t, {"units": events.time_unit})},
+    )
     try:
         slips = fitting.pick_events(
             made, minimum_drop=events.smallest, after=min(settle, 0.5 * float(t[-1]))

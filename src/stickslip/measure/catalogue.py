@@ -102,17 +102,14 @@ def regime_and_drops(
     for name in ("count", "cut"):
         table.attrs[name] = sum(each.attrs[name] for each in tables)
     table.attrs["drops_are"] = seen.drops_are
-    event = np.arange(table.sizes["event"]), {"long_name": "number of the slip"}
-    table = table.assign_coords(event=("event", *event))
+    number_of = {"long_name": "number of the slip"}
+    events = np.arange(table.sizes["event"])
+    table = table.assign_coords(event=("event", events, number_of))
     along = 1.0
     if len(tables) > 1:
         counts = [each.sizes["event"] for each in tables]
-        number_of = {"units": "1", "long_name": "number of the stroke"}
-        strokes = np.repeat(
-            np.arange(len(tables)),
-            counts,
-        )
-        table["stroke"] = ("event", strokes, number_of)
+        strokes = np.repeat(np.arange(len(tables)), counts)
+        table["stroke"] = labelled("number of the stroke", "event", strokes, "1")
         table.attrs["criterion"] = f"of the first stroke: {table.attrs['criterion']}"
         along = np.sign(table["force_before"].values)
     for key, column in table.data_vars.items():
@@ -200,8 +197,8 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
         slip = trace.X[end] - trace.X[start]
         columns.append(("slip", slip, way, "distance slipped"))
     if trace.velocity is not None:
-        fastest = "largest slider velocity in the slip"
-        columns.append(("peak_velocity", found.fastest, speed, fastest))
+        title = "largest slider velocity in the slip"
+        columns.append(("peak_velocity", found.fastest, speed, title))
     return xr.Dataset(
         {
             key: labelled(title, "event", values, unit)
