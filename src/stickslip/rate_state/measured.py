@@ -215,7 +215,7 @@ def _fitted(
     step: Step,
     given: Mapping[str, Any],
     ranges: Mapping[str, Range],
-    starts: Sequence[Array],
+    starts: Sequence[Mapping[str, float]],
     *,
     trend: bool,
     **how: Any,
@@ -223,8 +223,7 @@ def _fitted(
     """Fit a step of some kind beside a line, and when it came; and the covariance of
     what was fitted.
 
-    Fields of the kind are given, or fitted within their `ranges`, in the order of
-    `starts`.
+    Fields of the kind are given, or fitted within their `ranges` from each of `starts`.
     """
     low, high = np.array([*ranges.values()]).T
     lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
@@ -242,7 +241,7 @@ def _fitted(
     fit = least_squares(
         beside_a_line,
         step.friction,
-        starts,
+        [np.array([start[name] for name in ranges]) for start in starts],
         low,
         high,
         **how,
@@ -476,7 +475,7 @@ def _fit_law(
     stiffness: float | None,
     *,
     trend: bool,
-    start: Array | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> StepFit:
     # means of bins round
     if not np.ptp(step.friction) > 1e-12 * np.abs(step.friction).max():
@@ -486,8 +485,8 @@ def _fit_law(
     alone = start is not None
     if start is None:
         a, b, D, lag, late = _rough(step, law)
-        start = np.array([a, b, D, a / lag, late])
-    a = start[0]
+        start = {"a": a, "b": b, "distance": D, "stiffness": a / lag, "late": late}
+    a = float(start["a"])
     reach = float(step.displacement.max())
     fine = float(np.median(np.diff(step.displacement)))
     # A rise that takes less than a tenth of a bin cannot be distinguished from a sudden
@@ -499,18 +498,13 @@ def _fit_law(
     }
     stiffest = 10.0 * a / fine
     given: dict[str, Any] = {"law": law}
-    kept = [0, 1, 2]
     if stiffness is None:
         ranges["stiffness"] = (1e-3 * a / reach, stiffest)
-        kept.append(3)
     else:
         given["stiffness"] = Estimate(stiffness, getattr(stiffness, "error", 0.0))
     if not step.at_error:
         ranges["late"] = (-step.near, step.near)
-        kept.append(4)
-    found, covariance = _fitted(
-        StepFit, step, given, ranges, [start[kept]], trend=trend
-    )
+    found, covariance = _fitted(StepFit, step, given, ranges, [start], trend=trend)
     apart = math.sqrt(
         max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0)
     )
@@ -519,8 +513,7 @@ def _fit_law(
     )
     if alone:
         return found
-    start = np.array([found.a, found.b, found.distance, found.stiffness, found.late])
-    again = partial(_fit_law, step, law, start=start)
+    again = partial(_fit_law, step, law, start=vars(found))
     if not found.stiffness.error < found.stiffness:
         # A machine as stiff as can be resolved is rigid, where that is within an error,
         # and by how much it lags behind, too.
@@ -590,32 +583,22 @@ def fit_contacts(
         "breaking_displacement": (0.2 * D, 20 * D),
         "stiffness": (0.1 * spring, 10 * spring),
     }
-    starts = [np.array([a, 0.8 * a, wide * D, spring]) for wide in (1.5, 3.0)]
     if not step.at_error:
         ranges["late"] = (-step.near, step.near)
-        starts = [np.append(start, rough.late) for start in starts]
-    # no finer than what is fitted
-    how: dict[str, Any] = {"trend": trend, "tolerance": 1e-4 if linear else ROUGH.rtol}
-    given: dict[str, Any] = {"thresholds": thresholds, "linear": True}
-    found, _ = _fitted(
+    usual = {"width": a, "ageing": 0.8 * a, "stiffness": spring, "late": rough.late}
+    starts = [usual | {"breaking_displacement": wide * D} for wide in (1.5, 3.0)]
+    fitted = partial(
+        _fitted,
         ContactsFit,
         step,
-        given,
-        ranges,
-        starts,
-        most=50,
-        **how,
+        ranges=ranges,
+        trend=trend,
+        # no finer than what is fitted
+        tolerance=1e-4 if linear else ROUGH.rtol,
     )
+    given = {"thresholds": thresholds, "linear": True}
+    found, _ = fitted(given, starts=starts, most=50)
     if not linear:
         given["linear"] = False
-        start = np.array([getattr(found, name) for name in ranges])
-        found, _ = _fitted(
-            ContactsFit,
-            step,
-            given,
-            ranges,
-            [start],
-            most=20,
-            **how,
-        )
+        found, _ = fitted(given, starts=[vars(found)], most=20)
     return found
