@@ -158,7 +158,7 @@ def simulate(
 
 @dataclass(frozen=True, kw_only=True)
 class Bench(Record):
-    """How a made-up trace is loaded and recorded."""
+    """Loading and recording of a made-up trace."""
 
     #: total contact strength
     strength: Annotated[float, Number(above=0, hint="in N")] = 15.0

@@ -221,8 +221,8 @@ def _read(path: Path, prior: Prior, slips: int) -> SeriesTable | None:
 
 
 class Observation(NamedTuple):
-    """How many slips a stretch of a trace has, and how it was sampled and picked, in
-    units of its mean peak.
+    """Number of slips of a stretch of a trace, and its sampling and picking, in units
+    of its mean peak.
     """
 
     slips: int

@@ -83,7 +83,7 @@ class Feature(NamedTuple):
 
 
 class Loading(NamedTuple):
-    """How a force climbs to its drops."""
+    """Climb of a force to its drops."""
 
     rate: float = math.nan
     scatter: float = math.nan  # of the rate over it, without the sensor's noise
@@ -263,8 +263,8 @@ class Window:
 
     @cached_property
     def loading(self) -> Loading:
-        """How the force climbs to its drops, in the middle half of the waits: ringing
-        and rounded peaks are at their ends.
+        """Climb of the force to its drops, in the middle half of the waits: ringing and
+        rounded peaks are at their ends.
         """
         begins = self.found.end[:-1]
         ends = self.found.start[1:]

@@ -199,7 +199,7 @@ def rms_velocity_deviation(trace: Trace) -> float:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Kinematics(Answer):
-    """How a slider moves, in units of its drive and in SI units."""
+    """Motion of a slider, in units of its drive and in SI units."""
 
     mass: float  #: what is given, in kg; NaN if nothing is
     motion: str  #: in words

@@ -365,7 +365,7 @@ def _along_drive(arrays: Mapping[str, Any], sign: float) -> dict[str, Array]:
 
 
 def _contacts_of(rig: Rig) -> int | None:
-    """How many contacts a rig draws; None where it has no number of them."""
+    """Return the number of contacts that a rig draws; None where it has none."""
     if not isinstance(rig.method, DRAWN):
         return None
     return rig.method.count * int(getattr(rig.slider, "size", 1))
@@ -436,8 +436,8 @@ def memory(rest: Array) -> float:
 
 
 def independent(rest: Array, least: float = 1.0) -> float:
-    """How many independent residuals these are worth: n (1 - r)/(1 + r) of a memory r
-    (Bartlett), and not less than some.
+    """Return the number of independent residuals that these are worth: n (1 - r)/(1 +
+    r) of a memory r (Bartlett), and not less than some.
     """
     r = memory(rest)
     return max(

@@ -67,8 +67,8 @@ class Step:
 
     @property
     def near(self) -> float:
-        """How far off the given time the step is looked for: as far as there is data
-        before, and half of that after.
+        """Distance from the given time within which the step is looked for: as far as
+        there is data before, and half of that after.
         """
         end = float(self.displacement.max())
         return float(
