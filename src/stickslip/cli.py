@@ -1254,14 +1254,10 @@ def paper(
                 end="\n\n" if one is not chosen[-1] else "\n",
                 flush=True,
             )
+    ok = all(one.ok for one in made)
     if json:
-        console.print_json(
-            {
-                "figures": [one.to_dict() for one in made],
-                "ok": all(one.ok for one in made),
-            }
-        )
-    return 0 if all(one.ok for one in made) else 1
+        console.print_json({"figures": [one.to_dict() for one in made], "ok": ok})
+    return 0 if ok else 1
 
 
 @app.command

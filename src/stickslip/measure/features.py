@@ -385,10 +385,11 @@ class Window:
         at = at - at.mean()
         rate = slope(sizes, at)
         rest = sizes - sizes.mean() - rate * at
-        power = float((rest**2).sum()) / float((at**2).sum()) / (sizes.size - 2)
+        square = float((rest**2).sum())
+        power = square / float((at**2).sum()) / (sizes.size - 2)
         # Cycles that are large and small in turn tell a mean better than others do
         # (Bartlett).
-        turn = float((rest[1:] * rest[:-1]).sum()) / (float((rest**2).sum()) or 1.0)
+        turn = float((rest[1:] * rest[:-1]).sum()) / (square or 1.0)
         turn = min(
             max(turn, 1.0 / sizes.size - 1.0),
             0.0,

@@ -51,12 +51,13 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     seen = frames(rig, 1.0, _FRAMES, lambda _share: None)
     figure = new_figure(PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
-    own = run.sel(time=slice(*seen.times[[0, -1]]))
+    span = seen.times[[0, -1]]
+    own = run.sel(time=slice(*span))
     line = (
         (own["time"], own["spring_force"]) if seen.exact else (seen.times, seen.force)
     )
     below.plot(*line, color=BLUE)
-    panel(below, "", run["time"], run["spring_force"], xlim=seen.times[[0, -1]])
+    panel(below, "", run["time"], run["spring_force"], xlim=span)
     (cursor,) = below.plot([], [], "o", color=VERMILLION, markersize=6)
 
     lengths = seen.drive - seen.slider
