@@ -24,6 +24,10 @@ Links = tuple[NDArray[np.int64], Array]
 """
 
 
+Damping = Annotated[float, Number("1/time", at_least=0, hint="eta")]
+MassAbove0 = Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N")]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Slider(Record):
     """The slider and its driving spring, Eq. (11), per contact.
@@ -44,7 +48,7 @@ class Slider(Record):
 
     stiffness: Annotated[float, Number("k", above=0, hint="K/N")]
     mass: Annotated[float, Number("f_s time^2/x_s", at_least=0, hint="M/N")]
-    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")]
+    damping: Damping
 
     def __call__(self, s: NDArray[Any], /) -> NDArray[Any]:
         """Force over displacement for motion as ``exp(s t)``, at each `s` in 1/time."""
@@ -84,8 +88,8 @@ class Mass(Record):
     0.0
     """
 
-    mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N")]
-    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")] = 0.0
+    mass: MassAbove0
+    damping: Damping = 0.0
 
 
 BODIES, register = registry("body")
@@ -113,7 +117,7 @@ class ElasticBody(Record):
         ),
     ]
     mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N of a block")]
-    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")]
+    damping: Damping
     viscosity: Annotated[
         float, Number("f_s time/x_s", at_least=0, hint="c_b, beside the coupling")
     ] = 0.0

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError
-from stickslip.model.body import Slider
+from stickslip.model.body import Damping, MassAbove0, Slider
 from stickslip.model.records import Number, Record
 
 # a matrix is symmetric, or has no negative eigenvalue, to this fraction of its largest
@@ -564,11 +564,11 @@ class ControlledAxis(Structure):
     -0.996
     """
 
-    mass: Annotated[float, Number("f_s time^2/x_s", above=0, hint="M/N")]
+    mass: MassAbove0
     kp: Annotated[float, Number("k", above=0, hint="per contact")]
     ki: Annotated[float, Number("k/time", at_least=0, hint="per contact")] = 0.0
     kd: Annotated[float, Number("f_s time/x_s", at_least=0, hint="per contact")] = 0.0
-    damping: Annotated[float, Number("1/time", at_least=0, hint="eta")] = 0.0
+    damping: Damping = 0.0
     sample_time: Annotated[float, Number("time", at_least=0)] = 0.0
     encoder_step: Annotated[float, Number("x_s", at_least=0)] = 0.0
     moves: tuple[

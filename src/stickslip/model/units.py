@@ -35,7 +35,7 @@ class Scales(Record):
         above = below = 1.0
         for scale, power in zip(
             (self.force, self.stretching, self.time),
-            _UNITS[natural_unit(name)][:3],
+            _POWERS[natural_unit(name)],
             strict=True,
         ):
             above = above * scale ** max(power, 0)
@@ -51,32 +51,34 @@ class Scales(Record):
         return value * self.unit(name)
 
 
-_UNITS: dict[str, tuple[float, float, float, str, str]] = {
-    "1": (0, 0, 0, "1", ""),
-    "f_s": (1, 0, 0, "N", "force"),
-    "x_s": (0, 1, 0, "m", "length"),
-    "time": (0, 0, 1, "s", "time"),
-    "x_s/time": (0, 1, -1, "m/s", "velocity"),
-    "k": (1, -1, 0, "N/m", "stiffness"),
-    "f_s time^2/x_s": (1, -1, 2, "kg", "mass"),
-    "1/time": (0, 0, -1, "1/s", "rate"),
-    "f_s x_s": (1, 1, 0, "J", "energy"),
-    "f_s time/x_s": (1, -1, 1, "N*s/m", "viscosity"),
-    "f_s/x_s^2": (1, -2, 0, "Pa", "modulus"),
-    "f_s time^2/x_s^4": (1, -4, 2, "kg/m^3", "density"),
-    "1/x_s": (0, -1, 0, "1/m", ""),
-    "k/time": (1, -1, -1, "N/(m*s)", ""),
-    "1/(f_s time)": (-1, 0, -1, "1/(N*s)", ""),
-    "1/(x_s time)": (0, -1, -1, "1/(m*s)", ""),
-    "1/time^(1/2)": (0, 0, -0.5, "1/s^(1/2)", ""),
-}
+_TABLE = """
+1 | 0 0 0 | 1
+f_s | 1 0 0 | N | force
+x_s | 0 1 0 | m | length
+time | 0 0 1 | s | time
+x_s/time | 0 1 -1 | m/s | velocity
+k | 1 -1 0 | N/m | stiffness
+f_s time^2/x_s | 1 -1 2 | kg | mass
+1/time | 0 0 -1 | 1/s | rate
+f_s x_s | 1 1 0 | J | energy
+f_s time/x_s | 1 -1 1 | N*s/m | viscosity
+f_s/x_s^2 | 1 -2 0 | Pa | modulus
+f_s time^2/x_s^4 | 1 -4 2 | kg/m^3 | density
+1/x_s | 0 -1 0 | 1/m
+k/time | 1 -1 -1 | N/(m*s)
+1/(f_s time) | -1 0 -1 | 1/(N*s)
+1/(x_s time) | 0 -1 -1 | 1/(m*s)
+1/time^(1/2) | 0 0 -0.5 | 1/s^(1/2)
+"""
 """Natural units, as records declare them and results carry them: powers of force,
 length and time, the SI unit, and the quantity.
 """
+_ROWS = [line.split(" | ") for line in _TABLE.strip().split("\n")]
+_POWERS = {unit: [*map(float, powers.split())] for unit, powers, *_ in _ROWS}
 # SI unit of each natural unit
-UNITS = {unit: si for unit, (*_, si, _) in _UNITS.items()}
+UNITS = {unit: si for unit, _, si, *_ in _ROWS}
 # natural unit of each quantity
-QUANTITIES = {quantity: unit for unit, (*_, quantity) in _UNITS.items() if quantity}
+QUANTITIES = {quantity: unit for unit, _, _, *named in _ROWS for quantity in named}
 
 
 def natural_unit(name: object) -> str:

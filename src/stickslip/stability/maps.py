@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Window = tuple[Ends, Ends]
+Over = tuple[Parameter | str, Parameter | str]
 
 # lines across the window in each direction, where a line costs next to nothing
 LINES = 65
@@ -39,7 +40,7 @@ FEW_LINES = 33  # the same where each point on a line has a response of its own
 def boundary(
     rig: Rig,
     *,
-    over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
+    over: Over = (STIFFNESS, VELOCITY),
     between: Window,
 ) -> xr.Dataset:
     """Find where smooth sliding loses or regains stability in a window of two
@@ -109,7 +110,7 @@ def boundary(
 def stability_map(
     rig: Rig,
     *,
-    over: tuple[Parameter | str, Parameter | str] = (STIFFNESS, VELOCITY),
+    over: Over = (STIFFNESS, VELOCITY),
     values: tuple[ArrayLike, ArrayLike],
     growth: bool = False,
 ) -> xr.Dataset:
@@ -189,7 +190,7 @@ def stability_map(
 
 
 def _two_parameters(
-    over: tuple[Parameter | str, Parameter | str],
+    over: Over,
 ) -> tuple[Parameter, Parameter]:
     first, second = (
         parameter_named(each, "over") for each in pair("over", over, "two parameters")
