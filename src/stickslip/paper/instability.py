@@ -1057,15 +1057,9 @@ def _drawing_5(picture: Picture, data: xr.Dataset) -> None:
         va="bottom",
         linespacing=1.3,
     )
-    panel(
-        ratio,
-        "(d)",
-        r"$\Omega\,\Delta t$ since the instability",
-        "slip, in terms of Eq. (12)",
-        "above",
-        xlim=(0, 6),
-        ylim=(-0.3, 4),
-    )
+    x = r"$\Omega\,\Delta t$ since the instability"
+    y = "slip, in terms of Eq. (12)"
+    panel(ratio, "(d)", x, y, "above", xlim=(0, 6), ylim=(-0.3, 4))
 
 
 FIGURES = (
