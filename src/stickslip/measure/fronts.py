@@ -262,13 +262,9 @@ def events(run: xr.Dataset) -> xr.Dataset:
                 _speed(side) if runs else np.nan,
             )
         )
+    names = "start end first_block blocks moment drop peak_velocity front_speed"
     return xr.Dataset(
-        _table(
-            "event",
-            "start end first_block blocks moment drop peak_velocity front_speed",
-            rows,
-            units,
-        ),
+        _table("event", names, rows, units),
         {"event": np.arange(len(rows))},
         {"count": len(rows), "velocity": velocity},
     )
