@@ -35,6 +35,9 @@ from stickslip.measure.trace import Trace
 from stickslip.simulation import record
 
 TRACE = Path(__file__).parent / "data" / "guldstrand_force7.txt"
+SMOOTH = "smooth sliding"
+STICK_SLIP = "stick-slip"
+SUSTAINED = "sustained oscillation"
 
 
 # ----------------------------------------------------------------------- made-up forces
@@ -871,49 +874,22 @@ def labelled_paper(name):
     return data, {"stiffness": stiffness, "velocity": 1e-6 * velocity}
 
 
-@pytest.mark.parametrize(
-    ("name", "kind", "motion", "stuck", "swing", "drop", "recurrence", "loading"),
-    [
-        ("k168_v42", "stick-slip", "sticks and slips", 0.87, 4.4, 69e-6, 1.63, 1.08),
-        (
-            "k168_v1100",
-            "stick-slip",
-            "sticks and slips",
-            0.60,
-            2.0,
-            104e-6,
-            0.132,
-            1.11,
-        ),
-        ("k1002_v42", "stick-slip", "sticks and slips", 0.76, 2.6, 24e-6, 0.65, 0.94),
-        (
-            "k1002_v4300",
-            "sustained oscillation",
-            "oscillates",
-            0.22,
-            0.71,
-            39e-6,
-            0.0286,
-            0.84,
-        ),
-        (
-            "k2254_v42",
-            "undecided",  # by itself, or shaken by its contacts
-            "moves unevenly, without stops",
-            0.016,
-            0.47,
-            None,
-            None,
-            0.19,
-        ),
-    ],
-)
-def test_how_paper_slides_on_paper(
-    name, kind, motion, stuck, swing, drop, recurrence, loading
-):
+PAPER = {  # regime, motion; stuck, swing, drop, recurrence, loading
+    "k168_v42": ("stick-slip", "sticks and slips", 0.87, 4.4, 69e-6, 1.63, 1.08),
+    "k168_v1100": ("stick-slip", "sticks and slips", 0.6, 2.0, 104e-6, 0.132, 1.11),
+    "k1002_v42": ("stick-slip", "sticks and slips", 0.76, 2.6, 24e-6, 0.65, 0.94),
+    "k1002_v4300": (SUSTAINED, "oscillates", 0.22, 0.71, 39e-6, 0.0286, 0.84),
+    # by itself, or shaken by its contacts
+    "k2254_v42": ("undecided", "moves unevenly,", 0.016, 0.47, None, None, 0.19),
+}
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_how_paper_slides_on_paper(name):
     """As an expert measured it, with another picker and another estimate of the
     noise of the sensor.
     """
+    kind, motion, stuck, swing, drop, recurrence, loading = PAPER[name]
     data, bench = labelled_paper(name)
     moving = ss.measure.motion(data, **bench)
     seen = ss.measure.kinematics(moving, mass="30.7 g")
@@ -1016,9 +992,6 @@ def few(contacts, stiffness, delay=0.0):
     )
 
 
-SMOOTH = "smooth sliding"
-STICK_SLIP = "stick-slip"
-SUSTAINED = "sustained oscillation"
 NOT_YET = f"{SMOOTH}, undecided"
 FAST = {"largest_velocity": (10.0, math.inf)}
 MASTER = ss.MasterEquation()
@@ -1215,56 +1188,32 @@ DOWN = slice(400.01, None)
 NOWHERE = (8.0, 9.0)
 
 
+LATE = {"up": (1.4, 9.0), "down": (0.7, 9.0)}
+INSIDE = {"up": (1.4, 2.4), "down": (0.7, 2.0)}
+FALLING = {"up": NOWHERE, "down": (0.0, 2.0), "start": 0.9}
+OUTSIDE = {"up": NOWHERE, "down": (2.4, 1.0)}
+NEVER = {"up": NOWHERE, "down": NOWHERE}
+LOW = {"v1": 1.4, "v1_down": 0.7}
+
+
 @pytest.mark.parametrize(
-    ("up", "down", "start", "part", "seen", "note"),
+    ("made", "part", "seen", "note"),
     [
+        (LATE, BOTH, LOW, "v2 not seen: stick-slip in "),
+        (LATE | {"start": 0.9}, BOTH, LOW, "from the start"),
+        (NEVER, BOTH, {}, "v1 and v2 not seen: stick-slip in 0 of "),
+        (INSIDE, UP, {"v1": 1.4, "v2": 2.4}, "in 0 of 0 windows on the way down"),
+        (FALLING, DOWN, {"v2_down": 2.0}, r"way up.*it sets in at \S* and persists"),
         (
-            (1.4, 9.0),
-            (0.7, 9.0),
-            0.0,
-            BOTH,
-            {"v1": 1.4, "v1_down": 0.7},
-            "v2 not seen: stick-slip in ",
-        ),
-        (
-            (1.4, 9.0),
-            (0.7, 9.0),
-            0.9,
-            BOTH,
-            {"v1": 1.4, "v1_down": 0.7},
-            "from the start",
-        ),
-        (NOWHERE, NOWHERE, 0.0, BOTH, {}, "v1 and v2 not seen: stick-slip in 0 of "),
-        (
-            (1.4, 2.4),
-            (0.7, 2.0),
-            0.0,
-            UP,
-            {"v1": 1.4, "v2": 2.4},
-            "in 0 of 0 windows on the way down",
-        ),
-        (
-            NOWHERE,
-            (0.0, 2.0),
-            0.9,
-            DOWN,
-            {"v2_down": 2.0},
-            r"way up.*it sets in at \S* and persists",
-        ),
-        (
-            NOWHERE,
-            (2.4, 1.0),
-            0.0,
+            OUTSIDE,
             DOWN,
             {"v1_down": 2.4, "v2_down": 1.0},
             "start, ends at .*, sets in at .* persists",
         ),
     ],
 )
-def test_what_a_ramp_does_not_show_is_not_seen_and_why(
-    up, down, start, part, seen, note
-):
-    found = transitions(run := loop(up, down, start=start).sel(time=part))
+def test_what_a_ramp_does_not_show_is_not_seen_and_why(made, part, seen, note):
+    found = transitions(run := loop(**made).sel(time=part))
     for name in ("v1", "v2", "v1_down", "v2_down"):
         assert float(found[name]) == pytest.approx(
             seen.get(name, math.nan), abs=0.04, nan_ok=True

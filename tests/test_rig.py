@@ -130,67 +130,45 @@ def test_a_rig_written_as_toml_reads_back_the_same(document, key, value):
 SPRINGS = "leaf side damping viscosity ends"
 BLOCK = "spacing width height youngs_modulus density"
 FILES = {
-    "slider": (
-        "mass stiffness damping",
-        "thresholds initial delay newborn",
-        "velocity distance",
-        "method seed rtol",
-    ),
-    "slider by ratio": (
-        "mass stiffness damping_ratio",
-        "thresholds v_half activation",
-        "velocity duration",
-        "start",
-    ),
-    "slider on areas": (
-        "mass stiffness damping",
-        "areas",
-        "pieces",
-        "contacts interval",
-    ),
-    "slider by friction": (
-        "mass stiffness damping",
-        "normal_load mu_s mu_k slip_to_slip_scatter",
-        "velocity",
-        "contacts",
-    ),
-    "slider by friction curve": (
-        "mass stiffness damping",
-        "normal_load friction mu_s viscosity",
-        "velocity",
-        "contacts",
-    ),
-    "chain": (
-        f"blocks coupling mass {SPRINGS}",
-        "thresholds sliding_force ageing",
-        "velocity",
-        "contacts",
-    ),
-    "chain of material": (
-        f"blocks {BLOCK} {SPRINGS}",
-        "thresholds",
-        "velocity",
-        "contacts",
-    ),
-    "chain held on top": (
-        f"blocks {BLOCK} shear_modulus side",
-        "thresholds",
-        "velocity",
-        "contacts",
-    ),
-    "sheet": (
-        f"along across coupling shear mass {SPRINGS}",
-        "thresholds",
-        "velocity",
-        "contacts",
-    ),
-    "sheet of material": (
-        f"along across {BLOCK} shear_modulus {SPRINGS}",
-        "thresholds",
-        "velocity",
-        "contacts",
-    ),
+    kind: " ".join(keys.split()).replace("BLOCK", BLOCK).replace("SPRINGS", SPRINGS)
+    for kind, keys in re.findall(
+        r"^(\w.*):\n((?: {4}.*\n)+)",
+        """
+slider:
+    mass stiffness damping | thresholds initial delay newborn
+    | velocity distance | method seed rtol
+slider by ratio:
+    mass stiffness damping_ratio | thresholds v_half activation
+    | velocity duration | start
+slider on areas:
+    mass stiffness damping | areas | pieces | contacts interval
+slider by friction:
+    mass stiffness damping | normal_load mu_s mu_k slip_to_slip_scatter
+    | velocity | contacts
+slider by friction curve:
+    mass stiffness damping | normal_load friction mu_s viscosity
+    | velocity | contacts
+chain:
+    blocks coupling mass SPRINGS | thresholds sliding_force ageing
+    | velocity | contacts
+chain of material:
+    blocks BLOCK SPRINGS | thresholds | velocity | contacts
+chain held on top:
+    blocks BLOCK shear_modulus side | thresholds | velocity | contacts
+sheet:
+    along across coupling shear mass SPRINGS | thresholds | velocity | contacts
+sheet of material:
+    along across BLOCK shear_modulus SPRINGS | thresholds | velocity | contacts
+""",
+        re.MULTILINE,
+    )
 }
+
+
+def keys_of(kind):
+    return [part.split() for part in FILES[kind].split(" | ")]
+
+
 STARTS = {name: key.example for name, key in rig_keys.START.items()}
 TOP = {
     name: rig_keys.TOP[name].example
@@ -203,7 +181,7 @@ def written(kind, factor, *, natural):
     where they are plain numbers.
     """
     tables = (kind.split()[0], "interface", "drive", "simulation")
-    names = dict(zip(tables, map(str.split, FILES[kind]), strict=True))
+    names = dict(zip(tables, keys_of(kind), strict=True))
     if not natural:
         names["interface"] += ["breaking_displacement"] + ["contact_strength"] * (
             "mu_s" not in names["interface"]
@@ -303,11 +281,11 @@ def test_a_rig_is_shown_in_the_keys_that_it_was_given_by(given, changes):
 
 
 def test_every_key_is_in_a_file_above():
-    used = {
-        (kind.split()[0], name) for kind in FILES for name in FILES[kind][0].split()
-    }
-    for i, table in enumerate(("interface", "drive", "simulation"), 1):
-        used |= {(table, name) for kind in FILES for name in FILES[kind][i].split()}
+    used = set()
+    for kind in FILES:
+        tables = (kind.split()[0], "interface", "drive", "simulation")
+        for table, names in zip(tables, keys_of(kind), strict=True):
+            used |= {(table, name) for name in names}
     # those of which test_structures.py and test_loads.py write files
     used |= {("slider", name) for name in rig_keys.STRUCTURES}
     used |= {("controller", name) for name in rig_keys.TABLES["controller"]}
