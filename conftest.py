@@ -213,8 +213,9 @@ pytest_collect_file = (pages + docstrings).pytest()
 
 
 LONGEST = """
-laws stability mechanisms measure output_texts extensions sweep_plan regression paper
-structures fronts cli rigid friction_laws examples verification explorer
+laws mechanisms measure regression stability cli turning_drives estimate fronts rigid
+structures friction_laws damaged paper fitting cycles advise scaling explorer noise
+output_texts
 """
 """Files of tests that a worker takes up first: it would go on alone with one that it
 begins last.
