@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from drawn import assert_drawn, assert_kept
+from refusals import refused
 
 import stickslip as ss
 from stickslip import cli, fitting
@@ -153,61 +154,43 @@ SLOW_AND_FAST = [
     for at, n in ((slice(60), 120), (slice(60, None), 30))
 ]
 OTHER = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, RNG(1))
-NOT_STICK_SLIP = {
-    "oscillation": (
-        trace_of(SINE),
-        (
-            "rises for 1 times as long as it drops: an oscillation or noise, not "
-            "stick-slip"
-        ),
-    ),
-    "noise": (
-        trace_of(10 + 0.2 * RNG(0).normal(size=20_000)),
-        "cannot be distinguished from noise",
-    ),
-    "random walk": (
-        trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000))),
-        "slip count depends on",
-    ),
-    "velocity step": (
-        trace_of(
-            np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST])
-        ),
-        "loading rate changes 4",
-    ),
-    "halves that differ": (
-        saw(np.append(PEAKS[:60], OTHER[0]), np.append(TROUGHS[:60], OTHER[1])),
-        "halves of the trace differ",
-    ),
-    "few slips": (bench(count=25), "slips: at least 30"),
-    "few samples": (bench(samples=8), "samples from slip to slip"),
-    "noisy": (bench(noise=0.05), "of the peak force: at most 3 %"),
-    "gap": (
-        bench().assign(
-            filled=lambda d: ("time", np.abs(np.arange(d.time.size) - 1000.5) < 3)
-        ),
-        "6 samples in a row",
-    ),
-    "load": (
-        bench().assign(load=lambda d: ("time", np.linspace(20.0, 24.0, d.time.size))),
-        "normal load changes by",
-    ),
-    "saturated": (
-        bench(noise=0.002).map(
-            lambda F: F.clip(max=float(F.quantile(0.97)), keep_attrs=True)
-        ),
-        "fit: the tops of the force are flat",
-    ),
-    "constant": (trace_of(np.full(1000, 5.0)), "0 drops"),
-}
+NOT_STICK_SLIP = """
+trace_of(SINE)
+    rises for 1 times as long as it drops: an oscillation or noise, not stick-slip
+trace_of(10 + 0.2 * RNG(0).normal(size=20_000))
+    cannot be distinguished from noise
+trace_of(100.0 + 0.1 * np.cumsum(RNG(0).normal(size=20_000)))
+    slip count depends on
+trace_of(np.concatenate([part["spring_force"].values for part in SLOW_AND_FAST]))
+    loading rate changes 4
+saw(np.append(PEAKS[:60], OTHER[0]), np.append(TROUGHS[:60], OTHER[1]))
+    halves of the trace differ
+bench(count=25)
+    slips: at least 30
+bench(samples=8)
+    samples from slip to slip
+bench(noise=0.05)
+    of the peak force: at most 3 %
+with_column(filled=lambda t: np.abs(np.arange(t.size) - 1000.5) < 3)
+    6 samples in a row
+with_column(load=lambda t: np.linspace(20.0, 24.0, t.size))
+    normal load changes by
+bench(noise=0.002).map(lambda F: F.clip(max=float(F.quantile(0.97)), keep_attrs=True))
+    fit: the tops of the force are flat
+trace_of(np.full(1000, 5.0))
+    0 drops
+"""
 
 
-@pytest.mark.parametrize("name", NOT_STICK_SLIP)
-def test_what_is_refused(name):
-    trace, why = NOT_STICK_SLIP[name]
-    with pytest.raises(InputError) as error:
-        ss.fit(trace, draws=100)
-    assert why in str(error.value)
+def with_column(**made):
+    trace = bench()
+    return trace.assign({n: ("time", column(trace.time)) for n, column in made.items()})
+
+
+@refused(NOT_STICK_SLIP, globals())
+def test_what_is_refused(call, message):
+    with pytest.raises(InputError, match=message) as error:
+        ss.fit(call(), draws=100)
     assert "\n" not in str(error.value)
 
 
