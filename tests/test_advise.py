@@ -831,17 +831,18 @@ FASTER = Mitigation(parameter="velocity", now=0.02, to=0.22)
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "found"),
+    ("name", "found", "pictures"),
     [
-        ("brake_pad", {"mitigations": [FASTER]}),
-        ("brake_pad", {"combined": [FASTER, replace(FASTER, parameter="mass")]}),
-        ("caliper", {"mitigations": [FASTER]}),  # which has no driving spring
+        ("brake_pad", {"mitigations": [FASTER]}, 3),
+        ("brake_pad", {"combined": [FASTER, replace(FASTER, parameter="mass")]}, 3),
+        ("brake_pad", {}, 2),  # whatever helps, the map is drawn
+        ("caliper", {"mitigations": [FASTER]}, 3),  # which has no driving spring
     ],
 )
-def test_a_report_is_one_page_that_asks_for_no_other_file(name, found):
+def test_a_report_is_one_page_that_asks_for_no_other_file(name, found, pictures):
     found = replace(ss.predict(ss.example(name), fast=True), **found)
     page = report(found)
-    assert page.count("data:image/svg+xml;base64,") == 3
+    assert page.count("data:image/svg+xml;base64,") == pictures
     assert page.count(html.escape(found.headline)) == 1  # not on the picture, too
     assert 'delay = "1' in html.unescape(page)
     assert not re.search(r"(src|href)=.(?!data:)", page)

@@ -5,7 +5,8 @@ and can be printed.
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ from stickslip import __version__, plot
 from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.axis import AxisAnswer
 from stickslip.advise.chart import chart
-from stickslip.advise.mitigations import has, turnable
+from stickslip.advise.mitigations import Mitigation, has, turnable
 from stickslip.io.rig_files import to_toml
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY
@@ -38,7 +39,7 @@ def report(
     that asks for no other file.
 
     Where it has mitigations, the force before and after the smallest is shown, or the
-    smallest pair, and the way there.
+    smallest pair, and the way there, on the map of stability, which any rig has.
     """
     pictures = [
         (title, base64.b64encode(plot.drawn(figure, "svg")).decode())
@@ -56,34 +57,49 @@ def _pictures(
     at = "after a move" if isinstance(found, AxisAnswer) else "at each speed"
     yield f"What it does {at}", figure
     watch(0.3)
-    if not isinstance(found, Prediction) or not (
-        changes := found.combined or found.mitigations[:1]
-    ):
+    if not isinstance(found, Prediction):
         return
-    rig = found.rig
-    before = found.recording.rig
+    changes = found.combined or found.mitigations[:1]
     goal = {each.parameter: each.to for each in changes}
-    after = rig.with_values(**goal)
+    if changes:
+        title = f"Before and after: {found.changed(*changes)}"
+        yield title, _before_and_after(found, goal)
+    watch(0.5)
+    if found.theory_note or not found.has_verdict:  # without a map of stability
+        return
+    title = "The way there, on the map of stability"
+    yield (
+        title if changes else "Where smooth sliding is stable",
+        _map(found, changes, watch),
+    )
+
+
+def _before_and_after(found: Prediction, goal: Mapping[str, float]) -> Figure:
+    """The run of a prediction beside one as long with other values of parameters."""
+    before = found.recording.rig
+    after = found.rig.with_values(**goal)
     lasts = replace(
         after,
         drive=constant(after.natural.velocity, before.drive.duration),
         start=before.start,
     )
-    yield (
-        f"Before and after: {found.changed(*changes)}",
-        plot.side_by_side(found.run, simulate(lasts, long=True)),
-    )
-    watch(0.5)
-    beside = (
+    return plot.side_by_side(found.run, simulate(lasts, long=True))
+
+
+def _map(found: Prediction, changes: Sequence[Mitigation], watch: Progress) -> Figure:
+    """The map of stability over two changed parameters, or the speed and the one that
+    is changed or could be.
+    """
+    rig = found.rig
+    goal = {each.parameter: each.to for each in changes}
+    beside = [
         each.name
         for each in (*turnable(rig), DELAY)
-        if has(rig, each) and each.name not in goal and not each.rescales
-    )
-    alone = "velocity", next(beside) if "velocity" in goal else changes[0].parameter
-    over: Any = tuple(goal) if found.combined else alone
-    around = max(
-        _AROUND,
-        *(2.0 * max(each.to / each.now, each.now / each.to) for each in changes),
-    )
+        if has(rig, each) and each.name not in (*goal, "velocity") and not each.rescales
+    ]
+    other = next(name for name in (*goal, *beside) if name != "velocity")
+    over: Any = tuple(goal) if found.combined else ("velocity", other)
+    steps = [2.0 * math.exp(each.size) for each in changes]
+    around = max([_AROUND, *steps])
     found_map = chart(rig, over, around, _POINTS, part(watch, 0.5, 1.0))
-    yield "The way there, on the map of stability", plot.chart(found_map, to=goal)
+    return plot.chart(found_map, to=goal or None)
