@@ -81,9 +81,20 @@ def table(rows: Iterable[str | Sequence[str]]) -> str:
     )
 
 
+def with_micro(text: str) -> str:
+    """Return a text with the sign of micro in its units.
+
+    Examples
+    --------
+    >>> with_micro("2 um, as usual")
+    '2 µm, as usual'
+    """
+    return re.sub(r"(?<= )u(?=[msNg]\b)", "\N{MICRO SIGN}", text)
+
+
 def escaped(text: str) -> str:
     """Return a text as HTML shows it, a micro with its sign."""
-    return html.escape(re.sub(r"(?<= )u(?=[msNg]\b)", "\N{MICRO SIGN}", text))
+    return html.escape(with_micro(text))
 
 
 def plain(value: Any) -> Any:

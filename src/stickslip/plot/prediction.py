@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from stickslip.answers import COLOURS
+from stickslip.answers import COLOURS, with_micro
 from stickslip.model.parameters import parameter_named
 from stickslip.plot.maps import EDGE, legend_below
 from stickslip.plot.palette import BLACK, DASHED, GREY, PAGE, VERMILLION
@@ -74,7 +74,7 @@ def prediction(answer: Prediction) -> Figure:
 
 
 def _title(rig: Any, sentence: str) -> str:
-    words = re.sub(r"(?<= )u(?=m|s|N)", "µ", f"{rig.name}: {sentence}")
+    words = with_micro(f"{rig.name}: {sentence}")
     # a number stays with its unit
     words = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", words)
     return "\n".join(textwrap.wrap(words, 105)).replace("$", r"\$")
