@@ -230,44 +230,32 @@ def test_what_can_be_refused_is_refused_before_the_run(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "kept", "words"),
+    ("command", "kept", "words"),
     [
+        ("simulate rig.toml -o rig.toml", "rig.toml", "is the file to be read"),
+        ("simulate rig.toml -o link.toml", "rig.toml", "is the file to be read"),
+        ("simulate rig.toml -o kept.nc", "kept.nc", "is read-only"),
+        ("simulate rig.toml -o pipe", "pipe", "is a named pipe"),
         (
-            ("simulate", "rig.toml", "-o", "rig.toml"),
+            "simulate rig.toml -o a.png --plot a.png",
             "rig.toml",
-            "is the file to be read",
+            "given for two outputs",
         ),
+        ("measure trace.csv --events /dev/null", "/dev/null", "is a device"),
         (
-            ("simulate", "rig.toml", "-o", "link.toml"),
+            "measure trace.csv --events a.csv --curve a.csv",
             "rig.toml",
-            "is the file to be read",
+            "given for two outputs",
         ),
-        (("simulate", "rig.toml", "-o", "kept.nc"), "kept.nc", "is read-only"),
-        (("simulate", "rig.toml", "-o", "pipe"), "pipe", "is a named pipe"),
-        (
-            ("simulate", "rig.toml", "-o", "run.png", "--plot", "run.png"),
-            "rig.toml",
-            "is given for two outputs",
-        ),
-        (("measure", "trace.csv", "--events", "/dev/null"), "/dev/null", "is a device"),
-        (
-            ("measure", "trace.csv", "--events", "a.csv", "--curve", "a.csv"),
-            "rig.toml",
-            "is given for two outputs",
-        ),
-        (("plot", "trace.csv", "kept.png"), "kept.png", "is read-only"),
-        (("predict", "rig.toml", "--plot", "kept.png"), "kept.png", "is read-only"),
-        (
-            ("sweep", "rig.toml", "--store", "new", "--plot", "kept.png"),
-            "kept.png",
-            "is read-only",
-        ),
-        (("paper", "fig1"), "fig1.nc", "is read-only"),
+        ("plot trace.csv kept.png", "kept.png", "is read-only"),
+        ("predict rig.toml --plot kept.png", "kept.png", "is read-only"),
+        ("sweep rig.toml --store new --plot kept.png", "kept.png", "is read-only"),
+        ("paper fig1", "fig1.nc", "is read-only"),
     ],
 )
 @pytest.mark.usefixtures("rig", "sawtooth")
 def test_an_output_replaces_nothing_but_a_file_that_may_be_replaced(
-    tmp_path, capsys, monkeypatch, arguments, kept, words
+    tmp_path, capsys, monkeypatch, command, kept, words
 ):
     monkeypatch.chdir(tmp_path)
     os.mkfifo("pipe")
@@ -275,7 +263,7 @@ def test_an_output_replaces_nothing_but_a_file_that_may_be_replaced(
     for name in ("kept.nc", "kept.png", "fig1.nc"):
         Path(name).touch(mode=0o444)
     before = sorted(os.listdir()), os.stat(kept)
-    assert words in refused(capsys, *arguments)
+    assert words in refused(capsys, *command.split())
     assert (sorted(os.listdir()), os.stat(kept)) == before
 
 

@@ -651,46 +651,29 @@ def table(head, *columns):
     return "\n".join([head, *lines, ""])
 
 
+CHOSEN = r"""
+t (s),Torque (N m),WOB (kN) | tFL | force: column 2 .Torque. .N m.; load:\x20
+t (s),Drehmoment,Drehzahl (rpm) | tFv | column 2 .Drehmoment.; velocity:\x20
+Time,DAQ.Fz (N),DAQ.Fx (N),DAQ.COF () | tLFm | column 3 .DAQ.Fx. .N.; load
+time (s),friction coefficient mu | tm | column 2 .friction coefficient mu.;
+Time,Analog 1; ms,Torque | tF | time: column 1 .Time. .ms.; force: .*Torque
+Channel name,"Force"; Unit,"V" | tF | time: column 1; force: column 2 .*V
+time,force; -----,----- | tF | time: column 1 .time.; force: column 2 .for
+"unit","N","g"; "Time(sec)","Fn","Fx" | tLF | column 3 .Fx. .g.; load:\x20
+t,temperature of friction pad (degC),F (N) | tLF | force: column 3\x20
+ | tF | time: column 1; force: column 2; 600 readings, one each 10 ms
+"""
+
+
 @pytest.mark.parametrize(
-    ("head", "columns", "read"),
-    [
-        (
-            "t (s),Torque (N m),WOB (kN)",
-            "tFL",
-            "force: column 2 .Torque. .N m.; load: ",
-        ),
-        ("t (s),Drehmoment,Drehzahl (rpm)", "tFv", "column 2 .Drehmoment.; velocity: "),
-        (
-            "Time,DAQ.Fz (N),DAQ.Fx (N),DAQ.COF ()",
-            "tLFm",
-            "column 3 .DAQ.Fx. .N.; load",
-        ),
-        (
-            "time (s),friction coefficient mu",
-            "tm",
-            "column 2 .friction coefficient mu.;",
-        ),
-        (
-            "Time,Analog 1\nms,Torque",
-            "tF",
-            "time: column 1 .Time. .ms.; force: .*Torque",
-        ),
-        ('Channel name,"Force"\nUnit,"V"', "tF", "time: column 1; force: column 2 .*V"),
-        (
-            "time,force\n-----,-----",
-            "tF",
-            "time: column 1 .time.; force: column 2 .for",
-        ),
-        ('"unit","N","g"\n"Time(sec)","Fn","Fx"', "tLF", "column 3 .Fx. .g.; load: "),
-        ("t,temperature of friction pad (degC),F (N)", "tLF", "force: column 3 "),
-        ("", "tF", "time: column 1; force: column 2; 600 readings, one each 10 ms"),
-    ],
+    ("head", "columns", "read"), re.findall(r"^(.*) \| (\w+) \| (.*)$", CHOSEN, re.M)
 )
 def test_columns_are_chosen_by_names_units_and_numbers_and_the_answer_says_which(
     tmp_path, head, columns, read
 ):
     values = {"t": TIMES_OF_SAW, "F": SAW, "L": 20.0 + 0.1 * np.sin(SAW), "m": SAW / 20}
     values["v"] = 3.0 + 0.1 * np.cos(SAW)
+    head = head.replace("; ", "\n")
     scale = 1000.0 if "ms," in head else 1.0
     data = read_trace(
         written(
