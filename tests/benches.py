@@ -95,9 +95,7 @@ def springs_between(body):
 
 
 def rigidly(interface, method, drive, times, start=ss.FromSliding()):
-    """What contacts do under a slider that is moved with the drive, from its first
-    velocity on.
-    """
+    """Move contacts with a rigid slider along a drive, from its first velocity on."""
     beginning = Beginning(interface, None, drive.pieces[0].start, start)
     return follow(
         engine_of(interface, method, None)(beginning, method), drive, 0.0, times
@@ -105,9 +103,7 @@ def rigidly(interface, method, drive, times, start=ss.FromSliding()):
 
 
 def oscillations(signal, interval):
-    """Growth and angular frequency of what oscillates in a signal, as complex rates,
-    by the matrix pencil.
-    """
+    """Return growth and frequency of a signal as complex rates, by matrix pencil."""
     rows = np.lib.stride_tricks.sliding_window_view(signal, signal.size // 3)
     basis = np.linalg.svd(rows, full_matrices=False)[2][:8].T
     return np.log(np.linalg.eigvals(np.linalg.pinv(basis[:-1]) @ basis[1:])) / interval

@@ -1,6 +1,4 @@
-"""Disks that fail: the n-th call to the system that writes gives an error, as sqlite
-tries itself.
-"""
+"""Disks that fail: the n-th call to the system that writes gives an error."""
 
 import _sqlite3
 import builtins
@@ -94,9 +92,7 @@ class _File:
 
 @contextmanager
 def failing(nth: int, code: int) -> Iterator[Faults]:
-    """Let the n-th call fail of those that open a file for writing, write, flush,
-    sync, move or remove it.
-    """
+    """Let the n-th call fail of those that open, write, sync, move or remove."""
     faults = Faults(nth, code)
     opened = builtins.open
 
@@ -138,9 +134,7 @@ class _Vfs(ctypes.Structure):
 
 
 def sqlite_files() -> Any:
-    """Return the file system of the sqlite that Python uses; None where it is not to
-    be reached.
-    """
+    """Return the file system of the sqlite that Python uses, if it is to be had."""
     try:
         find = ctypes.CDLL(_sqlite3.__file__).sqlite3_vfs_find
     except (AttributeError, OSError):  # built into Python

@@ -19,9 +19,7 @@ IMPORT = re.compile(r"^(?:from|import) .*\n", re.MULTILINE)
 def refused(
     table: str, names: dict[str, object], given: str = ""
 ) -> pytest.MarkDecorator:
-    """Give a test each expression, as a `call` (of what is given), and the `message` of
-    its refusal.
-    """
+    """Give a test each expression as a `call`, and the `message` of its refusal."""
     known = dict(names)
     exec("".join(IMPORT.findall(table)), known)
     rows = []

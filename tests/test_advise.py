@@ -58,9 +58,7 @@ def scattered(mean, std):
 
 @pytest.fixture(scope="module")
 def paper_s_rig():
-    """The whole answer for the paper's rig, which takes ten seconds: several tests
-    read it.
-    """
+    """The whole answer for the paper's rig, which takes ten seconds."""
     return advise.predict(make(stiffness=2.0))
 
 
@@ -79,9 +77,7 @@ def test_the_paper_s_rig_is_bistable_with_its_margins(paper_s_rig):
 
 
 def test_a_verdict_is_about_the_speed_that_it_names():
-    """A drive that goes on faster than stick-slip lasts is judged at its first
-    speed.
-    """
+    """A drive that goes on faster than stick-slip lasts has its first speed judged."""
     drives = (
         ss.constant(1.0, 80.0),
         ss.constant(1.0, 80.0).then(ss.constant(30.0, 10.0)),
@@ -422,9 +418,7 @@ def test_what_was_not_simulated_is_not_called_smooth():
 
 @pytest.mark.parametrize("again", ["stick-slip", "smooth sliding"])
 def test_a_band_that_its_neighbours_contradict_is_run_again(again):
-    """Of one speed between two with stick-slip: it is told only if other contacts do
-    the same.
-    """
+    """Between two speeds with stick-slip, other contacts have to do the same."""
 
     class Fated(Budget):
         def regime(self, rig):
@@ -546,9 +540,7 @@ def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
 
 
 def test_a_narrow_range_of_instability_is_told():
-    """Eight percent wide, between two of the speeds at which modes are counted: it
-    was stable throughout.
-    """
+    """It is 8 % wide, and lies between two of the speeds at which modes are counted."""
     rig = make(stiffness=0.3, mass=1e-3, damping=47.83)
     kinds = [
         band.kind for band in stability_along(rig, ss.stability.VELOCITY, 0.01, 100.0)
@@ -557,9 +549,7 @@ def test_a_narrow_range_of_instability_is_told():
 
 
 def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
-    """The slider never goes at more than three times the drive, and yet the force
-    oscillates on and on.
-    """
+    """The slider never exceeds three times the drive, yet the force oscillates on."""
     rig, stiff = (
         make(
             stiffness=k,
@@ -581,9 +571,7 @@ def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
 # the master equation at nodes of the stretching, and its response at many speeds
 @pytest.mark.slow
 def test_contacts_that_break_by_heat():
-    """Static friction and the critical stiffness are those without heat; the rest
-    knows of it.
-    """
+    """Static friction and critical stiffness are those without heat; nothing else."""
     thresholds = ss.Gaussian(mean=1.0, std=0.3)
     interface = ss.Interface(
         thresholds=thresholds,

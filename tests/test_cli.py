@@ -1,6 +1,4 @@
-"""The command line: the user's path, and one line with exit code 2 for every input
-that cannot be used.
-"""
+"""The command line: the user's path, and one line with code 2 for unusable input."""
 
 import json
 import os

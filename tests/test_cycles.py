@@ -173,9 +173,7 @@ def test_the_branch_ends_in_a_fold_at_v1_prime():
     ],
 )
 def test_the_branch_carries_the_same_cycle_as_a_fresh_start(parameter, value, sampled):
-    """Whatever is varied under way, forces do not jump, and contacts are neither
-    lost nor made.
-    """
+    """Whatever is varied, forces do not jump and no contact is made or lost."""
     rig = pulled(0.1)
     own = rig.value(parameter)
     branch = cycle_branch(

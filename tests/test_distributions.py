@@ -74,9 +74,7 @@ def kinks(distribution: Distribution) -> tuple[float, ...]:
 
 
 def levels(distribution: Distribution) -> np.ndarray:
-    """Stretchings from well below to well above the values of the distribution, its
-    quantiles among them.
-    """
+    """Stretchings from below to above all values of the distribution."""
     low, high = distribution.support
     quantiles = distribution.inverse_survival(
         np.array([1 - 1e-6, 0.99, 0.9, 0.7, 0.5, 0.3, 0.1, 1e-2, 1e-5, 1e-9])
@@ -188,9 +186,7 @@ def test_survival_falls_from_one_to_zero_on_the_support_and_its_inverse_leads_ba
 
 
 def largest_gap(distribution: Distribution, values: np.ndarray) -> float:
-    """Largest distance between the fraction of values beyond x and the survival
-    function (Kolmogorov's).
-    """
+    """Kolmogorov's distance between values and the survival function."""
     beyond = distribution.survival(np.sort(values))
     n = values.size
     ranks = np.arange(n)

@@ -53,9 +53,7 @@ def house():
 
 
 def found(dotted):
-    """Whether a dotted name leads to something; a field of a record may have no
-    default.
-    """
+    """Whether a dotted name leads to something, be it a field without a default."""
     try:
         pkgutil.resolve_name(dotted)
     except (ImportError, AttributeError):

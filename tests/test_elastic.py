@@ -1,6 +1,4 @@
-"""Elastic sliders: blocks on contacts, against closed forms, rigid runs and each
-other.
-"""
+"""Elastic sliders, against closed forms, rigid runs and each other."""
 
 from __future__ import annotations
 

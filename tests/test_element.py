@@ -58,9 +58,7 @@ INTERFACES = {
 
 
 def gone(element, cut, ways=WAYS):
-    """Go the ways, each in a number of steps; return the work, where the ends are
-    lines, and the impulse.
-    """
+    """Go the ways in steps; return the work, where the ends are lines, the impulse."""
     work = impulse = 0.0
     for way, duration in ways:
         start = element.displacement

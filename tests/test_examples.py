@@ -157,9 +157,7 @@ def test_stick_slip_takes_a_short_bar_smooth_sliding_a_longer_one_and_alone_eith
 
 @pytest.mark.slow
 def test_a_slow_front_by_slow_slip():
-    """The fast front as theory has it, which stops where the prestress falls; a slow
-    one goes on.
-    """
+    """The fast front, as in theory, stops where the prestress falls; a slow one not."""
     module = example("slow_front", "elastic")
     run = ss.simulate(module.rig(beyond=0.44))
     fast, slow = module.speeds(run)

@@ -269,9 +269,7 @@ def test_the_law_of_friction_turns_where_theory_says():
 
 
 def test_the_law_of_friction_of_a_rig_in_si_units_is_in_si_units():
-    """By hand: contacts carry (1 + .2^2)/2 of 2400 N, and hold half of the time: 1
-    ms of every 2 ms.
-    """
+    """By hand: contacts carry (1 + .2^2)/2 of 2400 N, and hold half of the time."""
     document = documents.of(rigs.example("brake_pad"))
     (told,) = simulate.law({"document": document}, silent)
     v, force = told["here"]

@@ -1,6 +1,4 @@
-"""The explorer in a class, with --share: behind a token, fair to all, steady with
-forty visitors.
-"""
+"""The explorer with --share: behind a token, fair to all, steady with forty."""
 
 import http.client
 import json

@@ -81,9 +81,7 @@ def enter(page, field, text, then=""):
 
 
 def until(page, expression):
-    """Wait until JavaScript says so; the page's own policy forbids
-    `wait_for_function`.
-    """
+    """Wait until JavaScript says so: the page forbids `wait_for_function`."""
     for _ in range(headless.PATIENCE // 100):
         if page.evaluate(expression):
             return

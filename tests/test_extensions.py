@@ -83,9 +83,7 @@ Triangular, ConstantRate, Steep, set_ratio = taught()
 
 @dataclass(frozen=True)
 class Glued:
-    """Method: contacts that never break, under a slider that goes half as fast as
-    the drive.
-    """
+    """Method: contacts never break, under a slider half as fast as the drive."""
 
     stretched: Annotated[float, Number("x_s", at_least=0)] = 0.0
 

@@ -1,6 +1,4 @@
-"""Reading and writing files: regular ones only, whole or not at all, nothing lost
-and nothing left behind.
-"""
+"""Reading and writing files: regular ones, whole or not at all, nothing left behind."""
 
 import os
 import socket
@@ -14,9 +12,7 @@ from stickslip.io import files
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """A folder with one of each kind of thing in it, and the folder that commands
-    run in.
-    """
+    """A folder with one thing of each kind, and the folder that commands run in."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_bytes(b"old")
     (tmp_path / "kept").write_bytes(b"old")

@@ -1,6 +1,4 @@
-"""From a trace to a rig: picking, statistics, the simulator, inference, rigs and
-refusals.
-"""
+"""From a trace to a rig: picking, statistics, inference, rigs and refusals."""
 
 import json
 import math
@@ -53,9 +51,7 @@ NARROW = Prior(
 
 
 def saw(peaks, troughs, *, samples=50.0, noise=0.0, seed=0):
-    """A trace of these slips of 10 N, sampled `samples` times from slip to slip on
-    average.
-    """
+    """A trace of these slips of 10 N, with `samples` from slip to slip on average."""
     peaks, troughs = 10.0 * peaks / peaks.mean(), 10.0 * troughs / peaks.mean()
     step = 2.0 * (peaks[1:] - troughs[:-1]).mean() / samples
     return sampled(peaks, troughs, 0.5, step, 10.0 * noise, np.random.default_rng(seed))
@@ -216,9 +212,7 @@ def test_a_long_trace_is_fitted_in_stretches():
 
 
 def test_contacts_all_alike_without_scatter_give_equal_slips():
-    """One contact alone, thresholds equal: the force drops from its threshold as the
-    overshoot says.
-    """
+    """One contact, no scatter: the drop is what the overshoot says."""
     stiffness = 0.5
     ratio = 0.2
     residual = 0.4
@@ -530,9 +524,7 @@ def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
 
 
 def test_holds_without_ageing_seldom_seem_to_age():
-    """Three holds leave one degree of freedom: 2.5 % lie above the 97.5 % quantile
-    of Student's t.
-    """
+    """One degree of freedom: 2.5 % lie above the 97.5 % quantile of Student's t."""
     drawn = (
         tuple(zip((1.0, 10.0, 100.0), row, strict=True))
         for row in RNG(0).normal(10.0, 0.1, (1000, 3)).tolist()

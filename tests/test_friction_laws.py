@@ -153,9 +153,7 @@ def test_the_slope_is_that_of_the_force_and_of_slow_perturbations(interface):
 
 
 def by_quadrature(barrier, thresholds, velocity):
-    """Steady force out of the survival under the hazard, on a grid of stretchings
-    and thresholds.
-    """
+    """Steady force out of the survival, on a grid of stretchings and thresholds."""
     threshold = np.linspace(1e-3, 3.0, 600)
     part = np.linspace(0.0, 1.0, 2001)[:, None]
     x = part * threshold

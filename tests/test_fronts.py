@@ -1,6 +1,4 @@
-"""Elastic sliders: slip fronts, precursors and the modes of smooth sliding, in
-theory and in pictures.
-"""
+"""Elastic sliders: fronts, precursors, modes of smooth sliding, and their pictures."""
 
 import math
 from dataclasses import replace
@@ -32,9 +30,7 @@ SPREAD_BY = {"kappa": 0.01, "leaf": 0.0025, "alpha": 0.1}
 @pytest.mark.parametrize("leaf", [0.0, 0.2])
 @pytest.mark.parametrize("prestress", [0.5, 0.7, 0.95])
 def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
-    """Without losses the phase is a step at each of two roots, found here on their
-    own.
-    """
+    """Without losses the phase is a step at each of two roots, found on their own."""
 
     def root(held, v):
         return brentq(
@@ -78,9 +74,7 @@ def test_fronts_faster_than_sound_without_losses(kappa, leaf, prestress):
     ],
 )
 def test_published_numbers(groups, prestress, expected):
-    """Speeds known to five digits or more, each met by a chain of blocks integrated
-    in time as well.
-    """
+    """Speeds to five digits or more, met by a chain of blocks in time as well."""
     rig = bar(**groups) if isinstance(groups, dict) else bar(*groups)
     assert speed(rig, prestress) == pytest.approx(expected, rel=0.0, abs=6e-6)
 
@@ -191,9 +185,7 @@ def test_precursor_force_from_the_balance_of_every_block(tip):
 
 
 def test_screening_length_is_how_stuck_blocks_follow():
-    """The displacement of a row of stuck blocks, pushed at one end, falls by e over
-    the screening length.
-    """
+    """Displacements of stuck blocks, pushed at one end, fall by e over that length."""
     rig = bar(1 / 25.0, side=4.0)
     decay = 25.0 / (
         1.0 + 25.0 * 2.0 - 25.0 * math.exp(-1 / elastic.screening_length(rig))
@@ -411,9 +403,7 @@ def test_pictures_are_what_they_were(passing, pulled):
 
 
 def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
-    """It follows the falling prestress with a lag of some blocks, .0013 of prestress
-    each.
-    """
+    """It follows the falling prestress some blocks late, .0013 of prestress each."""
     lines = {
         line.get_label(): line for line in ss.plot.front_curve(passing).get_lines()
     }

@@ -140,9 +140,7 @@ def paths(node, at=()):
 
 @st.composite
 def rigs(draw):
-    """The content of a rig file with some of its values changed, taken away or
-    added.
-    """
+    """The content of a rig file with values changed, taken away or added."""
     document = json.loads(json.dumps(draw(st.sampled_from(documents_to_begin_with()))))
     for _ in range(draw(st.integers(0, 3))):
         *where, last = draw(st.sampled_from(list(paths(document))))
@@ -196,9 +194,7 @@ CELLS = st.one_of(
 
 @st.composite
 def traces(draw):
-    """The text of a measured trace: a sawtooth with what loggers add to it, and what
-    none does.
-    """
+    """A measured sawtooth with what loggers add to it, and what none does."""
     separator = draw(st.sampled_from([",", ";", "\t", " ", ", "]))
     count = draw(st.sampled_from([0, 1, 3, 40, 400]))
     size = draw(st.sampled_from([1.0, 1e-9, 1e9, 1e-320, 1e308, 0.0]))

@@ -1,6 +1,4 @@
-"""An interrupt is answered soon, however much a step takes: kernels come back by time
-and not by steps.
-"""
+"""An interrupt is answered soon: kernels come back by time, not by steps."""
 
 import contextlib
 import signal

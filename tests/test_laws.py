@@ -36,9 +36,7 @@ class Pair:
 
     @property
     def accuracy(self) -> float:
-        """Rounding from event to event; else ten times the tolerance, and as much
-        for the default steps.
-        """
+        """Rounding from event to event; else ten times the default tolerance."""
         from_event_to_event = (
             isinstance(self.method, ss.Contacts) and self.body is SLIDER
         )
@@ -46,9 +44,7 @@ class Pair:
 
     @property
     def draws_in_each_step(self) -> bool:
-        """Whether other steps draw other numbers: another run of the same
-        distribution.
-        """
+        """Whether other steps draw other numbers, of the same distribution."""
         noisy = self.one_by_one and isinstance(self.interface.ageing, ss.Langevin)
         return noisy or isinstance(self.method, ss.Population)
 

@@ -1,6 +1,4 @@
-"""The master equation by its public name: its error follows its tolerance, whatever
-the rig.
-"""
+"""The master equation: its error follows its tolerance, whatever the rig."""
 
 import math
 

@@ -66,9 +66,7 @@ def with_motion(t, force, *, stiffness=2.0, velocity=1.0):
 
 
 def sawtooth(t, peaks, slips, *, fall=0.02, start=0.0):
-    """Linear loading to each peak (time, force), then a linear fall by the slip that
-    lasts `fall`.
-    """
+    """Linear loading to each peak (time, force), then a fall by the slip."""
     times = [0.0]
     forces = [start]
     for (when, force), drop in zip(peaks, slips, strict=True):
@@ -92,9 +90,7 @@ def even_sawtooth(*, period=1.5, drop=0.7, cycles=12, step=0.01, fall=0.06, low=
 def bench(
     *, cycles=100, samples=26, noise=0.0, variation=0.05, ringing=0.0, slip=0.06, seed=1
 ):
-    """A noisy sawtooth in N and s: period 1.5 s, drops of about 1 N; and the drops
-    it is made of.
-    """
+    """A noisy sawtooth in N and s, of periods about 1.5 s, and its drops."""
     rng = np.random.default_rng(seed)
     sizes = np.maximum(1.0 + variation * rng.normal(size=cycles), 0.4)
     when = np.cumsum(1.5 * sizes)
@@ -146,9 +142,7 @@ def slips_of_a_second(t):
 
 
 def to_and_fro(each, *, displacement=False):
-    """A test of six strokes to and fro: each(s) is the force along a stroke of
-    length 10, at s.
-    """
+    """Six strokes to and fro: each(s) is the force along a stroke of length 10."""
     s = np.linspace(0.0, 10.0, 2000, endpoint=False)
     force = np.concatenate(
         [(-1) ** i * each(s) * np.minimum(s / 0.05, 1.0) for i in range(6)]
@@ -198,9 +192,7 @@ def driven(velocity):
 
 
 def changing(factor, about, rms, unit=1.0):
-    """Slow noise that changes by a factor over 20 time units, of which the last 40
-    are judged.
-    """
+    """Slow noise that changes by a factor over 20 time units; the last 40 count."""
     t = np.arange(0.0, 100.0, 0.01)
     size = np.where(t < 55.0, 0.01, rms * factor ** ((t - about) / 20.0))
     return with_motion(
@@ -220,9 +212,7 @@ def alone(end, step, text, noise=0.0, seed=1):
 
 
 def of_contacts(count):
-    """Slow noise of 3 %: that of three hundred contacts, and more than that of a
-    million.
-    """
+    """Slow noise of 3 %: that of 300 contacts, and more than that of a million."""
     return at(200.0, 0.01, lambda t: 5.0 + 0.15 * slow(t.size)).assign_attrs(
         contacts=count
     )
@@ -886,9 +876,7 @@ PAPER = {  # regime, motion; stuck, swing, drop, recurrence, loading
 
 @pytest.mark.parametrize("name", PAPER)
 def test_how_paper_slides_on_paper(name):
-    """As an expert measured it, with another picker and another estimate of the
-    noise of the sensor.
-    """
+    """As an expert measured it, with another picker and another noise."""
     kind, motion, stuck, swing, drop, recurrence, loading = PAPER[name]
     data, bench = labelled_paper(name)
     moving = ss.measure.motion(data, **bench)

@@ -133,9 +133,7 @@ def reference(rig, dt):
     ],
 )
 def test_the_motion_is_that_of_the_rules_in_small_steps(changes, damping):
-    """Equal contacts, a heavy slider: no randomness, so runs can be compared sample
-    by sample.
-    """
+    """Equal contacts and a heavy slider: nothing is random, so samples compare."""
     interface = ss.Interface(
         thresholds=None if "areas" in changes else ss.Gaussian(mean=1.0, std=0.0),
         initial=ss.Gaussian(mean=0.0, std=0.0),
@@ -253,9 +251,7 @@ stick-slip.
 
 
 def stick_slip(interface, *, duration=1500, interval=0.05, count=100):
-    """A soft spring, little damping and a slow drive: the slider stops within each
-    slip.
-    """
+    """A soft spring, little damping, a slow drive: the slider stops in each slip."""
     drive = ss.constant(0.05, duration=duration)
     rig = rig_of(interface, drive, damping=20.0, stiffness=0.5, count=count)
     return ss.simulate(rig, output=ss.Output(interval=interval))
@@ -437,9 +433,7 @@ def test_the_master_equation_grows_as_the_linear_response_says(
 
 
 def roots_counted_on_a_contour(rig, reach=400.0):
-    """Number of roots with ``Re s > 0`` by plain phases along a large half circle:
-    slow and simple.
-    """
+    """Number of roots with ``Re s > 0`` by phases along a half circle."""
     slider = rig.slider
     interface = rig.interface
     v = rig.velocity
@@ -463,9 +457,7 @@ def roots_counted_on_a_contour(rig, reach=400.0):
 )
 @pytest.mark.parametrize("damping", [0.0, 42.0])
 def test_unstable_modes_are_all_counted(sliding_force, velocity, stiffness, damping):
-    """A sliding force keeps the response from fading at high frequencies, where
-    modes may hide.
-    """
+    """A sliding force keeps the response up at high frequencies: modes may hide."""
     rig = rig_of(
         replace(FIG7, sliding_force=sliding_force),
         ss.constant(velocity),

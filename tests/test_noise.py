@@ -81,9 +81,7 @@ def in_runs(rig, noise, error, seeds=3):
 
 @pytest.mark.parametrize("interface", INTERFACES.values(), ids=INTERFACES)
 def test_contacts_fluctuate_as_theory_says(interface):
-    """Whatever the contacts; three standard errors, and 1 % of what is beyond
-    leading order.
-    """
+    """Within three standard errors, and 1 % for what is beyond leading order."""
     rig = rig_of(interface)
     noise = contact_noise(rig)
     assert noise.relative_velocity < 0.2
@@ -113,9 +111,7 @@ def light_rig(rate, std, newborn, stiffness, mass, damping):
 
 @pytest.mark.parametrize("numbers", LIGHT.values(), ids=LIGHT)
 def test_a_light_slider_on_ageing_contacts_is_as_steady_as_theory_says(numbers):
-    """Stable, it answers within the contacts' memory, however short; three standard
-    errors.
-    """
+    """Stable, it answers within the contacts' memory; three standard errors."""
     rig = light_rig(*numbers)
     force, _ = in_runs(rig, contact_noise(rig), error=0.05)
     assert force == pytest.approx(1.0, abs=0.15)
@@ -138,9 +134,7 @@ def test_a_population_fluctuates_as_theory_says():
 
 
 def test_on_a_stiff_spring_the_noise_is_that_of_the_contacts(distribution):
-    """Which has a closed form with any delay and sliding force; what is faster than
-    the slider is lost.
-    """
+    """It has a closed form, but for what is faster than the slider."""
     velocity = 0.7
     force = 0.3
     delay = 0.2
@@ -194,9 +188,7 @@ def test_how_many_contacts_a_size_takes():
 
 
 def test_near_the_limit_the_noise_grows_and_is_remembered_for_half_the_time_of_decay():
-    """The slowest mode is then all of it, and its size goes with the root of its
-    time.
-    """
+    """The slowest mode is then all of it; its size goes as the root of its time."""
     narrow = replace(TENTHS, thresholds=ss.Gaussian(mean=1.0, std=0.1))
     rig = rig_of(narrow, slider=ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4))
     edge = ss.critical(rig, "delay", between=(0.05, 0.3)).edges[0].value

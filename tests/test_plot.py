@@ -1,6 +1,4 @@
-"""Pictures: labels with units, marks of slips, thinning, and files that are whole or
-not there.
-"""
+"""Pictures: labels with units, marks of slips, thinning, whole files or none."""
 
 import tomllib
 

@@ -106,9 +106,7 @@ def public_names(module):
 
 
 def names_used(file):
-    """Yield each name that a file takes from a module of the package, with that
-    module.
-    """
+    """Yield each name that a file takes from a module of ours, with that module."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     known = {}
     for node in ast.walk(tree):

@@ -1,6 +1,4 @@
-"""Quantities: one strict grammar; what is accepted is exact, and nothing is read as
-something else.
-"""
+"""Quantities: one strict grammar, exact values, nothing read as something else."""
 
 import math
 import sys

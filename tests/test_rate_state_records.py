@@ -30,9 +30,7 @@ def record_of(
     jitter=0.05,
     trend=0.0,
 ):
-    """A record each 0.1 s: friction of a spring-slider, and where its load point was
-    read.
-    """
+    """A record each 0.1 s: friction of a spring-slider, where its load point was."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, until, 0.1)
     pull = np.array(speeds)[np.searchsorted(begins, time + 1e-9, side="right") - 1]

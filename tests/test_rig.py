@@ -1,6 +1,4 @@
-"""The door for rigs: what a file says reaches the model, and every mistake gets one
-clear line.
-"""
+"""Rig files: what one says reaches the model; each mistake gets one clear line."""
 
 import json
 import math

@@ -1,6 +1,4 @@
-"""Rigid motion: Fig. 1, the effective and the critical stiffness, and three solvers
-that must agree.
-"""
+"""Rigid motion: Fig. 1, effective and critical stiffness, three solvers that agree."""
 
 import math
 from dataclasses import replace
@@ -80,9 +78,7 @@ def test_critical_stiffness_without_reattachment():
 )
 @pytest.mark.eq(8)
 def test_critical_stiffness_of_rectangular_thresholds(low, high):
-    """x2/(x2-x1) - 1 from a delta start, as long as no contact breaks twice before
-    X = x2: x2 < 2 x1.
-    """
+    """x2/(x2-x1) - 1 from a delta start, until a contact breaks twice: x2 < 2 x1."""
     rig = ss.Interface(thresholds=ss.Uniform(low=low, high=high), initial=AT_REST)
     value, place = steepest_fall(rig)
     assert value == pytest.approx(high / (high - low) - 1, abs=1e-3)

@@ -162,9 +162,7 @@ def test_books_balance_and_what_is_recorded_changes_no_bit(name):
 
 @pytest.mark.parametrize("count", [1, 17])
 def test_equal_contacts_break_together(count):
-    """All thresholds 1, all born at 0, none comes back: the force is X up to X = 1
-    and 0 beyond.
-    """
+    """All thresholds 1, all born at 0, none re-attaches: the force is X up to 1."""
     same = ss.Interface(
         thresholds=ONE, initial=ss.Gaussian(mean=0, std=0), delay=ss.Delay(math.inf)
     )

@@ -103,9 +103,7 @@ def by_hand(
 
 
 def roots_by_hand(left, **parameters):
-    """Roots with Re s > left and Im s > 0, by Newton's method from every point of a
-    fine grid.
-    """
+    """Roots with Re s > left, Im s > 0, by Newton's method from a fine grid."""
 
     def function(s):
         return by_hand(s, **parameters)

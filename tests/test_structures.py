@@ -156,9 +156,7 @@ def test_neutral_frequencies_count_as_the_argument_principle_does(velocity, ki):
 
 
 def spectral_radius(axis):
-    """Of the sampled axis alone, from update to update: position, velocity, integral
-    and last error.
-    """
+    """Of the sampled axis alone: position, velocity, integral and last error."""
     T = axis.sample_time
     force = np.array([-axis.kp - axis.ki * T - axis.kd / T, 0.0, 1.0, -axis.kd / T])
     step = np.array(

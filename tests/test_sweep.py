@@ -120,9 +120,7 @@ def runs(tmp_path):
 
 
 def test_axes_become_dimensions_of_one_dataset():
-    """And what stands there is what the case alone gives, with a seed that depends
-    on nothing else.
-    """
+    """A value is what its case alone gives, with a seed that nothing else decides."""
     wide = run_cases(case, AXES)
     assert dict(wide["sum"].sizes) == {"stiffness": 3, "velocity": 7, "start": 2}
     at = {"stiffness": 2.0, "velocity": AXES["velocity"][3].item(), "start": "sliding"}

@@ -671,9 +671,7 @@ def test_a_cluster_gives_the_same_bits_and_survives_a_worker(
 
 
 def blocks_of(page, language):
-    """Code blocks of a page, the name of the file in the first line of those that
-    have one.
-    """
+    """Code blocks of a page; the first line names the file of those that have one."""
     text = (ROOT / "docs" / "howto" / page).read_text()
     return [block.split("```")[0] for block in text.split(f"```{language}\n")[1:]]
 

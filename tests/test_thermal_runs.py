@@ -1,6 +1,4 @@
-"""Contacts that break by thermal activation: N of them, and infinitely many;
-velocity steps and holds.
-"""
+"""Contacts that break by heat, N or infinitely many; velocity steps and holds."""
 
 import math
 
@@ -220,9 +218,7 @@ def test_contacts_of_one_area_are_contacts():
 
 @pytest.mark.parametrize("name", BARRIERS)
 def test_thresholds_with_little_noise_grow_by_a_rule(name):
-    """With less and less noise the kinetic equation gives the lives of thresholds
-    that grow exponentially.
-    """
+    """With less noise the lives become those of thresholds that grow by a rule."""
     growing = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=1e-6),
         activation=BARRIERS[name],
@@ -253,9 +249,7 @@ def test_noisy_thresholds_that_are_never_tried_are_those_without_temperature():
     ("interface", "rise", "end"), [(T, 0.00955, 0.00447), (LT, 0.00943, -0.00461)]
 )
 def test_a_velocity_step(interface, rise, end):
-    """The direct effect is nearly the width, whatever the ageing; in the end their
-    balance decides.
-    """
+    """The direct effect is nearly the width; in the end ageing decides, too."""
     run = ss.velocity_step(interface, before=1.0, after=10.0, distance=6.0)
     step = int(np.argmin(np.abs(run.time.to_numpy())))
     assert (run.time[step].item(), run.displacement[step].item()) == (0.0, 0.0)
@@ -330,9 +324,7 @@ def test_exponential_thresholds_are_rate_and_state():
     ],
 )
 def test_contacts_heal_by_the_slope_of_their_growth(interface, healing):
-    """At no temperature a contact breaks at its threshold, which a hold has raised
-    by ``c ln(1 + t/t_0)``.
-    """
+    """Cold, a contact breaks at its threshold, raised by ``c ln(1 + t/t_0)``."""
     run = ss.slide_hold_slide(interface, velocity=1.0, holds=(1e3, 1e4))
     assert float(run.peak[1] - run.peak[0]) == pytest.approx(healing, rel=0.01)
     if interface.activation is None:
@@ -421,9 +413,7 @@ def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
 
 
 def test_what_breaks_by_heat_at_rest_pulls_neither_way():
-    """Detached contacts slide with a force only once the slider does; at rest as
-    many pull back as forth.
-    """
+    """Detached contacts pull only once the slider moves; at rest both ways alike."""
     interface = ss.Interface(
         thresholds=NARROW,
         initial=ss.Uniform(low=-0.5, high=0.5),

@@ -1,6 +1,4 @@
-"""Reading force traces: every table that instruments write, and what is refused in
-one line.
-"""
+"""Reading force traces: tables of all instruments, and refusals in one line."""
 
 import datetime as dt
 import gzip

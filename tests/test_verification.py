@@ -1,6 +1,4 @@
-"""The verification programme itself: what it does with studies that hold, fail or
-break, on cheap studies.
-"""
+"""The verification programme, on cheap studies that hold, fail or break."""
 
 import json
 import sys

@@ -1,6 +1,4 @@
-"""Contacts whose thresholds age by Langevin: closed forms of the parts, the solvers
-against each other.
-"""
+"""Contacts whose thresholds age by Langevin: closed forms, solvers against others."""
 
 from dataclasses import replace
 from math import erfc, exp, sqrt

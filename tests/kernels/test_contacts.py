@@ -147,9 +147,7 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
 
 
 def crossed(flight, walls, most, times, slack):
-    """Look for the first crossing of two walls; until then no sample at these times
-    may lie beyond one.
-    """
+    """Find the first crossing of two walls; no sample before may lie beyond one."""
     h, side = flights.first_crossing(flight, *walls, most, np.zeros(16))
     assert 0 < h <= most
     before = np.array([flights.far(flight, float(t))[0] for t in times if t < h])
@@ -273,9 +271,7 @@ def test_a_box_reaches_half_of_the_way_to_a_threshold(
     ],
 )
 def test_thresholds_below_the_rounding_of_positions_break(mechanism):
-    """One threshold in twenty is less than the last digits of how far the slider has
-    come.
-    """
+    """One threshold in twenty is below the last digits of the slider's way."""
     interface = ss.Interface(
         thresholds=ss.Gamma(mean=1.0, std=2.0), delay=ss.Delay(0.05), **mechanism
     )

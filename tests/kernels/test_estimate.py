@@ -137,9 +137,7 @@ def test_only_what_happens_in_a_run_is_counted():
     ],
 )
 def test_breaks_are_counted_as_theory_has_them(interface, velocity, expected):
-    """Thresholds alike; within the factor of two that an inequality of renewal
-    theory leaves.
-    """
+    """Thresholds alike; within the factor 2 that renewal theory leaves."""
     thresholds = ss.Gaussian(mean=1.0, std=1e-3)
     rig = RIG.replace(
         interface=ss.Interface(thresholds=thresholds, **interface),
@@ -190,9 +188,7 @@ def steps_of(rig, at_once=10):
 )
 @pytest.mark.parametrize("numbers", AGED.values(), ids=AGED)
 def test_contacts_that_age_take_as_many_steps_as_were_said(numbers, method, words):
-    """However soon they forget: a slider, so damped that it never rings, answers
-    within that time.
-    """
+    """However soon they forget: a slider that never rings answers within that time."""
     rate, std, newborn, mass, velocities = numbers
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=std),
@@ -290,9 +286,7 @@ def test_a_long_run_in_a_pipe_says_how_far_it_is(monkeypatch, capsys):
 
 
 def test_stiff_dashpots_ask_for_short_steps():
-    """In proportion to the viscosity, once they do so more than the springs; a
-    mistaken unit is refused.
-    """
+    """In proportion to the viscosity, once they need shorter ones than the springs."""
     body = ss.Chain(blocks=8, coupling=5.0, mass=1e-2, damping=1.0, leaf=1.0)
     drive = ss.constant(1.0, duration=1.0)
     rig = ss.Rig(INTERFACE, body, drive, method=ss.Contacts(20))
@@ -378,9 +372,7 @@ def said_of_cohorts(rig):
 
 @pytest.mark.parametrize("name", ON_PANELS)
 def test_a_run_takes_as_many_steps_as_were_said(name):
-    """Whether it slips or slides smoothly, which only a run tells: the first part of
-    it that was tried.
-    """
+    """Whether it slips or slides, which only a trial of its first part shows."""
     tried = RIG.replace(
         method=ss.MasterEquation(rtol=1e-5), drive=ss.constant(1.0, 40.0)
     ).replace(**ON_PANELS[name])

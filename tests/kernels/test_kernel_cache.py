@@ -1,6 +1,4 @@
-"""Machine code of kernels: it is kept, and never outlives a change to what a kernel
-calls in another file.
-"""
+"""Machine code of kernels: kept, but never beyond a change of what a kernel calls."""
 
 import json
 import os
@@ -66,9 +64,7 @@ def write(house, factor=2.0):
 
 
 def run(house, **environment):
-    """What the callers give for 2, how often each came from the cache, and where that
-    is.
-    """
+    """What the callers give for 2, how often each came from the cache, its place."""
     kept = {
         name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"
     }

@@ -39,9 +39,7 @@ def test_a_tournament_knows_the_smallest_and_whose_it_is(slots, steps):
 
 
 def plain_turns(force, drop, rise):
-    """Peaks and troughs after them: the highest since the last trough, proved by a
-    drop; and so on.
-    """
+    """Peaks, each proved by a drop, and the troughs after them."""
     found = []
     falling = False
     best = 0
@@ -73,9 +71,7 @@ def test_turning_points(force, drop, rise):
     [(0.0, 0.0, 0.1), (0.0, 0.5, 0.4), (0.1, 0.0, 0.5)],
 )
 def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
-    """Samples fall at most one slope short of a peak; noise and rounding of the
-    recorder come on top.
-    """
+    """Samples fall at most one slope short of a peak; noise and rounding add to it."""
     peaks = np.array([9.0, 10.0, 8.0, 11.0, 9.0, 10.0])
     troughs = np.array([2.0, 3.0, 1.0, 4.0, 2.0, 3.0])
     seen = np.full((2, 4), np.nan)
@@ -189,9 +185,7 @@ def test_out_of_reach_is_out_of_reach(eta, w2, v, f0, f1):
     ],
 )
 def test_work_of_the_oscillator(mass, damping, length, tolerance):
-    """Against the equation of motion, integrated: a drive that turns, contacts that
-    break ever slower.
-    """
+    """Against the integrated equation of motion, through turns and slow breaks."""
     K = 1.5
     begin = 0.1
     start = Motion(0.1, 0.15, -0.4)

@@ -31,9 +31,7 @@ SLIDER = Slider(stiffness=2.0, mass=1e-4, damping=200.0)  # of Fig. 4
 
 @pytest.fixture
 def regular(distribution):
-    """A distribution whose survival polynomials can follow: without an infinite
-    slope at 0.
-    """
+    """A distribution whose survival has no infinite slope at 0."""
     if distribution.density(1e-9) > 5:
         pytest.skip("its start is singular")
     return distribution
@@ -99,9 +97,7 @@ def run(
     tolerance=1e-5,
     **options,
 ):
-    """Pull relaxed contacts at constant velocity, or go on from a state; sampled
-    every 0.01.
-    """
+    """Pull contacts at constant velocity, from rest or a state; sampled every 0.01."""
     state = start or initial_state(
         breaking(distribution), delays, *narrow(), velocity=velocity
     )

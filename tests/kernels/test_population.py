@@ -1,6 +1,4 @@
-"""Contacts counted by cohorts: as contact by contact, in mean and fluctuation, and
-none is ever lost.
-"""
+"""Contacts counted by cohorts: mean and fluctuation of single ones, none is lost."""
 
 import math
 from dataclasses import replace
@@ -96,9 +94,7 @@ def test_every_contact_is_attached_or_waits(interface, drive, end, count, dampin
 
 
 def moments(interface):
-    """Variances, times N, of friction force and attached fraction in rigid sliding
-    at velocity 1.
-    """
+    """Variances, times N, of friction force and attached fraction at velocity 1."""
     m1, m2, m3 = (interface.threshold_distribution.moment(order) for order in (1, 2, 3))
     cycle = m1 + interface.delay.moment(1)
     return m3 / (3 * cycle) - (m2 / (2 * cycle)) ** 2, m1 / cycle * (1 - m1 / cycle)
@@ -163,9 +159,7 @@ def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
 
 
 def cycles(method):
-    """Mean and standard deviation of period and drop after the first cycles, from
-    one run of Fig. 4c.
-    """
+    """Mean and standard deviation of period and drop in one run of Fig. 4c."""
     run = ss.simulate(
         ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=30.0)), method=method
     )
@@ -218,9 +212,7 @@ def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
 
 
 def test_newborns_of_a_slider_at_rest_do_not_push_it():
-    """It trembles ever faster, and the force stays: neither direction is that of its
-    motion for long.
-    """
+    """It trembles ever faster, and the force stays: no direction lasts."""
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.2),
         delay=ss.RandomDelay(mean=0.5, std=0.15),

@@ -1,6 +1,4 @@
-"""Rigid motion by convolution: closed forms, a brute-force solution, the paper's
-numbers, and the order.
-"""
+"""Rigid motion by convolution: closed forms, brute force, the paper, the order."""
 
 from functools import partial
 

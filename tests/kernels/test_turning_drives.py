@@ -48,9 +48,7 @@ every_rig = pytest.mark.parametrize(
 
 @dataclass(frozen=True)
 class Case:
-    """A slider, its damping ratio ``eta/(2 Omega)`` with all contacts attached, and
-    its drive.
-    """
+    """A slider, its damping ratio with all contacts attached, and its drive."""
 
     slider: ss.Slider
     ratio: float
@@ -141,9 +139,7 @@ def plain(case, birth, threshold, newborn, delay, times):
         return holds & (np.abs(state[0] - birth) >= threshold - margin)
 
     def first(state, dt, happens):
-        """Time in (0, dt] at which something first happens, known to hold at its
-        end.
-        """
+        """Time in (0, dt] at which something first happens, as it does at the end."""
         low = 0.0
         high = dt
         while high - low > 1e-14 * dt and low < 0.5 * (low + high) < high:
@@ -284,9 +280,7 @@ def test_forces_stay_within_the_thresholds_and_balances_close(seed, method, slac
 def test_ageing_contacts_hold_an_overdamped_slider_as_springs_do(
     damping, ageing, method
 ):
-    """Far below all thresholds the contacts are springs, over times up to 5e5 of the
-    fastest relaxation.
-    """
+    """Below all thresholds contacts are springs, up to 5e5 fastest relaxations."""
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.1),
         initial=ss.Gaussian(mean=0.0, std=1e-9),
