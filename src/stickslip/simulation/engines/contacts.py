@@ -91,8 +91,8 @@ _FLIGHTS, _DAMPED_FLIGHTS = 1.0, 5.0
 _OVERDAMPED, _SLOWEST = 9.0, 9.0
 # Seconds from which on lives are counted in a trial, of one of so many of the contacts,
 # of so many at least and at most, and so many events.
-_WORTH_A_TRIAL = 0.004
-_PART, _FEWEST, _MOST, _TRIED = 20, 20, 200, 50_000
+_WORTH_A_TRIAL = 0.006
+_PART, _FEWEST, _MOST, _TRIED = 100, 20, 200, 20_000
 # seconds that it takes to lay a window of the shared clock, some four on its width
 _WINDOW = 2e-7
 _CONTACT = 150.0  # bytes of a contact
