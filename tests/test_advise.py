@@ -502,9 +502,7 @@ def test_mitigations_stay_within_what_could_be_built():
 
 @pytest.mark.slow
 def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
-    """Beyond 50 times the velocity of ageing the theory cannot tell: that was called
-    unstable, and its end a limit.
-    """
+    """Beyond 50 times the velocity of ageing the theory cannot decide."""
     ageing = ss.Langevin(rate=0.38)
     slow = {
         "stiffness": 0.15,
@@ -610,9 +608,7 @@ def test_contacts_that_break_by_heat():
 
 
 def test_noise_of_few_contacts_is_no_oscillation():
-    """Its force fluctuates as 1/sqrt(N), from sliding as from rest: that was called
-    bistable, and got mitigations.
-    """
+    """Its force fluctuates as 1/sqrt(N), from sliding as from rest."""
     random = {
         "thresholds": ss.LogNormal(1.0, 0.3222),
         "delay": scattered(0.09368, 0.053667),
@@ -647,9 +643,7 @@ def test_noise_of_few_contacts_is_no_oscillation():
 
 
 def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
-    """So slowly that contacts break one by one each is a slip, of a stiff slider
-    whose smooth sliding is stable.
-    """
+    """Contacts that break one by one slip each, though smooth sliding is stable."""
     rig = make(
         stiffness=8.0,
         mass=1e-3,

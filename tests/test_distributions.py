@@ -342,9 +342,7 @@ def test_empirical_from_samples_is_the_histogram():
 
 @pytest.mark.eq(1)
 def test_the_steady_state_is_the_fixed_point_of_the_master_equation(distribution):
-    """(d/dx + P) Q_s = 0 for x > 0: what is carried on is what has not broken; at
-    x = 0 all that breaks comes in.
-    """
+    """(d/dx + P) Q_s = 0 for x > 0; at x = 0 all that breaks comes in."""
     steady = SteadyState(thresholds=distribution)
     x = distribution.inverse_survival(np.linspace(0.95, 0.05, 19))
     h = 1e-6 * distribution.standard_deviation()

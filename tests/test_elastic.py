@@ -183,9 +183,7 @@ def test_balance_with_re_attachment_and_a_drive_that_turns(ends) -> None:
 
 
 def test_detached_contacts_stick_again_when_the_drive_turns() -> None:
-    """They carry the sliding force until then, and are as stiff as attached ones
-    until they slide the other way.
-    """
+    """Until then they carry the sliding force, and are as stiff as attached ones."""
     drive = ss.constant(1.0, duration=1.5).then(ss.constant(-1.0, duration=0.2))
     rig = bar(1 / 3.0, std=0.2, sliding=0.4, blocks=2).replace(drive=drive, leaf=2.0)
     run = ss.simulate(
@@ -199,9 +197,7 @@ def test_detached_contacts_stick_again_when_the_drive_turns() -> None:
 
 
 def test_events_do_not_depend_on_how_finely_they_are_sampled() -> None:
-    """Between two samples that lie near each other no contact of a block may break,
-    though it slips all the while.
-    """
+    """Between two near samples a slipping block may break no contact."""
     rig = bar(
         0.25,
         0.025,
@@ -460,9 +456,7 @@ def test_mistakes_in_a_file_are_told(call, message) -> None:
 )
 @pytest.mark.parametrize("sliding_force", [0.0, 0.3])
 def test_blocks_that_move_alike_are_a_rigid_slider(thresholds, delay, sliding_force):
-    """Steps of leapfrog with many contacts against panels: two solvers that share no
-    line, through a reversal.
-    """
+    """Steps of leapfrog against panels, through a reversal: no line is shared."""
     interface = ss.Interface(
         thresholds=thresholds, delay=delay, sliding_force=sliding_force
     )

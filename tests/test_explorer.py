@@ -412,9 +412,7 @@ def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips
 
 @pytest.mark.takes(5)
 def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
-    """Its slips are fast: friction in them says less than that of slow sliding, by
-    which the delay is read.
-    """
+    """Friction in its fast slips says less than slow sliding, which gives the delay."""
     bench = documents.rig_of(documents.first_document())
     run = simulated(bench)
     rows = [

@@ -101,9 +101,7 @@ def move(page, value, selector=STIFFNESS):
 
 
 def state(page):
-    """The document in the address; what is typed counts on leaving the field, be the
-    button where it was or not.
-    """
+    """The document in the address; what is typed counts on leaving the field."""
     page.evaluate("document.activeElement.blur()")
     page.click("#link")
     text = page.evaluate("location.hash").partition("/")[2]

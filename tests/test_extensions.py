@@ -90,9 +90,7 @@ class Glued:
 
 @dataclass(frozen=True, kw_only=True)
 class Hardened(ageing.AgeingModel):
-    """Thresholds that rise by a factor as soon as a contact is born: known in all
-    respects, as those of no ageing.
-    """
+    """Thresholds rise by a factor at birth: known in all respects, as without."""
 
     factor: Annotated[float, Number(at_least=1)]
 
@@ -210,9 +208,7 @@ def rig_with(delay, thresholds=THRESHOLDS, distance=4.0):
 
 
 def is_kept(rig):
-    """The text of a rig's file, from which it comes back; and its run is made again
-    from what the run says.
-    """
+    """The text of a rig's file, which gives it back; its run is made again, too."""
     run = ss.simulate(rig)
     text = rig_files.to_toml(rig)
     assert ss.rerun(run).identical(run)

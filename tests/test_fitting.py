@@ -261,9 +261,7 @@ def seen_of(observation, peaks, troughs, **how):
 
 
 def test_the_observation_biases_simulations_as_it_does_traces():
-    """Statistics of the trace, and of its own slips seen through the observation,
-    agree; not so the bare ones.
-    """
+    """Statistics of a trace are those of its slips seen so, not of the bare ones."""
     peaks, troughs = simulate(
         np.array([20, 0.2, 0.6, 0.3, 0.3, 0.15]), 400, np.random.default_rng(5)
     )

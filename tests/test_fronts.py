@@ -83,9 +83,7 @@ def test_published_numbers(groups, prestress, expected):
     ("prestress", "expected"), [(0.5, 1 / 5), (0.6, 1 / 2), (0.8, 11 / 13)]
 )
 def test_the_continuum_in_closed_form(prestress, expected):
-    """Of thresholds nearly alike, and of fine blocks: a sixteenth and a
-    thirty-second of the screening length.
-    """
+    """Thresholds nearly alike; blocks of 1/16 and 1/32 of the screening length."""
     assert speed(bar(0.01, 0.0025, 0.1, std=1e-4), prestress) == pytest.approx(
         expected, rel=1e-6
     )
@@ -127,9 +125,7 @@ def test_the_limit_of_soft_leaf_springs():
 @pytest.mark.parametrize("leaf", [0.1, 0.25])
 @pytest.mark.parametrize("std", [0.0, 0.05, 0.1, 0.2])
 def test_threshold_from_the_mean_square_of_the_thresholds_that_are_left(std, leaf):
-    """Equal areas by parts: (tau - f_d)^2 = K/(1 + K) of the mean of (x_c - f_d)^2
-    over thresholds beyond tau.
-    """
+    """(tau - f_d)^2 = K/(1 + K) <(x_c - f_d)^2> over thresholds beyond tau."""
     rig = bar(0.04, leaf * 0.04, 0.2, std=std, sliding=0.2)
     strength = rig.interface.threshold_distribution.moment(1)
     tau = 0.2 + elastic.front_threshold(rig) * (strength - 0.2)
@@ -165,9 +161,7 @@ def test_what_is_said_of_a_front(rig, prestress, words):
 
 @pytest.mark.parametrize("tip", [0, 1, 17, 28, 29])
 def test_precursor_force_from_the_balance_of_every_block(tip):
-    """The same from the equations of all blocks at once: those behind the tip slide,
-    the tip is at its threshold.
-    """
+    """From the equations of all blocks: those behind the tip slide, it is about to."""
     n = 30
     sliding = 0.3
     rig = bar(1 / 3.0, sliding=sliding, blocks=n, side=4.0)
@@ -253,9 +247,7 @@ def test_modes_are_the_eigenvalues_of_the_springs(ends, side):
     ],
 )
 def test_wavelengths(ends, chain, expected):
-    """All blocks alike, and half a wave; on a spring at one end, a quarter of a wave
-    from the drive to the free end.
-    """
+    """All alike, and half a wave; pulled at one end, a quarter up to the free end."""
     found = elastic.modes(
         sliding(blocks=12, coupling=2.0, ends=ends, **chain)
     ).wavelength.values
@@ -417,9 +409,7 @@ def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
 
 
 def test_precursors_grow_along_the_line(pulled):
-    """Events before the first slip of the whole bar; re-attachment and thresholds
-    that differ scatter them.
-    """
+    """Up to the first whole slip; re-attachment and other thresholds scatter them."""
     lines = {
         line.get_label(): line for line in ss.plot.precursor_lengths(pulled).get_lines()
     }
@@ -534,9 +524,7 @@ def test_a_bar_slips_first_when_and_as_far_as_its_picture_shows():
 
 
 def test_predict_tells_which_wave_grows_and_at_which_speeds(predicted):
-    """All modes meet the same contacts, so at the end of a wave's range of speeds
-    its stiffness is the critical one.
-    """
+    """At the end of a wave's range of speeds its stiffness is the critical one."""
     found = predicted
     rig = found.rig
     table = elastic.modes(rig)
@@ -578,9 +566,7 @@ def test_a_bar_of_which_no_wave_grows_says_so():
 
 
 def test_a_bar_that_was_pulled_too_short_says_how_far_to_pull(capsys, tmp_path):
-    """The first block breaks loose where precursors begin: with slip as far as block
-    0, of the closed form.
-    """
+    """The first block breaks loose where precursors of the closed form begin."""
     rig = bar(0.25, std=0.0, blocks=40, side=4.0, alpha=0.3)
     distance = 1.0 + float(elastic.precursor_force(rig).sel(tip=0)) / rig.slider.side
     short, beyond = (

@@ -296,9 +296,7 @@ USUAL = {
 
 @st.composite
 def arguments(draw):
-    """The name of a call, and its arguments by name, one or two of them odd: of a
-    function one that it needs.
-    """
+    """The name of a call and its arguments by name, one or two of them odd."""
     name = draw(st.sampled_from(sorted(CALLS)))
     parameters = inspect.signature(CALLS[name]).parameters
     needed = [each.name for each in parameters.values() if each.default is each.empty]

@@ -175,9 +175,7 @@ def paper(name):
 
 
 def overshooting():
-    """A soft spring: each slip throws the slider past the drive, it oscillates back
-    once, and is loaded again.
-    """
+    """A soft spring: a slip overshoots the drive and oscillates back once."""
     t = np.arange(0.0, 720.0, 0.05)
     force = np.interp(t % 60.0, [0.0, 59.0, 59.5, 60.0], [0.0, 0.59, -0.45, 0.0])
     # Every other cycle is a little smaller, so that a rebound stays well below the peak
@@ -485,9 +483,7 @@ def test_a_force_over_its_times_is_enough():
 @pytest.mark.parametrize("samples", [300, 2000, 20_000])
 @pytest.mark.parametrize("noise", [0.03, 0.1])
 def test_a_force_that_is_noise_is_smooth_sliding_however_long_it_lasts(samples, noise):
-    """Drops that noise shows by chance where it was smoothed are no slips, and more
-    samples would bring no others.
-    """
+    """Drops that smoothed noise shows by chance are no slips, nor would more be."""
     for seed in range(6):
         seen = regime(
             trace(0.01 * np.arange(samples), 5.0 + white(samples, std=noise, seed=seed))
@@ -856,9 +852,7 @@ def test_the_period_is_found_however_a_force_is_sampled(t, period):
 
 
 def labelled_paper(name):
-    """Paper on paper, with units, without spikes, and with the stiffness and the
-    velocity that its name tells.
-    """
+    """Paper on paper, with units, and the stiffness and velocity of its name."""
     data = read_trace(TRACE.parent / "paper_on_paper" / f"{name}.csv.gz")
     stiffness, velocity = (float(each[1:]) for each in name.split("_"))
     return data, {"stiffness": stiffness, "velocity": 1e-6 * velocity}
@@ -897,9 +891,7 @@ def test_how_paper_slides_on_paper(name):
 
 
 def test_the_velocity_of_a_slider_by_its_force_is_that_of_the_run():
-    """A run of stick-slip, its force with noise of a sensor, read as a trace: as it
-    moved, within the window.
-    """
+    """A run of stick-slip, with noise of a sensor, read as a trace."""
     run = ss.simulate(fig4(2.0, 0.2, damping=20.0)).sel(time=slice(60.0, None))
     force = 1e4 * run["spring_force"].values
     data = trace(run.time.values, force + white(force.size, std=2e-4 * np.ptp(force)))

@@ -60,9 +60,7 @@ CREEP = ss.LogarithmicGrowth(slope=0.02, time=0.05)
 
 
 def reference(rig, dt):
-    """One contact after the other in small steps: the rules to the letter, and
-    nothing in common with the engine.
-    """
+    """One contact after the other in small steps: the rules, and no engine."""
     interface = rig.interface
     slider = rig.slider
     count = rig.method.count
@@ -208,9 +206,7 @@ def test_a_rule_of_breaking_that_changes_nothing_gives_the_run_without_it(
     ids=str,
 )
 def test_contacts_that_share_a_clock_break_as_those_in_boxes(fields, bell):
-    """Thresholds that grow by next to nothing put each contact in a box of its own:
-    other draws, one distribution.
-    """
+    """Thresholds that hardly grow give each contact a box: other draws, one law."""
     cold = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.3), activation=bell, **fields
     )
@@ -532,9 +528,7 @@ def test_rigid_motion_is_that_of_contacts_and_of_cohorts_and_its_stiffness_is_it
     ids=str,
 )
 def test_rigid_motion_ends_in_the_steady_state(thresholds, newborn, delay):
-    """What is left of the oscillation decays as exp(-X q), q = 2 pi^2 variance/(m1 +
-    v tau)^3, at least .11 here.
-    """
+    """The rest decays as exp(-X q), q = 2 pi^2 variance/(m1 + v tau)^3 >= .11."""
     interface = ss.Interface(
         thresholds=thresholds,
         delay=ss.Delay(delay),

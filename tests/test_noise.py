@@ -56,9 +56,7 @@ def rig_of(interface, count=1000, slider=SLIDER, velocity=1.0):
 
 
 def in_runs(rig, noise, error, seeds=3):
-    """Sizes of the fluctuations of force and velocity in runs, over theory, that of
-    the force known to an error.
-    """
+    """Fluctuations of force and velocity in runs, over theory, to an error."""
     warm = 20.0 * noise.memory
     duration = noise.memory / (2.0 * error**2 * seeds)
     interval = min(noise.memory / 15.0, 0.05 / rig.velocity)

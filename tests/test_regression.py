@@ -285,9 +285,7 @@ KEEPERS = ("assert_kept", "assert_drawn")
 
 
 def _words_of(test: ast.FunctionDef, module: object) -> set[str]:
-    """Texts that the name of a kept file may be made of: the parameters of its test,
-    and those in its body.
-    """
+    """Texts that the name of a kept file may be made of: in its test's body."""
     words = {
         node.value
         for node in ast.walk(test)

@@ -56,9 +56,7 @@ def test_started_in_the_steady_state_the_force_is_constant(distribution):
 
 @pytest.mark.eq(8)
 def test_critical_stiffness_without_reattachment():
-    """In closed form from a delta start: max of X P_c(X) - J_c(X); whether contacts
-    come back late does not enter.
-    """
+    """From a delta start: max of X P_c(X) - J_c(X), whenever contacts re-attach."""
     distribution = ss.Gaussian(mean=1.0, std=0.1)
     X = np.linspace(0.9, 1.2, 30_001)
     expected = np.max(X * distribution.density(X) - distribution.survival(X))

@@ -138,9 +138,7 @@ def test_the_last_sample_is_the_end_if_the_interval_divides_it(duration, interva
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.eq(11)
 def test_books_balance_and_what_is_recorded_changes_no_bit(name):
-    """Work of the drive = kinetic + spring + stored in contacts + damped + lost by
-    the contacts, in every regime.
-    """
+    """Work of the drive = kinetic + spring + contacts + damped + broken."""
     rig = MOTIONS[name]
     # Powers of two divide exactly, so that sample times agree to the last bit.
     coarse = 2.0 ** math.floor(math.log2(rig.drive.duration / 20))

@@ -90,9 +90,7 @@ def by_hand(
     damping=SLIDER.damping,
     std=0.1,
 ):
-    """Z + kappa for a Gaussian distribution so narrow that its cut at zero does not
-    matter, as PHYSICS prints it.
-    """
+    """Z + kappa for a narrow Gaussian, whose cut at 0 does not matter, as printed."""
     q = s / velocity
     transform = np.exp(-q + 0.5 * (q * std) ** 2)
     slope = (-1 + q * std**2) * transform
@@ -445,9 +443,7 @@ def test_the_range_that_is_searched_is_told_in_the_units_of_the_rig():
 
 
 def test_the_last_bit_of_a_range_is_found_before_it_is_gone():
-    """Damping closes the unstable range of velocities: of 11 % of a pocket between
-    two points nothing was told.
-    """
+    """Damping closes the unstable range of velocities, however small what is left."""
 
     def limits(damping):
         body = Slider(stiffness=0.3, mass=1e-3, damping=damping)

@@ -364,9 +364,7 @@ def test_a_mode_runs_as_the_slider_does_to_second_order():
 
 
 def by_integration(body, breaking, end):
-    """Displacement at the end of a pull at velocity 1 on contacts that never
-    re-attach: a reference integration from break to break.
-    """
+    """Displacement after a pull on contacts that stay off, integrated to each break."""
     system = body.system
     held = np.array(breaking)
 

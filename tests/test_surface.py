@@ -16,9 +16,7 @@ from stickslip.surface.prior import births, stretchings
 
 
 def waves(n, most, turn=0.0):
-    """Waves of all directions down to the length n/most, with phases of a sequence
-    that never repeats; rms 1e-3.
-    """
+    """Waves of all directions down to n/most, of phases that never repeat; rms 1e-3."""
     golden = (math.sqrt(5.0) - 1.0) / 2.0
     modes = np.zeros((n, n), dtype=complex)
     pairs = ((i, j) for i in range(most + 1) for j in range(-most, most + 1))
@@ -30,9 +28,7 @@ def waves(n, most, turn=0.0):
 
 
 def sphere(n, radius, curvature):
-    """A sphere in the middle of a cell, and the pressure under which its contact has a
-    radius of so many nodes (Hertz).
-    """
+    """A sphere in a cell, and the pressure of so wide a contact (Hertz)."""
     at = np.arange(n) - (n - 1) / 2.0
     height = -(at[:, np.newaxis] ** 2 + at**2) / (2.0 * curvature)
     return height, 4.0 / 3.0 * radius**3 / curvature / n**2

@@ -288,9 +288,7 @@ def stop_after(count):
 
 
 def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
-    """Also with other values on the axes; and a reader, who never stands in the way,
-    is told how far it is.
-    """
+    """Also with other values on the axes; a reader is told how far it is."""
     store = tmp_path / "s.sqlite"
     log = tmp_path / "runs.log"
     lines = []

@@ -167,9 +167,7 @@ THERE_AND_BACK = (
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NOT_FIXED)
 def test_the_tolerance_is_met_through_slips_holds_and_turns(name):
-    """By the root mean square over the run, of the master equation at a temperature
-    or with growth, however sharp.
-    """
+    """By the root mean square over a run, at a temperature or with growth."""
     interface = narrow(**{"activation": None} | NOT_FIXED[name], delay=ss.Delay(0.1))
     slider = ss.Slider(stiffness=20.0, mass=1e-3, damping=50.0)
     rig = ss.Rig(interface, slider, THERE_AND_BACK, output=ss.Output(interval=0.02))
@@ -303,9 +301,7 @@ def test_a_velocity_step_of_contacts_is_that_of_cohorts(name):
 
 @pytest.mark.takes(7)
 def test_exponential_thresholds_are_rate_and_state():
-    """The force after a step is ``A/(1-A) ln 2 exp(-x)`` above that before, once the
-    contacts' springs are taut.
-    """
+    """``A/(1-A) ln 2 exp(-x)`` above that before, once the contacts are taut."""
     interface = ss.Interface(
         thresholds=ss.Exponential(mean=1.0),
         activation=ss.Bell(width=0.03, attempts=1e6),
@@ -394,9 +390,7 @@ def test_a_rig_has_its_own_units():
 
 
 def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
-    """In a slip of a soft, light bench all are detached for hundreds of widths: the
-    clocks have to come along.
-    """
+    """All are detached for hundreds of widths: the clocks have to come along."""
     heat = ss.Bell(width=0.01, attempts=1e4)
     interface = ss.Interface(
         thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.5), activation=heat

@@ -78,9 +78,7 @@ def test_a_unit_may_be_named_by_its_quantity():
     st.integers(1, 15),
 )
 def test_every_natural_unit_in_words_reads_back(value, unit, digits):
-    """In SI: to so many digits, in a unit of the grammar, and without an exponent
-    wherever there is a prefix for it.
-    """
+    """In SI: so many digits, a unit of the grammar, an exponent only without prefix."""
     name = si_unit(unit)
     if unit in ("1", "1/time^(1/2)"):
         return

@@ -18,9 +18,7 @@ sys.path[:0] = [str(TESTS / "kernels"), str(TESTS.parent / "tools")]
 
 
 def compile_some(drawn: bool) -> None:
-    """Make a short run of every pair of the laws with contacts that are drawn, or of
-    the others, and with these go through the cases.
-    """
+    """Make a short run of each pair with drawn contacts, or of the others and cases."""
     from test_laws import PAIRS, has_steady_force, simulate
     from test_plain import results
 

@@ -51,9 +51,7 @@ steps = st.lists(
 def test_the_queue_gives_the_smallest_and_leaves_room_where_others_were(
     steps, bins, width, start
 ):
-    """Of 12 entries: places are used again, entries are moved together; among equal
-    keys any order will do.
-    """
+    """Of 12 entries: places are used again; equal keys come in any order."""
     queue = make_queue(12, bins, width)
     clear(queue, start)
     held: dict[int, float] = {}
@@ -173,9 +171,7 @@ def crossed(flight, walls, most, times, slack):
 def test_no_crossing_hides_behind_a_turn_of_the_drive(
     damping, lasting, end, force, walls
 ):
-    """From rest, under a drive that turns once, for up to 1e5 times the slowest
-    relaxation, of any damping ratio.
-    """
+    """From rest, through a turn, for up to 1e5 relaxations, of any damping ratio."""
     w2 = 3e4
     speed = 0.1
     g = damping * math.sqrt(w2)
@@ -220,9 +216,7 @@ def test_pauses_change_nothing(monkeypatch):
 
 @pytest.mark.parametrize("N", [1, 2, 13, 300])
 def test_sums_and_queues_survive_many_rebuilds(N):
-    """A slider pulled to and fro: entries go stale on both sides, and both queues
-    are filled anew many times.
-    """
+    """To and fro: entries go stale on both sides, queues are filled anew many times."""
     interface = ss.Interface(thresholds=ss.Uniform(low=0.01, high=0.05))
     method = ss.Contacts(N, seed=5)
     slider = ss.Slider(stiffness=4.0, mass=1e-2, damping=3.0)
@@ -249,9 +243,7 @@ def test_sums_and_queues_survive_many_rebuilds(N):
 def test_a_box_reaches_half_of_the_way_to_a_threshold(
     rate, newborn, strength, age, gap
 ):
-    """However near the contact is to a threshold that grows or sinks: it never
-    leaves a box where it stands.
-    """
+    """However near to a threshold that grows or sinks, it never leaves its box."""
     rule = Rule(hazard.NONE, hazard.Growth(hazard.EXPONENTIAL, rate, newborn))
     threshold = threshold_now(rule, strength, age)
     x = threshold - strength * 10.0**gap
@@ -288,9 +280,7 @@ def test_thresholds_below_the_rounding_of_positions_break(mechanism):
 
 
 def test_time_goes_on_where_a_slider_slips_as_fast_as_thresholds_grow():
-    """Long after the beginning, when the rounding of time is more than what is left
-    of the way to a threshold.
-    """
+    """Long after the beginning rounding of time exceeds what is left of the way."""
     interface = ss.Interface(
         thresholds=ss.Exponential(mean=1.0),
         ageing=ss.LogarithmicGrowth(slope=0.0554, time=0.0424),

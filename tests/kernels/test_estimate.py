@@ -214,9 +214,7 @@ def test_contacts_that_age_take_as_many_steps_as_were_said(numbers, method, word
     ],
 )
 def test_the_estimate_holds_for_the_examples(name):
-    """Within a factor 3 of what runs take on a quiet machine; a busy one, or
-    another, may differ by as much again.
-    """
+    """Within a factor 3 on a quiet machine; a busy one may differ by as much again."""
     rig = ss.example(name)
     ss.simulate(ss.example("brake_pad"))  # compiled
     took = math.inf
@@ -411,9 +409,7 @@ def test_the_master_equation_is_estimated_over_decades(decade, monkeypatch):
 
 @pytest.mark.parametrize("method", [ss.Contacts(100), ss.MasterEquation()])
 def test_pieces_of_a_drive_and_snapshots_take_time(method):
-    """Each begins anew, however little it asks for; a thousand times as many take a
-    thousand times as long.
-    """
+    """Each begins anew, however little it asks for: a thousand take as much more."""
 
     def pieces(count):
         piece = ss.constant(1.0, 1.0 / count).pieces
@@ -490,9 +486,7 @@ def test_a_search_on_a_slider_that_hardly_starts_is_refused():
 
 
 def test_a_cycle_that_is_not_complete_in_reach_ends_in_one_line(monkeypatch):
-    """Contacts with so heavy a tail load on for ever: each look is twice as long, and
-    nothing said so before.
-    """
+    """Contacts with so heavy a tail load on for ever: each look is twice as long."""
     monkeypatch.setattr("stickslip.cycles.cycle_run._LONG", 0.05)
     thresholds = ss.LogNormal(mean=1.0, std=50.0)
     rig = RIG.replace(interface=replace(INTERFACE, thresholds=thresholds))

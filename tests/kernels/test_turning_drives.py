@@ -61,9 +61,7 @@ class Case:
 
 
 def case_of(seed):
-    """A random rig whose drive turns round in each of one to three pieces, going far
-    enough to break contacts.
-    """
+    """A random rig whose drive turns in each of one to three pieces, breaking some."""
     rng = np.random.default_rng([seed, 2024])
     ratio, stiffness, omega = 10 ** rng.uniform([-2, math.log10(0.3), 0], [3, 1, 2])
     slider = ss.Slider(
@@ -97,9 +95,7 @@ def run_of(case, delay, method, samples=2000):
 
 
 def matrix_of(slider, held):
-    """Rates of position, velocity, the drive's position, velocity and acceleration,
-    and the pull of contacts.
-    """
+    """Rates of slider and drive, position to acceleration, and the contacts' pull."""
     matrix = np.zeros((6, 6))
     matrix[0, 1] = matrix[2, 3] = matrix[3, 4] = 1.0
     matrix[1] = (
