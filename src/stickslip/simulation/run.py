@@ -212,15 +212,25 @@ def record(
     rig: Rig, *, progress: Progress | bool | None = None, long: bool = False
 ) -> Recording:
     """Run a rig, as `simulate` does, whose arguments these are."""
-    case = rig.natural
-    _check(case)
-    _check_arrest(case)
+    _check(rig.natural)
+    _check_arrest(rig.natural)
     instance("simulate: long", long, bool, "True or False")
     work = estimate(rig)
     if not long:
         work.check()
     announce(rig.name, work.seconds, work.longest.what)
+    return record_without_estimate(rig, progress)
+
+
+def record_without_estimate(
+    rig: Rig, progress: Progress | bool | None = None
+) -> Recording:
+    """Run a rig without an estimate of the time, where a search counts its runs."""
+    case = rig.natural
+    _check(case)
+    _check_arrest(case)
     solver = engine_of(case.interface, case.method, case.slider)
+    _check_drive(rig, solver)
     load = load_points(case.drive)
     first = float(np.interp(0.0, *load.T)) if load.size else 1.0
     beginning = Beginning(
