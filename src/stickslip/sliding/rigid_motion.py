@@ -23,7 +23,7 @@ from stickslip.sliding.law import kinetic_friction
 # standard deviations of the thresholds, over their mean, between which a fit looks
 NARROWEST = 0.01
 WIDEST = 1.0
-_MOST_WORK = 2e7  # nodes of the start times positions: some ten seconds
+_MOST_WORK = 5e7  # nodes of the start times positions: some ten seconds
 
 
 def check_renewal(interface: Interface, who: str) -> None:
