@@ -209,3 +209,16 @@ def test_equal_thresholds_make_a_sawtooth(delay):
     np.testing.assert_allclose(
         run["friction_force"].to_numpy()[away], expected, atol=1e-12
     )
+
+
+@pytest.mark.slow
+def test_narrow_uniform_thresholds_have_the_static_friction_of_any_as_narrow():
+    half = 0.002 * math.sqrt(3.0)
+    uniform, gaussian = (
+        ss.static_friction(ss.Interface(thresholds=thresholds))[0]
+        for thresholds in (
+            ss.Uniform(low=1.0 - half, high=1.0 + half),
+            ss.Gaussian(mean=1.0, std=0.002),
+        )
+    )
+    assert uniform == pytest.approx(gaussian, rel=1e-3)
