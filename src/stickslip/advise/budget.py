@@ -23,10 +23,9 @@ from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
-from stickslip.simulation import Recording
+from stickslip.simulation import Recording, record
 from stickslip.simulation.engines.start import lifetimes_in
 from stickslip.simulation.estimates import Course
-from stickslip.simulation.run import record_without_estimate
 from stickslip.stability import contact_noise, growth_rate
 from stickslip.structures.runs import longest_step
 
@@ -204,7 +203,7 @@ class Budget:
     def record(self, rig: Rig) -> Recording:
         """Make a run."""
         self.spend(runs_of(rig))
-        return record_without_estimate(rig)
+        return record(rig, estimated=False)
 
     def longer(self, run: Recording, times: float) -> Recording:
         """Make a run so many times as long, of the contacts that decide its regime."""

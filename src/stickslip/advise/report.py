@@ -39,7 +39,8 @@ def report(
     that asks for no other file.
 
     Where it has mitigations, the force before and after the smallest is shown, or the
-    smallest pair, and the way there, on the map of stability, which any rig has.
+    smallest pair, and the way there. The map of stability is drawn of every rig that
+    linear theory judges.
     """
     pictures = [
         (title, base64.b64encode(plot.drawn(figure, "svg")).decode())

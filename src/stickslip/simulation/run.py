@@ -209,28 +209,26 @@ class Recording:
 
 
 def record(
-    rig: Rig, *, progress: Progress | bool | None = None, long: bool = False
+    rig: Rig,
+    *,
+    progress: Progress | bool | None = None,
+    long: bool = False,
+    estimated: bool = True,
 ) -> Recording:
-    """Run a rig, as `simulate` does, whose arguments these are."""
-    _check(rig.natural)
-    _check_arrest(rig.natural)
-    instance("simulate: long", long, bool, "True or False")
-    work = estimate(rig)
-    if not long:
-        work.check()
-    announce(rig.name, work.seconds, work.longest.what)
-    return record_without_estimate(rig, progress)
-
-
-def record_without_estimate(
-    rig: Rig, progress: Progress | bool | None = None
-) -> Recording:
-    """Run a rig without an estimate of the time, where a search counts its runs."""
+    """Run a rig, as `simulate` does, whose arguments these are; a search that counts
+    its runs has none of them `estimated`.
+    """
     case = rig.natural
     _check(case)
     _check_arrest(case)
+    instance("simulate: long", long, bool, "True or False")
     solver = engine_of(case.interface, case.method, case.slider)
     _check_drive(rig, solver)
+    if estimated:
+        work = estimate(rig)
+        if not long:
+            work.check()
+        announce(rig.name, work.seconds, work.longest.what)
     load = load_points(case.drive)
     first = float(np.interp(0.0, *load.T)) if load.size else 1.0
     beginning = Beginning(

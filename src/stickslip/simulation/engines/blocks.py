@@ -461,29 +461,18 @@ class BlocksOfContacts(Engine):
 
     def _move(self, piece: Piece, sampling: Sampling) -> int:
         """Go on, and return why it ends."""
-        state = self._state
-        network = self._network
-        draws = self._streams.draws
-        if not self._balanced:
-            return blocks.advance_blocks(
-                state,
-                network,
-                piece,
-                sampling,
-                draws,
-                self._sliding,
-                _BUDGET,
-            )
-        return quasistatic.advance_quasistatic(
-            state,
-            network,
+        given = (
+            self._state,
+            self._network,
             piece,
             sampling,
-            draws,
+            self._streams.draws,
             self._sliding,
             _BUDGET,
-            self._room,
         )
+        if self._balanced:
+            return quasistatic.advance_quasistatic(*given, self._room)
+        return blocks.advance_blocks(*given)
 
     def _provide(self, why: int) -> bool:
         """Provide what the kernel has come back for; return whether it was for
