@@ -553,10 +553,7 @@ def report(
             smooth=smooth,
             progress=part(progress, 0.0, 0.7),
         )
-        files.write(
-            output,
-            report(found, progress=part(progress, 0.7, 1.0)).encode(),
-        )
+        files.write(output, report(found, progress=part(progress, 0.7, 1.0)).encode())
     print(f"{found.headline}\nreport: {output}")
 
 
@@ -714,10 +711,7 @@ def measure(
     if events is not None:
         files.write(events, as_csv(catalogue).encode())
     speeds = _friction_at_speeds(trace, curve)
-    _draw(
-        plot,
-        lambda: ss.plot.overview(trace, events=catalogue, seen=seen),
-    )
+    _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
     statistics = {
         str(name): {key: plain(each.attrs[key]) for key in ("mean", "std", "units")}
         for name, each in catalogue.data_vars.items()
@@ -1249,11 +1243,7 @@ def paper(
                 )
             )
         if not json:
-            print(
-                made[-1],
-                end="\n\n" if one is not chosen[-1] else "\n",
-                flush=True,
-            )
+            print(made[-1], end="\n\n" if one is not chosen[-1] else "\n", flush=True)
     ok = all(one.ok for one in made)
     if json:
         console.print_json({"figures": [one.to_dict() for one in made], "ok": ok})

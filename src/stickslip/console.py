@@ -96,11 +96,7 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
             words = f"{p.finished} of {p.total} cases" + (
                 f", {p.failed} failed" if p.failed else ""
             )
-            report(
-                p.finished / p.total,
-                words,
-                p.found / p.total,
-            )
+            report(p.finished / p.total, words, p.found / p.total)
 
         yield report_cases
 

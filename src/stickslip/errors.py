@@ -128,10 +128,7 @@ def refused(place: str, value: object, words: str) -> InputError:
     """Return the error of a value that cannot be used at its place: ``"unit = 'x': must
     be ..."``.
     """
-    return InputError(
-        f"{place} = {shown(value)}: {words}",
-        place,
-    )
+    return InputError(f"{place} = {shown(value)}: {words}", place)
 
 
 def number(
@@ -180,10 +177,7 @@ def number(
     # a place or a speed may be next to 0
     signed = all(bound is None or bound < 0 for bound in (above, at_least))
     if (refusal := extreme(result)) and not (signed and abs(result) < SMALLEST):
-        raise InputError(
-            f"{place} = {result:g}: {refusal}{meaning}",
-            place,
-        )
+        raise InputError(f"{place} = {result:g}: {refusal}{meaning}", place)
     return result
 
 

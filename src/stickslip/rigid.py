@@ -197,11 +197,7 @@ def steepest_fall(
         place = float(X[best])
         X = np.unique(
             np.append(
-                np.linspace(
-                    X[max(best - 1, 0)],
-                    X[min(best + 1, X.size - 1)],
-                    41,
-                ),
+                np.linspace(X[max(best - 1, 0)], X[min(best + 1, X.size - 1)], 41),
                 place,
             )
         )
@@ -220,10 +216,7 @@ def _points(interface: Interface, distance: float) -> int:
     spacing = 1e-3
     mean = interface.threshold_distribution.moment(1)
     if max(stds) > 0:
-        spacing = max(
-            min(s for s in stds if s > 0) / (4.0 * mean),
-            1e-4,
-        )
+        spacing = max(min(s for s in stds if s > 0) / (4.0 * mean), 1e-4)
     points = max(512, math.ceil(distance / (spacing * mean)))
     # From a start without standard deviation, a jump of the distribution makes a kink,
     # beside which interpolation is of first order.

@@ -45,10 +45,7 @@ def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array
             "use Delay(0)"
         )
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
-    return at_each(
-        np.vectorize(lambda v: _closure_force(v, constants)),
-        speed,
-    )
+    return at_each(np.vectorize(lambda v: _closure_force(v, constants)), speed)
 
 
 def _closure_force(velocity: float, ageing: Langevin) -> float:
@@ -60,11 +57,7 @@ def _closure_force(velocity: float, ageing: Langevin) -> float:
     """
     end = max(ageing.mean, ageing.newborn) + 8.0 * ageing.std
     diffusion = (ageing.rate * ageing.std) ** 2
-    edges = np.linspace(
-        0.0,
-        end,
-        math.ceil(end / ageing.std * _CELLS) + 1,
-    )
+    edges = np.linspace(0.0, end, math.ceil(end / ageing.std * _CELLS) + 1)
     width = edges[1]
     middle = 0.5 * (edges[1:] + edges[:-1])
     square = np.diff(edges**3) / (3.0 * edges[1])
@@ -110,10 +103,7 @@ def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Arra
     speed = numbers("velocity", velocity, hint="in x_s per time", **{slowest: 0.0})
     path, _ = mean_life(interface)
     delay = interface.delay.moment(1)
-    return at_each(
-        lambda speeds: 1.0 / (1.0 + speeds * delay / path),
-        speed,
-    )
+    return at_each(lambda speeds: 1.0 / (1.0 + speeds * delay / path), speed)
 
 
 def driving_force(interface: Interface, slider: Slider, velocity: float) -> float:

@@ -305,10 +305,7 @@ def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Constraint:
         for std, residual in values[:, 1:3].tolist()
     ]
     mean = np.array([margin.moment(1) for margin in margins])
-    scatter = np.random.default_rng([6, len(mean)]).standard_t(
-        len(F) - 3,
-        len(mean),
-    )
+    scatter = np.random.default_rng([6, len(mean)]).standard_t(len(F) - 3, len(mean))
     words = (
         f"that of attached contacts halves at {half.words('m/s')}; misfit "
         f"{100 * misfit:.2g} % of the range"

@@ -220,10 +220,7 @@ class Fit(Answer):
         """
         made = self.predicted
         here = self.events.statistics
-        least = np.minimum(
-            (made >= here).mean(axis=0),
-            (made <= here).mean(axis=0),
-        )
+        least = np.minimum((made >= here).mean(axis=0), (made <= here).mean(axis=0))
         low, middle, high = np.quantile(made, (0.025, 0.5, 0.975), axis=0)
         ends = (np.array([low, high, here]) - middle) / (
             np.maximum(high - low, 1e-12) / 4.0

@@ -85,19 +85,12 @@ def infer(
     target = comparable(observed)
     # The scatter of most draws; of all, where most are alike (correlations near 1).
     scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
-    scale = np.maximum(
-        np.maximum(scale, 0.1 * found.std(axis=0)),
-        1e-9,
-    )
+    scale = np.maximum(np.maximum(scale, 0.1 * found.std(axis=0)), 1e-9)
     # Percentile of the distance to the tenth neighbour among the same of draws from the
     # prior.
     tree = cKDTree(found / scale)
     rng = np.random.default_rng([seed, 1])
-    some = rng.choice(
-        len(found),
-        size=min(_COMPARED, len(found)),
-        replace=False,
-    )
+    some = rng.choice(len(found), size=min(_COMPARED, len(found)), replace=False)
     usual = np.asarray(tree.query(found[some] / scale, k=_NEIGHBOUR + 1)[0])[:, -1]
     here = float(np.asarray(tree.query(target / scale, k=_NEIGHBOUR)[0])[-1])
     edge = float(100.0 * (usual < here).mean())
@@ -152,8 +145,5 @@ def _adjusted(parts: Array, weights: Array, away: Array) -> Array:
         ]
     )
     weighted = design.T * weights
-    slope = np.linalg.solve(
-        weighted @ design + ridge,
-        weighted @ at,
-    )
+    slope = np.linalg.solve(weighted @ design + ridge, weighted @ at)
     return expit(at - away @ slope[1:])

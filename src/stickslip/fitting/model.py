@@ -122,10 +122,7 @@ class Prior:
     def parts(self, values: Array) -> Array:
         """Return the places of parameters in their ranges, 0 to 1."""
         low, high = self._ends()
-        return np.asarray(
-            (_in_decades(values) - low) / (high - low),
-            dtype=float,
-        )
+        return np.asarray((_in_decades(values) - low) / (high - low), dtype=float)
 
 
 def _in_decades(values: Array) -> Array:
@@ -144,10 +141,7 @@ def simulate(
     from stickslip.kernels.tournament import tournaments
 
     contacts = max(round(float(values[0])), 1)
-    model = Arrest(
-        contacts,
-        *(float(value) for value in values[1:]),
-    )
+    model = Arrest(contacts, *(float(value) for value in values[1:]))
     peaks = np.empty(count)
     troughs = np.empty(count)
     most = math.ceil(_PER_SLIP * contacts * count)

@@ -124,10 +124,7 @@ def rig_of(found: Fit, name: str) -> Rig:
             "fitted rig",
         )
         try:
-            words, agrees = compared(
-                remade(rig, found.events, known),
-                found.events,
-            )
+            words, agrees = compared(remade(rig, found.events, known), found.events)
         except InputError:
             words = (
                 f"its own run hardly slips, the trace {_drop_in_words(found.events)}"
@@ -135,10 +132,7 @@ def rig_of(found: Fit, name: str) -> Rig:
             agrees = False
         if agrees:
             lasting = _lasting(rig, found.events)
-            return replace(
-                rig,
-                source=f"{rig.source}; {words}; {lasting}",
-            )
+            return replace(rig, source=f"{rig.source}; {words}; {lasting}")
         nearest = nearest or words
     raise InputError(
         f"fit: no rig is written: runs of {len(order)} draws all miss the drops or the "

@@ -138,10 +138,7 @@ def table(
                 files.write(paths[i], content.getvalue())
                 if progress is not None:
                     progress(len(blocks) / len(paths))
-    return joined(
-        [blocks[i] for i in range(len(paths))],
-        draws,
-    )
+    return joined([blocks[i] for i in range(len(paths))], draws)
 
 
 def joined(tables: Sequence[SeriesTable], draws: int | None = None) -> SeriesTable:
@@ -203,10 +200,7 @@ def _read(path: Path, prior: Prior, slips: int) -> SeriesTable | None:
         with np.load(
             BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False
         ) as found:
-            block = SeriesTable(
-                prior=prior,
-                **{name: found[name] for name in _FIELDS},
-            )
+            block = SeriesTable(prior=prior, **{name: found[name] for name in _FIELDS})
     except (
         InputError,
         OSError,
@@ -262,10 +256,7 @@ class Observation(NamedTuple):
                 )
                 for i in some
             )
-            P, T = np.stack(
-                [self._seen(*each, rng) for each in series],
-                axis=1,
-            )
+            P, T = np.stack([self._seen(*each, rng) for each in series], axis=1)
             return statistics(P, T), P.mean(axis=-1)
 
         statistics_of, sizes = zip(
@@ -277,10 +268,7 @@ class Observation(NamedTuple):
         self, prior: Prior, parts: Array, *, seed: int = 0
     ) -> tuple[Array, Array]:
         """Simulate at given parts of the ranges of a prior, on all cores, and see."""
-        blocks = np.array_split(
-            parts,
-            max(1, min(len(parts), _SHARES)),
-        )
+        blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
         slips = 2 * self.slips + 10  # some are too small to be seen
 
         def one(block: int) -> SeriesTable:
@@ -291,10 +279,7 @@ class Observation(NamedTuple):
                 np.random.default_rng([seed, 3, block]),
             )
 
-        return self.see(
-            joined(_on_all_cores(one, range(len(blocks)))),
-            seed=seed,
-        )
+        return self.see(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
 
     def _seen(self, peaks: Series, troughs: Series, rng: np.random.Generator) -> Array:
         """One series, sampled and picked: as many slips as in the trace, on a

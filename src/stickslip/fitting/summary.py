@@ -35,10 +35,7 @@ def _correlation(x: Array, y: Array) -> Array:
     x = x - x.mean(axis=-1, keepdims=True)
     y = y - y.mean(axis=-1, keepdims=True)
     size = np.sqrt((x * x).sum(axis=-1) * (y * y).sum(axis=-1))
-    return np.asarray(
-        (x * y).sum(axis=-1) / np.where(size > 0, size, 1.0),
-        dtype=float,
-    )
+    return np.asarray((x * y).sum(axis=-1) / np.where(size > 0, size, 1.0), dtype=float)
 
 
 def _skewness(x: Array) -> Array:
@@ -115,15 +112,9 @@ def detrended(values: Array) -> Array:
     """Take a cubic in the number of the slip out of the last axis; means become 0."""
     count = values.shape[-1]
     basis, _ = np.linalg.qr(
-        np.polynomial.legendre.legvander(
-            np.linspace(-1.0, 1.0, count),
-            _DEGREE,
-        )
+        np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), _DEGREE)
     )
-    return np.asarray(
-        values - (values @ basis) @ basis.T,
-        dtype=float,
-    )
+    return np.asarray(values - (values @ basis) @ basis.T, dtype=float)
 
 
 def statistics(peaks: Array, troughs: Array) -> Array:
@@ -135,11 +126,7 @@ def statistics(peaks: Array, troughs: Array) -> Array:
     mean_drop = (peaks - troughs).mean(axis=-1, keepdims=True)
     P = detrended(peaks) / high
     T = detrended(troughs) / high
-    return _statistics_of(
-        P,
-        T,
-        np.squeeze(mean_drop / high, axis=-1),
-    )
+    return _statistics_of(P, T, np.squeeze(mean_drop / high, axis=-1))
 
 
 def _statistics_of(P: Array, T: Array, mean: Array) -> Array:
@@ -158,10 +145,7 @@ def _statistics_of(P: Array, T: Array, mean: Array) -> Array:
         *(statistic for statistic, _ in _FITTED.values()),
         *_HELD_OUT.values(),
     )
-    return np.stack(
-        [statistic(slips) for statistic in of],
-        axis=-1,
-    )
+    return np.stack([statistic(slips) for statistic in of], axis=-1)
 
 
 def resampled(

@@ -128,10 +128,7 @@ def write(path: FileName, content: bytes | memoryview) -> Path:
         try:
             with part.open("xb") as file:  # with the permissions of any new file
                 if place.exists():
-                    os.fchmod(
-                        file.fileno(),
-                        stat.S_IMODE(place.stat().st_mode),
-                    )
+                    os.fchmod(file.fileno(), stat.S_IMODE(place.stat().st_mode))
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())  # a disk that is full may say so only now

@@ -83,10 +83,7 @@ class Key:
         try:
             return self._value(value, natural)
         except InputError as error:
-            raise InputError(
-                f"{place} = {shown(value)}: {error}",
-                place,
-            ) from None
+            raise InputError(f"{place} = {shown(value)}: {error}", place) from None
 
     def _value(self, value: Any, natural: bool) -> Any:
         """Return the value; errors do not name the place."""

@@ -124,10 +124,7 @@ def _keys(
             )
         if (path := f"{table}.{name}") == "simulation.method":
             properties["choices"] = tuple(METHODS)
-        found[name] = Key(
-            example,
-            **(properties | _MORE.get(path, {})),
-        )
+        found[name] = Key(example, **(properties | _MORE.get(path, {})))
     return found
 
 
@@ -228,10 +225,7 @@ START = _keys("start", _WITHIN["start"], Prestressed)
 """Keys of `simulation.start` as a table."""
 RUN = _keys("run", _WITHIN["run"])
 """Keys of each run of blocks alike in `simulation.start.stretching`."""
-FITTED = _keys(
-    "fitted",
-    next(iter(_EXAMPLES["fitted"].values())),
-)
+FITTED = _keys("fitted", next(iter(_EXAMPLES["fitted"].values())))
 """Keys of each entry of `fitted`."""
 
 
@@ -309,11 +303,7 @@ def keys_of(record: type) -> Mapping[str, Key]:
                 *choices_of(kind),
                 {bool: False, int: 1, str: "text"}.get(kind, 1.0),
             )
-            found |= _keys(
-                "",
-                {name: _WITHIN["fields"].get(name, of_type[0])},
-                record,
-            )
+            found |= _keys("", {name: _WITHIN["fields"].get(name, of_type[0])}, record)
     return found
 
 
@@ -335,10 +325,7 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
         here: Any = kinds.get(content.get(word, ""))
         possible = [keys_of(kind) for kind in ([here] if here else kinds.values())]
         following = names[i + 1 : i + 2]
-        keys = next(
-            (each for each in possible if each.keys() >= {*following}),
-            {},
-        )
+        keys = next((each for each in possible if each.keys() >= {*following}), {})
     return found
 
 

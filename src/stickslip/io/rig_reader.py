@@ -275,10 +275,7 @@ class _Reader:
             raise InputError(f"{given}: {known}", f"{place}.{word}")
         kind: Any = kinds[named]
         written = {name: value for name, value in content.items() if name != word}
-        of_others, fields, made_of = rig_keys.INSTEAD.get(
-            kind,
-            ({}, (), lambda _: ()),
-        )
+        of_others, fields, made_of = rig_keys.INSTEAD.get(kind, ({}, (), lambda _: ()))
         rules = (
             (Either(" ".join(of_others), " ".join(fields), needed=True),)
             if fields
@@ -296,10 +293,7 @@ class _Reader:
         if fields and values.keys() >= {*of_others}:
             names = dict.fromkeys(fields, next(iter(of_others)))
             with at(place):
-                made = made_of(
-                    self.length,
-                    *(values.pop(name) for name in of_others),
-                )
+                made = made_of(self.length, *(values.pop(name) for name in of_others))
             values |= dict(zip(fields, made, strict=True))
         return _made(kind, values, place, names)
 
@@ -339,10 +333,7 @@ class _Reader:
         if not values.keys().isdisjoint(MATERIAL.get(self.body, {}).values()):
             for name in SHAPE:
                 if name not in values:
-                    self.file.missing(
-                        f"{self.body}.{name}",
-                        TABLES[self.body][name],
-                    )
+                    self.file.missing(f"{self.body}.{name}", TABLES[self.body][name])
 
     def _drive(self, values: Values, normal_load: float | None) -> tuple[Drive, Values]:
         """Make the drive, and return the speeds at which the rig works; how long it
@@ -401,10 +392,7 @@ class _Reader:
                 for i, piece in enumerate(content)
             ]
             with at(place):
-                return reduce(
-                    Drive.then,
-                    [make(**piece) for piece in read],
-                ), {}
+                return reduce(Drive.then, [make(**piece) for piece in read]), {}
         if "velocity" not in values:
             raise NotedError("")
         velocity, speeds = self._speeds(values["velocity"], "drive.velocity")
@@ -451,11 +439,7 @@ class _Reader:
                 for item in profile
             ]
             runs = [
-                self.file.whole(
-                    run,
-                    rig_keys.RUN,
-                    f"{place}[{i}]",
-                )
+                self.file.whole(run, rig_keys.RUN, f"{place}[{i}]")
                 for i, run in enumerate(runs)
             ]
             if (total := sum(run["blocks"] for run in runs)) != blocks:

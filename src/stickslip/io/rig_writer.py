@@ -176,11 +176,7 @@ class _Writer:
             return {"slider": self._values(slider, rig_keys.keys_of_slider("force"))}
         name = self._name_of(slider, {"slider": Slider} | BODIES)
         # Section and material became springs and masses.
-        found = self._values(
-            slider,
-            rig_keys.tables()[name],
-            defaults=False,
-        )
+        found = self._values(slider, rig_keys.tables()[name], defaults=False)
         if name == "slider":
             short = float(f"{slider.damping_ratio:.4g}")
             if damping_ratio is None:
@@ -211,10 +207,7 @@ class _Writer:
             return {"slider": slider, "controller": written}
         if isinstance(structure, Modes):
             names = ("masses", "stiffnesses", "dampings", "contact", "drive")
-            rows = zip(
-                *(getattr(structure, name) for name in names),
-                strict=True,
-            )
+            rows = zip(*(getattr(structure, name) for name in names), strict=True)
             modes = [self._mode(*row) for row in rows]
             return {"slider": slider | {"modes": modes}}
         written = self._values(structure, rig_keys.STRUCTURES[kind])
@@ -312,10 +305,7 @@ class _Writer:
         """
         from stickslip.sliding import kinetic_friction
 
-        forces = kinetic_friction(
-            self.rig.interface,
-            np.array(measured.velocities),
-        )
+        forces = kinetic_friction(self.rig.interface, np.array(measured.velocities))
         return replace(measured, forces=tuple(forces.tolist()))
 
     def _coefficients(self) -> Document:

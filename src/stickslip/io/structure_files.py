@@ -32,10 +32,7 @@ def structure_kind(document: Mapping[str, Any]) -> str:
     if "force" in rig_keys.within(document, "drive"):
         return "force"
     slider = rig_keys.within(document, "slider")
-    return next(
-        (kind for kind in rig_keys.STRUCTURES if kind in slider),
-        "",
-    )
+    return next((kind for kind in rig_keys.STRUCTURES if kind in slider), "")
 
 
 def structure_of(
@@ -50,11 +47,7 @@ def structure_of(
     spring = slider.get("stiffness", 0.0)
     if kind == "modes":
         return _modes(file, slider[kind], spring)
-    values = file.whole(
-        slider[kind],
-        rig_keys.STRUCTURES[kind],
-        place,
-    )
+    values = file.whole(slider[kind], rig_keys.STRUCTURES[kind], place)
     with at(place):
         if kind == "matrices":
             return Matrices(**values, stiffness=spring)

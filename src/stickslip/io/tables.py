@@ -90,10 +90,7 @@ class Tables:
         """Note that a key is missing, once."""
         if all(mistake.place != place for mistake in self.mistakes):
             self.note(
-                MissingError(
-                    place,
-                    1.0 if self.natural and key.unit else key.example,
-                )
+                MissingError(place, 1.0 if self.natural and key.unit else key.example)
             )
 
     def part(self, read: Callable[[], Any]) -> Any:
@@ -126,10 +123,7 @@ class Tables:
         path = f"{place}." if place else ""
         for i, name in enumerate(str(name) for name in content if name not in keys):
             word = f"; {unknown(name, keys)}" if i < _MOST_WORDS else ""
-            self.wrong(
-                path + name[:60],
-                f"unknown key{word}",
-            )
+            self.wrong(path + name[:60], f"unknown key{word}")
         found: Values = {}
         of_rules = {
             name
@@ -209,11 +203,7 @@ class Tables:
             examples = ", ".join(f"{each.place} = {each.example}" for each in missing)
             lines.append(f"missing, here with example values: {examples}")
         key = self.mistakes[0].place if len(self.mistakes) == 1 else ""
-        return InputError(
-            f"{place}: {together(lines)}",
-            key,
-            tuple(self.mistakes),
-        )
+        return InputError(f"{place}: {together(lines)}", key, tuple(self.mistakes))
 
 
 _RENAMED = {"temperature": "activation", "track_scatter": "slip_to_slip_scatter"}

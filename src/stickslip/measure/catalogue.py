@@ -91,12 +91,7 @@ def regime_and_drops(
     trace, seen = judged(data, after)
     parts = (find_strokes(trace)[0] if trace.measured else []) or [trace]
     tables = [
-        _table(
-            data,
-            part,
-            _drops_beside(seen, part, minimum_drop),
-        )
-        for part in parts
+        _table(data, part, _drops_beside(seen, part, minimum_drop)) for part in parts
     ]
     table = xr.concat(tables, "event", combine_attrs="override")
     for name in ("count", "cut"):
@@ -234,10 +229,7 @@ def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
         if not math.isfinite(mean):
             continue
         unit = printable(units_of(column))
-        divisor, unit = prefixed(
-            mean,
-            "" if unit == "1" else unit,
-        )
+        divisor, unit = prefixed(mean, "" if unit == "1" else unit)
         text = words.number(mean / divisor)
         if math.isfinite(std):
             std = 0.0 if std < _DUST * abs(mean) else std

@@ -32,10 +32,7 @@ def seconds_of(text: str) -> float | None:
     """Return the seconds of a time of the day, those since 2000 in UTC if it has a date
     and an offset; None if it is none.
     """
-    match = next(
-        (found for each in _CLOCKS if (found := each.fullmatch(text))),
-        None,
-    )
+    match = next((found for each in _CLOCKS if (found := each.fullmatch(text))), None)
     if match is None:
         return None
     fields = match.groupdict()

@@ -71,13 +71,7 @@ def columns(content: bytes) -> list[Column]:
         low, high, rises = _range(values)
         preview = f"{low} to {high}" if high else "no numbers"
         title = f"{i + 1}: {heading}".strip(": ")
-        found.append(
-            Column(
-                key,
-                title,
-                preview + f", {rises}" * bool(rises),
-            )
-        )
+        found.append(Column(key, title, preview + f", {rises}" * bool(rises)))
     return found
 
 
@@ -120,16 +114,10 @@ def choose(
         free = [i for i in table.numeric if i not in taken]
         found = _by_heading(table, free, name)
         if name == "time" and len(found) != 1:
-            found, note = _rising_evenly(
-                table,
-                found or _unnamed(table, free),
-            )
+            found, note = _rising_evenly(table, found or _unnamed(table, free))
             notes += note
         if len(found) == 1:
-            chosen[name] = Choice(
-                found[0],
-                table.headings[found[0]],
-            )
+            chosen[name] = Choice(found[0], table.headings[found[0]])
         elif name in ("time", "force"):
             raise _question(table, name, found)
     return chosen, notes
@@ -182,10 +170,7 @@ def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list
         return even, []
     if np.all(np.diff(values[0][np.isfinite(values[0])]) == 1.0):
         return [], []
-    choice = Choice(
-        even[0],
-        table.headings[even[0]],
-    )
+    choice = Choice(even[0], table.headings[even[0]])
     return even[:1], [f"{choice} rises evenly and is taken for the time"]
 
 
@@ -211,10 +196,7 @@ def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
             found = [int(key) - 1]
         if len(found) == 1 and found[0] in table.numeric:
             heading = table.headings[found[0]]
-            return Choice(
-                found[0],
-                heading._replace(unit=given or heading.unit),
-            )
+            return Choice(found[0], heading._replace(unit=given or heading.unit))
     raise InputError(
         f"{name} = {shown(wanted)}: no such column of numbers, or several of this "
         f"name; counted from 1, there are {table.listed()}"
@@ -240,12 +222,7 @@ def _preview(table: Table) -> str:
     for i, values in table.read(table.numeric[:_MOST_SHOWN]).items():
         low, high, rises = _range(values)
         name = str(table.headings[i])[:_LONGEST_NAME]
-        first = ", ".join(
-            map(
-                words.number,
-                values[np.isfinite(values)][:3].tolist(),
-            )
-        )
+        first = ", ".join(map(words.number, values[np.isfinite(values)][:3].tolist()))
         if high:
             rows.append(
                 (

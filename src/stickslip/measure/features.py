@@ -145,10 +145,7 @@ class Window:
     @cached_property
     def white_noise(self) -> Feature:
         """Scatter over the noise of the sensor."""
-        noise = max(
-            self.found.noise,
-            ROUNDING * self.largest,
-        )
+        noise = max(self.found.noise, ROUNDING * self.largest)
         error = WHITE / ERRORS / math.sqrt(self.rest.size)
         return Feature(self.scatter / noise, error)
 
@@ -180,10 +177,7 @@ class Window:
         """Kurtosis of the force, and its error of white noise."""
         fourth = float(np.mean((self.rest**2) ** 2))
         value = fourth / self.scatter**4 if self.scatter else math.nan
-        return Feature(
-            value,
-            math.sqrt(24.0 / self.rest.size),
-        )
+        return Feature(value, math.sqrt(24.0 / self.rest.size))
 
     @cached_property
     def part(self) -> float:
@@ -203,14 +197,8 @@ class Window:
         if self.cycles:
             # of a sine with noise of a sensor on top, peak to peak is more than the
             # sine's
-            variance = max(
-                float(force.var()) - self.found.noise**2,
-                0.0,
-            )
-            swing = min(
-                swing,
-                2.0 * math.sqrt(2.0 * variance),
-            )
+            variance = max(float(force.var()) - self.found.noise**2, 0.0)
+            swing = min(swing, 2.0 * math.sqrt(2.0 * variance))
         return Feature(
             swing / self.largest,
             2.0 * self.found.noise / self.largest,
@@ -344,11 +332,7 @@ class Window:
     @property
     def reversed(self) -> Self:
         """The window with its force negated, and nothing known of the motion."""
-        trace = replace(
-            self.trace,
-            force=-self.trace.force,
-            velocity=None,
-        )
+        trace = replace(self.trace, force=-self.trace.force, velocity=None)
         return type(self).of(trace)
 
     @property
@@ -368,11 +352,7 @@ class Window:
         if not self.cycles or abs(found.size - self.cycles.count) > 1:
             forces = np.array_split(trace.force, 2 * FEWEST_CYCLES)
             sizes = np.array([part.std() for part in forces])
-            ends = np.linspace(
-                trace.t[0],
-                trace.t[-1],
-                sizes.size + 1,
-            )
+            ends = np.linspace(trace.t[0], trace.t[-1], sizes.size + 1)
             times = 0.5 * (ends[1:] + ends[:-1])
         return np.log(sizes[sizes > 0]), times[sizes > 0] / trace.length
 
@@ -390,26 +370,15 @@ class Window:
         # Cycles that are large and small in turn tell a mean better than others do
         # (Bartlett).
         turn = float((rest[1:] * rest[:-1]).sum()) / (square or 1.0)
-        turn = min(
-            max(turn, 1.0 / sizes.size - 1.0),
-            0.0,
-        )
+        turn = min(max(turn, 1.0 / sizes.size - 1.0), 0.0)
         power *= (1.0 + turn) / (1.0 - turn)
-        return Feature(
-            0.5 * rate,
-            0.5 * math.sqrt(power),
-        )
+        return Feature(0.5 * rate, 0.5 * math.sqrt(power))
 
     def errors(self, chance: float) -> float:
         """Return the number of standard errors of the change of the amplitude that
         chance exceeds this often, by Student: few parts show their scatter badly.
         """
-        return float(
-            stdtrit(
-                max(self._amplitudes[0].size - 2, 1),
-                1.0 - chance,
-            )
-        )
+        return float(stdtrit(max(self._amplitudes[0].size - 2, 1), 1.0 - chance))
 
     @cached_property
     def trend(self) -> int:
@@ -463,10 +432,7 @@ class Window:
             if known is not None:
                 unit = rig.unit("f_s") / math.sqrt(count)
                 return self.scatter / (known * unit), ERRORS
-        usual = min(
-            NOISE_OF_CONTACTS * self.largest,
-            self.mean,
-        )
+        usual = min(NOISE_OF_CONTACTS * self.largest, self.mean)
         return self.scatter / usual * math.sqrt(count), 1.0
 
     @property
@@ -484,10 +450,7 @@ class Window:
     def tests(self) -> tuple[Criterion, ...]:
         """The tests of a regime, but for those of what is not known."""
         value, error = self.change
-        change = Feature(
-            abs(value),
-            error * self.errors(CHANCE) / ERRORS,
-        )
+        change = Feature(abs(value), error * self.errors(CHANCE) / ERRORS)
         gain = self.loading.gain
         climbs = gain.value - ONE_SIDED * gain.error > CLIMBS
         white = 1.0 + ERRORS * self.white_noise.error
@@ -587,12 +550,7 @@ def look_past_waves(seen: Window) -> Window:
             break
         wave = trace.force - without_waves(trace.force, width)
         wave -= np.median(wave)
-        shown = Window.of(
-            replace(
-                trace,
-                force=trace.force - wave,
-            )
-        )
+        shown = Window.of(replace(trace, force=trace.force - wave))
         found = shown.found
         waits = found.waits
         slower = (
@@ -617,10 +575,7 @@ def _means(trace: Trace, first: Array, last: Array) -> Array:
             trace.force - trace.force[0],
         ]
     )
-    sums = np.pad(
-        values.cumsum(axis=1),
-        ((0, 0), (1, 0)),
-    )
+    sums = np.pad(values.cumsum(axis=1), ((0, 0), (1, 0)))
     return np.asarray((sums[:, last + 1] - sums[:, first]) / (last + 1 - first))
 
 
@@ -631,10 +586,7 @@ def longest_wait(waits: Array) -> float:
     usual = weighted_median(waits, waits)
     # the longest may be the pause that is asked for
     others = np.sort(waits)[:-1]
-    scatter = min(
-        float(others.std() / others.mean()),
-        1.0,
-    )
+    scatter = min(float(others.std() / others.mean()), 1.0)
     return usual * max(MISSING, 1.0 + scatter * math.log(waits.size / ONE_IN_TWENTY))
 
 

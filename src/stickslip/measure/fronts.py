@@ -111,12 +111,7 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
 
 def _speed(times: Array) -> float:
     """Blocks per time at which a front passes blocks at these times."""
-    each = abs(
-        slope(
-            times,
-            np.arange(float(times.size)),
-        )
-    )
+    each = abs(slope(times, np.arange(float(times.size))))
     return 1.0 / each if each != 0.0 else float("inf")
 
 
@@ -222,15 +217,8 @@ def events(run: xr.Dataset) -> xr.Dataset:
     along = int(run["along"].max()) + 1 if "along" in run.coords else run.sizes["block"]
     grid = active.reshape(time.size - 1, -1, along)
     about = np.ones((3, 3, 3), np.int64)
-    labels, count = ndimage.label(
-        ndimage.binary_dilation(grid, about),
-        about,
-    )
-    labels = np.where(
-        active,
-        np.asarray(labels).reshape(active.shape),
-        0,
-    )
+    labels, count = ndimage.label(ndimage.binary_dilation(grid, about), about)
+    labels = np.where(active, np.asarray(labels).reshape(active.shape), 0)
     rows = list[Row]()
     for label, where in enumerate(ndimage.find_objects(labels, count), start=1):
         first = where[0].start
@@ -245,10 +233,7 @@ def events(run: xr.Dataset) -> xr.Dataset:
         arrival = np.array([_half_time(time[during], each) for each in x.T])
         origin = int(np.argmin(arrival))
         # on which more blocks follow
-        side = max(
-            (arrival[origin:], arrival[origin::-1]),
-            key=len,
-        )
+        side = max((arrival[origin:], arrival[origin::-1]), key=len)
         runs = grid.shape[1] == 1 and side.size >= _FEWEST and side[-1] > side[0]
         rows.append(
             (
@@ -318,19 +303,11 @@ def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Ar
     values = np.abs(values) if is_velocity else values
     for axis, edge in enumerate(edges):
         gather = np.maximum if is_velocity else np.add
-        values = gather.reduceat(
-            values,
-            edge[:-1],
-            axis=axis,
-        )
+        values = gather.reduceat(values, edge[:-1], axis=axis)
     if not is_velocity:
         values = values / np.outer(*map(np.diff, edges))
     time, block = (
-        np.asarray(
-            field[name].values,
-            dtype=float,
-        )
-        for name in ("time", "block")
+        np.asarray(field[name].values, dtype=float) for name in ("time", "block")
     )
     return (
         values,
@@ -397,25 +374,12 @@ def _events_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> str:
     force = units_of(run["spring_force"])
     is_whole = large["blocks"].values >= size
     if (some := large.isel(event=~is_whole)).sizes["event"]:
-        start = engineering(
-            float(some["start"][0]),
-            time,
-        )
-        reach = blocks_in_words(
-            rig,
-            int(some["reach"][0]),
-        )
+        start = engineering(float(some["start"][0]), time)
+        reach = blocks_in_words(rig, int(some["reach"][0]))
         text += f"; the first of some, at t = {start}, over {reach}"
     if (whole := large.isel(event=is_whole)).sizes["event"]:
-        start = engineering(
-            float(whole["start"][0]),
-            time,
-        )
-        drop = engineering(
-            float(whole["drop"].max()),
-            force,
-            3,
-        )
+        start = engineering(float(whole["start"][0]), time)
+        drop = engineering(float(whole["drop"].max()), force, 3)
         text += f"; {whole.sizes['event']} of all {size}, the first at t = {start}"
         text += f", largest force drop {drop}"
     return text

@@ -189,12 +189,7 @@ def rms_velocity_deviation(trace: Trace) -> float:
     """
     if trace.pace is None or not trace.measured:
         return math.nan
-    return math.sqrt(
-        max(
-            float(np.mean((trace.pace - 1.0) ** 2)) - SLOPE_ERROR**2,
-            0.0,
-        )
-    )
+    return math.sqrt(max(float(np.mean((trace.pace - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

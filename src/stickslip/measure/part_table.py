@@ -62,10 +62,7 @@ def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
         if not known.size:
             continue
         plain_unit = "" if units[of] == "1" else units[of]
-        divisor, unit = words.prefixed(
-            float(known.max()),
-            plain_unit,
-        )
+        divisor, unit = words.prefixed(float(known.max()), plain_unit)
         cells = [
             words.number(value / divisor) if math.isfinite(value) else ""
             for value in values.tolist()
@@ -76,10 +73,7 @@ def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
                 *cells,
             ]
         )
-    columns.insert(
-        3,
-        ["motion", *(part.kind for part in shown)],
-    )
+    columns.insert(3, ["motion", *(part.kind for part in shown)])
     return [*zip(*columns, strict=True)]
 
 

@@ -77,10 +77,7 @@ def find_cycles(t: Array, force: Array) -> Cycles:
     if correlation:
         # half a sample earlier, so that rounding decides about none
         half = 0.5 * (t[-1] - t[0]) / (t.size - 1)
-        firsts = np.searchsorted(
-            t,
-            np.arange(t[0], t[-1] - lag, lag) - half,
-        )
+        firsts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag) - half)
         if firsts.size >= FEWEST_CYCLES and np.diff(firsts).all():
             starts = firsts
     # Of each cycle: one that is larger than the others says nothing.
@@ -106,11 +103,7 @@ def rises(
     """Rises of a force through `high`, each with a drop below `low` before it:
     samples, and times between them.
     """
-    side = np.where(
-        force > high,
-        1,
-        np.where(force < low, -1, 0),
-    )
+    side = np.where(force > high, 1, np.where(force < low, -1, 0))
     outside = np.flatnonzero(side)
     risen = outside[1:][np.diff(side[outside]) > 0]
     passed = (force[risen] - high) / (force[risen] - force[risen - 1])
@@ -125,10 +118,7 @@ def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
     even = np.linspace(t[0], t[-1], size)
     rest = without_drift(np.interp(even, t, force))
     lags = max(size // 2, 3)
-    spectrum = fft.rfft(
-        rest,
-        fft.next_fast_len(size + lags, real=True),
-    )
+    spectrum = fft.rfft(rest, fft.next_fast_len(size + lags, real=True))
     power = fft.irfft(spectrum.real**2 + spectrum.imag**2)[:lags]
     if not power[0] > 0 or not power.min() < 0:
         return math.nan, 0.0

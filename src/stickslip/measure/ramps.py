@@ -170,11 +170,7 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
             * rig.unit("time")
         )
         width = 2.0 * (loading + trace.drive * period)
-    gone = cumulative_trapezoid(
-        trace.drive / width,
-        trace.t,
-        initial=0,
-    )
+    gone = cumulative_trapezoid(trace.drive / width, trace.t, initial=0)
     windows = f"windows of drive travel {width.max():.4g}"
     if gone[-1] < 2:
         raise UndecidedError(
@@ -211,10 +207,7 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
         name: labelled(text, "travel", values, units_of(run.get(_OF.get(name, "time"))))
         for name, (text, values) in columns.items()
     }
-    return xr.Dataset(
-        found,
-        attrs={"window": float(np.max(place[2] - place[0]))},
-    )
+    return xr.Dataset(found, attrs={"window": float(np.max(place[2] - place[0]))})
 
 
 def _turning_time(t: Array, drive: Array) -> float:
@@ -291,11 +284,7 @@ def in_words(run: xr.Dataset) -> str:
             if found[name].notnull()
         }
         # as they come in time
-        turns = sorted(
-            at,
-            key=lambda what: abs(float(at[what])),
-            reverse=way == "down",
-        )
+        turns = sorted(at, key=lambda what: abs(float(at[what])), reverse=way == "down")
         events = [
             f"{what} at {engineering(float(at[what]), units_of(at[what]), 3)}"
             for what in turns

@@ -280,11 +280,7 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
     trace = Trace.of(data)
     if trace.measured and "spikes" not in data.attrs:
         good = ~spikes(trace.force)
-        force = np.interp(
-            trace.t,
-            trace.t[good],
-            trace.force[good],
-        )
+        force = np.interp(trace.t, trace.t[good], trace.force[good])
         trace = replace(trace, force=force)
     if after is not None:
         end = trace.t[-1]
@@ -315,11 +311,7 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
 def _with_mu(seen: Regime, size: xr.DataArray) -> Regime:
     """A regime with the mean coefficient of friction in its window."""
     inside = size.sel(time=slice(*seen.window))
-    return replace(
-        seen,
-        mean_mu=float(inside.mean()),
-        static_mu=float(inside.max()),
-    )
+    return replace(seen, mean_mu=float(inside.mean()), static_mu=float(inside.max()))
 
 
 def _select_late_window(trace: Trace) -> tuple[Trace, Slips | None]:
@@ -330,10 +322,7 @@ def _select_late_window(trace: Trace) -> tuple[Trace, Slips | None]:
     last = trace.drive[-1]
     differs = np.flatnonzero(np.abs(trace.drive - last) > CONSTANT_DRIVE * abs(last))
     first = int(differs[-1]) + 1 if differs.size else 0
-    first = max(
-        first,
-        int(np.searchsorted(trace.t, trace.steady_load_from)),
-    )
+    first = max(first, int(np.searchsorted(trace.t, trace.steady_load_from)))
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
         return trace, None
     end = trace.t[-1]
@@ -368,10 +357,7 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     if loops:
         half, middle = np.mean(loops, axis=0).tolist()
         seen = replace(seen, half_width=half, offset=middle)
-    return replace(
-        seen,
-        notes=(*seen.notes, *notes),
-    )
+    return replace(seen, notes=(*seen.notes, *notes))
 
 
 def _note_gaps(stretches: Sequence[Trace]) -> list[str]:
@@ -395,11 +381,7 @@ def _doubt_oscillation(stroke: Regime) -> Regime:
     if stroke.kind != LASTS:
         return stroke
     doubt = "by itself, or along a path that is wavy: other speeds tell"
-    return replace(
-        stroke,
-        kind=OPEN,
-        reason=f"{stroke.reason}; {doubt}",
-    )
+    return replace(stroke, kind=OPEN, reason=f"{stroke.reason}; {doubt}")
 
 
 def _skip_loading(trace: Trace) -> tuple[Trace, Slips | None]:
@@ -469,10 +451,7 @@ def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
     rate = part.rise / part.length
     if not climbs or not 0.0 < rate < (1.0 - ONE_RATE) * min(climbs) * _speed(part):
         return None
-    return replace(
-        part,
-        force=part.force - rate * (part.t - part.t.mean()),
-    )
+    return replace(part, force=part.force - rate * (part.t - part.t.mean()))
 
 
 def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
@@ -482,14 +461,8 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     lasts = Counter[Kind]()
     for each in parts:
         lasts[each.kind] += np.ptp(each.window)
-    kind = max(
-        lasts,
-        key=lambda kind: (kind != OPEN, lasts[kind]),
-    )
-    seen = max(
-        parts,
-        key=lambda each: (each.kind == kind, np.ptp(each.window)),
-    )
+    kind = max(lasts, key=lambda kind: (kind != OPEN, lasts[kind]))
+    seen = max(parts, key=lambda each: (each.kind == kind, np.ptp(each.window)))
     agree = lasts[kind] >= MOST_PARTS * lasts.total()
     window = (
         parts[0].window[0],
@@ -549,11 +522,7 @@ def _until(run: Sequence[Regime]) -> str:
     change = last[1] - first[0]
     if abs(change) <= CONSTANT_DRIVE * max(last[1], first[0]):
         return end
-    speed = words.engineering(
-        last[1],
-        run[-1].velocity_unit,
-        2,
-    )
+    speed = words.engineering(last[1], run[-1].velocity_unit, 2)
     return f"{end} ({'up' if change > 0 else 'down'} to {speed})"
 
 
@@ -577,11 +546,7 @@ def _judge(trace: Trace, found: Slips | None = None) -> Regime:
         kind, reason = decide(seen)
     notes = list[str]()
     if kind != OPEN and trace.measured and (rate := _drift_rate(trace)):
-        drifts = words.engineering(
-            trace.sign * rate,
-            _rate_unit(trace),
-            3,
-        )
+        drifts = words.engineering(trace.sign * rate, _rate_unit(trace), 3)
         notes.append(f"the force drifts by {drifts}")
     slips = fast_slips(seen.trace, seen.found) if kind == SLIPS else seen.found
     drop, _, drop_variation = mean_and_std(slips.drops)

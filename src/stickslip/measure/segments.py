@@ -29,15 +29,9 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     where there is no step.
     """
     times = _pauses(trace, found)
-    count = min(
-        _MOST_BLOCKS,
-        trace.t.size // FEWEST_READINGS,
-    )
+    count = min(_MOST_BLOCKS, trace.t.size // FEWEST_READINGS)
     if found.size >= FEWEST_CYCLES:
-        usual = weighted_median(
-            found.waits,
-            found.drops[1:] ** 2,
-        )
+        usual = weighted_median(found.waits, found.drops[1:] ** 2)
         count = min(count, int(trace.length / usual))
     if count >= 2 * FEWEST_CYCLES and np.ptp(trace.force):
         times += _steps(trace, count)
@@ -104,11 +98,7 @@ def _noise(series: Array) -> Array:
     two = _scatter(series[:, 2:] - series[:, :-2])
     one = np.maximum(one, STEADY)
     two = np.maximum(two, STEADY)
-    r = np.clip(
-        (two / one) ** 2 - 1.0,
-        0.0,
-        0.99,
-    )
+    r = np.clip((two / one) ** 2 - 1.0, 0.0, 0.99)
     return np.asarray(one * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r))
 
 

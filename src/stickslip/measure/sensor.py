@@ -34,10 +34,7 @@ def white_noise(force: Array) -> float:
         if kept.size < 0.5 * bend.size:
             break
         # 0.6396: median of a half-normal cut at 2
-        noise = max(
-            float(np.median(kept)) / 0.6396,
-            0.5 * first,
-        )
+        noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)
     return noise / math.sqrt(6.0)
 
 
@@ -128,10 +125,7 @@ def spikes(force: Array) -> Mask:
     apart = beyond > highest - lowest
     # not less those that slips spoil: these are no spikes
     noise = 1.4826 * float(np.median(_bends(values))) / math.sqrt(6.0)
-    noise = max(
-        noise,
-        resolution(values) / math.sqrt(12.0),
-    )
+    noise = max(noise, resolution(values) / math.sqrt(12.0))
     off = np.abs(values - median_filter(values, 5))
     apart &= off > SIGMAS * noise
     # At an end it is not seen whether a force comes back as a spike does: there it must

@@ -244,10 +244,7 @@ def fast_slips(trace: Trace, found: Slips) -> Slips:
     if fast.all() or not usual >= SLIP_VELOCITY or not seen:
         return found
     faster = f"faster than {SLIP_VELOCITY:g} times the drive"
-    return found.only(
-        fast,
-        criterion=f"{found.criterion}, {faster}",
-    )
+    return found.only(fast, criterion=f"{found.criterion}, {faster}")
 
 
 def turning_points(
@@ -257,11 +254,7 @@ def turning_points(
     `drop`, rises of `rise` or `drop`.
     """
     values = np.append(values, np.inf)
-    peaks, troughs = zigzag(
-        values,
-        drop,
-        drop if rise is None else rise,
-    )
+    peaks, troughs = zigzag(values, drop, drop if rise is None else rise)
     ends = np.flatnonzero(values[1:] != values[:-1])
     return ends[np.searchsorted(ends, peaks)], troughs
 
@@ -318,10 +311,7 @@ def _edges(
     for i, peak in enumerate(peaks):
         slip = force[peak : troughs[i] + 1]
         drop = float(slip[0] - slip[-1])
-        margin = min(
-            max(EDGE * drop, 2.5 * noise),
-            0.4 * drop,
-        )
+        margin = min(max(EDGE * drop, 2.5 * noise), 0.4 * drop)
         low = int(np.argmax(slip <= slip[-1] + margin))
         high = np.flatnonzero(slip[:low] >= slip[0] - margin)[-1]
         start[i] += high

@@ -28,10 +28,7 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
         return [], math.nan, math.nan
     last = trace.t.size
     parts = [
-        trace.part(
-            trace.t[begin],
-            trace.t[end] if end < last else np.inf,
-        )
+        trace.part(trace.t[begin], trace.t[end] if end < last else np.inf)
         for begin, end in itertools.pairwise(edges)
     ]
     levels = np.array([_plateau(part.force) for part in parts])
@@ -42,10 +39,7 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     for part, level in zip(parts, levels, strict=True):
         side = 1.0 if level >= offset else -1.0
         there = part.t[side * part.force >= side * level]
-        loaded = part.part(
-            there[0],
-            np.nextafter(there[-1], np.inf),
-        )
+        loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
         if loaded.t.size >= FEWEST_READINGS:
             force = side * (loaded.force - offset)
             largest = float(force.max())

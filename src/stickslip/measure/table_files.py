@@ -38,10 +38,7 @@ def read_table(
     for magic, export in _EXPORTED.items():
         if raw.startswith(magic):
             raise InputError(f"is {export}")
-    read = next(
-        (read for magic, read in _READERS if raw.startswith(magic)),
-        None,
-    )
+    read = next((read for magic, read in _READERS if raw.startswith(magic)), None)
     if read is None:
         return read_text(raw, delimiter, decimal)
     try:
@@ -143,10 +140,7 @@ def _of_spreadsheet(raw: bytes) -> Table:
         name: sheet.apply(pd.to_numeric, errors="coerce").count()
         for name, sheet in sheets.items()
     }
-    chosen = max(
-        sheets,
-        key=lambda name: numbers[name].sum(),
-    )
+    chosen = max(sheets, key=lambda name: numbers[name].sum())
     left = [
         repr(name)
         for name, counts in numbers.items()

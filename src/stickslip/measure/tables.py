@@ -176,10 +176,7 @@ class _Lines(NamedTuple):
 
     def line(self, i: int) -> str:
         begin = self.begins[i]
-        end = min(
-            self.begins[i + 1] - 1,
-            begin + _LONGEST_LINE,
-        )
+        end = min(self.begins[i + 1] - 1, begin + _LONGEST_LINE)
         return self.raw[begin:end].decode(errors="replace")
 
     def head(self) -> Numbered:
@@ -190,10 +187,7 @@ class _Lines(NamedTuple):
     def sample(self, begin: int) -> list[str]:
         """Rows from the line `begin` on, evenly over the text."""
         places = np.linspace(begin, self.total, _SAMPLE, endpoint=False)
-        lines = map(
-            self.line,
-            np.unique(places.astype(int)).tolist(),
-        )
+        lines = map(self.line, np.unique(places.astype(int)).tolist())
         return [*filter(_ROW.match, lines)]
 
 
@@ -323,10 +317,7 @@ def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> _L
     commas = [False, True] if decimal is None else [decimal == ","]
     some = sample[:: len(sample) // _LOOKED_AT + 1]
     layouts = (_Layout(mark, comma) for comma in commas for mark in marks)
-    return max(
-        layouts,
-        key=lambda layout: layout.fit(some),
-    )
+    return max(layouts, key=lambda layout: layout.fit(some))
 
 
 def _as_wide(line: str, layout: _Layout, width: int) -> list[str]:
@@ -340,10 +331,7 @@ def _as_wide(line: str, layout: _Layout, width: int) -> list[str]:
         found = [_Layout(other, False).split(line) for other in ",;\t" if other in line]
         blanks = (r"\s{2,}", r"\s+(?![\[(])", r"\s+")
         found += [re.split(each, line.strip()) for each in blanks]
-    return next(
-        (cells for cells in found if len(cells) == width),
-        [],
-    )
+    return next((cells for cells in found if len(cells) == width), [])
 
 
 def _labview(
@@ -360,10 +348,7 @@ def _labview(
     units = [unit.strip() for unit in entries.get("Y_Unit_Label", []) if unit.strip()]
     forces = [i for i in numeric if headings[i].quantity != "time"]
     for i, unit in zip(forces[-len(units) :], units, strict=False):
-        headings[i] = Heading(
-            headings[i].name,
-            headings[i].unit or unit,
-        )
+        headings[i] = Heading(headings[i].name, headings[i].unit or unit)
     return read_cell(entries.get("Delta_X", [""])[0], layout.comma)[0] or None
 
 

@@ -410,11 +410,7 @@ def without_drift(values: Array) -> Array:
     for _ in range(1, 2 * FEWEST_CYCLES):
         height = 2.0 / count * np.einsum("i,i->", rest, wave)
         rest -= np.multiply(height, wave, out=work)
-        after = np.subtract(
-            np.multiply(twice, wave, out=work),
-            before,
-            out=before,
-        )
+        after = np.subtract(np.multiply(twice, wave, out=work), before, out=before)
         before = wave
         wave = after
     return np.asarray(rest)
@@ -440,10 +436,7 @@ def independent(rest: Array, least: float = 1.0) -> float:
     r) of a memory r (Bartlett), and not less than some.
     """
     r = memory(rest)
-    return max(
-        rest.size * (1.0 - r) / (1.0 + r),
-        least,
-    )
+    return max(rest.size * (1.0 - r) / (1.0 + r), least)
 
 
 def mean_and_std(values: Array) -> tuple[float, float, float]:

@@ -182,10 +182,7 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     order = [name for name in ("time", *_TEXTS) if name in chosen and name != "part"]
     named = [f"{name}: {chosen[name]}" for name in order]
     usual = float(np.median(np.diff(data["time"])))
-    each = words.engineering(
-        usual,
-        data["time"].attrs["units"],
-    )
+    each = words.engineering(usual, data["time"].attrs["units"])
     return "; ".join(
         [
             *named,
@@ -227,10 +224,7 @@ def _rows(
     within = force[first:last][outside[first:last]]
     none = np.count_nonzero(outside) - (np.unique(within).size > 1) * within.size
     force[outside] = np.nan
-    times = values.setdefault(
-        "time",
-        step * np.arange(force.size, dtype=float),
-    )
+    times = values.setdefault("time", step * np.arange(force.size, dtype=float))
     bad = lines[~np.isfinite(times + force)].tolist()
     shown_lines = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
     if len(bad) - none > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
@@ -295,18 +289,12 @@ def _put_in_turn(
     usual = float(np.nanmedian(np.diff(times)))
     for at in back:
         times[at:] += float(np.nanmax(times[:at])) + usual - times[at]
-    steps = values.pop(
-        "part",
-        np.zeros(times.size),
-    )
+    steps = values.pop("part", np.zeros(times.size))
     # a number that changes with each few rows counts something else
     turns = np.flatnonzero(np.diff(steps)) + 1
     if np.diff([0, *turns, times.size]).min() < FEWEST_READINGS:
         turns = turns[:0]
-    edges = np.isin(
-        np.arange(times.size),
-        [*turns, *back],
-    )
+    edges = np.isin(np.arange(times.size), [*turns, *back])
     if edges.any():
         values["part"] = 1.0 + np.cumsum(edges, dtype=float)
     if not back.size:

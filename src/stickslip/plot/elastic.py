@@ -99,10 +99,7 @@ def spacetime(
     if what == "velocity":
         scale = LogNorm
         cmap = "inferno"
-        drawn = np.maximum(
-            drawn,
-            (float(drawn.max()) or 1.0) / 10.0**_DECADES,
-        )
+        drawn = np.maximum(drawn, (float(drawn.max()) or 1.0) / 10.0**_DECADES)
     elif what == "attached":
         text = "attached, relative to before"
         drawn = drawn / np.where(field.values[0] > 0, field.values[0], 1.0)
@@ -227,11 +224,7 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
             "prestress has a front"
         )
     moving = [(front.prestress, front.speed) for front in theory if front.speed > 0]
-    ax.plot(
-        *np.transpose(moving),
-        color=BLACK,
-        label=f"theory ({theory[0].blocks})",
-    )
+    ax.plot(*np.transpose(moving), color=BLACK, label=f"theory ({theory[0].blocks})")
     _dress_speed(ax, rig)
     ax.axvline(least, color=ORANGE, linewidth=0.9, label="threshold")
     ax.set(

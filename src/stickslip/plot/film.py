@@ -132,10 +132,7 @@ def _bristles(feet: Array, stretching: Array, attached: Array) -> list[Array]:
     behind = np.where(attached, stretching, 0.0)
     height = np.where(attached, 0.0, 0.5 * _HIGH)
     tips = np.stack([feet - behind, height], axis=1)
-    roots = np.stack(
-        [feet, np.full(feet.size, _HIGH)],
-        axis=1,
-    )
+    roots = np.stack([feet, np.full(feet.size, _HIGH)], axis=1)
     return list(np.stack([roots, tips], axis=1))
 
 
@@ -144,10 +141,7 @@ def _ground_marks(left: float, shift: float) -> tuple[Array, Array]:
     with the drive; NaN parts one stroke from the next.
     """
     marks = np.arange(left, 3, 2.0) + shift
-    x = np.ravel(
-        [marks, marks - 0.6, marks * np.nan],
-        "F",
-    )
+    x = np.ravel([marks, marks - 0.6, marks * np.nan], "F")
     y = np.tile([0.0, -0.8, np.nan], marks.size)
     return x, y
 

@@ -78,11 +78,7 @@ def slips(data: xr.Dataset) -> Figure:
     when = data["peak_time"].values[1:]
     third = max(known.size // 3, 1)
     for part in (slice(0, third), slice(-third, None)):
-        rate.plot(
-            when[part][[0, -1]],
-            [np.median(known[part])] * 2,
-            color=VERMILLION,
-        )
+        rate.plot(when[part][[0, -1]], [np.median(known[part])] * 2, color=VERMILLION)
     rate.set_ylim(0, 2.0 * float(np.median(known)))
     for ax, title, across, up in (
         (trace, "(a)", "time", "spring_force"),
@@ -285,11 +281,7 @@ def _draw_healing(ax: Axes, found: Fit, across: str) -> None:
     ax.set_xscale("log")
     if found.healing is not None:
         decades = np.log10(hold) - np.log10(hold).mean()
-        ax.plot(
-            hold,
-            peak.mean() + float(found.healing) * decades,
-            color=BLUE,
-        )
+        ax.plot(hold, peak.mean() + float(found.healing) * decades, color=BLUE)
     panel(ax, "peak after the hold", across, None)
 
 

@@ -123,10 +123,7 @@ def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
         if "start" in data and data["start"].ndim
         else [None]
     )
-    figure = new_figure(
-        PAGE if len(starts) > 1 else 1.2 * COLUMN,
-        3.5,
-    )
+    figure = new_figure(PAGE if len(starts) > 1 else 1.2 * COLUMN, 3.5)
     panels = figure.subplots(1, len(starts), sharex=True, sharey=True, squeeze=False)[0]
     for i, (ax, start) in enumerate(zip(panels, starts, strict=True)):
         draw(ax, data, across, up, start)
@@ -151,10 +148,7 @@ def _draw_cells(
     here = kinds.transpose(up, across).values
     cells = [_cell_edges(data[name]) for name in (across, up)]
     for kind, (colour, mark, hatch) in REGIMES.items():
-        shown = np.ma.masked_array(
-            np.ones(here.shape),
-            here != kind,
-        )
+        shown = np.ma.masked_array(np.ones(here.shape), here != kind)
         if mark and shown.count():
             ax.pcolor(
                 *cells,
@@ -175,10 +169,7 @@ def _draw_cells(
                 label=kind,
                 **EDGE,
             )
-    ax.set(
-        xlim=cells[0][[0, -1]],
-        ylim=cells[1][[0, -1]],
-    )
+    ax.set(xlim=cells[0][[0, -1]], ylim=cells[1][[0, -1]])
 
 
 def _draw_runs(
@@ -436,15 +427,9 @@ def _places(ax: Axes, x: Array, y: Array, written: list[Array]) -> Iterator[int]
         ax.transData.transform(np.column_stack([x, y]))
     )
     inside = np.flatnonzero(
-        np.all(
-            (places > (0.06, 0.04)) & (places < (0.94, 0.96)),
-            axis=1,
-        )
+        np.all((places > (0.06, 0.04)) & (places < (0.94, 0.96)), axis=1)
     )
-    length = np.append(
-        0.0,
-        np.cumsum(np.hypot(*np.diff(places, axis=0).T)),
-    )
+    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
     if inside.size == 0 or length[-1] < 0.2:
         return
     for part in (0.2, 0.5, 0.8) if length[-1] > 0.8 else (0.5,):

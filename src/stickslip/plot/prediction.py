@@ -60,10 +60,7 @@ def prediction(answer: Prediction) -> Figure:
             axes[1].xaxis,
             xr.DataArray([band.high for band in answer.along_drive], attrs=times),
         )
-        axes[1].set_xlim(
-            0.0,
-            answer.along_drive[-1].high,
-        )
+        axes[1].set_xlim(0.0, answer.along_drive[-1].high)
         by = "" if answer.driven is not None else ", as if each speed lasted"
         axes[1].set_title(f"motion along its drive{by}", fontsize=8)
     _force_at_its_speed(axes[1 + moves], answer)
@@ -167,10 +164,7 @@ def _axis_of_speeds(ax: Axes, answer: Any) -> None:
         "units": answer.rig.unit_name("x_s/time"),
         "spacing": "log",
     }
-    dress(
-        ax.xaxis,
-        xr.DataArray(np.array(answer.speeds_searched), attrs=look),
-    )
+    dress(ax.xaxis, xr.DataArray(np.array(answer.speeds_searched), attrs=look))
     ax.set_xlim(*answer.speeds_searched)
 
 
@@ -178,12 +172,7 @@ def _force_at_its_speed(ax: Axes, answer: Prediction) -> None:
     run = answer.run
     period = answer.regime.period
     if math.isfinite(period) and period > 0:
-        run = run.sel(
-            time=slice(
-                float(run["time"][-1]) - _CYCLES_SHOWN * period,
-                None,
-            )
-        )
+        run = run.sel(time=slice(float(run["time"][-1]) - _CYCLES_SHOWN * period, None))
     force_trace(run, ax)
     ax.axhline(answer.static_friction, color=GREY, linewidth=0.9, linestyle=DASHED)
     ax.annotate(
@@ -253,10 +242,7 @@ def _margins(ax: Axes, answer: Prediction) -> None:
         )
     ax.axvline(1.0, color=BLACK, linewidth=0.8)
     ax.set(xscale="log", xlim=(1 / widest, widest))
-    ax.set_yticks(
-        range(len(names)),
-        [parameter_named(name).title for name in names],
-    )
+    ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"× {v:.3g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
@@ -281,10 +267,7 @@ def waves(answer: Any) -> Figure:
     ax.axvline(answer.rig.velocity, color=BLACK, linewidth=1.6)
     _axis_of_speeds(ax, answer)
     ax.set_ylim(rows - 0.5, -0.5)
-    ax.set_yticks(
-        range(len(answer.waves)),
-        [wave.name for wave in answer.waves],
-    )
+    ax.set_yticks(range(len(answer.waves)), [wave.name for wave in answer.waves])
     ax.tick_params(axis="y", length=0)
     ax.spines["left"].set_visible(False)
     figure.suptitle(

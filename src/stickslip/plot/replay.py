@@ -136,10 +136,7 @@ def _window(rig: Rig, at: float) -> Range:
     )
     span = min(CYCLES * stretch / speed, duration) if speed > 0 else duration
     begin = min(
-        max(
-            number("cursor", at, at_least=0, at_most=1) * duration - 0.1 * span,
-            0.0,
-        ),
+        max(number("cursor", at, at_least=0, at_most=1) * duration - 0.1 * span, 0.0),
         duration - span,
     )
     return begin, begin + span
@@ -152,15 +149,9 @@ def _frame_times(
     of the slider.
     """
     turn = math.sqrt(rig.slider.mass / (rig.slider.stiffness + 1.0))
-    interval = min(
-        max((end - begin) / _SAMPLES, 0.1 * turn),
-        (end - begin) / 2_000,
-    )
+    interval = min(max((end - begin) / _SAMPLES, 0.1 * turn), (end - begin) / 2_000)
     output = replace(rig.output, interval=interval, snapshots=())
-    run = simulate(
-        replace(lasting(rig, end), output=output),
-        progress=watch,
-    )
+    run = simulate(replace(lasting(rig, end), output=output), progress=watch)
     seen = run["time"].values >= begin
     t = run["time"].values[seen]
     X = run["displacement"].values[seen]
@@ -168,13 +159,7 @@ def _frame_times(
     clock = (1 - _MOVING) * (t - t[0]) / (t[-1] - t[0]) + _MOVING * way / (
         way[-1] or 1.0
     )
-    return np.asarray(
-        np.interp(
-            np.linspace(0.0, clock[-1], count),
-            clock,
-            t,
-        )
-    )
+    return np.asarray(np.interp(np.linspace(0.0, clock[-1], count), clock, t))
 
 
 def _look(

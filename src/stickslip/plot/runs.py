@@ -210,11 +210,7 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """
     # An envelope would not stack; one of each group of samples will do.
     thin = run.isel(
-        time=slice(
-            None,
-            None,
-            max(1, run.sizes["time"] // style.MOST_POINTS),
-        )
+        time=slice(None, None, max(1, run.sizes["time"] // style.MOST_POINTS))
     )
     parts = [variable(thin, name) for name in _ENERGIES]
     work = variable(thin, "work")
@@ -298,11 +294,7 @@ def overview(
     axes = [figure.add_subplot(grid[0, :])]
     axes += [figure.add_subplot(grid[row, :], sharex=axes[0]) for row in range(1, rows)]
     if measured and events is not None:
-        begin, end = _zoomed(
-            figure.add_subplot(grid[-2, :]),
-            run,
-            events,
-        )
+        begin, end = _zoomed(figure.add_subplot(grid[-2, :]), run, events)
         axes[0].axvspan(begin, end, facecolor=GREY, alpha=0.4, linewidth=0)
         _draw_drops(
             [figure.add_subplot(grid[-1, column]) for column in range(3)],

@@ -240,10 +240,7 @@ def along_time(
     """
     drawn = variable(run, name)
     ax = given_or_new(ax, PAGE, height)
-    ax.plot(
-        *envelope(run["time"].values, drawn.values),
-        **style,
-    )
+    ax.plot(*envelope(run["time"].values, drawn.values), **style)
     panel(ax, "", run["time"], drawn)
     ax.margins(x=0.01)
     return ax, drawn

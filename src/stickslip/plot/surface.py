@@ -28,11 +28,7 @@ def surface(found: xr.Dataset, told: Any = None, answer: Any = None) -> Figure:
     rows = 1 if told is None else 2
     figure = new_figure(PAGE, 3.0 + 1.9 * (rows - 1))
     figure.set_layout_engine("constrained", wspace=0.08)
-    grid = figure.add_gridspec(
-        rows,
-        2,
-        height_ratios=[3.0, 1.6][:rows],
-    )
+    grid = figure.add_gridspec(rows, 2, height_ratios=[3.0, 1.6][:rows])
     surface_map(found, figure.add_subplot(grid[0, 0]))
     contact_sizes(found, figure.add_subplot(grid[0, 1]))
     if told is not None:
@@ -64,10 +60,7 @@ def surface_map(found: xr.Dataset, ax: Axes | None = None) -> Axes:
         vmax=high,
         **look,
     )
-    touching = np.ma.masked_equal(
-        found["pressure"].to_numpy() > 0.0,
-        False,
-    )
+    touching = np.ma.masked_equal(found["pressure"].to_numpy() > 0.0, False)
     ax.imshow(touching.T, cmap=ListedColormap([VERMILLION]), **look)
     bar = ax.figure.colorbar(shades, ax=ax, pad=0.02, aspect=30)
     bar.set_label("height (µm)")
@@ -147,10 +140,7 @@ def _draw_ranges(ax: Axes, told: Any) -> None:
         ylim=(-0.6, 1.6),
     )
     _decades(ax)
-    ax.set_yticks(
-        [0, 1],
-        [name for name, *_ in rows],
-    )
+    ax.set_yticks([0, 1], [name for name, *_ in rows])
 
 
 def _draw_verdict(ax: Axes, told: Any, answer: Any) -> None:

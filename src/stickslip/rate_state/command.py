@@ -191,10 +191,7 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
         if given.plot is not None:
             from stickslip import plot
 
-            plot.save(
-                plot.peaks_after_holds(run, healed.by_rate_and_state),
-                given.plot,
-            )
+            plot.save(plot.peaks_after_holds(run, healed.by_rate_and_state), given.plot)
     return content, words
 
 
@@ -259,15 +256,9 @@ def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit
         after=speeds[1],
         **how,
     )
-    fit = replace(
-        fit,
-        step=replace(fit.step, length_unit=length),
-    )
+    fit = replace(fit, step=replace(fit.step, length_unit=length))
     if given.plot is not None:
         from stickslip import plot
 
-        plot.save(
-            plot.velocity_step(fit.step, [fit], length=length),
-            given.plot,
-        )
+        plot.save(plot.velocity_step(fit.step, [fit], length=length), given.plot)
     return fit

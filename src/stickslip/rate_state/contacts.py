@@ -92,10 +92,7 @@ def _answer(
 
     # At first as far apart as no resonance is passed over, and a fourth of its period;
     # halved where a spline misses.
-    apart = max(
-        int(min(2.0 * sharp, 1.6 / max(1.0, away)) / fine),
-        1,
-    )
+    apart = max(int(min(2.0 * sharp, 1.6 / max(1.0, away)) / fine), 1)
     return y / mean, splined(factor_at, u, apart, _MISSED)(u)[0] * y
 
 

@@ -305,10 +305,7 @@ def _fitted(
     largest = float(np.max(np.abs(rise)))
     low = np.array([_LEAST * largest, _LEAST * largest, 1e-4 * reach])
     high = np.array([_MOST * largest, _MOST * largest, 10.0 * reach])
-    left = max(
-        largest - float(rise[-1]),
-        0.05 * largest,
-    )
+    left = max(largest - float(rise[-1]), 0.05 * largest)
     starts = (
         [np.array([largest, left, part * reach]) for part in (0.02, 0.05, 0.15)]
         if near is None
@@ -332,10 +329,7 @@ def _small(interface: Interface, velocity: float) -> LeastSquaresFit:
         SLIP * interface.threshold_distribution.moment(1),
         _POINTS + 1,
     )
-    rise = np.append(
-        0.0,
-        small_step(interface, velocity, slip[1:]),
-    )
+    rise = np.append(0.0, small_step(interface, velocity, slip[1:]))
     spring = contact_stiffness(interface, velocity)
     return _fitted(
         lambda one: one.small_step(slip, stiffness=spring),
@@ -388,10 +382,7 @@ def _of_a_step(
         )
         for law, up, down in both
     ]
-    return min(
-        found,
-        key=lambda one: abs(math.log(one[2])),
-    )
+    return min(found, key=lambda one: abs(math.log(one[2])))
 
 
 def _failing(interface: Interface, velocity: float, fit: LeastSquaresFit) -> str:

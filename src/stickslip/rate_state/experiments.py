@@ -72,11 +72,7 @@ class Step:
         """
         end = float(self.displacement.max())
         return float(
-            np.clip(
-                -self.displacement.min() * self.stretch,
-                1e-9 * end,
-                0.5 * end,
-            )
+            np.clip(-self.displacement.min() * self.stretch, 1e-9 * end, 0.5 * end)
         )
 
     def since(self, late: float, displacement: Array | None = None) -> Array:
@@ -110,10 +106,7 @@ class Record(NamedTuple):
         friction.
         """
         instance("data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
-        name = next(
-            (one for one in _FRICTIONS if one in data),
-            None,
-        )
+        name = next((one for one in _FRICTIONS if one in data), None)
         if name is None or "time" not in data.coords:
             raise InputError(
                 "data: holds no friction along a time; it must have one of "
@@ -257,11 +250,7 @@ def velocity_step_in(
     """
     record = Record.of(data)
     whole("bins", bins, at_least=_FEWEST, at_most=100_000)
-    return record.cut(
-        *step_near(record, at, before, after),
-        span,
-        bins,
-    )
+    return record.cut(*step_near(record, at, before, after), span, bins)
 
 
 def step_near(
@@ -293,10 +282,7 @@ def step_near(
             f"after = {after:g}: equals the velocity before the step; give another one"
         )
     if steps := record.steps():
-        early, late = min(
-            steps,
-            key=lambda pair: abs(pair[1].begin - at),
-        )
+        early, late = min(steps, key=lambda pair: abs(pair[1].begin - at))
         if before and after:
             rises = abs(late.velocity) > abs(early.velocity)
             if rises != (after > before):

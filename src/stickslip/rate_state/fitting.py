@@ -60,10 +60,7 @@ class Estimate(float):
 
     def __round__(self, digits: Any = None) -> Any:
         """Return it rounded, with its error."""
-        return Estimate(
-            round(float(self), digits or 0),
-            self.error,
-        )
+        return Estimate(round(float(self), digits or 0), self.error)
 
     def _stepped(self, other: object) -> Any:
         """Raise `TypeError`: a quotient in whole numbers jumps within the error."""
@@ -87,20 +84,14 @@ class Estimate(float):
         """``(8.602 ± 0.082) N``: to two digits of the error, in one unit, with the
         SI prefix of the larger of both.
         """
-        divisor, unit = prefixed(
-            max(abs(self), self.error),
-            unit,
-        )
+        divisor, unit = prefixed(max(abs(self), self.error), unit)
         value = float(self) / divisor
         error = self.error / divisor
         if not error > 0:
             return f"{value:.4g} {unit}".rstrip()
         both = f"{value:.4g} ± {error:.2g}"
         if 1e-7 <= error < 1e6:
-            places = max(
-                1 - math.floor(math.log10(error)),
-                0,
-            )
+            places = max(1 - math.floor(math.log10(error)), 0)
             both = f"{value:.{places}f} ± {error:.{places}f}"
         return f"({both}) {unit}" if unit else both
 
@@ -118,11 +109,7 @@ class LeastSquaresFit(NamedTuple):
     def estimates(self, inflation: float = 1.0) -> list[Estimate]:
         """The values with their standard errors."""
         return [
-            *map(
-                Estimate,
-                self.value,
-                inflation * np.sqrt(np.diag(self.covariance)),
-            )
+            *map(Estimate, self.value, inflation * np.sqrt(np.diag(self.covariance)))
         ]
 
 
@@ -151,11 +138,7 @@ def least_squares(
 
     def residual(place: Array) -> Array:
         try:
-            off = np.clip(
-                (model(values(place)) - data) / scale,
-                -1e3,
-                1e3,
-            )
+            off = np.clip((model(values(place)) - data) / scale, -1e3, 1e3)
             return np.nan_to_num(off, nan=1e3)
         except UndecidedError:
             return np.full(data.size, 1e3)
@@ -183,10 +166,7 @@ def least_squares(
             "tried"
         )
     # A parameter on which the curve does not depend has a large error, not one of 0.
-    _, singular, turned = np.linalg.svd(
-        np.asarray(best.jac),
-        full_matrices=False,
-    )
+    _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
     turned = (
         turned
         / np.maximum(singular, np.finfo(float).eps * max(singular[0], 1e-100))[:, None]

@@ -135,10 +135,7 @@ class RateAndState(Record):
         """
         x = np.asarray(slip, dtype=float)
         found = np.zeros_like(x)
-        later, place = np.unique(
-            x[x > 0],
-            return_inverse=True,
-        )
+        later, place = np.unique(x[x > 0], return_inverse=True)
         if later.size:  # in units of the first velocity
             time = np.concatenate([[-1.0, 0.0], later / ratio])
             found[x > 0] = self.slide(

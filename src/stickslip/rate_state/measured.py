@@ -247,10 +247,7 @@ def _fitted(
         **how,
     )
     # not less than one for each parameter
-    worth = independent(
-        step.friction - fit.curve,
-        least=low.size,
-    )
+    worth = independent(step.friction - fit.curve, least=low.size)
     inflation = math.sqrt(step.friction.size / worth)
     values = dict(zip(ranges, fit.estimates(inflation), strict=True))
     if not fit.converged:
@@ -275,14 +272,8 @@ def _fitted(
     beside = of_line @ (step.friction - above(fit.value))
     line = dict(zip(("level", "trend"), beside.tolist(), strict=False))
     velocity = step.before if step.measured and late > 0 else step.after
-    error = math.hypot(
-        step.at_error,
-        late.error / velocity,
-    )
-    at = Estimate(
-        step.at + float(late) / velocity,
-        error,
-    )
+    error = math.hypot(step.at_error, late.error / velocity)
+    at = Estimate(step.at + float(late) / velocity, error)
     record = kind(
         step=step,
         late=float(late),
@@ -403,11 +394,7 @@ def nearby(record: Record, before: SteadyPiece, after: SteadyPiece) -> Step:
         if forth > 0.5 * x[-1]:
             return step
         try:
-            step = record.cut(
-                before,
-                after,
-                (min(back, forth), forth),
-            )
+            step = record.cut(before, after, (min(back, forth), forth))
         except InputError:  # too few readings
             return step
 

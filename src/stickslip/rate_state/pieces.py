@@ -91,14 +91,8 @@ def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
             # Noise shifts where the lines part by some points, not where they cross.
             parts[b[0].first] = float(crossing)
     when = time - time[0]
-    which = np.searchsorted(
-        [*parts.values()],
-        when,
-    )
-    values = np.array(
-        [(line.place, line.slope, line.time) for line in lines],
-        float,
-    )
+    which = np.searchsorted([*parts.values()], when)
+    values = np.array([(line.place, line.slope, line.time) for line in lines], float)
     level, slope, middle = values[which].T
     clean = place[0] + level + slope * (when - middle)
     # What is alike from reading to reading is no noise: the load point moved so.
@@ -112,10 +106,7 @@ def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
         (Estimate(0.0), *crossings), (*crossings, t[-1]), runs, strict=True
     ):
         velocity = _joined(t, x, run, noise).slope
-        slowest = max(
-            ERRORS * velocity.error,
-            CONSTANT_DRIVE * fastest,
-        )
+        slowest = max(ERRORS * velocity.error, CONSTANT_DRIVE * fastest)
         fastest = abs(velocity)
         if fastest < slowest:
             velocity = Estimate(0.0, velocity.error)
@@ -192,15 +183,8 @@ def _edges(t: Array, x: Array, noise: float) -> list[int]:
         begin[end] = tried[best]
         # What a later end could not take off either is not tried again.
         kept = costs - price <= least[end]
-        tried = np.append(
-            tried[kept],
-            min(end, t.size - 1),
-        )
-        sums = np.append(
-            sums[:, kept],
-            np.zeros((5, 1)),
-            axis=1,
-        )
+        tried = np.append(tried[kept], min(end, t.size - 1))
+        sums = np.append(sums[:, kept], np.zeros((5, 1)), axis=1)
     edges = [t.size]
     turns = bounded("edges of pieces", t.size + 1)
     while next(turns) and edges[-1] > 0:
@@ -276,18 +260,11 @@ def _crossing(before: _Line, after: _Line, t: Array, noise: float) -> Estimate:
     steeper = float(after.slope - before.slope)
     # Until the lines are that far apart, noise may shift where they part.
     apart = ERRORS * noise / abs(steeper) if steeper else 0.0
-    beyond = max(
-        first - last,
-        float(t[1] - t[0]) * _FEWEST_POINTS,
-        apart,
-    )
+    beyond = max(first - last, float(t[1] - t[0]) * _FEWEST_POINTS, apart)
     gap = float(before.at(0.0) - after.at(0.0))
     crossing = gap / steeper if steeper else math.nan
     if not last - beyond <= crossing <= first + beyond:
         return Estimate(0.5 * (last + first), beyond)
     # The end of a line through n points errs by 2/sqrt(n) of their noise.
     parts = [4.0 / (line.end - line.first) for line in (before, after)]
-    return Estimate(
-        crossing,
-        noise * math.sqrt(sum(parts)) / abs(steeper),
-    )
+    return Estimate(crossing, noise * math.sqrt(sum(parts)) / abs(steeper))

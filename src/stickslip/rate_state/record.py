@@ -218,20 +218,12 @@ def fit_record(
             for j, one in enumerate(laws):
                 report((k + j / len(laws)) / len(steps))
                 fits[one] += fit_laws(step, (one,), spring, trend=trend).values()
-    best = min(
-        laws,
-        key=lambda one: _unlikely(fits[one]),
-    )
+    best = min(laws, key=lambda one: _unlikely(fits[one]))
     identified = tuple(fit for fit in fits[best] if isinstance(fit, StepFit))
     return RecordFit(
         record=record,
         source=str(data.attrs.get("source", "")),
-        read=str(
-            data.attrs.get(
-                "read",
-                ", ".join(filter(None, record.names)),
-            )
-        ),
+        read=str(data.attrs.get("read", ", ".join(filter(None, record.names)))),
         law=best if identified else None,
         steps=identified,
         refused=tuple(
@@ -266,35 +258,18 @@ def _is_hold(before: SteadyPiece, rest: SteadyPiece, after: SteadyPiece) -> bool
 def _hold(
     record: Record, before: SteadyPiece, rest: SteadyPiece, after: SteadyPiece
 ) -> Hold:
-    level = _level(
-        record,
-        0.5 * (before.begin + before.end),
-        rest.begin,
-    )
+    level = _level(record, 0.5 * (before.begin + before.end), rest.begin)
     # The state changes with the logarithm of the time: little in the last tenth.
-    low = _level(
-        record,
-        rest.end - 0.1 * (rest.end - rest.begin),
-        rest.end,
-    )
+    low = _level(record, rest.end - 0.1 * (rest.end - rest.begin), rest.end)
     # The other half of the sliding is the level of the next hold.
     half = 0.5 * (after.begin + after.end)
     inside = (record.time >= rest.end) & (record.time <= half)
-    when, peak = _peak(
-        record.time[inside],
-        record.friction[inside],
-    )
+    when, peak = _peak(record.time[inside], record.friction[inside])
     return Hold(
         at=rest.begin,
         hold=rest.end - rest.begin,
-        relaxation=Estimate(
-            low - float(level),
-            math.hypot(low.error, level.error),
-        ),
-        peak=Estimate(
-            peak - float(level),
-            math.hypot(peak.error, level.error),
-        ),
+        relaxation=Estimate(low - float(level), math.hypot(low.error, level.error)),
+        peak=Estimate(peak - float(level), math.hypot(peak.error, level.error)),
         slip_to_peak=abs(float(after.velocity)) * (when - rest.end),
     )
 
@@ -304,10 +279,7 @@ def _level(record: Record, begin: float, end: float) -> Estimate:
     first, last = np.searchsorted(record.time, [begin, end]).tolist()
     part = record.friction[min(first, last - 1) : last]
     many = independent(part - part.mean())
-    return Estimate(
-        float(part.mean()),
-        float(part.std()) / math.sqrt(many),
-    )
+    return Estimate(float(part.mean()), float(part.std()) / math.sqrt(many))
 
 
 def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
@@ -361,10 +333,7 @@ def _healing(holds: Sequence[Hold]) -> Estimate | None:
         w=weights,
         cov=True,
     )
-    return Estimate(
-        slope,
-        math.sqrt(max(by_errors[0, 0], by_scatter[0, 0])),
-    )
+    return Estimate(slope, math.sqrt(max(by_errors[0, 0], by_scatter[0, 0])))
 
 
 def _table(columns: dict[tuple[str, str], list[str]]) -> str:

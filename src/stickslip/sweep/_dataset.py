@@ -205,11 +205,7 @@ def status_of(store: FileName) -> Status:
         found = summary(dataset_of(table))
         going_on = "search" in table.head and "cases" not in table.head
         total = table.head["total"] if going_on else len(_keys_of(table))
-    found = replace(
-        found,
-        total=total,
-        missing=total - found.done - found.failed,
-    )
+    found = replace(found, total=total, missing=total - found.done - found.failed)
     return Status(summary=found, writer=writer_of(Path(store)))
 
 

@@ -41,11 +41,7 @@ class Span:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "low", number("Span.low", self.low))
-        object.__setattr__(
-            self,
-            "high",
-            number("Span.high", self.high, above=self.low),
-        )
+        object.__setattr__(self, "high", number("Span.high", self.high, above=self.low))
         if self.log:
             number("Span.low", self.low, above=0, hint="an axis of equal ratios")
 

@@ -240,17 +240,9 @@ class Runner:
         turns = bounded("Runner: handing out", len(self._todo))
         while self._todo and len(self._running) < most:
             next(turns)
-            size = min(
-                self._size,
-                math.ceil(len(self._todo) / most),
-            )
+            size = min(self._size, math.ceil(len(self._todo) / most))
             first = islice(self._todo, size)
-            batch = [
-                *takewhile(
-                    lambda key: key not in self._lost,
-                    first,
-                )
-            ]
+            batch = [*takewhile(lambda key: key not in self._lost, first)]
             if not batch and self._running:
                 break
             batch = batch or [self._todo[0]]

@@ -230,10 +230,7 @@ def plan_of(result: xr.Dataset) -> Plan:
         kind.__name__: kind for kind in (Plan, Study, Refinement, Span)
     }
     try:
-        found: Plan = datasets.decode(
-            json.loads(str(result.attrs[NOTE])),
-            kinds,
-        )
+        found: Plan = datasets.decode(json.loads(str(result.attrs[NOTE])), kinds)
         instance("rig", found.study.rig, Rig, "a rig")
     except (ValueError, AttributeError) as error:  # InputError is a ValueError
         raise InputError(f"the plan of this sweep: cannot be read ({error})") from None
@@ -399,11 +396,7 @@ def _is_logarithmic(given: Any, values: Any) -> bool:
 def _check_keys(content: object, known: Iterable[str], place: str) -> None:
     """Refuse what is no table, and all keys of a table that are unknown."""
     tables = Tables(natural=True)
-    tables.table(
-        content,
-        dict.fromkeys(known, Key({})),
-        place,
-    )
+    tables.table(content, dict.fromkeys(known, Key({})), place)
     if tables.mistakes:
         raise InputError(together(map(str, tables.mistakes)))
 

@@ -69,10 +69,7 @@ class Study:
             if isinstance(slider, Slider)
             else float(slider.pulled.mean())
         )
-        distance = max(
-            self.distance,
-            self.cycles * (1.0 + 1.0 / stiffness),
-        )
+        distance = max(self.distance, self.cycles * (1.0 + 1.0 / stiffness))
         duration = max(distance / rig.velocity, self.duration)
         for extension in range(self.extensions + 1):
             drive = constant(rig.velocity, duration * 2.0**extension)

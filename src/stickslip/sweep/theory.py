@@ -87,11 +87,7 @@ def _in_plane(
 ) -> xr.Dataset:
     one, other = ranges
     between = (*ranges.values(),)
-    edge = boundary(
-        rig,
-        over=(one, other),
-        between=(between[0], between[1]),
-    )
+    edge = boundary(rig, over=(one, other), between=(between[0], between[1]))
     found = edge[[one, other, "curve"]].rename(
         {name: f"edge_{name}" for name in (one, other, "curve")}
     )

@@ -273,9 +273,8 @@ class Panels(Engine):
                 "use another rtol, or Contacts"
             )
         if only_lose(case) and records.size:  # however a run is cut into advances
-            records.lost = np.maximum.accumulate(np.append(self._lost, records.lost))[
-                1:
-            ]
+            lost = np.append(self._lost, records.lost)
+            records.lost = np.maximum.accumulate(lost)[1:]
             self._lost = float(records.lost[-1])
         # Records of motion begin with what a run samples.
         rows = (
