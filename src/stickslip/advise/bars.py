@@ -211,7 +211,7 @@ def _slips(rig: Rig, report: Progress) -> dict[str, Any]:
         lasts = min(furthest / abs(natural.velocity), natural.drive.duration)
         rig = replace(rig, drive=constant(natural.velocity, lasts))
     try:
-        if estimate(rig).seconds > _LONGEST_RUN:
+        if estimate(rig).reference_seconds > _LONGEST_RUN:
             return {}
         seen = large_events(record(rig, progress=report).dataset())
     except InputError:  # such a bar has no steady sliding, or cannot be simulated

@@ -167,7 +167,7 @@ class _Meter:
         """
         self.spent += self.engine.seconds
         if self.spent > self.most:
-            estimated = work_of_run(self.rig, FromRest()).seconds
+            estimated = work_of_run(self.rig, FromRest()).reference_seconds
             if self.spent > max(estimated, _LONG):
                 now = self.rig.in_units(self.engine.here()[0], "time")
                 raise UndecidedError(

@@ -30,6 +30,7 @@ from stickslip.model import (
 from stickslip.paper import CASES, PaperCase
 from stickslip.plot import lasting
 from stickslip.simulation import estimate
+from stickslip.simulation.estimates import slowness
 from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]
@@ -129,7 +130,7 @@ def shortened(rig: Rig, seconds: float) -> Rig:
     """
     short = rig
     for _ in range(6):
-        if (excess := estimate(short).seconds / seconds) <= 1.0:
+        if (excess := estimate(short).reference_seconds / seconds) <= 1.0:
             return short
         if (
             not math.isfinite(excess)
@@ -148,7 +149,7 @@ def extended(rig: Rig, seconds: float) -> Rig | None:
         longer = lasting(rig, 2.0 * rig.drive.duration)
     except InputError:
         return None
-    return longer if estimate(longer).seconds <= seconds else None
+    return longer if estimate(longer).reference_seconds <= seconds else None
 
 
 def with_duration(rig: Rig, duration: object) -> Rig:
@@ -182,6 +183,8 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
             ),
             "slider.mass",
         )
+    # A page shows as much of a run on every machine.
+    seconds *= slowness()
     estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
 
 

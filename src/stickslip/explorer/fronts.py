@@ -18,6 +18,7 @@ from stickslip.measure import on_blocks, pixels, rows
 from stickslip.model import Chain, Contacts, Output
 from stickslip.plot import envelope
 from stickslip.simulation import estimate, simulate
+from stickslip.simulation.estimates import slowness
 
 _PATIENCE = 4.0  # times as long as a run of the page Simulate
 _MOST_VALUES = 4_000_000  # of each block at each time
@@ -52,9 +53,8 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
             "simulation.contacts", "contacts", rig.method.count * body.blocks
         )
     documents.check_decades(rig)
-    estimate(rig).check(
-        _PATIENCE * documents.seconds_of(request), otherwise="use `stickslip simulate`"
-    )
+    seconds = _PATIENCE * documents.seconds_of(request) * slowness()
+    estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
     duration = rig.drive.duration
     samples = min(_PER_BLOCK * body.sound_speed * duration, _MOST_VALUES / body.blocks)
     run = simulate(

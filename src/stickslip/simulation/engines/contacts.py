@@ -5,6 +5,7 @@ rule of `stickslip.kernels.thinning`.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -49,6 +50,7 @@ from stickslip.simulation.engines.base import (
     Individuals,
     Leg,
     Stretchings,
+    advances,
     check_newborns,
     slider_constants,
     solves,
@@ -62,6 +64,7 @@ from stickslip.simulation.engines.start import (
     lifetimes_of,
     lives_met,
     newborns,
+    quantile,
     rule_of,
     track_factor,
 )
@@ -81,18 +84,24 @@ _EVENTS = 400_000  # events in an advance: some 50 ms
 # and another box of a contact that is in boxes of its own.
 _RUN, _EVENT, _CLOCKED_BREAK, _BOX = 2e-3, 1.8e-7, 6e-7, 2e-7
 # an event takes twice as long of so many contacts, which no cache holds, up to so much
-_CACHED, _UNCACHED = 6e4, 2.4
+_CACHED, _UNCACHED = 1.5e5, 2.0
 # events of a break and the attachment after it, and where that is the same event
-_APART, _AT_ONCE = 2.0, 1.5
-# Flights that end without a break in a radian, as the search for its end does: of a
+_APART, _AT_ONCE = 2.0, 1.0
+# Flights that end without a break, in a radian, as the search for its end does: of a
 # slider that rings, and more the more it is damped, up to a damping ratio of 1.
 _FLIGHTS, _DAMPED_FLIGHTS = 1.0, 5.0
+_FLIGHT = 9e-7  # seconds of such a flight
 # Searches take once more for each such damping ratio, up to so many times.
 _OVERDAMPED, _SLOWEST = 9.0, 9.0
 # Seconds from which on lives are counted in a trial, of one of so many of the contacts,
-# of so many at least and at most, and so many events.
+# of so many at least and at most.
 _WORTH_A_TRIAL = 0.006
-_PART, _FEWEST, _MOST, _TRIED = 100, 20, 200, 20_000
+_PART, _FEWEST, _MOST = 100, 20, 200
+# It goes on for so many events, at least and at most, or this part of those that theory
+# has in the whole run; its beginning is past after that part of the trial.
+_LEAST_TRIED, _MOST_TRIED, _SHARE = 20_000, 500_000, 0.03
+_BEGUN = 0.4
+_LOOK = 1000  # events between two looks at a trial
 # seconds that it takes to lay a window of the shared clock, some four on its width
 _WINDOW = 2e-7
 _CONTACT = 150.0  # bytes of a contact
@@ -250,16 +259,25 @@ class EventByEvent(Engine):
         damping = rig.slider.damping if isinstance(rig.slider, Slider) else 0.0
         ratio = damping * rig.drive.duration / (2.0 * course.turns or math.inf)
         each *= min(1.0 + ratio / _OVERDAMPED, _SLOWEST)
+        # Once it rings no more, turns cost nothing, unless rounding hides them or
+        # detached contacts hold again there.
+        hidden = course.turns * _FINEST_TURN > 1.0
+        turns_again = interface.sliding_force > 0.0 or hidden
+        radians = course.turns if turns_again else course.rung
+        ringing = oscillation(rig, radians)
         plainly = rule_of(interface) is None and not rig.drive.load
         plainly = plainly and isinstance(rig.slider, Slider)
-        if plainly and each * events > _WORTH_A_TRIAL:
-            found, further = tried(hashable(rig.natural))
-            # a trial that has not come to the end may be of its shaken beginning
+        told = each * events + sum(part.seconds for part in ringing)
+        if plainly and told > _WORTH_A_TRIAL:
+            most = int(min(max(_SHARE * events, _LEAST_TRIED), _MOST_TRIED))
+            found, further = tried(hashable(rig.natural), most)
             lives = min(found, lives)
             breaks = count * lives
+            events = plain * breaks
             each_turn = _FLIGHTS + _DAMPED_FLIGHTS * min(ratio, 1.0)
-            further = max(further - plain, 0.0) * breaks
-            events = plain * breaks + min(further, each_turn * course.turns)
+            flights = min(further * max(breaks, 1.0), each_turn * course.turns)
+            if not hidden:
+                ringing = oscillation(rig, radians, _FLIGHT * flights)
         more = _RUN + _BOX * count * boxes
         if isinstance(interface.activation, Bell) and interface.ageing is None:
             way = interface.threshold_distribution.moment(1) * (
@@ -268,14 +286,11 @@ class EventByEvent(Engine):
             each = _CLOCKED_BREAK
             events = breaks
             more = _WINDOW * 4.0 * way / interface.activation.width
-        # Once it rings no more, turns cost nothing, unless rounding hides them or
-        # detached contacts hold again there.
-        hidden = course.turns * _FINEST_TURN > 1.0
-        turns_again = interface.sliding_force > 0.0 or hidden
-        radians = course.turns if turns_again else course.rung
         more += drawing(rig, count)
+        if interface.newborn is not None:
+            more += quantile(interface) * max(breaks, _BLOCK)
         each *= events / max(breaks, 1.0)
-        return *oscillation(rig, radians), breaking(
+        return *ringing, breaking(
             count,
             lives,
             each,
@@ -479,9 +494,10 @@ class EventByEvent(Engine):
 
 
 @lru_cache(maxsize=256)
-def tried(rig: Rig) -> tuple[float, float]:
-    """How often a contact breaks in a run, and the events for each break, as in a trial
-    with few contacts.
+def tried(rig: Rig, most: int = _LEAST_TRIED) -> tuple[float, float]:
+    """How often a contact breaks in a run, and how many flights of the slider end
+    without a break or an attachment for each that does break, as in a trial with few
+    contacts for at `most` so many events; infinite where it has shown no break of late.
 
     No formula says how far a slider slips past contacts that are still detached.
     """
@@ -490,20 +506,39 @@ def tried(rig: Rig) -> tuple[float, float]:
     few = min(max(method.count // _PART, _FEWEST), _MOST, method.count)
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
     engine = EventByEvent(beginning, Contacts(few, seed=method.seed))
-    engine.events = _TRIED
+    engine.events = _LOOK
+    looks = np.transpose([*_looks_of(engine, beginning, rig, most)])
+    way, breaks, events = looks
+    whole = sum(map(way_of, rig.drive.pieces))
+    begun = np.searchsorted(way, _BEGUN * way[-1])
+    rest = (whole - way[-1]) / max(way[-1] - way[begun], 1e-300)
+    if rest > 0.0 and breaks[-1] == breaks[begun]:
+        return math.inf, math.inf
+    plain = _APART if rig.interface.delay.moment(1) > 0.0 else _AT_ONCE
+    further = max(events[-1] / max(breaks[-1], 1) - plain, 0.0)
+    more = max(rest, 0.0) * (breaks[-1] - breaks[begun])
+    return float((breaks[-1] + more) / few), float(further)
+
+
+def _looks_of(
+    engine: EventByEvent, beginning: Beginning, rig: Rig, most: int
+) -> Iterator[tuple[float, int, int]]:
+    """Go along the drive of a rig for at `most` so many events; yield how far the drive
+    has come, and the breaks and events up to there.
+    """
     position = beginning.drive_position(engine.contact_force())
     motion = engine._state.motion[0]
     past = 0.0
+    yield 0.0, 0, 0
     for piece in map(shortened, rig.drive.pieces):
         begin, _ = engine.here()
         drive = Quadratic(begin, position, piece.start, piece.acceleration)
         leg = Leg(drive, begin + piece.duration, np.empty(0), Stop())
-        passed = engine.advance(leg)
-        time, _ = engine.here()
-        position = float(leg.drive_position(np.asarray(time)))
-        past += way_of(piece) * (time - begin) / piece.duration
-        if not passed.over or motion.events > _TRIED:
-            break
-    whole = sum(map(way_of, rig.drive.pieces)) / max(past, 1e-300)
-    breaks = int(motion.breaks)
-    return breaks / few * whole, int(motion.events) / max(breaks, 1)
+        for _ in advances(engine, leg):
+            time, _ = engine.here()
+            part = past + way_of(piece) * (time - begin) / piece.duration
+            yield part, int(motion.breaks), int(motion.events)
+            if motion.events > most:
+                return
+        past += way_of(piece)
+        position = float(leg.drive_position(np.asarray(leg.end)))

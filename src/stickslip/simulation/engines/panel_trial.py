@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.errors import UndecidedError
 from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.effective_stretching import energy, is_fixed
-from stickslip.kernels.quadrature import Q
+from stickslip.kernels.quadrature import P, Q
 from stickslip.kernels.records import Record
-from stickslip.model import Interface
+from stickslip.model import FromSliding, Interface
 from stickslip.model.drive import Piece
 from stickslip.model.rig import Rig
 from stickslip.simulation.engines.base import Leg, advances
@@ -33,6 +34,9 @@ _AT_RISK, _HEATED, _PULLED = 5e-7, 1e-6, 9e-6
 Newton's method a node, and so much more where thresholds have knots or grow, or, at a
 temperature, it may break; and where it is pulled too fast for heat to break it.
 """
+# Seconds of each further stretching of newborns at a node of a sweep, and times that
+# where thresholds have knots.
+_ATTACHED, _KNOTTED = 5e-7, 3.5
 _SQUARED = 1.7  # times that where the barrier is the energy: each takes roots
 _AT_ONCE = 20  # steps between two looks at the work of a trial
 _LEAST, _SHARE, _MOST = 0.1, 0.05, 2.0
@@ -79,6 +83,9 @@ def seconds_since(before: Record, engine: "Panels") -> float:
         sweep += heated * (_SQUARED if breaking.squared else 1.0)
     elif not is_fixed(breaking) or (breaking.knots.size and not counted):
         sweep += _AT_RISK * (bottom <= cohorts.reach).sum()
+    further = engine.case.newborn.stretching.size - 1
+    knotted = _KNOTTED if breaking.knots.size else 1.0
+    sweep += _ATTACHED * knotted * P * Q * further
     step = _STEP + _DRAW * nodes * counted
     steps = used.steps - before.steps
     sweeps = used.sweeps - before.sweeps
@@ -143,6 +150,7 @@ class _Trial:
         self.times = [0.0]
         self.spent = [0.0]
         self.slip = math.inf
+        self.slides = isinstance(rig.start, FromSliding)
         velocity = sum(map(way_of, pieces)) / self.end
         life = mean / velocity if velocity else math.inf
         # a contact loaded to its threshold through the spring
@@ -162,7 +170,10 @@ class _Trial:
             begin = engine.here()[0]
             motion = Quadratic(begin, position, piece.start, piece.acceleration)
             leg = Leg(motion, begin + piece.duration, np.empty(0), Stop())
-            is_enough = self._follow_leg(engine, leg)
+            try:
+                is_enough = self._follow_leg(engine, leg)
+            except UndecidedError:  # as the run will end there
+                is_enough = True
             position = float(leg.drive_position(np.asarray(engine.here()[0])))
             if is_enough:
                 break
@@ -197,7 +208,9 @@ class _Trial:
             return True
         if rung < min(self.least, self.ring) and now < self.end:
             return False
-        if now >= self.shown and rung >= self.ring:
+        # oscillation may grow out of smooth sliding, which costs little until then
+        little = _LEAST if self.slides else 0.0
+        if now >= self.shown and rung >= self.ring and seconds > little:
             return True
         return seconds > max(_LEAST, _SHARE * whole)
 
@@ -226,4 +239,6 @@ class _Trial:
         power = min(max(0.5 * (1.0 + grows), 1.0), 1.5)
         each = known * (ring / rung) ** power + first * (1.0 - ring / self.cycle)
         cycles = max((self.end - self.slip) / self.cycle, 1.0)
-        return float(first + cycles * each)
+        # what rings on into the next cycle is not still in any after the first
+        later = 1.0 + min(self.rings / self.cycle, 1.0)
+        return float(first + (1.0 + (cycles - 1.0) * later) * each)

@@ -17,6 +17,7 @@ from stickslip.model import (
     DelayModel,
     FixedGrowth,
     FromSliding,
+    Gamma,
     Interface,
     OnArrest,
     Parabolic,
@@ -264,7 +265,7 @@ def end_and_knots(distribution: Distribution) -> tuple[float, Array]:
     return (1.02 * top if knots.size and knots[-1] > top * (1 - 1e-6) else top), knots
 
 
-_DRAW = (6e-5, 6e-8), (1.2e-4, 3e-7), (2.4e-3, 4.2e-6)
+_DRAW = (6e-5, 1e-7), (1.2e-4, 3e-7), (2.4e-3, 4.2e-6)
 """Seconds that the contacts of a block take to be drawn, and each: at rest, and from
 lives or as roots in sliding.
 """
@@ -272,6 +273,9 @@ _DRAWN = 256
 """Lifetimes drawn to say how many there are: known to a tenth, where a factor of two
 is what theory gives.
 """
+# Of a gamma distribution, which SciPy finds by iteration; and as many integrals in a
+# root.
+_QUANTILE, _OF_A_ROOT = 1e-6, 16.0
 _STILL = 1e-9  # way of a slider at rest, in mean thresholds
 
 
@@ -280,13 +284,20 @@ def drawing(rig: Rig, count: int, blocks: int = 1) -> float:
     begins.
     """
     still = rig.start.at_rest if isinstance(rig.start, FromSliding) else blocks
-    sliding = _DRAW[
-        1 if rig.interface.mechanisms - {"sliding_force", "on_arrest"} else 2
-    ]
-    return sum(
-        n * (block + each * count)
-        for n, (block, each) in ((still, _DRAW[0]), (blocks - still, sliding))
+    from_lives = rig.interface.mechanisms - {"sliding_force", "on_arrest"}
+    sliding = _DRAW[1 if from_lives else 2]
+    strength = quantile(rig.interface)
+    roots = 1.0 if from_lives else _OF_A_ROOT
+    kinds = (
+        (still, *_DRAW[0], strength),
+        (blocks - still, *sliding, roots * strength),
     )
+    return sum(n * (block + (each + more) * count) for n, block, each, more in kinds)
+
+
+def quantile(interface: Interface) -> float:
+    """Seconds that a quantile of the thresholds takes beyond what others take."""
+    return _QUANTILE if isinstance(interface.thresholds, Gamma) else 0.0
 
 
 def lifetimes_in(rig: Rig, course: Course) -> tuple[float, float]:
