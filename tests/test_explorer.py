@@ -234,7 +234,7 @@ def test_every_preset_has_a_run_and_no_regime_that_more_of_it_would_tell():
 
 
 def test_a_run_that_would_take_long_is_cut_short_and_says_so():
-    run, _ = simulate.run({"document": preset("PMMA slider"), "seconds": 0.02}, silent)
+    run, _ = simulate.run({"document": preset("PMMA slider"), "seconds": 0.04}, silent)
     assert run["span"][1] < 5.0  # of 10 s
     assert re.search(r"first [\d.]+ % of the drive", run["notes"][0])
 

@@ -29,8 +29,7 @@ from stickslip.model import (
 )
 from stickslip.paper import CASES, PaperCase
 from stickslip.plot import lasting
-from stickslip.simulation import estimate
-from stickslip.simulation.estimates import slowness
+from stickslip.simulation import estimate, slowness
 from stickslip.stability import PARAMETERS
 
 Document = dict[str, Any]

@@ -17,8 +17,7 @@ from stickslip.explorer.plain import Array, Plain, Watch, axis, in_unit, packed,
 from stickslip.measure import on_blocks, pixels, rows
 from stickslip.model import Chain, Contacts, Output
 from stickslip.plot import envelope
-from stickslip.simulation import estimate, simulate
-from stickslip.simulation.estimates import slowness
+from stickslip.simulation import estimate, simulate, slowness
 
 _PATIENCE = 4.0  # times as long as a run of the page Simulate
 _MOST_VALUES = 4_000_000  # of each block at each time

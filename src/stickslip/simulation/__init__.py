@@ -9,6 +9,7 @@ from stickslip.simulation.driver import follow_leg
 from stickslip.simulation.engines import Beginning, Leg
 from stickslip.simulation.engines.base import engine_of as check_method
 from stickslip.simulation.engines.panels import Panels
+from stickslip.simulation.estimates import slowness
 from stickslip.simulation.result import LABELS, with_label
 from stickslip.simulation.run import (
     Recording,
@@ -39,5 +40,6 @@ __all__ += [
     "rig_of",
     "simulate",
     "slide_hold_slide",
+    "slowness",
     "velocity_step",
 ]
