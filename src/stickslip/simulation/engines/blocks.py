@@ -300,7 +300,7 @@ class BlocksOfContacts(Engine):
     """
 
     angle = 0.1
-    piece = 6.5e-4
+    piece = 4.5e-4
     mechanisms = frozenset({"sliding_force", "slip_to_slip_scatter"})
     slider: ElasticBody
 

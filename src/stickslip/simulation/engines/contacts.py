@@ -511,12 +511,13 @@ def tried(rig: Rig, most: int = _LEAST_TRIED) -> tuple[float, float]:
     way, breaks, events = looks
     whole = sum(map(way_of, rig.drive.pieces))
     begun = np.searchsorted(way, _BEGUN * way[-1])
-    rest = (whole - way[-1]) / max(way[-1] - way[begun], 1e-300)
-    if rest > 0.0 and breaks[-1] == breaks[begun]:
+    rest = max(whole - way[-1], 0.0) / max(way[-1] - way[begun], 1e-300)
+    ended = way[-1] > (1.0 - 1e-9) * whole
+    if breaks[-1] == breaks[begun] and not ended:
         return math.inf, math.inf
     plain = _APART if rig.interface.delay.moment(1) > 0.0 else _AT_ONCE
     further = max(events[-1] / max(breaks[-1], 1) - plain, 0.0)
-    more = max(rest, 0.0) * (breaks[-1] - breaks[begun])
+    more = rest * (breaks[-1] - breaks[begun])
     return float((breaks[-1] + more) / few), float(further)
 
 
