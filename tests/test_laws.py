@@ -340,6 +340,11 @@ def test_relaxed_contacts_under_a_drive_at_rest_stay_there(name):
     assert float(np.abs(run["displacement"]).max()) <= (1e-12 if newborn else 0.0)
 
 
+def test_a_run_under_a_drive_at_rest_has_no_regime():
+    run = simulate(PAIRS["Contacts, Slider: delay"], drive=ss.constant(0.0, 3.0))
+    assert ss.regime(run).reason == "the drive stands still"
+
+
 # ----------------------------------------------------------- closed form, other solvers
 
 

@@ -595,8 +595,8 @@ def noise_of(interface: Interface, slider: Any, velocity: float) -> float | None
     """Standard deviation of the force of smooth sliding over ``1/sqrt(N)``: NaN if
     unstable, None if not known.
     """
-    rig = Rig(interface, slider, constant(velocity))
     try:
+        rig = Rig(interface, slider, constant(velocity))
         if count_unstable(rig):
             return math.nan
         return contact_noise(rig, contacts=1).spring_force
