@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip.model import Interface, Rig, Slider
+from stickslip import simulate
+from stickslip.model import Contacts, Interface, Rig, Slider
 from stickslip.model.distributions import Gaussian
 from stickslip.model.drive import Drive, ForceBelow, Travel, constant, ramp
 
@@ -41,6 +42,17 @@ def test_a_faster_drive_goes_the_same_way():
         drive,
     )
     assert rig.replace(velocity=4.0).drive == quick
+
+
+@pytest.mark.parametrize("duration", [1e-12, 1e-15, 1e-19, 1e-22])
+def test_a_ramp_in_no_time_moves_no_slider(duration):
+    rig = Rig(
+        Interface(thresholds=Gaussian(mean=1.0, std=0.1)),
+        Slider(stiffness=1.0, mass=6.87, damping=1.9),
+        ramp(1.0, -1.0, duration).then(constant(0.0, 0.1)),
+        method=Contacts(200, seed=3),
+    )
+    assert abs(simulate(rig)["displacement"]).max() < 0.1
 
 
 def test_until_ends_the_last_piece_only():
