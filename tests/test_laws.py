@@ -341,7 +341,8 @@ def test_relaxed_contacts_under_a_drive_at_rest_stay_there(name):
 
 
 def test_a_run_under_a_drive_at_rest_has_no_regime():
-    run = simulate(PAIRS["Contacts, Slider: delay"], drive=ss.constant(0.0, 3.0))
+    pair = PAIRS["Population, Slider: delay"]
+    run = simulate(pair, drive=ss.constant(0.0, 3.0), interval=0.01)
     assert ss.regime(run).reason == "the drive stands still"
 
 
