@@ -22,6 +22,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from stickslip.errors import InputError
 from stickslip.kernels import lifetimes as kernel
 from stickslip.model import Bell, Interface
 from stickslip.sliding.lifetimes import (
@@ -41,6 +42,9 @@ from stickslip.sliding.response import (
     ResponseScales,
     stretched,
 )
+
+# a mean life that is shorter, over the longest: few contacts outlive their attachment
+_SHORT = 1e-4
 
 
 def mean_lives(interface: Interface, velocity: float) -> MeanLifetimes:
@@ -173,6 +177,14 @@ class ActivatedResponse(Response):
         cycle = float(
             mean_lives(self.interface, velocity).distance[0]
         ) / velocity + self.interface.delay.moment(1)
+        longest = lifetimes_of(self.interface, velocity).x.max(initial=0.0)
+        ageing = self.interface.ageing
+        if ageing is not None and velocity * cycle <= _SHORT * longest:
+            raise InputError(
+                f"Interface.ageing = {ageing}: at velocity {velocity:g} x_s/time "
+                "nearly all contacts break as they attach, faster than any motion; "
+                "give them a delay, or more strength at birth"
+            )
         return ResponseScales(
             cycle,
             cycle,
