@@ -164,7 +164,7 @@ def _first_starts(
         )
     starts = [own]
     for s in lines:
-        value = _value(sliding, s + 0j).real
+        value = np.sign(_value(sliding, s + 0j).real)
         at = np.flatnonzero(value[1:] * value[:-1] < 0)
         starts.append(0.5 * (s[at] + s[at + 1]) + 0j)
     if neutral is not None:
