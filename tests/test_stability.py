@@ -519,7 +519,7 @@ count_unstable(rig(body=lambda s: 2.0 - 0.01 * s + 1e-4 * s * s))
     puts energy in
 growth_rate(rig(on=replace(
   case(delay=Delay(0.0)), ageing=ExponentialGrowth(rate=0.2))))
-growth_rate(rig(0.25, on=replace(
+growth_rate(rig(0.27, on=replace(
   case(delay=Delay(0.0)), ageing=ExponentialGrowth(rate=0.2))))
     nearly all contacts break as they attach
 Modes(masses=(1.0, 1.0), stiffnesses=(1.0, 1.0), dampings=(1.0, 0.0))
