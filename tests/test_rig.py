@@ -687,7 +687,14 @@ def test_a_drive_that_runs_backwards_may_run_forwards():
         ss.read_rig("precision_stage").natural, drive=ss.constant(-1.0, duration=5.0)
     )
     assert backwards.replace(velocity=2.0).drive == ss.constant(2.0, duration=2.5)
-    with pytest.raises(InputError, match="the other way; give another drive"):
-        replace(backwards, drive=ss.ramp(-1.0, -2.0, duration=5.0)).replace(
-            velocity=2.0
-        )
+    turning = replace(backwards, drive=ss.ramp(-1.0, -2.0, duration=5.0))
+    for velocity in (2.0, 0.0):
+        with pytest.raises(InputError, match="not this way; give another drive"):
+            turning.replace(velocity=velocity)
+
+
+@pytest.mark.parametrize("velocity", [0.0, 2.0])
+def test_a_velocity_that_a_drive_has_changes_nothing(velocity):
+    rig = ss.example("precision_stage").natural
+    rig = replace(rig, drive=ss.ramp(velocity, 3.0, duration=5.0))
+    assert rig.replace(velocity=velocity) == rig

@@ -117,13 +117,15 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     """
     drive = rig.drive
     before = VELOCITY.get(rig)
+    if value == before:
+        return rig
     if before == 0 or drive == constant(before, drive.duration):
         longer = abs(before / value) if before and value else 1.0
         pieces = constant(value, drive.duration * longer).pieces
         return replace(rig, drive=replace(drive, pieces=pieces))
-    if value * before < 0:
+    if value * before <= 0:
         raise InputError(
-            f"velocity = {value:g}: the drive begins with {before:g}, the other way; "
+            f"velocity = {value:g}: the drive begins with {before:g}, not this way; "
             "give another drive"
         )
     return replace(rig, drive=drive.faster(value / before))
