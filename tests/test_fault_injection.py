@@ -16,6 +16,7 @@ from faults import ERRORS, failing, failing_sqlite, sqlite_files
 import stickslip as ss
 from stickslip import cli
 from stickslip.io import files, rig_files
+from stickslip.plot import film
 from stickslip.sweep._table import Store
 
 RIG = ss.Rig(
@@ -177,3 +178,12 @@ def test_the_command_line_says_it_in_one_line(tmp_path, capsys, code):
         if not faults.failed:
             break
     assert not faults.failed
+
+
+def test_a_film_is_written_as_any_other_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(film, "_FRAMES", 2)
+    moving = ss.plot.contacts(ss.simulate(RIG))
+    refused = pytest.raises(ss.InputError, match=r"film\.gif: cannot be written")
+    with failing(1, errno.ENOSPC), refused:
+        ss.plot.save(moving, tmp_path / "film.gif")
+    assert not [*tmp_path.iterdir()]

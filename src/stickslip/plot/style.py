@@ -5,7 +5,6 @@ files.
 import io
 import math
 import re
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -274,6 +273,22 @@ def format_of(path: FileName, kind: str = "") -> str:
     return suffix
 
 
+class _Film(PillowWriter):
+    """A film that is put together in memory: no file fails before the last."""
+
+    def finish(self) -> None:
+        self.content = io.BytesIO()
+        first, *others = vars(self)["_frames"]
+        first.save(
+            self.content,
+            "gif",
+            save_all=True,
+            append_images=others,
+            duration=1000 // self.fps,
+            loop=0,
+        )
+
+
 def save(shown: Figure | FuncAnimation | tuple[int, Array], path: FileName) -> Path:
     """Write a figure as PNG, SVG or PDF, by suffix, a film as GIF, a sound as WAV;
     whole or not at all.
@@ -283,10 +298,10 @@ def save(shown: Figure | FuncAnimation | tuple[int, Array], path: FileName) -> P
         return files.write(path, drawn(shown, format_of(path)))
     if isinstance(shown, FuncAnimation):
         format_of(path, "contacts")
-        with tempfile.TemporaryDirectory() as folder, house_style():
-            film = Path(folder) / "film.gif"
-            shown.save(film, PillowWriter(PER_SECOND), dpi=100)
-            return files.write(path, film.read_bytes())
+        film = _Film(PER_SECOND)
+        with house_style():
+            shown.save(Path(path), film, dpi=100)
+        return files.write(path, film.content.getbuffer())
     from scipy.io import wavfile  # slow to load, and seldom needed
 
     format_of(path, "sound")
