@@ -168,6 +168,8 @@ def unusable(tmp_path, monkeypatch):
         ),
         ("measure trace.csv --force load", "load"),
         ("measure trace.csv --force " + "9" * 5_000, "no such column"),
+        ("measure trace.csv --force '3 mN'", "force = '3 mN': no such column"),
+        ("fit trace.csv --holds none.csv", "stickslip: none.csv: no such file"),
         ("measure trace.csv --after 1e9", "after = 1e+09 s: fewer than 16 samples"),
         ("measure trace.csv --step fast", "fast"),
         ("measure trace.csv --step 0,25", "write '0.25': decimal point"),

@@ -366,8 +366,9 @@ def read_pairs(path: Path | None, unit: str) -> Pairs:
     """
     if path is None:
         return ()
+    raw = files.read(path, "table of two columns", largest=1_000_000)
     try:
-        table = read_table(files.read(path, "table of two columns", largest=1_000_000))
+        table = read_table(raw)
         sizes = [
             ratio(table.headings[i].unit or si, si) or math.nan
             for i, si in zip(table.numeric, (unit, "N"), strict=False)

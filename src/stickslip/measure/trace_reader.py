@@ -125,8 +125,8 @@ def read_trace(
     seconds = (
         None if step is None else read_value("step", step, "s", "0.5 ms", bare=True)
     )
-    column, _, scale = str(force).rpartition(":")
-    if _SCALE.fullmatch(scale):
+    column, colon, scale = str(force).rpartition(":")
+    if colon and _SCALE.fullmatch(scale):
         force = column or None
     else:
         scale = ""
