@@ -72,6 +72,21 @@ class Draws(NamedTuple):
     kept: bool
 
 
+class _Sums(NamedTuple):
+    """Sums of some contacts, as in a record of a block."""
+
+    stiffness: float
+    origins: float
+    squares: float
+    free: float
+    ahead: float
+    behind: float
+    until: float
+
+
+_NONE = _Sums(0.0, 0.0, 0.0, 0.0, math.inf, -math.inf, math.inf)
+
+
 class ElementState(NamedTuple):
     """State of an element: all that changes is in `memory`, of which the records are
     parts; `sums` are those of all blocks.
@@ -296,52 +311,69 @@ def _live(state: ElementState, slot: int, path: _Path) -> None:
 
 
 @inlined
-def _clear(sums: Record) -> None:
-    """Forget the sums of a block."""
-    sums.stiffness = sums.origins = sums.squares = sums.free = 0.0
-    sums.ahead = sums.until = math.inf
-    sums.behind = -math.inf
+def _counted(sums: _Sums, draws: Draws, contact: Record) -> _Sums:
+    """Return sums with a contact more."""
+    if contact.until >= 0.0:
+        until = min(sums.until, contact.until)
+        return _Sums(
+            sums.stiffness,
+            sums.origins,
+            sums.squares,
+            sums.free + 1.0,
+            sums.ahead,
+            sums.behind,
+            until,
+        )
+    k = _stiffness(draws, contact.threshold)
+    birth = contact.birth
+    return _Sums(
+        sums.stiffness + k,
+        sums.origins + k * birth,
+        sums.squares + k * birth * birth,
+        sums.free,
+        min(sums.ahead, birth + contact.threshold),
+        max(sums.behind, birth - contact.threshold),
+        sums.until,
+    )
 
 
 @inlined
-def _count(state: ElementState, slot: int, sums: Record) -> None:
-    """Add a contact to the sums of its block."""
-    contact = state.contacts[slot]
-    if contact.until < 0.0:
-        k = _stiffness(state.draws, contact.threshold)
-        sums.stiffness += k
-        sums.origins += k * contact.birth
-        sums.squares += k * contact.birth * contact.birth
-        sums.ahead = min(sums.ahead, contact.birth + contact.threshold)
-        sums.behind = max(sums.behind, contact.birth - contact.threshold)
-    else:
-        sums.free += 1.0
-        sums.until = min(sums.until, contact.until)
+def _joined(sums: _Sums, more: Record) -> _Sums:
+    """Return the sums of both."""
+    return _Sums(
+        sums.stiffness + more.stiffness,
+        sums.origins + more.origins,
+        sums.squares + more.squares,
+        sums.free + more.free,
+        min(sums.ahead, more.ahead),
+        max(sums.behind, more.behind),
+        min(sums.until, more.until),
+    )
 
 
 @inlined
-def _add(sums: Record, block: Record) -> None:
-    """Add the sums of a block to those of all."""
-    sums.stiffness += block.stiffness
-    sums.origins += block.origins
-    sums.squares += block.squares
-    sums.free += block.free
-    sums.ahead = min(sums.ahead, block.ahead)
-    sums.behind = max(sums.behind, block.behind)
-    sums.until = min(sums.until, block.until)
+def _note(record: Record, sums: _Sums) -> None:
+    """Write sums down."""
+    record.stiffness = sums.stiffness
+    record.origins = sums.origins
+    record.squares = sums.squares
+    record.free = sums.free
+    record.ahead = sums.ahead
+    record.behind = sums.behind
+    record.until = sums.until
 
 
 @bare
 def renew(state: ElementState) -> None:
     """Sum over all contacts anew."""
-    sums = state.sums[0]
-    _clear(sums)
+    total = _NONE
     for b in range(state.blocks.size):
-        block = state.blocks[b]
-        _clear(block)
+        sums = _NONE
         for slot in range(SIZE * b, min(SIZE * (b + 1), state.contacts.size)):
-            _count(state, slot, block)
-        _add(sums, block)
+            sums = _counted(sums, state.draws, state.contacts[slot])
+        _note(state.blocks[b], sums)
+        total = _joined(total, state.blocks[b])
+    _note(state.sums[0], total)
 
 
 @inlined
@@ -355,7 +387,7 @@ def _happens(m: Record, sums: Record, path: _Path) -> bool:
 
 
 @inlined
-def _pass(m: Record, sums: Record, path: _Path) -> None:
+def _pass(m: Record, sums: Record | _Sums, path: _Path) -> None:
     """Carry contacts to which nothing happens."""
     m.impulse += sums.stiffness * (path.x * path.h + _area(path, path.h))
     m.impulse -= sums.origins * path.h
@@ -365,20 +397,24 @@ def _pass(m: Record, sums: Record, path: _Path) -> None:
 
 @inlined
 def _events(state: ElementState, path: _Path) -> None:
-    """Carry all contacts, those of most blocks at once."""
+    """Carry all contacts: those to which something happens one by one, the others
+    together.
+
+    Sums are local until they are complete: in a record each would wait for the last.
+    """
     m = state.motion[0]
-    sums = state.sums[0]
-    _clear(sums)
+    draws = state.draws
+    carried = _NONE
+    total = _NONE
     for b in range(state.blocks.size):
         block = state.blocks[b]
         if not _happens(m, block, path):
-            _pass(m, block, path)
-            _add(sums, block)
+            carried = _joined(carried, block)
+            total = _joined(total, block)
             continue
-        # Those to which something happens are carried one by one, the others together.
         first = SIZE * b
         last = min(first + SIZE, state.contacts.size)
-        _clear(block)
+        sums = _NONE
         touched = 0
         for slot in range(first, last):
             contact = state.contacts[slot]
@@ -390,13 +426,17 @@ def _events(state: ElementState, path: _Path) -> None:
             if happens:
                 touched |= 1 << (slot - first)
             else:
-                _count(state, slot, block)
-        _pass(m, block, path)
+                sums = _counted(sums, draws, contact)
+        _note(block, sums)
+        carried = _joined(carried, block)
         for i in range(last - first):
             if touched >> i & 1:
                 _live(state, first + i, path)
-                _count(state, first + i, block)
-        _add(sums, block)
+                sums = _counted(sums, draws, state.contacts[first + i])
+        _note(block, sums)
+        total = _joined(total, block)
+    _pass(m, carried, path)
+    _note(state.sums[0], total)
 
 
 @inlined

@@ -144,11 +144,11 @@ def at_rest(
     return motion
 
 
-def fastest(network: Network, contacts: float = 1.0) -> float:
+def fastest(network: Network) -> float:
     """Bound on the angular frequencies of the body with all of its contacts attached
     (Gershgorin's).
     """
-    per_block = network.pull + 2.0 * network.spring.sum(axis=1) + contacts
+    per_block = network.pull + 2.0 * network.spring.sum(axis=1) + 1.0
     return math.sqrt(float(per_block.max()) / network.mass)
 
 

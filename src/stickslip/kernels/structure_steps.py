@@ -214,6 +214,7 @@ def advance_structure(
     run = moving.run[0]
     memory = moving.memory[0]
     after = room[2]
+    power = _form(body.lost, z)
     for _ in range(most):
         if run.steps >= steps:
             return FINISHED
@@ -222,6 +223,7 @@ def advance_structure(
         X = element.motion[0].position
         if controller.sample_time > 0.0 and t >= memory.due - _SAME * h:
             _update(controller, memory, z, X, D)
+            power = _form(body.lost, z)
         next_D, next_V = drive_at(piece.drive, t + h)
         i = int(run.sample)
         is_seen = i < sampling.times.size and sampling.times[i] <= t + h + _SAME * h
@@ -229,7 +231,6 @@ def advance_structure(
             _write(room[0], element, run, z, body, X, (D, V))
         v = _velocity(body, z, D, V)
         pulled = _pull(body, z, D, V)
-        power = _form(body.lost, z)
         for k in range(z.size):
             after[k] = (
                 dot(way.state[k], z)
@@ -252,7 +253,9 @@ def advance_structure(
             run.work += mean * (end - X)
         else:
             run.work += impulse * (next_D - D) / h
-        run.damped += 0.5 * h * (power + _form(body.lost, z))
+        power_before = power
+        power = _form(body.lost, z)
+        run.damped += 0.5 * h * (power_before + power)
         run.steps += 1.0
         if not math.isfinite(end):
             return FINISHED
