@@ -12,7 +12,6 @@ from stickslip.kernels.drive import (
     FORCE_BELOW,
     NO_LOAD,
     TRAVEL,
-    Quadratic,
     Stop,
 )
 from stickslip.model.drive import (
@@ -20,7 +19,6 @@ from stickslip.model.drive import (
     Drive,
     ForceAbove,
     ForceBelow,
-    Piece,
     Travel,
 )
 from stickslip.progress import Progress
@@ -81,19 +79,14 @@ def follow(
             # closed forms would lose a motion in the rounding of its acceleration
             middle = 0.5 * (piece.start + piece.end)
             piece = replace(piece, start=middle, end=middle)
-        end = begin + piece.duration
-        if isinstance(piece, Piece):
-            motion = Quadratic(begin, position, piece.start, piece.acceleration)
-        else:  # a force in place of a position
-            motion = Quadratic(begin, piece.start, piece.rate, 0.0)
-        last = np.searchsorted(times, end * (1 + 1e-12), side="right")
-        leg = Leg(
-            motion,
-            end,
-            times[filled:last],
-            _stop(piece.until, X),
-            looks[len(snapshots) :],
-            load,
+        leg = Leg.along(piece, begin, position)
+        motion = leg.drive
+        last = np.searchsorted(times, leg.end * (1 + 1e-12), side="right")
+        leg = leg._replace(
+            times=times[filled:last],
+            stop=_stop(piece.until, X),
+            looks=looks[len(snapshots) :],
+            load=load,
         )
         rows, seen = follow_leg(
             engine,

@@ -37,6 +37,7 @@ from stickslip.model import (
 from stickslip.model.activation import Activation
 from stickslip.model.ageing import FixedGrowth
 from stickslip.model.distribution import check_density
+from stickslip.model.drive import ForcePiece, Piece
 from stickslip.model.newborn import mean_life
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
@@ -73,6 +74,15 @@ class Leg(NamedTuple):
     stop: Stop
     looks: tuple[float, ...] = ()
     load: Array = NO_LOAD
+
+    @classmethod
+    def along(cls, piece: Piece | ForcePiece, begin: float, position: float) -> "Leg":
+        """Return the leg on which the drive goes along a piece, without samples."""
+        if isinstance(piece, Piece):
+            drive = Quadratic(begin, position, piece.start, piece.acceleration)
+        else:  # a force in place of a position
+            drive = Quadratic(begin, piece.start, piece.rate, 0.0)
+        return cls(drive, begin + piece.duration, np.empty(0), Stop())
 
     def drive_position(self, t: Array) -> Array:
         """Position of the drive at times `t`."""

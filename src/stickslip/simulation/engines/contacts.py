@@ -21,9 +21,7 @@ from stickslip.kernels.drive import (
     LOOK,
     PAUSED,
     Piece,
-    Quadratic,
     Sampling,
-    Stop,
 )
 from stickslip.kernels.event_motion import make_motion
 from stickslip.kernels.events import force_of, short_of
@@ -533,8 +531,7 @@ def _looks_of(
     yield 0.0, 0, 0
     for piece in map(shortened, rig.drive.pieces):
         begin, _ = engine.here()
-        drive = Quadratic(begin, position, piece.start, piece.acceleration)
-        leg = Leg(drive, begin + piece.duration, np.empty(0), Stop())
+        leg = Leg.along(piece, begin, position)
         for _ in advances(engine, leg):
             time, _ = engine.here()
             part = past + way_of(piece) * (time - begin) / piece.duration

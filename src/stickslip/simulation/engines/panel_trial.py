@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.errors import UndecidedError
-from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.kernels.effective_stretching import energy, is_fixed
 from stickslip.kernels.quadrature import P, Q
 from stickslip.kernels.records import Record
@@ -167,9 +166,7 @@ class _Trial:
         the drive then.
         """
         for piece in self.pieces:
-            begin = engine.here()[0]
-            motion = Quadratic(begin, position, piece.start, piece.acceleration)
-            leg = Leg(motion, begin + piece.duration, np.empty(0), Stop())
+            leg = Leg.along(piece, engine.here()[0], position)
             try:
                 is_enough = self._follow_leg(engine, leg)
             except UndecidedError:  # as the run will end there
