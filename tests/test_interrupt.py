@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip import console
+from stickslip import __main__, console
 from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Beginning, engine_of, panels
 
@@ -82,3 +82,16 @@ def test_what_fails_after_an_interrupt_is_told_as_one():
             run()
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_what_stops_the_command_line_as_it_starts_is_told_in_one_line(
+    monkeypatch, capsys
+):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("builtins.__import__", stopped)
+        code = __main__.main()
+    assert code == 130
+    assert capsys.readouterr().err == "stickslip: interrupted as it started\n"

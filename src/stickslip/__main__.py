@@ -1,7 +1,17 @@
-"""``python -m stickslip``: the command line."""
+"""The command line, as ``stickslip`` and as ``python -m stickslip``."""
 
 import sys
 
-from stickslip.cli import main
 
-sys.exit(main())
+def main() -> int:
+    """Run the command line; what stops it while libraries load is no fault."""
+    try:
+        from stickslip import cli
+    except KeyboardInterrupt:
+        print("stickslip: interrupted as it started", file=sys.stderr)
+        return 130
+    return cli.main()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
