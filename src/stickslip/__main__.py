@@ -8,7 +8,7 @@ def main() -> int:
     try:
         from stickslip import cli
     except KeyboardInterrupt:
-        print("stickslip: interrupted as it started", file=sys.stderr)
+        sys.stderr.write("stickslip: interrupted as it started\n")
         return 130
     return cli.main()
 
