@@ -328,6 +328,7 @@ ss.model.Drive(load=((0.0, 1.0),))
 FORCED.velocity
 LOADED.velocity
 ss.simulate(FORCED.replace(drive=ss.constant(1.0)))
+ss.predict(FORCED.replace(drive=ss.constant(1.0)))
 ss.simulate(FORCED.replace(start=ss.FromSliding()))
     ^[^\\n]*$
 """

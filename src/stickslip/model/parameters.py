@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError, refused
+from stickslip.model.body import Mass
 from stickslip.model.drive import constant
 from stickslip.model.records import Change, converted
 from stickslip.model.units import Scales, natural_unit
@@ -107,6 +108,12 @@ def _velocity(rig: Rig) -> float:
             "Drive.force: is for runs alone, and this asks for a velocity; give one, "
             "and a slider on a spring, or simulate",
             "Drive.force",
+        )
+    if isinstance(rig.slider, Mass):
+        raise InputError(
+            f"Rig.slider = {rig.slider}: is pulled by a force, in runs alone, and this "
+            "asks for a velocity; give a slider on a spring",
+            "Rig.slider",
         )
     return rig.drive.velocity
 
