@@ -61,6 +61,14 @@ def test_small_drops_make_no_episode_and_slow_changes_of_the_period_none_of_thei
     assert episodes(run, minimum_drop=2.5) == []
 
 
+def test_an_oscillation_that_falls_after_a_start_rings_down():
+    sizes = [3.2, 1.75, 1.0, 0.55]
+    for drops, rings_down in ((sizes, True), (sizes[::-1], False)):
+        starts = [1.0 + 0.2 * n for n in range(4)]
+        saws = [(t, t + 0.2, 0.2, d) for t, d in zip(starts, drops, strict=True)]
+        assert [one.rings_down for one in episodes(_run(*saws))] == [rings_down]
+
+
 def test_irregular_slips_have_no_frequency():
     rng = np.random.default_rng(2)
     bounds = np.cumsum(rng.uniform(0.05, 0.6, 30))

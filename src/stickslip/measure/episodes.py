@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
 _CHANCE = 0.05  # probability that one of the waits of an episode is taken for its end
 _FEWEST = 3  # drops that make an episode: two waits between them can be compared
+# Speeds of the drive within this part are one: an oscillation that dies out there does
+# so by itself. So does one that falls by half in so many drops, however fast the drive.
+_ONE_SPEED = 0.05
+_DROPS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +33,7 @@ class Episode:
     `worst` is half of the largest drop, `worst_time` when it begins, `worst_velocity`
     the velocity of the drive there; `peak` the largest velocity of the slider in a drop
     over that of the drive, on average; `frequency` is NaN where the waits are
-    irregular.
+    irregular. What `rings_down` dies out by itself, as after a start.
     """
 
     begin: float
@@ -40,6 +44,7 @@ class Episode:
     worst_time: float
     worst_velocity: float
     peak: float
+    rings_down: bool
 
     @property
     def kind(self) -> str:
@@ -51,9 +56,10 @@ class Episode:
 def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
     """Return when a run oscillates, in the order of time.
 
-    An episode ends with a wait longer than usual: than the median by a factor of
-    ``max(2, 1 + CV ln(n/.05))``, which one of `n` waits of the coefficient of variation
-    CV exceeds by chance in 5 % of the cases, if they have an exponential tail.
+    An episode ends where the drive stands, and with a wait longer than usual: than the
+    median by a factor of ``max(2, 1 + CV ln(n/.05))``, which one of `n` waits of the
+    coefficient of variation CV exceeds by chance in 5 % of the cases, if they have an
+    exponential tail.
 
     Parameters
     ----------
@@ -69,7 +75,12 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
     drive = np.abs(run["drive_velocity"])
     table["drive"] = np.interp(table["start"], run["time"], drive)
     waits = table["start"].diff()
-    episode = (waits > _longest(waits)).cumsum()
+    stands = np.cumsum(drive.to_numpy() == 0.0)
+    stood = np.interp(table["start"], run["time"], stands)
+    pauses = (waits > _longest(waits)) | (np.diff(stood, prepend=0.0) > 0)
+    episode = pauses.cumsum()
+    moving = table["drive"] > 0
+    table, episode = table[moving], episode[moving]
     return [
         _episode(part) for _, part in table.groupby(episode) if len(part) >= _FEWEST
     ]
@@ -87,7 +98,7 @@ def _episode(part: pd.DataFrame) -> Episode:
     waits = part["start"].diff()
     is_regular = waits.std() < REGULAR * waits.mean()
     worst = part.loc[part["drop"].idxmax()]
-    over_drive = part["peak_velocity"] / part["drive"]  # infinite where it stands
+    over_drive = part["peak_velocity"] / part["drive"]
     return Episode(
         begin=float(part["start"].iloc[0]),
         end=float(part["end"].iloc[-1]),
@@ -97,4 +108,21 @@ def _episode(part: pd.DataFrame) -> Episode:
         worst_time=float(worst["start"]),
         worst_velocity=float(worst["drive"]),
         peak=float(over_drive.median()),
+        rings_down=_rings_down(part),
     )
+
+
+def _rings_down(part: pd.DataFrame) -> bool:
+    """Whether drops fall, each below the one before or on the whole by half, from the
+    first on, at one speed of the drive or in a few.
+    """
+    first = part["drive"].iloc[0]
+    stays = (part["drive"] / first - 1.0).abs() < _ONE_SPEED
+    count = max(int(stays.cumprod().sum()), min(_DROPS, len(part)))
+    sizes = part["drop"].to_numpy()[:count]
+    if sizes.size < _FEWEST:
+        return False
+    half = sizes.size // 2
+    fallen = np.median(sizes[-half:]) / np.median(sizes[:half])
+    each = bool((np.diff(sizes) < 0).all())
+    return bool(fallen < 0.5 or (each and sizes[-1] < math.sqrt(0.5) * sizes[0]))
