@@ -121,6 +121,18 @@ def test_the_noise_of_the_contacts_is_seen_before_the_limit(paper_s_rig):
     )
 
 
+@pytest.mark.parametrize(("contacts", "told"), [(3426, True), (70, False)])
+def test_noise_is_told_only_where_runs_are_as_noisy_as_linear_theory(contacts, told):
+    """Nearer to the limit they fluctuate by half as much, with 70 they stick-slip."""
+    rig = make(stiffness=0.8, mass=0.013, damping=7.0, contacts=contacts)
+    margins, _ = prediction._margins(rig, Budget(math.inf))
+    limit = prediction._noise_limit(rig, margins)
+    assert (limit is not None) == told
+    if limit is not None:
+        there = rig.with_values(**dict([limit]))
+        assert ss.stability.contact_noise(there).relative_velocity < 0.21
+
+
 @pytest.mark.slow
 def test_an_assumption_is_varied_within_the_range_that_the_file_gives():
     assumed = {"slider.mass": ["2.9 kg", "3.1 kg"], "interface.delay": ["1 us", "2 us"]}
@@ -432,6 +444,28 @@ def test_a_band_that_its_neighbours_contradict_is_run_again(again):
     survey.look(Fated(math.inf))
     kinds = [band.kind for band in survey.bands() if band.low < 3.0 < band.high]
     assert kinds == ["stable" if again == "stick-slip" else again]
+
+
+def test_next_to_a_change_few_contacts_have_to_agree():
+    """Of one run in eight a band would be made by chance."""
+
+    class Fated(Budget):
+        def regime(self, rig):
+            slips = rig.natural.velocity < (3.0 if rig.method.seed == 5 else 2.0)
+            return replace(seen, kind="stick-slip" if slips else "smooth sliding")
+
+    rig = make(stiffness=2.0, contacts=100)
+    seen = ss.regime(ss.simulate(rig))
+    survey = Survey(rig, [Band(kind="stable", low=0.1, high=40.0)], "stick-slip")
+    survey.look(Fated(math.inf))
+    kinds = {v: b.kind for v in (1.5, 2.5, 3.5) for b in survey.bands() if v in b}
+    assert [*kinds.values()] == ["stick-slip", "stable", "smooth sliding"]
+
+
+def test_a_drive_with_strokes_is_not_headlined_by_a_speed_that_never_lasts():
+    strokes = ss.constant(1.0, 3.0).then(ss.constant(-1.0, 3.0))
+    answer = ss.predict(make(stiffness=2.0, drive=strokes), fast=True)
+    assert "the motion if 1 x_s/time lasted, not that along its drive" in str(answer)
 
 
 ACTUATOR = """

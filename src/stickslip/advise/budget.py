@@ -18,7 +18,7 @@ from stickslip.measure import Regime
 from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, TINY
 from stickslip.measure.regimes import regime_of_run
 from stickslip.measure.trace import ERRORS, Trace
-from stickslip.model import Contacts, Langevin, Slider
+from stickslip.model import Contacts, Langevin, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
@@ -55,6 +55,8 @@ _LOOKS = {False: 10.0, True: 1.0}
 _STEPS = 4e5
 _LIVES_IN_STEPS = 3e6
 _LEAST = 0.5  # what the shortest run counts, as its regime is to be found
+# contacts that are few: where one run of them decides little, by convention
+_FEW = 300
 
 
 def cycle_of(rig: Rig) -> float:
@@ -142,6 +144,14 @@ def is_expensive(rig: Rig) -> bool:
     then takes some thirty times as long.
     """
     return rig.interface.ageing is not None or rig.interface.activation is not None
+
+
+def varies(rig: Rig) -> bool:
+    """Whether one run decides little: contacts are few, or wait for an arrest that may
+    not come.
+    """
+    count = getattr(rig.method, "count", math.inf)
+    return count < _FEW or isinstance(rig.interface.delay, OnArrest)
 
 
 def runs_of(rig: Rig) -> float:

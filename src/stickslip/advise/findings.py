@@ -100,8 +100,9 @@ class Findings:
 
     #: Of a stable rig, the parameter with the nearest limit among those that are set on
     #: a machine, and its value on the way there from which on the noise of the contacts
-    #: makes the force fluctuate by more than 5 % rms, by linear theory; where it does
-    #: so now, that is the value that it has.
+    #: makes the force fluctuate by more than 5 % rms, or the velocity by too much for
+    #: linear theory, which tells it; where the force does so now, that is the value
+    #: that it has.
     noise_limit: tuple[str, float] | None = None
 
     #: Those that can be made on the machine first, in each group the smallest first.
@@ -207,6 +208,12 @@ class Findings:
         return self.lasting is not None and self.lasting[0] > 0
 
     @property
+    def lasts_in_some(self) -> bool:
+        """Whether runs that differ in their contacts alone differ in their motion."""
+        count, most = self.lasting or (0, 0)
+        return count != most * self.oscillates
+
+    @property
     def trouble(self) -> tuple[Band, ...]:
         """Ranges of speed with an oscillation among those at which the rig works."""
         single = [(speed, speed) for speed, _ in self.at_speeds]
@@ -276,6 +283,11 @@ class Findings:
         return None if low == high else (max(low, self.speeds_searched[0]), high)
 
     @property
+    def lasting_episodes(self) -> list[Episode]:
+        """Of its drive, those that do not ring down by themselves."""
+        return [each for each in self.driven or () if not each.rings_down]
+
+    @property
     def along_drive(self) -> tuple[Band, ...]:
         """What it does when along a drive that goes through speeds: in its own run,
         or else as if each speed lasted; nothing where there is one speed.
@@ -286,7 +298,7 @@ class Findings:
             return self._if_each_speed_lasted()
         found = list[Band]()
         now = 0.0
-        for episode in self.driven:
+        for episode in self.lasting_episodes:
             begin = episode.begin
             end = episode.end
             # no drop here that would be more than a small oscillation

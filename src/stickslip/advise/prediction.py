@@ -25,6 +25,7 @@ from stickslip.advise.budget import (
     runs_of,
     survives_noise,
     trial,
+    varies,
 )
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.findings import SEEN, Margin
@@ -38,6 +39,7 @@ from stickslip.advise.survey import Band, Survey, scaled, stability_along, theor
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.episodes import Episode, episodes
+from stickslip.measure.trace import ERRORS
 from stickslip.model import Delay, ElasticBody, OnArrest
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
@@ -64,12 +66,13 @@ _FOR_SPEEDS = 0.5
 _FOR_DOUBT = 0.15
 # an oscillation is small below this part of static friction, peak to peak: a convention
 _SMALL = 0.05
-# contacts that are few: where one run of them decides little, by convention
-_FEW = 300
 # the first run counts as so many at most, but lasts for so many of its longest cycles;
 # most are shorter
 _FIRST = 15.0
 _FEWEST_CYCLES = 3.3
+# Velocity off the drive's (rms), over it, up to which runs fluctuate as linear theory
+# gives near a limit: within a fifth. Beyond, by as little as half of that.
+_SWAYS = 0.2
 # tried where a rig names no mechanism, in breaking displacements over the speed
 _DELAYS = (0.01, 10.0)
 
@@ -167,7 +170,8 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     driven = None
     if _goes_through_speeds(rig):
         with suppress(BudgetExhausted):
-            driven = _episodes(rig, budget, _SMALL * forces["static_friction"])
+            least = max(_SMALL * forces["static_friction"], _most_noise(rig))
+            driven = _episodes(rig, budget, least)
     report(1.0)
     return Prediction(
         rig=rig,
@@ -260,7 +264,7 @@ def complete(
     if not found.theory_note and bands[0].ends == ends and bands[0].kind == "unknown":
         with suppress(BudgetExhausted):
             bands = theory_along(budget, rig, VELOCITY, *ends)
-    survey = Survey(rig, bands, found.regime.kind)
+    survey = Survey(rig, bands, "undecided" if found.lasts_in_some else found.motion)
     with budget.limited_to(_FOR_SPEEDS):
         survey.look(budget)
     found = replace(found, bands=scaled(survey.bands(), rig.velocity), complete=True)
@@ -286,13 +290,10 @@ def complete(
 
 def _lasting(found: Prediction, budget: Budget) -> tuple[int, int] | None:
     """Of the runs with other contacts, from rest, how many oscillate on, and how many
-    were made: where one run decides little, as contacts are few, or wait for an arrest
-    that may not come.
+    were made, where one decides little.
     """
     rig = found.rig
-    count = getattr(rig.method, "count", math.inf)
-    waits = isinstance(rig.interface.delay, OnArrest)
-    if found.driven is not None or not (waits or count < _FEW):
+    if found.driven is not None or not varies(rig):
         return None
     kinds = list[str]()
     with suppress(BudgetExhausted, InputError):
@@ -344,6 +345,19 @@ def _episodes(rig: Rig, budget: Budget, smallest: float) -> tuple[Episode, ...]:
     """When a rig oscillates along its own drive."""
     run = budget.record(replace(rig, method=method_of(rig)))
     return tuple(episodes(run.dataset(), smallest))
+
+
+def _most_noise(rig: Rig) -> float:
+    """What the noise of the contacts makes of the force at most, peak to peak, at the
+    speeds of the drive where smooth sliding is stable.
+    """
+    most = 0.0
+    speeds = {abs(each) for each in rig.drive.velocities} - {0.0}
+    for speed in speeds if isinstance(rig.method, DRAWN) else ():
+        with suppress(InputError, UndecidedError):  # unstable, or no theory
+            there = VELOCITY.set(rig.natural, speed)
+            most = max(most, contact_noise(there).spring_force)
+    return 2.0 * ERRORS * most * rig.unit("f_s")
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:
@@ -415,10 +429,13 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
     def is_seen(factor: float) -> bool:
         there = change.set(rig.natural, factor)
         with suppress(UndecidedError):
-            return contact_noise(there).relative_force > SEEN
+            found = contact_noise(there)
+            return found.relative_force > SEEN or found.relative_velocity > _SWAYS
         return True  # at a limit of stability
 
-    with suppress(InputError):  # no theory of their noise
+    with suppress(InputError, UndecidedError):  # no theory of their noise
+        if contact_noise(rig.natural).relative_velocity > _SWAYS:
+            return None
         width = by_theory.PRECISION / 10.0
         quiet, _ = halved(is_seen, 1.0, limit.to / limit.now, width)
         return limit.parameter, quiet * limit.now

@@ -142,6 +142,9 @@ def motion(found: Findings) -> Motion:
     kind, rest, more = _own_motion(found)
     speed = quantity(rig, rig.velocity, "velocity")
     here = Motion(kind, rest, more, f"at {speed}: ")
+    if found.driven is None and len(rig.drive.pieces) > 1:
+        own = f"; this is the motion if {speed} lasted, not that along its drive"
+        here = Motion(kind, f"{rest}{own}", more, here.at)
     if found.driven is not None:
         return _driven(found, f"if {speed} lasted: {kind}{rest}")
     along = {band.kind: band for band in reversed(found.along_drive)}
@@ -155,9 +158,16 @@ def motion(found: Findings) -> Motion:
 def _driven(found: Findings, more: str) -> Motion:
     """The motion along a drive that goes through speeds, by its own run."""
     rig = found.rig
-    episodes = found.driven or ()
+    episodes = found.lasting_episodes
     if not episodes:
-        return Motion("smooth sliding", "", more, _ALONG)
+        rest = ""
+        if starts := [each for each in found.driven or () if each.rings_down]:
+            worst = max(starts, key=lambda each: each.worst)
+            force = quantity(rig, worst.worst, "force", 3)
+            when = quantity(rig, worst.worst_time, "time", 3)
+            end = quantity(rig, worst.end, "time", 3)
+            rest = f", but rings by ±{force} at {when}, until {end}"
+        return Motion("smooth sliding", rest, more, _ALONG)
     kinds = {each.kind for each in episodes}
     kind = next(each for each in OSCILLATES if each in kinds)
     spells = list[str]()
@@ -391,8 +401,9 @@ def noise(found: Findings) -> Iterator[str]:
         rms = percent(there.relative_force)
         at = amount(rig, name, value)
         yield (
-            f"{count} contacts make the force fluctuate by {rms} rms at {at}, before "
-            f"the {parameter_named(name).title} reaches its limit (linear theory)"
+            f"{count} contacts make the force of smooth sliding fluctuate by {rms} rms "
+            f"at {at}, before the {parameter_named(name).title} reaches its limit "
+            "(linear theory)"
         )
 
 

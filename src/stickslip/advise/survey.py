@@ -15,11 +15,13 @@ import numpy as np
 
 from stickslip.advise.budget import (
     OSCILLATES,
+    SEEDS,
     Budget,
     BudgetExhausted,
     is_expensive,
     runs_of,
     trial,
+    varies,
 )
 from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
@@ -233,6 +235,28 @@ class Survey:
                 again = budget.regime(self._case(middle, 1)).kind
                 if again != self.known[middle]:
                     self.known |= dict.fromkeys(speeds, "undecided")
+        if varies(self._setting):
+            self._confirm(budget)
+
+    def _confirm(self, budget: Budget) -> None:
+        """Run speeds next to a change with other contacts: the motion there is
+        undecided where these do not agree.
+        """
+        asked = {1.0}  # that of the rig itself is judged apart
+        turns = bounded("Survey.confirm", HALVINGS)
+        while ends := [
+            speed
+            for band in self._linear
+            for change in self._changes(band)
+            for speed, kind in change
+            if kind != band.kind and speed not in asked
+        ]:
+            next(turns)
+            asked.add(speed := ends[0])
+            cases = (self._case(speed, other) for other in range(1, SEEDS))
+            with suppress(BudgetExhausted):
+                if any(budget.regime(case).kind != self.known[speed] for case in cases):
+                    self.known[speed] = "undecided"
 
     def _case(self, speed: float, other: int = 0) -> Rig:
         """The rig at so many times its own speed, for as long as that takes, or with
