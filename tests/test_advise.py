@@ -16,7 +16,7 @@ import pytest
 
 import stickslip as ss
 from stickslip import advise
-from stickslip.advise import Mitigation, prediction, sections
+from stickslip.advise import Mitigation, mitigations, prediction, sections
 from stickslip.advise.budget import (
     SEEDS,
     Budget,
@@ -463,9 +463,25 @@ def test_next_to_a_change_few_contacts_have_to_agree():
 
 
 def test_a_drive_with_strokes_is_not_headlined_by_a_speed_that_never_lasts():
+    """And what that does is seen in a run that lasts, not in the last stroke."""
     strokes = ss.constant(1.0, 3.0).then(ss.constant(-1.0, 3.0))
-    answer = ss.predict(make(stiffness=2.0, drive=strokes), fast=True)
-    assert "the motion if 1 x_s/time lasted, not that along its drive" in str(answer)
+    both = (make(stiffness=2.0, drive=d) for d in (strokes, strokes.then(strokes)))
+    lasting = ss.predict(make(stiffness=2.0), fast=True).amplitude
+    for answer in (ss.predict(rig, fast=True) for rig in both):
+        assert "if 1 x_s/time lasted, not that along its drive" in str(answer)
+        assert answer.amplitude == pytest.approx(lasting, rel=0.1)
+
+
+def test_a_change_tells_the_noise_that_it_leaves():
+    """Near its limit, smooth sliding may swing as much as what it replaces."""
+    rig = make(stiffness=2.0)
+    change = mitigations._with_noise(
+        rig, Mitigation(parameter="velocity", now=1.0, to=0.5)
+    )
+    there = ss.stability.contact_noise(rig.with_values(velocity=0.5))
+    assert change.noise == there.relative_force
+    *_, (*_, also) = sections.change_rows(rig, [replace(change, noise=0.091)])
+    assert also == "the force fluctuates by 9.1 % rms, noise"
 
 
 ACTUATOR = """

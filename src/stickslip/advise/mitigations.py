@@ -31,11 +31,12 @@ from stickslip.advise.survey import (
 )
 from stickslip.cycles.edges import halved
 from stickslip.cycles.oscillation_verdict import linearly_unstable
-from stickslip.errors import InputError
+from stickslip.errors import InputError, UndecidedError
 from stickslip.model import OnArrest, parameters
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
+from stickslip.stability import contact_noise
 
 _WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
 _CLEARANCE = 1.03  # how far past a linear boundary runs begin
@@ -83,6 +84,10 @@ class Mitigation:
     #: speed of the range.
     to: float
 
+    #: root mean square of the force over its mean there, at the rig's own speed, by the
+    #: noise of its contacts (linear theory); NaN where that is not known
+    noise: float = math.nan
+
     @property
     def size(self) -> float:
         """How far the parameter must be varied: the logarithm of the factor."""
@@ -94,6 +99,14 @@ def _changed(rig: Rig, factor: float, turn: Turn) -> Mitigation:
     parameter, side = turn
     now = rig.value(parameter)
     return Mitigation(parameter=parameter.name, now=now, to=now * factor**side)
+
+
+def _with_noise(rig: Rig, change: Mitigation) -> Mitigation:
+    """A change with the noise that it leaves."""
+    with suppress(InputError, UndecidedError):  # no theory of it
+        there = rig.with_values(**{change.parameter: change.to})
+        return replace(change, noise=contact_noise(there).relative_force)
+    return change
 
 
 def has(rig: Rig, parameter: Parameter) -> bool:
@@ -223,7 +236,8 @@ class Search:
             factor = min(up.factor, down.factor)
             if factor < math.inf:
                 turn = parameter, -1 if factor == down.factor else 1
-                found.append(_changed(self._own, factor, turn))
+                change = _changed(self._own, factor, turn)
+                found.append(_with_noise(self._own, change))
                 continue
             if up.reached * down.reached > 1.0:
                 attempts[parameter.name] = value / down.reached, value * up.reached

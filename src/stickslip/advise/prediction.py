@@ -21,6 +21,7 @@ from stickslip.advise.budget import (
     cycle_of,
     fluctuation,
     is_expensive,
+    length_of,
     method_of,
     runs_of,
     survives_noise,
@@ -316,12 +317,14 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
 
 
 def _first_run(rig: Rig, progress: Progress) -> Recording:
-    """Simulate the rig as its file says, if that ends at the speed of the answer;
-    shorter, or with fewer contacts, if that counts as too many runs.
+    """Simulate the rig as its file says, if that ends at the speed of the answer, and
+    stays there for long enough after strokes or pauses; shorter, or with fewer
+    contacts, if that counts as too many runs.
     """
     velocity = rig.natural.velocity
     last = rig.drive.pieces[-1]
-    if not last.start == last.end == velocity:
+    short = last.duration * velocity < length_of(rig) and len(rig.drive.pieces) > 1
+    if short or not last.start == last.end == velocity:
         rig = replace(rig, drive=trial(rig).drive)
     if len(rig.drive.pieces) == 1:
         duration = rig.drive.duration

@@ -463,6 +463,9 @@ def change_rows(
         sign = times if change.to > change.now else over
         size = f"{sign} {number(math.exp(change.size), 2)}" if change.now else ""
         also = ", ".join(f"{label} {value}" for label, _, value in others)
+        if change.noise > SEEN:  # what then is smooth sliding may swing as much
+            noise = f"the force fluctuates by {percent(change.noise)} rms, noise"
+            also = f"{also}, {noise}" if also else noise
         yield label, now, arrow, then, size, also
 
 

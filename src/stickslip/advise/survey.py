@@ -255,7 +255,8 @@ class Survey:
             asked.add(speed := ends[0])
             cases = (self._case(speed, other) for other in range(1, SEEDS))
             with suppress(BudgetExhausted):
-                if any(budget.regime(case).kind != self.known[speed] for case in cases):
+                agree = (self.known[speed], "undecided")
+                if any(budget.regime(case).kind not in agree for case in cases):
                     self.known[speed] = "undecided"
 
     def _case(self, speed: float, other: int = 0) -> Rig:
