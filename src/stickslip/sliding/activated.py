@@ -16,15 +16,16 @@ response of `stickslip.sliding.unaged`.
 """
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError
 from stickslip.kernels import lifetimes as kernel
-from stickslip.model import Bell, Interface
+from stickslip.model import Bell, Delay, Interface
 from stickslip.sliding.lifetimes import (
     growth_of,
     hazard_of,
@@ -37,12 +38,18 @@ from stickslip.sliding.response import (
     ComplexArray,
     Fluctuations,
     MeanLifetimes,
+    Parts,
     Perturbed,
     Response,
     ResponseScales,
+    along_logarithm,
     stretched,
 )
 
+# steps of frequencies; of those at which lives are known from a table
+_FEW = 8_000
+_MOST = 16 * _FEW
+_TABLE = 1e-5  # relative error of the table
 # a mean life that is shorter, over the longest: few contacts outlive their attachment
 _SHORT = 1e-4
 
@@ -109,8 +116,36 @@ class ActivatedResponse(Response):
     interface: Interface
 
     accuracy: ClassVar[float] = 1e-8
+    has_denominator: ClassVar[bool] = True
 
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
+        life = Perturbed(*self.transforms(velocity, s / velocity))
+        return self._of_life(velocity, s, life)
+
+    def along_axis(self, velocity: float, omega: Array) -> Fluctuations:
+        return self._of_life(velocity, 1j * omega, self._tabulated(velocity, omega))
+
+    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
+        speed, points = np.broadcast_arrays(
+            np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
+        )
+        found = np.zeros((2, *points.shape), dtype=complex)
+        for v in np.unique(speed):
+            here = (speed == v) & (points != 0)
+            life = Perturbed(*self.transforms(float(v), points[here] / v))
+            found[:, here] = self._parts_of_life(float(v), points[here], life)
+        return Parts(*found)
+
+    def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
+        del top  # known to where it turns no more
+        omega = self._followed(velocity, _MOST)
+        life = self._tabulated(velocity, omega)
+        return omega, self._parts_of_life(velocity, 1j * omega, life)
+
+    def _of_life(
+        self, velocity: float, s: ComplexArray, answer: Perturbed
+    ) -> Fluctuations:
+        """Response and motion of contacts with such lives."""
         delay = self.interface.delay
         force = self.interface.sliding_force
         q = s / velocity
@@ -118,7 +153,6 @@ class ActivatedResponse(Response):
         rest = float(mean.distance[0])
         missing = np.asarray(delay.absence(s))
         away = velocity * delay.moment(1)
-        answer = Perturbed(*self._transforms(velocity, q))
         life = stretched(
             q,
             answer.lost,
@@ -129,7 +163,34 @@ class ActivatedResponse(Response):
         noise = life.noise(q, missing, away, force) / velocity
         return Fluctuations(answer.kappa(q, missing, rest, away, force), noise)
 
-    def _transforms(self, v: float, q: ComplexArray) -> ComplexArray:
+    def _parts_of_life(
+        self, velocity: float, s: ComplexArray, life: Perturbed
+    ) -> Parts:
+        """Parts of kappa of contacts with such lives."""
+        delay = self.interface.delay
+        return life.parts(
+            s / velocity,
+            np.asarray(delay.absence(s)),
+            float(mean_lives(self.interface, velocity).distance[0]),
+            velocity * delay.moment(1),
+            self.interface.sliding_force,
+        )
+
+    def _tabulated(self, velocity: float, omega: Array) -> Perturbed:
+        """Lives along the axis, from a table: it knows no delay, which alone may turn
+        many times as often.
+        """
+        y = omega / velocity
+        alone = replace(self.interface, delay=Delay(0.0))
+        table = _life_table(ActivatedResponse(alone), velocity)
+        low, high = np.exp(table.x[[0, -1]])
+        inside = (y >= low) & (y <= high)
+        found = np.empty((4, y.size), dtype=complex)
+        found[:, inside] = table(np.log(y[inside]))
+        found[:, ~inside] = self.transforms(velocity, 1j * y[~inside])
+        return Perturbed(*found)
+
+    def transforms(self, v: float, q: ComplexArray) -> ComplexArray:
         """`Perturbed` of a life, as one array."""
         # Octaves of the wave number have panels of their own.
         octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
@@ -159,19 +220,23 @@ class ActivatedResponse(Response):
 
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
+        return self._followed(velocity, _FEW)
+
+    def _followed(self, velocity: float, most: int) -> Array:
+        """Frequencies that follow contacts and their delays, in no more steps."""
+        away = velocity * self.interface.delay.longest
+        return velocity * self.wave_numbers(away, most)
+
+    def wave_numbers(self, away: float, most: int) -> Array:
+        """Wave numbers that follow contacts which stay away for so long, in ``x_s``."""
         thresholds = self.interface.threshold_distribution
         # The largest stretching, but for one contact in a thousand.
-        reach = (
-            float(thresholds.inverse_survival(np.array(1e-3)))
-            + velocity * self.interface.delay.longest
-        )
+        reach = float(thresholds.inverse_survival(np.array(1e-3))) + away
         top = max(12.0 / self._std, 60.0 / thresholds.moment(1))
-        step = max(STEP / reach, top / 8000.0)
+        step = max(STEP / reach, top / most)
         slow = np.geomspace(1e-4 / reach, step, 60, endpoint=False)
-        fast = np.geomspace(top, 1e3 * top, 90)
-        return np.asarray(
-            velocity * np.concatenate([slow, np.arange(step, top, step), fast])
-        )
+        fast = np.geomspace(top, 1e3 * top, 90 * most // _FEW)
+        return np.concatenate([slow, np.arange(step, top, step), fast])
 
     def scales(self, velocity: float) -> ResponseScales:
         cycle = float(
@@ -192,3 +257,16 @@ class ActivatedResponse(Response):
             fastest=math.inf,
             leftmost=-8.0 / cycle,
         )
+
+
+@lru_cache(maxsize=16)
+def _life_table(
+    response: ActivatedResponse, velocity: float
+) -> "CubicSpline[np.complex128]":
+    """Return the lives at a speed over the logarithm of the wave number."""
+
+    def at(u: Array) -> ComplexArray:
+        return response.transforms(velocity, 1j * np.exp(u))
+
+    y = response.wave_numbers(0.0, _FEW)
+    return along_logarithm(at, y, _TABLE, response.accuracy)[1]

@@ -14,15 +14,15 @@ contacts, and of their `a`, `b`, ``a f`` and ``b f``, at their nodes.
 """
 
 import math
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError
-from stickslip.model import Interface
+from stickslip.model import Delay, Interface
 from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.newborn import stretching_nodes
 from stickslip.sliding.response import (
@@ -30,6 +30,7 @@ from stickslip.sliding.response import (
     Array,
     ComplexArray,
     Fluctuations,
+    Parts,
     Response,
     ResponseScales,
     Unperturbed,
@@ -44,6 +45,9 @@ _NARROWEST = 150.0
 _NODES = 16  # of a panel
 _PHASE = 10.0  # that a wave may turn on one
 _TABULATED = 4  # numbers of a life at a wave
+# steps of frequencies; of those at which lives are known from a table
+_FEW = 8_000
+_MOST = 16 * _FEW
 _TABLE = 1e-6  # relative error of their table, below that of a scan
 
 
@@ -201,20 +205,52 @@ class DrawnResponse(Response):
     interface: Interface
 
     accuracy: ClassVar[float] = 1e-5
+    has_denominator: ClassVar[bool] = True
 
     @property
     def inert(self) -> bool:
         """Whether contacts come back at once."""
         return self.interface.delay.moment(1) == 0
 
+    @cached_property
+    def _alone(self) -> Interface:
+        """Contacts that come back at once: their lives are the same."""
+        return replace(self.interface, delay=Delay(0.0))
+
     def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
         return self._of_lives(velocity, s, self._life(s / velocity))
 
+    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
+        if self.inert:
+            return super().parts(velocity, s)
+        speed, points = np.broadcast_arrays(
+            np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
+        )
+        here = points != 0
+        broken, whole = np.zeros((2, *points.shape), dtype=complex)
+        life = self._life(points[here] / speed[here])
+        broken[here] = life.broken
+        whole[here] = life.whole
+        return self._parts_of_lives(speed, points, broken, whole, life.rest)
+
+    def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
+        del top  # known to where it turns no more
+        omega = self._followed(velocity, _MOST)
+        life = self._tabulated(velocity, omega)
+        return omega, self._parts_of_lives(
+            velocity, 1j * omega, life.broken, life.whole, life.rest
+        )
+
     def along_axis(self, velocity: float, omega: Array) -> Fluctuations:
+        life = self._tabulated(velocity, omega)
+        return self._of_lives(velocity, 1j * omega, life)
+
+    def _tabulated(self, velocity: float, omega: Array) -> Unperturbed:
+        """Lives along the axis."""
         # Only the delays follow the time: lives are the same waves at all speeds, so
         # that a table does for all. Without it a look takes up to 3 s, not .4.
         y = omega / velocity
-        table = _life_table(self)
+        table = _life_table(DrawnResponse(self._alone))
         low, high = np.exp(table.x[[0, -1]])
         inside = (y >= low) & (y <= high)
         known = np.empty((_TABULATED, y.size), dtype=complex)
@@ -222,8 +258,22 @@ class DrawnResponse(Response):
         *rows, rest = self._life(1j * y[~inside])
         known[:, ~inside] = rows
         broken, until, whole, each = known
-        life = Unperturbed(broken, until, whole, each.real, rest)
-        return self._of_lives(velocity, 1j * omega, life)
+        return Unperturbed(broken, until, whole, each.real, rest)
+
+    def _parts_of_lives(
+        self,
+        velocity: float | Array,
+        s: ComplexArray,
+        broken: ComplexArray,
+        whole: ComplexArray,
+        rest: float,
+    ) -> Parts:
+        """Parts of kappa of contacts with such lives."""
+        delay = self.interface.delay
+        missing = np.asarray(delay.absence(s))
+        given_up = self.interface.sliding_force * broken - s / velocity * whole
+        path = rest + velocity * delay.moment(1)
+        return Parts(missing * given_up / path, missing + (1.0 - missing) * broken)
 
     def _of_lives(
         self, velocity: float, s: ComplexArray, life: Unperturbed
@@ -234,14 +284,15 @@ class DrawnResponse(Response):
         q = s / velocity
         missing = np.asarray(delay.absence(s))
         away = velocity * delay.moment(1)
-        pulled = missing * (force * life.broken - q * life.whole)
-        kappa = pulled / (
-            (life.rest + away) * (missing + (1.0 - missing) * life.broken)
+        pulled, kept = self._parts_of_lives(
+            velocity, s, life.broken, life.whole, life.rest
         )
-        return Fluctuations(kappa, life.noise(q, missing, away, force) / velocity)
+        return Fluctuations(
+            pulled / kept, life.noise(q, missing, away, force) / velocity
+        )
 
     def _life(self, q: ComplexArray) -> Unperturbed:
-        lives = lives_of(self.interface)
+        lives = lives_of(self._alone)
         size = np.abs(q)
         held = lives.held
         newborn = lives.newborn
@@ -267,13 +318,17 @@ class DrawnResponse(Response):
 
     def frequencies(self, velocity: float, top: float) -> Array:
         del top
-        lives = lives_of(self.interface)
+        return self._followed(velocity, _FEW)
+
+    def _followed(self, velocity: float, most: int) -> Array:
+        """Frequencies that follow contacts and their delays, in no more steps."""
+        lives = lives_of(self._alone)
         step = max(
             STEP / (lives.x[-1] + velocity * self.interface.delay.longest),
-            lives.highest / 8000.0,
+            lives.highest / most,
         )
         slow = np.geomspace(1e-4 * step, step, 60, endpoint=False)
-        fast = np.geomspace(lives.highest, 1e3 * lives.highest, 90)
+        fast = np.geomspace(lives.highest, 1e3 * lives.highest, 90 * most // _FEW)
         return np.asarray(
             velocity
             * np.concatenate(
@@ -283,7 +338,7 @@ class DrawnResponse(Response):
 
     def scales(self, velocity: float) -> ResponseScales:
         cycle = float(
-            lives_of(self.interface).held[:, 0].sum()
+            lives_of(self._alone).held[:, 0].sum()
         ) / velocity + self.interface.delay.moment(1)
         return ResponseScales(
             cycle,

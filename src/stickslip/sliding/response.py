@@ -85,6 +85,8 @@ class Response(ABC):
 
     #: of kappa, per contact: a mode nearer to neutral than that is undecided
     accuracy: ClassVar[float]
+    #: whether its parts are those of the docstring of `Parts`, not kappa and 1
+    has_denominator: ClassVar[bool] = False
     #: whether it can be followed left of the axis, so that roots there can be counted
     certain: ClassVar[bool] = False
 
@@ -96,7 +98,7 @@ class Response(ABC):
     @property
     def origin(self) -> int:
         """Order of the common zero of numerator and denominator at ``s = 0``."""
-        return int(self.certain and not self.inert)
+        return int(self.has_denominator and not self.inert)
 
     @abstractmethod
     def frequencies(self, velocity: float, top: float) -> Array:
@@ -196,15 +198,15 @@ def whole_axis(
         )
 
     most = max(response.accuracy, _LOST)
-    u, table = along_logarithm(at, omega, most)
+    u, table = along_logarithm(at, omega, most, response.accuracy)
     return np.exp(np.union1d(u, table.x)), table
 
 
 def along_logarithm(
-    at: Callable[[Array], ComplexArray], omega: Array, most: float
+    at: Callable[[Array], ComplexArray], omega: Array, most: float, least: float = 0.0
 ) -> tuple[Array, "CubicSpline[np.complex128]"]:
     """Logarithms of frequencies that follow a function, and the function over them as
-    a spline, within `most` of its values.
+    a spline, within `most` of its values, or `least` where these are rounding.
 
     Where contacts break together, life after life, they answer within less than a
     step: up to a sixteenth of it.
@@ -216,7 +218,7 @@ def along_logarithm(
             np.log(omega),
         ).round(9)
     )
-    return u[::16], splined(at, u, 16 * _APART, most)
+    return u[::16], splined(at, u, 16 * _APART, most, least)
 
 
 def splined(
@@ -224,6 +226,7 @@ def splined(
     u: Array,
     apart: int,
     most: float,
+    least: float = 0.0,
 ) -> "CubicSpline[np.complex128]":
     """A function as a spline, from its values along the last axis at every so many of
     some points, and halfway.
@@ -240,7 +243,7 @@ def splined(
         more = at(u[new])
         missed = np.any(
             np.abs(CubicSpline(u[known], found, axis=-1)(u[new]) - more)
-            > most * np.abs(more),
+            > np.maximum(most * np.abs(more), least),
             axis=0,
         )
         known, order = np.unique(np.append(known, new), return_index=True)
@@ -342,10 +345,22 @@ class Perturbed(NamedTuple):
         """Kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest` and the
         mean delay `away`, in ``x``.
         """
+        numerator, denominator = self.parts(q, missing, rest, away, force)
+        return np.asarray(numerator / denominator)
+
+    def parts(
+        self,
+        q: ComplexArray,
+        missing: ComplexArray,
+        rest: float,
+        away: float,
+        force: float,
+    ) -> Parts:
+        """Parts of `kappa`."""
         lost, work, breaks, yields = self
         back = 1.0 - missing
-        attachments = q * back * breaks / (missing + back * q * (rest - lost))
-        attached = attachments * (rest - lost) - breaks
-        return np.asarray(
-            (lost + attachments * work - yields - force * attached) / (rest + away)
-        )
+        held = rest - lost
+        denominator = missing + back * q * held
+        given_up = (lost - yields + force * breaks) * denominator
+        taken_up = q * back * breaks * (work - force * held)
+        return Parts((given_up + taken_up) / (rest + away), denominator)

@@ -52,6 +52,7 @@ from stickslip.sliding.response import (
 # wave number times the standard deviation of thresholds, beyond which nothing is left
 # of P^
 _REMEMBERED = 100.0
+_NOTHING = 1e-15  # of P^: rounding of 1
 _FEWEST = 64  # wave numbers of a table
 _MOST_STEPS = 6_000  # steps of a line of frequencies before the delay alone sets them
 
@@ -65,6 +66,7 @@ class UnagedResponse(Response):
     sliding_force: float = 0.0
 
     accuracy: ClassVar[float] = 1e-12
+    has_denominator: ClassVar[bool] = True
     certain: ClassVar[bool] = True
 
     @property
@@ -303,7 +305,12 @@ def axis_table(
         return y, *transforms(distribution, 1j * y)
     # a table that is made longer keeps what it holds
     known = axis_table(distribution, step, count // 2)
-    more = transforms(distribution, 1j * y[known[0].size :])
+    new = 1j * y[known[0].size :]
+    # where nothing is left of P^ in half of a table, nothing is beyond it
+    if np.all(np.abs(1.0 - known[1][-(count // 4) :]) < _NOTHING):
+        more = np.ones_like(new), 1.0 / new
+    else:
+        more = transforms(distribution, new)
     return y, np.append(known[1], more[0]), np.append(known[2], more[1])
 
 
