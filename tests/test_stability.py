@@ -887,6 +887,17 @@ def test_lives_of_contacts_that_draw_are_computed_once_for_all_speeds(monkeypatc
         waves.clear()
         omega, found = response.sampled(velocity, math.inf)
         assert sum(waves) < most
-        omega, kappa = omega[::100], found.numerator[::100]
-        exact = response.stiffness(velocity, 1j * omega)
+        kappa = (found.numerator / found.denominator)[::100]
+        exact = response.stiffness(velocity, 1j * omega[::100])
         np.testing.assert_allclose(kappa, exact, rtol=1e-5)
+
+
+def test_delays_longer_than_lives_are_followed_where_contacts_age_too():
+    """Contacts that hardly age make modes grow as those that do not."""
+    on = case(TENTH, Delay(2.0))
+    body = Slider(stiffness=0.2, mass=1e-3, damping=1.0)
+    growth = LogarithmicGrowth(slope=1e-7, time=1.0)
+    settled = rig(100.0, on=on, body=body)
+    ageing = rig(100.0, on=replace(on, ageing=growth), body=body)
+    assert count_unstable(ageing) == count_unstable(settled) > 0
+    assert growth_rate(ageing) == pytest.approx(growth_rate(settled), rel=1e-6)

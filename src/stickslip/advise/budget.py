@@ -26,6 +26,7 @@ from stickslip.model.structure import Structure
 from stickslip.simulation import Recording, record
 from stickslip.simulation.engines.start import lifetimes_in
 from stickslip.simulation.estimates import Course
+from stickslip.sliding import respond
 from stickslip.stability import contact_noise, growth_rate
 from stickslip.structures.runs import longest_step
 
@@ -51,6 +52,8 @@ _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
 _LIVES = 4e5, 6e4, 1.5e4
 # looks at linear theory that do, by `is_expensive`: an integral over all ages
 _LOOKS = {False: 10.0, True: 1.0}
+# terms of sums that follow the response of contacts, of which a look takes as many
+_TERMS = 2e7
 # steps of a structure that last as long as one run, and lives of its contacts
 _STEPS = 4e5
 _LIVES_IN_STEPS = 3e6
@@ -163,6 +166,17 @@ def runs_of(rig: Rig) -> float:
         return max(contacts * lives / _LIVES_IN_STEPS + steps / _STEPS, _LEAST)
     kind = is_expensive(rig) + isinstance(rig.interface.ageing, Langevin)
     return max(contacts * lives / _LIVES[kind], _LEAST)
+
+
+def looks_of(rig: Rig) -> float:
+    """Number of usual looks at linear theory as which one counts, by the terms of its
+    sums.
+    """
+    try:
+        terms = respond(rig.natural.interface).terms(rig.natural.velocity)
+    except InputError:  # there is no theory
+        return 1.0
+    return max(terms / _TERMS, 1.0)
 
 
 class BudgetExhausted(Exception):  # noqa: N818 - not an error: it ends a search

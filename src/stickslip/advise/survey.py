@@ -19,6 +19,7 @@ from stickslip.advise.budget import (
     Budget,
     BudgetExhausted,
     is_expensive,
+    looks_of,
     runs_of,
     trial,
     varies,
@@ -181,6 +182,7 @@ def theory_along(
     looks = 1.0
     if (first.interface, first.velocity) != (last.interface, last.velocity):
         looks += _PER_DECADE[is_expensive(rig)] * math.log10(high / low)
+    looks *= looks_of(rig)
     return budget.theory(stability_along, rig, parameter, low, high, looks=looks)
 
 

@@ -142,6 +142,11 @@ class ActivatedResponse(Response):
         life = self._tabulated(velocity, omega)
         return omega, self._parts_of_life(velocity, 1j * omega, life)
 
+    def terms(self, velocity: float) -> float:
+        waves = self.wave_numbers(0.0, _FEW)
+        lifetimes = lifetimes_of(self.interface, velocity, float(np.median(waves)))
+        return float(waves.size * lifetimes.x.size)
+
     def _of_life(
         self, velocity: float, s: ComplexArray, answer: Perturbed
     ) -> Fluctuations:
@@ -194,11 +199,7 @@ class ActivatedResponse(Response):
         """`Perturbed` of a life, as one array."""
         # Octaves of the wave number have panels of their own.
         octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
-        # all is forgotten
-        fastest = max(
-            60.0 / self._std, 400.0 / self.interface.threshold_distribution.moment(1)
-        )
-        octave[(np.abs(q) > fastest) & (q.real > -0.1 * np.abs(q))] = math.inf
+        octave[(np.abs(q) > self._fastest) & (q.real > -0.1 * np.abs(q))] = math.inf
         found = np.empty((4, q.size), dtype=complex)
         for one in np.unique(octave):
             here = octave == one
@@ -206,6 +207,12 @@ class ActivatedResponse(Response):
             lifetimes = lifetimes_of(self.interface, v, 0.0 if fast else 2.0**one)
             found[:, here] = kernel.perturbed(lifetimes, q[here], fast)
         return found
+
+    @property
+    def _fastest(self) -> float:
+        """Wave number beyond which all is forgotten."""
+        mean = self.interface.threshold_distribution.moment(1)
+        return max(60.0 / self._std, 400.0 / mean)
 
     @cached_property
     def _std(self) -> float:

@@ -110,6 +110,13 @@ class Response(ABC):
     def scales(self, velocity: float) -> ResponseScales:
         """Times and frequencies at a speed."""
 
+    def terms(self, velocity: float) -> float:
+        """Number of terms of the sums that follow kappa at a speed; 0 where they are
+        few.
+        """
+        del velocity
+        return 0.0
+
     def kappa(self, velocity: float, s: ComplexArray) -> ComplexArray:
         """``kappa(s)`` at one speed and many `s` that are not 0, also off the axis;
         not finite where it overflows.
