@@ -75,7 +75,7 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
     drive = np.abs(run["drive_velocity"])
     table["drive"] = np.interp(table["start"], run["time"], drive)
     waits = table["start"].diff()
-    stands = np.cumsum(drive.to_numpy() == 0.0)
+    stands = np.cumsum(np.asarray(drive) == 0.0)
     stood = np.interp(table["start"], run["time"], stands)
     pauses = (waits > _longest(waits)) | (np.diff(stood, prepend=0.0) > 0)
     episode = pauses.cumsum()
