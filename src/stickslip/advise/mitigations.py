@@ -38,6 +38,9 @@ from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.stability import contact_noise
 
+# Velocity off the drive's (rms), over it, up to which runs fluctuate as linear theory
+# gives near a limit: within a fifth. Beyond, by as little as a third of that.
+SWAYS = 0.2
 _WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
 _CLEARANCE = 1.03  # how far past a linear boundary runs begin
 # speeds of a range at which runs are made lie within this factor of each other
@@ -105,7 +108,9 @@ def _with_noise(rig: Rig, change: Mitigation) -> Mitigation:
     """A change with the noise that it leaves."""
     with suppress(InputError, UndecidedError):  # no theory of it
         there = rig.with_values(**{change.parameter: change.to})
-        return replace(change, noise=contact_noise(there).relative_force)
+        found = contact_noise(there)
+        if found.relative_velocity <= SWAYS:
+            return replace(change, noise=found.relative_force)
     return change
 
 

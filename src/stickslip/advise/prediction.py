@@ -31,6 +31,7 @@ from stickslip.advise.budget import (
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.findings import SEEN, Margin
 from stickslip.advise.mitigations import (
+    SWAYS,
     Search,
     has,
     reach,
@@ -71,9 +72,6 @@ _SMALL = 0.05
 # most are shorter
 _FIRST = 15.0
 _FEWEST_CYCLES = 3.3
-# Velocity off the drive's (rms), over it, up to which runs fluctuate as linear theory
-# gives near a limit: within a fifth. Beyond, by as little as half of that.
-_SWAYS = 0.2
 # tried where a rig names no mechanism, in breaking displacements over the speed
 _DELAYS = (0.01, 10.0)
 
@@ -433,11 +431,11 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
         there = change.set(rig.natural, factor)
         with suppress(UndecidedError):
             found = contact_noise(there)
-            return found.relative_force > SEEN or found.relative_velocity > _SWAYS
+            return found.relative_force > SEEN or found.relative_velocity > SWAYS
         return True  # at a limit of stability
 
     with suppress(InputError, UndecidedError):  # no theory of their noise
-        if contact_noise(rig.natural).relative_velocity > _SWAYS:
+        if contact_noise(rig.natural).relative_velocity > SWAYS:
             return None
         width = by_theory.PRECISION / 10.0
         quiet, _ = halved(is_seen, 1.0, limit.to / limit.now, width)

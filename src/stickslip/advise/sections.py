@@ -165,8 +165,7 @@ def _driven(found: Findings, more: str) -> Motion:
             worst = max(starts, key=lambda each: each.worst)
             force = quantity(rig, worst.worst, "force", 3)
             when = quantity(rig, worst.worst_time, "time", 3)
-            end = quantity(rig, worst.end, "time", 3)
-            rest = f", but rings by ±{force} at {when}, until {end}"
+            rest = f", but rings down by ±{force} from {when} on"
         return Motion("smooth sliding", rest, more, _ALONG)
     kinds = {each.kind for each in episodes}
     kind = next(each for each in OSCILLATES if each in kinds)

@@ -79,7 +79,9 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
     stood = np.interp(table["start"], run["time"], stands)
     pauses = (waits > _longest(waits)) | (np.diff(stood, prepend=0.0) > 0)
     episode = pauses.cumsum()
-    moving = table["drive"] > 0
+    # with the drive, from first to last: where it stops, the force falls by itself
+    halted = np.interp(table["end"], run["time"], stands) - stood >= 1.0
+    moving = (table["drive"] > 0) & ~halted
     table, episode = table[moving], episode[moving]
     return [
         _episode(part) for _, part in table.groupby(episode) if len(part) >= _FEWEST
