@@ -26,8 +26,10 @@ from stickslip.model.structure import Structure
 from stickslip.simulation import Recording, record
 from stickslip.simulation.engines.start import lifetimes_in
 from stickslip.simulation.estimates import Course
-from stickslip.sliding import respond
+from stickslip.sliding.response import STEP
 from stickslip.stability import contact_noise, growth_rate
+from stickslip.stability.modes import smooth_sliding
+from stickslip.stability.scan import doubtful_below
 from stickslip.structures.runs import longest_step
 
 Answer = TypeVar("Answer")
@@ -54,6 +56,7 @@ _LIVES = 4e5, 6e4, 1.5e4
 _LOOKS = {False: 10.0, True: 1.0}
 # terms of sums that follow the response of contacts, of which a look takes as many
 _TERMS = 2e7
+_WAVES = 1 << 15  # frequencies of a scan, without ageing or temperature
 # steps of a structure that last as long as one run, and lives of its contacts
 _STEPS = 4e5
 _LIVES_IN_STEPS = 3e6
@@ -170,13 +173,18 @@ def runs_of(rig: Rig) -> float:
 
 def looks_of(rig: Rig) -> float:
     """Number of usual looks at linear theory as which one counts, by the terms of its
-    sums.
+    sums, or the frequencies of a scan.
     """
     try:
-        terms = respond(rig.natural.interface).terms(rig.natural.velocity)
-    except InputError:  # there is no theory
+        sliding = smooth_sliding(rig)
+        if sliding.response.inert:
+            return 1.0
+        if not sliding.response.certain:
+            return max(sliding.response.terms(sliding.velocity) / _TERMS, 1.0)
+        waves = doubtful_below(sliding, None) * sliding.scales.memory / STEP
+        return max(waves / _WAVES, 1.0)
+    except (InputError, UndecidedError):  # there is no theory
         return 1.0
-    return max(terms / _TERMS, 1.0)
 
 
 class BudgetExhausted(Exception):  # noqa: N818 - not an error: it ends a search

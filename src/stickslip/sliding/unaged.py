@@ -255,7 +255,7 @@ def _steps(reach: float, top: float) -> tuple[float, int]:
     return step, count
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _discs(
     distribution: Distribution,
     sliding_force: float,
@@ -287,7 +287,7 @@ def _discs(
     return np.append(y, far), np.append(centre, np.full(far.size, shrinking))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)  # 80 MB for the longest
 def axis_table(
     distribution: Distribution,
     step: float,
