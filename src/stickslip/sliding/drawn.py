@@ -227,11 +227,10 @@ class DrawnResponse(Response):
             np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
         )
         here = points != 0
-        broken, whole = np.zeros((2, *points.shape), dtype=complex)
+        found = np.zeros((2, *points.shape), dtype=complex)
         life = self._life(points[here] / speed[here])
-        broken[here] = life.broken
-        whole[here] = life.whole
-        return self._parts_of_lives(speed, points, broken, whole, life.rest)
+        found[:, here] = life.broken, life.whole
+        return self._parts_of_lives(speed, points, *found, life.rest)
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         del top  # known to where it turns no more
