@@ -21,6 +21,7 @@ from stickslip.advise.budget import (
     SEEDS,
     Budget,
     BudgetExhausted,
+    looks_of,
     runs_of,
     survives_noise,
     trial,
@@ -299,6 +300,13 @@ def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
             budget.spend(0.1)
     budget.spend(7.0)
     assert budget.spent == budget.allowed == 10.0
+    wide = ss.Interface(
+        thresholds=ss.Exponential(mean=1.0),
+        delay=ss.Delay(0.3),
+        activation=ss.Barrier(height=50.0, attempts=6000.0),
+    )
+    heavy = replace(case, interface=wide, scales=None)
+    assert looks_of(heavy) > 5.0 * looks_of(case)
 
 
 def test_less_friction_is_a_higher_speed_and_no_run_is_made_twice():
