@@ -85,7 +85,7 @@ class Response(ABC):
 
     #: of kappa, per contact: a mode nearer to neutral than that is undecided
     accuracy: ClassVar[float]
-    #: whether its parts are those of the docstring of `Parts`, not kappa and 1
+    #: whether its parts are a numerator and a denominator, which are 0 at 0, both
     has_denominator: ClassVar[bool] = False
     #: whether it can be followed left of the axis, so that roots there can be counted
     certain: ClassVar[bool] = False
