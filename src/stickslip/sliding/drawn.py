@@ -230,7 +230,8 @@ class DrawnResponse(Response):
         found = np.zeros((2, *points.shape), dtype=complex)
         life = self._life(points[here] / speed[here])
         found[:, here] = life.broken, life.whole
-        return self._parts_of_lives(speed, points, *found, life.rest)
+        broken, whole = found
+        return self._parts_of_lives(speed, points, broken, whole, life.rest)
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         del top  # known to where it turns no more
