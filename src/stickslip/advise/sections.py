@@ -143,7 +143,7 @@ def motion(found: Findings) -> Motion:
     speed = quantity(rig, rig.velocity, "velocity")
     here = Motion(kind, rest, more, f"at {speed}: ")
     if found.driven is None and len(rig.drive.pieces) > 1:
-        own = f"; this is the motion if {speed} lasted, not that along its drive"
+        own = f"; if {speed} lasted"
         here = Motion(kind, f"{rest}{own}", more, here.at)
     if found.driven is not None:
         return _driven(found, f"if {speed} lasted: {kind}{rest}")
