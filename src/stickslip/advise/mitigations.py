@@ -42,6 +42,8 @@ from stickslip.stability import contact_noise
 # gives near a limit: within a fifth. Beyond, by as little as a third of that.
 SWAYS = 0.2
 _WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
+# runs for two changes at once, as many as for all else: who asks for them may wait
+_FOR_PAIRS = 160.0
 _CLEARANCE = 1.03  # how far past a linear boundary runs begin
 # speeds of a range at which runs are made lie within this factor of each other
 _APART = 4.0
@@ -253,6 +255,7 @@ class Search:
         combined: tuple[Mitigation, ...] = ()
         if pairs:
             most = math.exp(min((each.size for each in found), default=math.inf))
+            self._budget.allowed += _FOR_PAIRS
             with suppress(BudgetExhausted):
                 combined = self._pair(most / (1.0 + PRECISION))
         others = [each.name for each in _OTHERS]
