@@ -42,8 +42,8 @@ _EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi
 
 
 def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
-    """Return slopes by least squares over as many samples as give a rate to a tenth;
-    none if that takes over a twelfth.
+    """Return slopes by least squares over as many samples as give the loading rate to
+    a tenth; none if that takes more than a twelfth of all.
     """
     # slow to load, and not needed where the motion is known
     from scipy.signal import oaconvolve, savgol_coeffs

@@ -135,8 +135,8 @@ class Fitted:
 
 @dataclass(frozen=True, repr=False)
 class Rig(Answer):
-    """A slider on an interface, pulled by a drive through a spring: the noun of this
-    package, which verbs take first.
+    """A slider on an interface, pulled by a drive through a spring: what the functions
+    of this package take.
 
     Its records are in natural units. What goes into and comes out of the functions that
     take a rig is in the rig's own units: SI if it has `scales`, as a rig from a file
