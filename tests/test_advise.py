@@ -325,7 +325,7 @@ def test_ageing_rigs_have_margins_and_mitigations_that_are_true():
     rig = replace(
         make(stiffness=1.0, damping=10.0, contacts=300), interface=FIG8.interface
     )
-    found = advise.predict(rig)
+    found = advise.predict(rig, thorough=True)
     assert (found.regime.kind, found.unstable_modes) == ("stick-slip", 2)
     margins = {margin.parameter: margin for margin in found.margins}
     # The edges of Fig. 8, as times of ageing.
