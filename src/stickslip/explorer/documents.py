@@ -182,7 +182,13 @@ def check_size(rig: Rig, seconds: float = LONGEST) -> None:
             ),
             "slider.mass",
         )
-    # A page shows as much of a run on every machine.
+    check_work(rig, seconds)
+
+
+def check_work(rig: Rig, seconds: float) -> None:
+    """Raise `InputError` if a run takes longer than this, on the machine that costs
+    were measured on: a page shows as much of it everywhere.
+    """
     seconds *= slowness()
     estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
 

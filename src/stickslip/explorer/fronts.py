@@ -17,7 +17,7 @@ from stickslip.explorer.plain import Array, Plain, Watch, axis, in_unit, packed,
 from stickslip.measure import on_blocks, pixels, rows
 from stickslip.model import Chain, Contacts, Output
 from stickslip.plot import envelope
-from stickslip.simulation import estimate, simulate, slowness
+from stickslip.simulation import simulate
 
 _PATIENCE = 4.0  # times as long as a run of the page Simulate
 _MOST_VALUES = 4_000_000  # of each block at each time
@@ -52,8 +52,7 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
             "simulation.contacts", "contacts", rig.method.count * body.blocks
         )
     documents.check_decades(rig)
-    seconds = _PATIENCE * documents.seconds_of(request) * slowness()
-    estimate(rig).check(seconds, otherwise="use `stickslip simulate`")
+    documents.check_work(rig, _PATIENCE * documents.seconds_of(request))
     duration = rig.drive.duration
     samples = min(_PER_BLOCK * body.sound_speed * duration, _MOST_VALUES / body.blocks)
     run = simulate(

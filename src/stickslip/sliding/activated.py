@@ -166,7 +166,8 @@ class ActivatedResponse(Response):
             float(mean.work[0]),
         )
         noise = life.noise(q, missing, away, force) / velocity
-        return Fluctuations(answer.kappa(q, missing, rest, away, force), noise)
+        kappa = answer.parts(q, missing, rest, away, force).kappa
+        return Fluctuations(kappa, noise)
 
     def _parts_of_life(
         self, velocity: float, s: ComplexArray, life: Perturbed

@@ -284,12 +284,9 @@ class DrawnResponse(Response):
         q = s / velocity
         missing = np.asarray(delay.absence(s))
         away = velocity * delay.moment(1)
-        pulled, kept = self._parts_of_lives(
-            velocity, s, life.broken, life.whole, life.rest
-        )
-        return Fluctuations(
-            pulled / kept, life.noise(q, missing, away, force) / velocity
-        )
+        parts = self._parts_of_lives(velocity, s, life.broken, life.whole, life.rest)
+        noise = life.noise(q, missing, away, force) / velocity
+        return Fluctuations(parts.kappa, noise)
 
     def _life(self, q: ComplexArray) -> Unperturbed:
         lives = lives_of(self._alone)

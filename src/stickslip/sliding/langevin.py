@@ -61,13 +61,8 @@ class AgedResponse(Response):
         (life, work, less, lost), (rest, done) = _life(u, *self._shape, points)
         missing = np.asarray(self.delay.absence(points * self._square))
         away = self.delay.moment(1) * self._square
-        found = Perturbed(rest - life, work, -less, -lost).kappa(
-            points,
-            missing,
-            rest,
-            away,
-            force=0.0,
-        )
+        answer = Perturbed(rest - life, work, -less, -lost)
+        found = answer.parts(points, missing, rest, away, force=0.0).kappa
         noise = stretched(
             points,
             rest - life,

@@ -51,6 +51,11 @@ class Parts(NamedTuple):
     numerator: ComplexArray
     denominator: ComplexArray
 
+    @property
+    def kappa(self) -> ComplexArray:
+        """Their ratio."""
+        return np.asarray(self.numerator / self.denominator)
+
 
 class Fluctuations(NamedTuple):
     """Response of the contacts in steady sliding, and the motion of each of them by
@@ -341,20 +346,6 @@ class Perturbed(NamedTuple):
     breaks: ComplexArray
     yields: ComplexArray
 
-    def kappa(
-        self,
-        q: ComplexArray,
-        missing: ComplexArray,
-        rest: float,
-        away: float,
-        force: float,
-    ) -> ComplexArray:
-        """Kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest` and the
-        mean delay `away`, in ``x``.
-        """
-        numerator, denominator = self.parts(q, missing, rest, away, force)
-        return np.asarray(numerator / denominator)
-
     def parts(
         self,
         q: ComplexArray,
@@ -363,7 +354,9 @@ class Perturbed(NamedTuple):
         away: float,
         force: float,
     ) -> Parts:
-        """Parts of `kappa`."""
+        """Parts of kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest`
+        and the mean delay `away`, in ``x``.
+        """
         lost, work, breaks, yields = self
         back = 1.0 - missing
         held = rest - lost
