@@ -36,10 +36,13 @@ Answer = TypeVar("Answer")
 OSCILLATES = ("stick-slip", "sustained oscillation")
 # A run lasts a dozen cycles of the slowest oscillation that the rig can have, at least
 # this far in mean thresholds, and until the free slider has rung out, in units of
-# 1/eta.
+# 1/eta, if that takes no more cycles than `_RINGS`.
 _CYCLES = 12.0
+# of them, those of the first look, which is enough where faster ones repeat
+_FIRST_CYCLES = 6.0
 _SHORTEST = 60.0
 _RINGING = 10.0
+_RINGS = 60.0
 # a last test: so many times 1/decay rate, but not more than so many runs
 _DECAYS = 6.0
 _PATIENCE = 4.0
@@ -51,15 +54,15 @@ SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
 # Lives of contacts, from one attachment to the next, that count as one run: of most,
 # of those that `is_expensive` tells, and of those of them that are followed in steps.
-_LIVES = 4e5, 6e4, 1.5e4
+_LIVES = 4e5, 4e4, 1.5e4
 # looks at linear theory that do, by `is_expensive`: an integral over all ages
 _LOOKS = {False: 10.0, True: 1.0}
 # terms of sums that follow the response of contacts, of which a look takes as many
 _TERMS = 2e7
 _WAVES = 1 << 15  # frequencies of a scan, without ageing or temperature
 # steps of a structure that last as long as one run, and lives of its contacts
-_STEPS = 4e5
-_LIVES_IN_STEPS = 3e6
+_STEPS = 6e5
+_LIVES_IN_STEPS = 8e5
 _LEAST = 0.5  # what the shortest run counts, as its regime is to be found
 # contacts that are few: where one run of them decides little, by convention
 _FEW = 300
@@ -86,15 +89,17 @@ def _slowest(rig: Rig) -> Slider:
     return found
 
 
-def length_of(rig: Rig) -> float:
-    """Travel of the drive after which the regime of a run can be decided."""
+def length_of(rig: Rig, cycles: float = _CYCLES) -> float:
+    """Travel of the drive after which the regime of a run can be decided, or of so many
+    of its cycles.
+    """
     damping = _slowest(rig).damping
-    cycles = _CYCLES * cycle_of(rig)
+    cycle = cycle_of(rig)
     ringing = rig.natural.velocity * _RINGING / damping if damping > 0 else 0.0
     return max(
         _SHORTEST * rig.interface.threshold_distribution.moment(1),
-        cycles,
-        min(ringing, 5.0 * cycles),
+        cycles * cycle,
+        min(ringing, _RINGS * cycle),
     )
 
 
@@ -127,7 +132,8 @@ def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
         rig.interface, rig.slider, constant(speed), method=method_of(rig, other)
     )
     return replace(
-        there, drive=constant(speed, max(length_of(there), distance) / speed)
+        there,
+        drive=constant(speed, max(length_of(there, _FIRST_CYCLES), distance) / speed),
     )
 
 
