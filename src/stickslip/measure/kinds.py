@@ -136,8 +136,8 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
     left = PERIODIC * max(1.0 - (seen.found.noise / seen.scatter) ** 2, 0.0)
     repeats = seen.correlation - WHITE / math.sqrt(seen.rest.size) > left
     hidden = seen.is_mostly_noise and repeats
-    # noise falls as it rises
-    dips = seen.found.slip_phase(seen.trace) <= SLIP_PHASE
+    # noise falls as it rises, and climbs at many rates
+    dips = seen.found.slip_phase(seen.trace) <= SLIP_PHASE or seen.climbs
     as_noise = seen.kurtosis.value >= NORMAL and seen.is_narrow
     if as_noise and not hidden and not dips:
         return SMOOTH, f"{_fluctuation(seen)}, as slow noise does"
