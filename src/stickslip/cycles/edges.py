@@ -163,8 +163,8 @@ class ParameterScan:
         }
 
     def check_work(self, runs: int) -> None:
-        """Announce a search by so many runs if it takes more than a minute; raise
-        `InputError` if it takes more than an hour.
+        """Announce a search of this number of runs if it takes more than a minute;
+        raise `InputError` if it takes more than an hour.
         """
         low, high = (
             work_of_run(self.parameter.set(self.rig, end / self.size), self.start)

@@ -67,8 +67,8 @@ class FittedInterval:
 
     @classmethod
     def of(cls, key: str, draws: Array, parts: Array | None = None) -> FittedInterval:
-        """Take it from draws of a quantity; of a parameter, with where these lie in
-        the range of the prior.
+        """Make it from draws of a quantity; `parts`, for a parameter, are the draws as
+        fractions of the range of the prior.
         """
         title, unit = _TITLES[key]
         low, median, high = np.quantile(draws, (0.05, 0.5, 0.95)).tolist()

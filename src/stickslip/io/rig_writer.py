@@ -325,7 +325,7 @@ class _Writer:
             mu_s, mu_k = (
                 float(f"{force / load:.{digits}g}") for force in (static, kinetic)
             )
-            # the spread amplifies an error of their ratio
+            # an error of their ratio is amplified in the standard deviation
             with suppress(InputError):
                 again, strength = thresholds_of(mu_s, mu_k, contacts.initial)
                 same = math.isclose(again.std, thresholds.std, rel_tol=_FOUR_DIGITS)

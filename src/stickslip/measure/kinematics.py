@@ -52,7 +52,7 @@ def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
     width = max(math.ceil(narrowest) | 1, 3)
     if 12 * width > force.size:
         return np.empty(0)
-    # a line goes on as a line
+    # odd reflection continues a straight line as one
     padded = np.pad(
         force - force.mean(),
         width // 2,

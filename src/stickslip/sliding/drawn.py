@@ -1,5 +1,5 @@
-"""The linear response and the noise of contacts that draw, with each life, how they
-pull: stretched or larger ones.
+"""The linear response and the noise of contacts that draw, for each life, the
+stretching at which they attach, or their area.
 
 While it holds such a contact pulls with ``f = a + b x`` at the distance ``x`` from its
 attachment: newborns stretched by ``a``, or contacts of the area ``b**2``. Without
@@ -34,8 +34,7 @@ from stickslip.sliding.response import (
 )
 from stickslip.sliding.tabulated import FEW_STEPS, TabulatedResponse
 
-# wave number, over one over the standard deviation, up to which anything of a life is
-# remembered
+# wave number times the standard deviation, beyond which a life leaves no memory
 _FINEST = 25.0
 # longest life over the standard deviation: seconds to compute, once for an interface
 _NARROWEST = 150.0
@@ -131,8 +130,10 @@ def lives_of(interface: Interface) -> Lives:
 
 
 def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
-    """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6); of waves that turn
-    often where none breaks and forces rise evenly, by the integral of that.
+    """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6).
+
+    Until the first contact breaks the force rises linearly: short waves are integrated
+    there in closed form.
     """
     first = _NODES * lives.unbroken
     end = float(lives.x[first - 1] + lives.x[0]) if first else 0.0
@@ -198,7 +199,7 @@ class DrawnResponse(TabulatedResponse):
 
     @property
     def inert(self) -> bool:
-        """Whether contacts come back at once."""
+        """Whether contacts re-attach at once."""
         return self.interface.delay.moment(1) == 0
 
     @property

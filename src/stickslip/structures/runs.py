@@ -154,7 +154,7 @@ class SteppedStructure(Engine):
         return float(self._body.pull_drive)
 
     def pull(self, place: float, velocity: float) -> float:
-        """Force that pulls the structure, with the drive at a place."""
+        """Force of the drive, at a position and velocity, on the structure."""
         body = self._body
         pull = Pull(body.pull, body.pull_drive, body.pull_rate)
         return pull.force(self._z, place, velocity)
