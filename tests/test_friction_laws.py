@@ -310,7 +310,6 @@ def test_a_step_on_a_stiff_spring_is_nearly_that_of_a_rigid_slider():
 
 
 SLOW = [contacts(activation=parabolic(0.01)), contacts(ageing=0.02, delay=0.001)]
-SLOW += [contacts(activation=barrier(1.5, kramers=True))]
 
 
 @pytest.mark.parametrize(
