@@ -87,7 +87,6 @@ def refusal(interface, method, body) -> str:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_a_refusal_names_what_cannot_be_taken_together(mechanism, method, body):
-    """Or by whom."""
     """What a method takes by itself is not what it cannot take."""
     fields = MECHANISMS[mechanism]
     method = METHODS[method]
