@@ -175,7 +175,7 @@ CUT = "end of range", 0.95, 0.0
     ],
 )
 def test_a_band_ends_at_a_fold_or_the_boundary(delay, parameter, between, low, high):
-    """Or at the end of the range."""
+    """Or it ends at the end of the range."""
     answer = ss.bistable_range(pulled(delay), parameter, between=between)
     (band,) = answer
     for edge, (kind, value, error) in ((band.low, low), (band.high, high)):

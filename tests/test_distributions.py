@@ -93,7 +93,7 @@ def test_moments_beyond_a_bound(any_distribution, order):
 
 @pytest.mark.eq(3)
 def test_hazard_is_density_over_survival_and_a_slope(any_distribution):
-    """That of the logarithm of the survival."""
+    """The hazard is minus the slope of the logarithm of the survival, too."""
     x = any_distribution.inverse_survival(np.linspace(0.95, 0.05, 19))
     product = any_distribution.hazard(x) * any_distribution.survival(x)
     np.testing.assert_allclose(product, any_distribution.density(x), rtol=1e-14)

@@ -86,7 +86,7 @@ def test_names_that_a_page_points_at_exist(page):
 
 @pytest.mark.parametrize("number", range(1, 19))
 def test_every_equation_of_the_paper_is_in_the_theory_once(number):
-    """And can be pointed at."""
+    """It has a label, so that other pages can point at it."""
     text = "\n".join(page.read_text() for page in (DOCS / "theory").glob("*.md"))
     assert text.count(rf"\tag{{{number}}}") == 1
     label = rf"^\(eq-{number}\)=\n\n\\begin\{{equation\*\}}"
@@ -120,7 +120,7 @@ def test_every_command_comes_with_its_options(house):
 
 
 def test_every_key_of_a_rig_file_has_a_meaning_and_an_example(house):
-    """And what is taken if it is left out."""
+    """The page says what is taken if the key is left out."""
     text = house.rig_keys()
     rows = re.findall(r"^\| `.*$", text, re.MULTILINE)
     kinds = (DISTRIBUTIONS, {"areas": Areas}, AGEING_MODELS, ACTIVATIONS)

@@ -84,7 +84,7 @@ def test_stuck_blocks_oscillate_as_springs_do() -> None:
 def test_blocks_slide_smoothly_where_all_modes_decay(
     springs: dict[str, float], grows: bool
 ) -> None:
-    """And else turn back."""
+    """Where a mode grows, some blocks turn back."""
     chain = ss.Chain(blocks=8, mass=1e-4, damping=42.426, **springs)
     interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     drive = ss.constant(1.5, duration=40.0)
@@ -320,7 +320,7 @@ PLATE_OF_BLOCKS["shear"] = 1.1e9 * 10e-3 * 2.5e-3 / 5e-3
     ids=["bar", "plate"],
 )
 def test_an_elastic_slider_in_si_units_becomes_blocks(text, contacts, springs, volume):
-    """And comes back."""
+    """Written as a file, the blocks are read as the same slider."""
     rig = ss.read_rig(tomllib.loads(text))
     found = {name: getattr(rig.slider, name) * contacts for name in springs}
     assert found == pytest.approx(springs)

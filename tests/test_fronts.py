@@ -230,7 +230,7 @@ def test_wavelengths(ends, chain, expected):
 @pytest.mark.parametrize(("blocks", "unstable"), [(8, 1), (32, 3), (128, 11)])
 @pytest.mark.parametrize("viscosity", [0.0, 0.02])
 def test_the_longest_waves_grow_whatever_the_viscosity(blocks, unstable, viscosity):
-    """That of the bulk shortens none."""
+    """Viscosity of the bulk makes no shorter wave grow."""
     rig = sliding(blocks=blocks, coupling=20.0, leaf=1.0, viscosity=viscosity)
     found = elastic.modes(rig, count=14)
     dry = elastic.critical_length(sliding(blocks=8, coupling=20.0, leaf=1.0))

@@ -225,7 +225,7 @@ def test_contacts_stay_detached_until_the_slider_stops_and_then_all_re_attach():
 
 @pytest.mark.parametrize(("newborn", "let_go"), [(RE_STUCK.newborn, 0.0), (None, 0.5)])
 def test_at_an_arrest_contacts_let_go_of_what_is_not_taken_over(newborn, let_go):
-    """By newborns."""
+    """At the arrest the force drops by what newborns do not take over."""
     run = stick_slip(replace(RE_STUCK, newborn=newborn), duration=55, interval=2e-4)
     attached = run["attached"].to_numpy()
     friction = run["friction_force"].to_numpy()
@@ -405,7 +405,7 @@ SOME_DELAYS = ss.Delay(0.0), ss.Delay(0.2), ss.Delay(math.inf), SCATTERED
 )
 @pytest.mark.eq(1, 2, 3, 4)
 def test_rigid_motion_is_that_of_contacts_and_of_cohorts(newborn, delay):
-    """And its stiffness is its slope."""
+    """The stiffness of the interface is the slope of its force."""
     interface = ss.Interface(
         thresholds=WIDE if newborn else TENTH,
         delay=delay,

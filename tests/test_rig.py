@@ -440,7 +440,7 @@ COEFFICIENTS = (0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.355, 0.3
 
 @pytest.mark.parametrize(("mu_s", "mu_k"), COEFFICIENTS)
 def test_two_coefficients_of_friction_are_those_of_the_rig(document, mu_s, mu_k):
-    """Or are refused with their range."""
+    """Coefficients that no thresholds give are refused, with their range."""
     for key in ("contact_strength", "thresholds"):
         del document["interface"][key]
     document["interface"] |= {"normal_load": "4 kN", "mu_s": mu_s, "mu_k": mu_k}

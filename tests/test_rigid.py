@@ -105,7 +105,7 @@ def test_the_critical_stiffness_is_the_largest_effective_one(distribution):
 @pytest.mark.parametrize("velocity_delay", [0.0, 0.3])
 @pytest.mark.eq(7)
 def test_effective_stiffness_is_minus_the_slope(distribution, velocity_delay):
-    """Of the force."""
+    """The effective stiffness is minus the slope of the force."""
     initial = ss.Gaussian(mean=0.05, std=0.05)
     delay = ss.Delay(velocity_delay)
     rig = ss.Interface(thresholds=distribution, initial=initial, delay=delay)
@@ -130,7 +130,7 @@ METHODS = ss.MasterEquation(rtol=1e-4), ss.Contacts(4_000, seed=1)
 
 @pytest.mark.parametrize("method", METHODS, ids=["m", "c"])
 def test_other_methods_agree_with_the_renewal(distribution, method):
-    """For every distribution."""
+    """They agree for every distribution of thresholds."""
     initial = ss.Uniform(low=0.0, high=0.04)
     rig = ss.Interface(thresholds=distribution, initial=initial, delay=ss.Delay(0.2))
     exact = ss.rigid_slide(rig, 3.0, method=Renewal(3_000))

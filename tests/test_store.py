@@ -154,7 +154,7 @@ FAILURES = OSError(28, "No space left on device"), KeyboardInterrupt()
 
 @pytest.mark.parametrize("failure", FAILURES)
 def test_a_failed_write_leaves_the_old_file(result, tmp_path, monkeypatch, failure):
-    """And nothing else."""
+    """The folder holds the old file and nothing else."""
     path = store.save(result, tmp_path / "run.nc")
     before = path.read_bytes()
 

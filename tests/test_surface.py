@@ -69,7 +69,7 @@ TABLE = [
 
 @pytest.mark.parametrize(("n", "most", "pressure", "hardness", "area", "length"), TABLE)
 def test_rough_surfaces_touch(n, most, pressure, hardness, area, length):
-    """As in the table."""
+    """Areas and lengths are those of the table."""
     p = press(waves(n, most), 1.0 / n, pressure, 1.0, hardness=hardness)
     stiffness = tangential_stiffness(p, 1.0 / n, 1.0, 0.3)
     assert p.mean() == pytest.approx(pressure, rel=1e-9)

@@ -522,7 +522,7 @@ def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs(
 
 
 def test_refinement_is_the_same_for_any_number_of_workers():
-    """And goes round cases that fail."""
+    """Cases that fail are left out of the search."""
 
     def patchy(x, y, seed):
         if x > 0.8:

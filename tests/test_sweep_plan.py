@@ -514,7 +514,7 @@ def test_stop_the_command_and_go_on(tmp_path, counted, expected, number, options
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_survives_the_loss_of_a_worker(tmp_path, expected, monkeypatch):
-    """With the same bits."""
+    """The results have the same bits as without the loss."""
     reason = "dask.distributed is not installed"
     distributed = pytest.importorskip("distributed", reason=reason)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))

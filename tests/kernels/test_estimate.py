@@ -215,7 +215,7 @@ def test_the_command_line_refuses_in_one_line(tmp_path, capsys, key, value):
 
 @pytest.mark.parametrize(("least", "lines"), [(60.0, 0), (1e-9, 1)])
 def test_a_run_of_a_minute_is_announced(tmp_path, monkeypatch, caplog, least, lines):
-    """In one line."""
+    """A run that takes more than the least time is announced in one line."""
     place = tmp_path / "rig.toml"
     rig = RIG.replace(drive=ss.constant(1.0, duration=0.1))
     place.write_text(rig_files.to_toml(rig))
