@@ -212,11 +212,11 @@ class Fit(Answer):
 
     @property
     def test(self) -> pd.DataFrame:
-        """Each statistic of the trace among those of series of the draws, from their
-        median in quarters of their range.
+        """Compare each statistic of the trace with those of simulated series, as its
+        distance from their median in quarters of their 95 % range.
 
-        ``p`` is two-sided; ``low`` and ``high`` are the ends of the range of 95 %,
-        ``here`` is the trace.
+        ``p`` is two-sided; ``low`` and ``high`` are the ends of that range, ``here`` is
+        the trace.
         """
         made = self.predicted
         here = self.events.statistics

@@ -309,8 +309,8 @@ class _Writer:
         return replace(measured, forces=tuple(forces.tolist()))
 
     def _coefficients(self) -> Document:
-        """Coefficients of friction from which thresholds and strength follow; none
-        where no coefficients give these.
+        """Return the coefficients of friction from which thresholds and strength
+        follow, or an empty table if no coefficients give these.
         """
         from stickslip.sliding.rigid_motion import slow_friction, thresholds_of
 

@@ -432,8 +432,8 @@ def memory(rest: Array) -> float:
 
 
 def independent(rest: Array, least: float = 1.0) -> float:
-    """Return the number of independent residuals that these are worth: n (1 - r)/(1 +
-    r) of a memory r (Bartlett), and not less than some.
+    """Return the effective number of independent residuals, ``n (1 - r)/(1 + r)`` with
+    their correlation `r` from one to the next (Bartlett), at least `least`.
     """
     r = memory(rest)
     return max(rest.size * (1.0 - r) / (1.0 + r), least)

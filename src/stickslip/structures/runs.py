@@ -145,7 +145,8 @@ class SteppedStructure(Engine):
         integral = self._z.size == _OF_INTEGRAL and not self._controller.sample_time
         if isinstance(before, ControlledAxis) and integral:
             assert isinstance(structure, ControlledAxis)
-            other._z[-1] *= before.ki / structure.ki  # that of the error
+            # the state is the integral of the error
+            other._z[-1] *= before.ki / structure.ki
         return other
 
     @property
