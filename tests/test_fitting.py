@@ -394,6 +394,8 @@ def test_speeds_add_the_delay_and_holds_ageing():
     assert np.all((margin > 0) & (margin < 2.0 * found.draws("breaking_displacement")))
     assert found.delays.value == pytest.approx(half, rel=1e-6)
     assert found.strengthening.value == pytest.approx(0.03, abs=1e-6)
+    with pytest.raises(InputError, match="speeds: 3 are different; at least 4 are"):
+        ss.fit(bench(), **given, speeds=[*pairs[:3], pairs[0]])
     assert "changes by (3 ± " in found.strengthening.words
     assert "contacts age" in str(found)
     close, _ = half_speed_of(speeds, np.random.default_rng(0).normal(forces, 0.2))

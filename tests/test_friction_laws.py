@@ -357,6 +357,8 @@ BY_SLIP = [0.60839299, 0.6146288, 0.61663335, 0.61451424, 0.61239234]
 def test_published_arrays_of_the_forward_model(law, a, b, friction):
     one = RateAndState(law=law, a=a, b=b, distance=10.0)
     assert one.critical_stiffness() == pytest.approx(5e-4 if law == "ageing" else 0.0)
+    in_series = one.critical_stiffness(contact_stiffness=1e-3)
+    assert in_series == pytest.approx(1e-3 if law == "ageing" else 0.0)
     found = 0.6 + one.slide(TIME, PULL, stiffness=1e-3)[0, 11:16]
     assert found == pytest.approx(friction, abs=1e-7)
 

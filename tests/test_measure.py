@@ -279,6 +279,8 @@ rounded: stick-slip | note=""
     (bench(samples=100)[0] / 0.05).round() * 0.05
 mirrored: undecided | enough="flip=True"
     6.0 - bench(samples=50, noise=0.02, slip=0.1, ringing=0.4)[0]
+pulled backwards, off zero: stick-slip | drop=1.21
+    4.8 - bench(samples=50, noise=0.02, slip=0.1, ringing=0.4)[0]
 mirrored, restless: undecided | enough="flip=True"
     0.1 - paper("k168_v1100")
 of either sign: - | periodic=True, swing=1.33

@@ -110,6 +110,10 @@ def test_no_mechanism_has_a_length_or_time_of_its_own(mechanism, length, time):
         for each, by in ((rig, 1), (there, time))
     ]
     np.testing.assert_allclose(kappa[1], kappa[0], rtol=1e-6)
+    smooth = replace(rig, slider=replace(SLIDER, stiffness=30.0, damping=300.0))
+    both = smooth, rescaled_rig(smooth, length, time)
+    noise = [ss.stability.contact_noise(each).spring_force for each in both]
+    assert noise[1] == pytest.approx(length * noise[0], rel=1e-6)
 
 
 @UNITS
