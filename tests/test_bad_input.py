@@ -38,17 +38,15 @@ def interface(**parts):
 
 NEVER = interface(delay=ss.Delay(math.inf))
 EQUAL = interface(thresholds=ss.Gaussian(mean=1.0, std=0.0))
-AGEING, LASTING = (
-    interface(ageing=ss.Langevin(rate=1.0, newborn=newborn)) for newborn in (0.0, 0.3)
-)
+AGEING = interface(ageing=ss.Langevin(rate=1.0))
+LASTING = interface(ageing=ss.Langevin(rate=1.0, newborn=0.3))
 TRACK = interface(newborn=ss.Uniform(-0.1, 0.4), slip_to_slip_scatter=0.1)
 WARM = interface(activation=ss.Bell(width=0.01, attempts=1e6))
 
 
 def run_of(**changes):
-    return ss.simulate(
-        RIG.replace(**({"method": ss.MasterEquation()} | changes)), long=True
-    )
+    changes = {"method": ss.MasterEquation()} | changes
+    return ss.simulate(RIG.replace(**changes), long=True)
 
 
 REFUSED = r"""
@@ -306,9 +304,10 @@ def test_what_is_refused_and_in_which_words(call, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)]
-)
+REAL = 2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)
+
+
+@pytest.mark.parametrize("value", REAL)
 def test_number_takes_every_real_number_and_gives_a_float(value):
     assert type(number("place", value)) is float
     assert number("place", value) == 2.0
@@ -332,10 +331,8 @@ def test_what_lies_on_a_bound_is_taken():
 
 def test_messages_are_one_short_line_that_steers_no_terminal():
     assert issubclass(InputError, ValueError)
-    assert (
-        together(["a: is missing", "b = 1: must be 2"])
-        == "a: is missing; b = 1: must be 2"
-    )
+    both = "a: is missing; b = 1: must be 2"
+    assert together(["a: is missing", "b = 1: must be 2"]) == both
     assert together(["a" * 320, "b", "c", "d"]) == f"{'a' * 320}; b; and 2 more"
     assert together(["a" * 321, "b"]) == f"{'a' * 321}; and 1 more"
     said = str(InputError("a\x1b[2J\x07\x9b\u202e\u2028b = 1"))
@@ -348,18 +345,12 @@ def test_messages_are_one_short_line_that_steers_no_terminal():
 
 def test_a_snapshot_without_attached_contacts_is_empty():
     never = interface(delay=ss.Delay(math.inf))
-    rig = ss.Rig(
-        never,
-        SLIDER,
-        ss.constant(1, 5),
-        method=ss.MasterEquation(),
-        output=ss.Output(snapshots=(0.3, 4.0)),
-    )
+    rig = ss.Rig(never, SLIDER, ss.constant(1, 5), method=ss.MasterEquation())
+    rig = rig.replace(output=ss.Output(snapshots=(0.3, 4.0)))
     run = ss.simulate(rig)
     assert float(run["attached"][-1]) == 0
-    assert float(
-        run["stretching_density"][0].sum() * np.diff(run["x"])[0]
-    ) == pytest.approx(1.0)
+    held = run["stretching_density"][0].sum() * np.diff(run["x"])[0]
+    assert float(held) == pytest.approx(1.0)
     assert not run["stretching_density"][1].any()
 
 
@@ -368,7 +359,7 @@ def test_a_system_without_locks_of_files_is_told_at_the_import():
         "import sys; sys.platform = 'win32'\ntry: import stickslip\nexcept "
         "ImportError as error: print(error)"
     )
-    told = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    ).stdout
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    told = done.stdout
     assert "under Windows, use WSL" in told

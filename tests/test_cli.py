@@ -71,9 +71,8 @@ def refused(capsys, *arguments):
 def test_a_run_is_written_made_again_measured_and_drawn(rig, tmp_path, capsys):
     one = tmp_path / "one.nc"
     two = tmp_path / "two.nc"
-    assert (
-        run("simulate", rig, "-o", one, "--plot", tmp_path / "run.png", "--json") == 0
-    )
+    picture = tmp_path / "run.png"
+    assert run("simulate", rig, "-o", one, "--plot", picture, "--json") == 0
     simulated = json.loads(capsys.readouterr().out)
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert run("rerun", one, "-o", two) == 0
@@ -82,10 +81,8 @@ def test_a_run_is_written_made_again_measured_and_drawn(rig, tmp_path, capsys):
     assert run("measure", one, "--json", "--events", tmp_path / "slips.csv") == 0
     measured = json.loads(capsys.readouterr().out)
     assert measured["regime"] == simulated["regime"]
-    assert (
-        len((tmp_path / "slips.csv").read_text().splitlines())
-        == 1 + measured["statistics"]["count"]
-    )
+    rows = (tmp_path / "slips.csv").read_text().splitlines()
+    assert len(rows) == 1 + measured["statistics"]["count"]
     for kind in ("overview", "phase", "energy"):
         assert run("plot", one, tmp_path / f"{kind}.svg", "--kind", kind) == 0
         assert "<svg" in (tmp_path / f"{kind}.svg").read_text()
@@ -95,40 +92,26 @@ def test_a_rig_without_a_mechanism_is_not_judged(rig, capsys):
     rig.write_text(SMALL.replace("delay = 0.2\n", ""))
     assert run("predict", rig) == 0
     words = " ".join(capsys.readouterr().out.split())
-    assert words.startswith(
-        "small, at 1 x_s/time CANNOT BE JUDGED nothing says how contacts strengthen "
-        "with rest"
-    )
-    assert (
-        "with a delay of re-attachment it would be, at this speed, linearly stable"
-        in words
-    )
+    verdict = "CANNOT BE JUDGED nothing says how contacts strengthen with rest"
+    assert words.startswith(f"small, at 1 x_s/time {verdict}")
+    stable = "it would be, at this speed, linearly stable"
+    assert f"with a delay of re-attachment {stable}" in words
 
 
 def test_paper_makes_a_figure_with_its_claims(tmp_path, capsys):
     folder = tmp_path / "new" / "folder"
-    formats = ("--format", "pdf", "--format", "svg")
-    assert (
-        run("paper", "fig2", "--check", "--quick", "--json", "-o", folder, *formats)
-        == 0
-    )
+    check = "paper", "fig2", "--check", "--quick", "--json", "-o", folder
+    assert run(*check, "--format", "pdf", "--format", "svg") == 0
     found = json.loads(capsys.readouterr().out)
     (figure,) = found["figures"]
     assert (found["ok"], figure["ok"], bool(figure["caption"])) == (True, True, True)
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "fig2.nc",
-        "fig2.pdf",
-        "fig2.svg",
-    ]
-    assert [Path(name).read_bytes()[:4] for name in figure["pictures"]] == [
-        b"%PDF",
-        b"<?xm",
-    ]
-    # of all, the last cannot be written: refused before the first
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == ["fig2.nc", "fig2.pdf", "fig2.svg"]
+    begins = [Path(name).read_bytes()[:4] for name in figure["pictures"]]
+    assert begins == [b"%PDF", b"<?xm"]
     (tmp_path / "fig11.png").mkdir()
-    assert "fig11.png: is a directory" in refused(
-        capsys, "paper", "all", "-o", tmp_path
-    )
+    line = refused(capsys, "paper", "all", "-o", tmp_path)
+    assert "fig11.png: is a directory" in line
     assert sorted(os.listdir(tmp_path)) == ["fig11.png", "new"]
 
 
@@ -142,13 +125,17 @@ def unusable(tmp_path, monkeypatch):
     Path("damaged.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + b"nonsense" * 100)
 
 
+UNREAD = "none.toml", "binary.csv", "half.toml", "trace.csv"
+UNMEASURED = "none.csv", "empty.csv", "damaged.nc"
+BAD_COUNTS = "1_0", "0x10", "²", "9" * 5_000
+HOLDS = "--from '3 um/s' --to '9 um/s' --holds '1 s'"
+IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        *(
-            (f"predict {file}", file)
-            for file in ("none.toml", "binary.csv", "half.toml", "trace.csv")
-        ),
+        *((f"predict {file}", file) for file in UNREAD),
         ("predict rig.toml --plot no/where.png", "no/where.png"),
         *((f"predict rig.toml {strange}", strange) for strange in ("--jsn", "extra")),
         ("predict", "rig"),
@@ -157,15 +144,9 @@ def unusable(tmp_path, monkeypatch):
         ("simulate rig.toml -o no/where.nc", "no/where.nc"),
         ("plot trace.csv picture.xyz", ".png"),
         ("plot none.nc out.png", "none.nc"),
-        *(
-            (f"measure {file}", file)
-            for file in ("none.csv", "empty.csv", "damaged.nc")
-        ),
+        *((f"measure {file}", file) for file in UNMEASURED),
         ("measure trace.csv --events no/where.csv", "no/where.csv"),
-        (
-            "predict rig.toml --smooth '1 m/s' 2",
-            "smooth[0] = '1 m/s': must be a plain number",
-        ),
+        ("predict rig.toml --smooth '1 m/s' 2", "smooth[0] = '1 m/s': must be a plain"),
         ("measure trace.csv --force load", "load"),
         ("measure trace.csv --force " + "9" * 5_000, "no such column"),
         ("measure trace.csv --force '3 mN'", "force = '3 mN': no such column"),
@@ -175,32 +156,20 @@ def unusable(tmp_path, monkeypatch):
         ("measure trace.csv --step 0,25", "write '0.25': decimal point"),
         ("measure trace.csv --step '4 kg'", "not in a unit of 's'"),
         ("measure trace.csv --minimum-drop 0x10", "cannot be read as"),
-        (
-            "measure trace.csv --load '-20 N'",
-            "a value that begins with '-' is written --NAME=VALUE",
-        ),
+        ("measure trace.csv --load '-20 N'", IS_NO_OPTION),
         ("map rig.toml --over stiffness", "two parameters"),
         ("map rig.toml --over stiffness,colour", "'colour'"),
         ("map rig.toml --points 1", "points"),
         ("map rig.toml --points 10.5", "whole number"),
-        *(
-            (f"map rig.toml --points {n}", "must be a number")
-            for n in ("1_0", "0x10", "²", "9" * 5_000)
-        ),
-        (
-            "rsf warm.toml --holds 100",
-            "--holds = '100': has no unit; write it as in '10 s'",
-        ),
+        *((f"map rig.toml --points {n}", "must be a number") for n in BAD_COUNTS),
+        ("rsf warm.toml --holds 100", "'100': has no unit; write it as in '10 s'"),
         ("rsf warm.toml --plot holds.svg", "--plot holds.svg: needs --holds"),
         ("rsf warm.toml --area '1 cm^2'", "--area 1 cm^2: needs --export"),
         ("rsf warm.toml --export qdyn", "--export qdyn: needs --load"),
         ("rsf rig.toml", "; add [interface.activation]"),
         *((f"rsf trace.csv{given}", "--step-at") for given in ("", " --from 3um/s")),
         ("rsf trace.csv --step-at 9", "must both be given (--from, --to)"),
-        (
-            "rsf trace.csv --step-at '9 s' --from '3 um/s' --to '9 um/s' --holds '1 s'",
-            "--holds: is for a rig",
-        ),
+        (f"rsf trace.csv --step-at '9 s' {HOLDS}", "--holds: is for a rig"),
         ("fit trace.csv", "samples from slip to slip"),
         ("fit trace.csv -o fitted.toml", "--stiffness"),
         ("paper fig99", "fig99"),
@@ -216,17 +185,16 @@ def test_what_cannot_be_used_is_refused_in_one_line(command, words, capsys):
     assert len(line) < 420
 
 
-def test_what_can_be_refused_is_refused_before_the_run(
-    rig, tmp_path, capsys, monkeypatch
-):
+def test_what_can_be_refused_is_before_the_run(rig, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("stickslip.simulate", lambda *_, **__: pytest.fail("it ran"))
     assert ".png" in refused(capsys, "simulate", rig, "--plot", tmp_path / "run.gif")
     assert ".html" in refused(capsys, "report", rig, "-o", tmp_path / "report.pdf")
-    monkeypatch.setattr(
-        "stickslip.io.settings.read_rig",
-        lambda _: ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0)),
-    )
+    odd = ss.Rig(INTERFACE, lambda s: s, ss.constant(1.0))
+    monkeypatch.setattr("stickslip.io.settings.read_rig", lambda _: odd)
     assert "cannot be written into a rig file" in refused(capsys, "simulate", rig)
+
+
+BOTH = "given for two outputs"
 
 
 @pytest.mark.parametrize(
@@ -236,17 +204,9 @@ def test_what_can_be_refused_is_refused_before_the_run(
         ("simulate rig.toml -o link.toml", "rig.toml", "is the file to be read"),
         ("simulate rig.toml -o kept.nc", "kept.nc", "is read-only"),
         ("simulate rig.toml -o pipe", "pipe", "is a named pipe"),
-        (
-            "simulate rig.toml -o a.png --plot a.png",
-            "rig.toml",
-            "given for two outputs",
-        ),
+        ("simulate rig.toml -o a.png --plot a.png", "rig.toml", BOTH),
         ("measure trace.csv --events /dev/null", "/dev/null", "is a device"),
-        (
-            "measure trace.csv --events a.csv --curve a.csv",
-            "rig.toml",
-            "given for two outputs",
-        ),
+        ("measure trace.csv --events a.csv --curve a.csv", "rig.toml", BOTH),
         ("plot trace.csv kept.png", "kept.png", "is read-only"),
         ("predict rig.toml --plot kept.png", "kept.png", "is read-only"),
         ("sweep rig.toml --store new --plot kept.png", "kept.png", "is read-only"),
@@ -254,7 +214,7 @@ def test_what_can_be_refused_is_refused_before_the_run(
     ],
 )
 @pytest.mark.usefixtures("rig", "sawtooth")
-def test_an_output_replaces_nothing_but_a_file_that_may_be_replaced(
+def test_an_output_replaces_only_a_file_that_may_be_replaced(
     tmp_path, capsys, monkeypatch, command, kept, words
 ):
     monkeypatch.chdir(tmp_path)
@@ -273,24 +233,17 @@ def heed_interrupts():
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-@pytest.mark.parametrize(
-    "number",
-    [
-        signal.SIGINT,
-        signal.SIGTERM,
-        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
-    ],
-)
+HANGS_UP = pytest.param(signal.SIGHUP, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, HANGS_UP])
 def test_an_interrupt_leaves_nothing_half_written_and_says_so(tmp_path, number):
     file = tmp_path / "big.toml"
     file.write_text(SMALL.replace("distance = 40.0", "distance = 1e6"))
     target = tmp_path / "run.nc"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "stickslip", "simulate", str(file), "-o", str(target)],
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=heed_interrupts,
-    )
+    command = [sys.executable, "-m", "stickslip", "simulate", str(file), "-o"]
+    how = {"stderr": subprocess.PIPE, "text": True, "preexec_fn": heed_interrupts}
+    process = subprocess.Popen([*command, str(target)], **how)
     assert " on one core: " in process.stderr.readline()
     time.sleep(1)  # well into the run
     process.send_signal(number)
@@ -308,52 +261,38 @@ def test_a_command_of_nohup_outlives_its_terminal():
     )
     for prepare, expected in (("SIG_IGN", "code 0"), ("SIG_DFL", "code 130")):
         before = f"import signal; signal.signal(signal.SIGHUP, signal.{prepare})\n"
-        done = subprocess.run(
-            [sys.executable, "-c", before + code],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        command = [sys.executable, "-c", before + code]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
         assert done.stdout.strip() == expected
 
 
 def test_quantities_of_a_trace_are_in_si_units(tmp_path, capsys):
     """A bare number is in s or N, whatever the unit of the file."""
     file = tmp_path / "ms.csv"
-    file.write_text(
-        "time (ms),force (mN)\n"
-        + "".join(f"{10 * i},{2 + i % 100 / 100:.2f}\n" for i in range(4000))
-    )
+    rows = [f"{10 * i},{2 + i % 100 / 100:.2f}" for i in range(4000)]
+    file.write_text("\n".join(["time (ms),force (mN)", *rows, ""]))
     for after in ("10", "10 s", "10000 ms"):
-        assert (
-            run("measure", file, "--after", after, "--minimum-drop", "0.5 mN", "--json")
-            == 0
-        )
+        options = "--after", after, "--minimum-drop", "0.5 mN", "--json"
+        assert run("measure", file, *options) == 0
         found = json.loads(capsys.readouterr().out)
         assert found["regime"]["window"][0] == 1e4
         assert found["statistics"]["count"] == 29
     bare = tmp_path / "forces.csv"
     bare.write_text("force\n" + "".join(f"{i % 20}\n" for i in range(400)))
-    assert [run("measure", bare, "--step", step) for step in ("10 ms", "0.01")] == [
-        0,
-        0,
-    ]
+    for step in ("10 ms", "0.01"):
+        assert run("measure", bare, "--step", step) == 0
     one, other = capsys.readouterr().out.split("evaluated")[1:]
     assert one.splitlines()[0] == other.splitlines()[0]
-    assert "is not in a unit of 's'" in refused(
-        capsys, "measure", file, "--after", "10 N"
-    )
+    line = refused(capsys, "measure", file, "--after", "10 N")
+    assert "is not in a unit of 's'" in line
 
 
 def in_a_process(*arguments, reader="cat", **environment):
     """Exit code, output and errors of the command whose reader is another."""
     shell = f'"$0" -m stickslip "$@" | {reader}; exit "${{PIPESTATUS[0]}}"'
-    done = subprocess.run(
-        ["bash", "-c", shell, sys.executable, *arguments],
-        env=os.environ | environment,
-        capture_output=True,
-        check=False,
-    )
+    command = ["bash", "-c", shell, sys.executable, *arguments]
+    how = {"env": os.environ | environment, "capture_output": True, "check": False}
+    done = subprocess.run(command, **how)
     return done.returncode, done.stdout, done.stderr
 
 
@@ -365,12 +304,9 @@ def test_letters_that_a_terminal_lacks_are_replaced(encoding):
         "console.replace_missing_letters()\n"
         "cli._answer('\\u00b1 6 \\u00b5m \\u2265 \\u03c3', {}, False)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        env=os.environ | {"PYTHONIOENCODING": encoding},
-        capture_output=True,
-        check=False,
-    )
+    environment = os.environ | {"PYTHONIOENCODING": encoding}
+    how = {"env": environment, "capture_output": True, "check": False}
+    done = subprocess.run([sys.executable, "-c", script], **how)
     assert (done.returncode, done.stderr) == (0, b"")
     assert b" 6 " in done.stdout
 

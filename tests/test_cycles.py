@@ -20,24 +20,25 @@ STIFF = replace(FIG4.slider, stiffness=5.0)
 
 
 def delayed(delay, std=None, negative="clip"):
-    distribution = (
-        ss.Delay(delay)
-        if std is None
-        else ss.RandomDelay(mean=delay, std=std, negative=negative)
-    )
+    distribution = ss.Delay(delay)
+    if std is not None:
+        distribution = ss.RandomDelay(mean=delay, std=std, negative=negative)
     return replace(FIG6.interface, delay=distribution)
 
 
 def scaled(mass, stiffness=2.0, ratio=0.3):
     """A slider with a given ratio of damping to its own frequency."""
-    return ss.Slider(
-        stiffness=stiffness, mass=mass, damping=ratio * math.sqrt(stiffness / mass)
-    )
+    damping = ratio * math.sqrt(stiffness / mass)
+    return ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
 
 
 def pulled(delay, *random, slider=FIG6.slider, velocity=1.0):
     """The rig of Fig. 6, or with another slider, pulled for as long as it takes."""
     return ss.Rig(delayed(delay, *random), slider, ss.constant(velocity))
+
+
+RELAXES = {"peak_to_peak": (0.77, 0.02), "period": (1.487, 0.010)}
+RELAXES["largest_velocity"] = (13, 0.7)
 
 
 @pytest.mark.parametrize(
@@ -46,16 +47,7 @@ def pulled(delay, *random, slider=FIG6.slider, velocity=1.0):
         (FIG4.slider, 0.0, "smooth sliding", {}),
         (FIG4.slider, 0.085, "smooth sliding", {}),
         (FIG4.slider, 0.105, "stick-slip", {}),
-        (
-            FIG4.slider,
-            0.2,
-            "stick-slip",
-            {
-                "peak_to_peak": (0.77, 0.02),
-                "period": (1.487, 0.010),
-                "largest_velocity": (13, 0.7),
-            },
-        ),
+        (FIG4.slider, 0.2, "stick-slip", RELAXES),
         (STIFF, 0.1, "smooth sliding", {}),
         (STIFF, 0.2, "smooth sliding", {}),
         (STIFF, 0.3, "sustained oscillation", {"peak_to_peak": (0.62, 0.01)}),
@@ -72,9 +64,7 @@ def test_the_table_of_fig_4(slider, delay, kind, numbers):
 
 
 @pytest.mark.parametrize(("delay", "grows"), [(0.1, False), (0.2, True)])
-def test_a_small_perturbation_grows_into_the_cycle_unless_smooth_sliding_persists_beside_it(  # noqa: E501
-    delay, grows
-):
+def test_a_perturbation_grows_into_the_cycle_or_smooth_sliding_persists(delay, grows):
     perturbed = is_sustained(pulled(delay), start=ss.FromSliding(perturbation=0.01))
     relaxed = is_sustained(pulled(delay))
     assert (perturbed.sustained, relaxed.sustained) == (grows, True)
@@ -87,9 +77,8 @@ def test_a_small_perturbation_grows_into_the_cycle_unless_smooth_sliding_persist
 @pytest.mark.parametrize("delay", [0.06, 0.1])
 def test_the_verdict_agrees_with_the_regime_of_a_run_of_contacts(delay):
     rig = replace(pulled(delay), drive=ss.constant(1.0, 120))
-    run = ss.simulate(
-        rig, method=ss.Contacts(10_000, seed=3), output=ss.Output(interval=0.01)
-    )
+    how = {"method": ss.Contacts(10_000, seed=3), "output": ss.Output(interval=0.01)}
+    run = ss.simulate(rig, **how)
     assert is_sustained(rig).kind == ss.regime(run).kind
 
 
@@ -97,24 +86,17 @@ def test_the_verdict_agrees_with_the_regime_of_a_run_of_contacts(delay):
 def test_verdicts_of_random_rigs_agree_with_long_runs():
     rng = np.random.default_rng(5)
     for _ in range(20):
-        stiffness, velocity, delay = (
-            float(np.exp(rng.uniform(*np.log(r))))
-            for r in ((0.2, 6), (0.3, 3), (0.01, 0.5))
-        )
+        ranges = np.log([(0.2, 6), (0.3, 3), (0.01, 0.5)])
+        numbers = (float(np.exp(rng.uniform(*ends))) for ends in ranges)
+        stiffness, velocity, delay = numbers
         mass, ratio = (float(10 ** rng.uniform(*r)) for r in ((-5, -2), (-1.3, 0.3)))
-        interface = ss.Interface(
-            thresholds=ss.Gaussian(mean=1.0, std=rng.uniform(0.05, 0.35)),
-            delay=ss.Delay(delay),
-        )
+        thresholds = ss.Gaussian(mean=1.0, std=rng.uniform(0.05, 0.35))
+        interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(delay))
         duration = 200 * (1 + 1 / stiffness) / velocity
-        rig = ss.Rig(
-            interface, scaled(mass, stiffness, ratio), ss.constant(velocity, duration)
-        )
-        force = (
-            ss.simulate(rig, method=cycles.METHOD)
-            .spring_force.sel(time=slice(0.9 * duration, None))
-            .values
-        )
+        slider = scaled(mass, stiffness, ratio)
+        rig = ss.Rig(interface, slider, ss.constant(velocity, duration))
+        run = ss.simulate(rig, method=cycles.METHOD)
+        force = run.spring_force.sel(time=slice(0.9 * duration, None)).values
         assert is_sustained(rig).sustained == (np.ptp(force) > 0.02 * force.mean())
 
 
@@ -141,44 +123,35 @@ def test_the_branch_ends_in_a_fold_at_v1_prime():
     branch = cycle_branch(pulled(0.1), "velocity", between=(0.3, 2.0))
     assert branch.attrs["low_end"] == "fold"
     assert branch.attrs["high_end"] == "end of range"
-    assert 0.5 * (
-        branch.attrs["low_decays_at"] + branch.attrs["low_persists_at"]
-    ) == pytest.approx(0.71, abs=0.02)
+    ends = branch.attrs["low_decays_at"], branch.attrs["low_persists_at"]
+    assert np.mean(ends) == pytest.approx(0.71, abs=0.02)
     assert np.all(np.diff(branch.velocity) > 0)
     assert branch.velocity[-1] == 2.0
     # It comes in to the fold as a square root, and from a finite amplitude.
     near = branch.isel(velocity=slice(0, 6))
     fold = branch.attrs["low_decays_at"]
-    power = np.polyfit(
-        np.log(near.velocity[1:] - fold),
-        np.log(near.amplitude[1:] - near.amplitude[0] + 0.02),
-        1,
-    )[0]
+    beyond = np.log(near.velocity[1:] - fold)
+    rise = np.log(near.amplitude[1:] - near.amplitude[0] + 0.02)
+    power = np.polyfit(beyond, rise, 1)[0]
     assert 0.25 < power < 0.9
     assert branch.amplitude[0] > 0.5
     assert set(branch.linearly_unstable.values[branch.velocity < 1.38]) == {0.0}
     assert set(branch.linearly_unstable.values[branch.velocity > 1.39]) == {1.0}
 
 
+CHANGES = (DELAY, 0.2, 0.02), (STIFFNESS, 2.2, 0.05), (VELOCITY, 1.1, 0.05)
+CHANGES += (MASS, 1.2e-4, 0.05), (DAMPING, 50.0, 0.05), (STD, 0.095, 0.05)
+
+
 @pytest.mark.parametrize(
-    ("parameter", "value", "sampled"),
-    [
-        (DELAY, 0.2, 0.02),
-        (STIFFNESS, 2.2, 0.05),
-        (VELOCITY, 1.1, 0.05),
-        (MASS, 1.2e-4, 0.05),
-        (DAMPING, 50.0, 0.05),
-        (STD, 0.095, 0.05),
-        (STD, 0.105, 0.05),
-    ],
+    ("parameter", "value", "sampled"), [*CHANGES, (STD, 0.105, 0.05)]
 )
 def test_the_branch_carries_the_same_cycle_as_a_fresh_start(parameter, value, sampled):
     """Whatever is varied, forces do not jump and no contact is made or lost."""
     rig = pulled(0.1)
     own = rig.value(parameter)
-    branch = cycle_branch(
-        rig, parameter, step=0.1, begin=own, between=tuple(sorted((own, value)))
-    )
+    between = tuple(sorted((own, value)))
+    branch = cycle_branch(rig, parameter, step=0.1, begin=own, between=between)
     fresh = is_sustained(parameter.set(rig, value))
     last = branch.isel({parameter.name: -1 if value > own else 0})
     assert float(last[parameter.name]) == value
@@ -188,24 +161,21 @@ def test_the_branch_carries_the_same_cycle_as_a_fresh_start(parameter, value, sa
     assert fastest == pytest.approx(fresh.largest_velocity, rel=sampled)
 
 
+LINEAR = "linear", 1.388221, 1e-6
+CUT = "end of range", 0.95, 0.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("delay", "parameter", "between", "low", "high"),
     [
-        (0.1, VELOCITY, (0.3, 3.0), ("fold", 0.71, 0.02), ("linear", 1.388221, 1e-6)),
+        (0.1, VELOCITY, (0.3, 3.0), ("fold", 0.71, 0.02), LINEAR),
         (0.2, DELAY, (0.05, 0.2), ("fold", 0.0757, 4e-4), ("linear", 0.138218, 1e-6)),
-        (
-            0.1,
-            VELOCITY,
-            (0.95, 1.5),
-            ("end of range", 0.95, 0.0),
-            ("linear", 1.388221, 1e-6),
-        ),
+        (0.1, VELOCITY, (0.95, 1.5), CUT, LINEAR),
     ],
 )
-def test_a_band_ends_at_a_fold_the_boundary_or_the_range(
-    delay, parameter, between, low, high
-):
+def test_a_band_ends_at_a_fold_or_the_boundary(delay, parameter, between, low, high):
+    """Or it ends at the end of the range."""
     answer = ss.bistable_range(pulled(delay), parameter, between=between)
     (band,) = answer
     for edge, (kind, value, error) in ((band.low, low), (band.high, high)):
@@ -218,9 +188,8 @@ def test_a_band_ends_at_a_fold_the_boundary_or_the_range(
 
 @pytest.mark.slow
 def test_a_band_apart_from_any_linear_boundary():
-    answer = ss.bistable_range(
-        pulled(0.2, 0.12, "redraw"), "velocity", between=(0.5, 1.2), tolerance=0.01
-    )
+    rig = pulled(0.2, 0.12, "redraw")
+    answer = ss.bistable_range(rig, "velocity", between=(0.5, 1.2), tolerance=0.01)
     (band,) = answer
     assert band.low.kind == band.high.kind == "fold"
     assert band.low.value == pytest.approx(0.7, abs=0.05)
@@ -236,20 +205,15 @@ def test_no_band_is_an_answer_with_the_range_searched():
     assert "unstable in all of the range" in str(answer)
 
 
-@pytest.mark.parametrize(
-    "ageing",
-    [
-        ss.LogarithmicGrowth(slope=0.02, time=0.1),
-        ss.ExponentialGrowth(rate=2.0, newborn=0.5),
-    ],
-)
+LOGARITHMIC = ss.LogarithmicGrowth(slope=0.02, time=0.1)
+EXPONENTIAL = ss.ExponentialGrowth(rate=2.0, newborn=0.5)
+
+
+@pytest.mark.parametrize("ageing", [LOGARITHMIC, EXPONENTIAL])
 def test_the_cycle_of_contacts_that_grow_ends_where_their_stick_slip_decays(ageing):
-    rig = ss.Rig(
-        replace(delayed(0.1), ageing=ageing),
-        FIG7.slider,
-        ss.constant(1.0),
-        method=ss.Contacts(3000, seed=1),
-    )
+    contacts = replace(delayed(0.1), ageing=ageing)
+    method = ss.Contacts(3000, seed=1)
+    rig = ss.Rig(contacts, FIG7.slider, ss.constant(1.0), method=method)
     for speed, kind in ((0.56, "smooth sliding"), (0.72, "stick-slip")):
         here = replace(rig, drive=ss.constant(speed, 100.0 / speed))
         assert is_sustained(here).kind == ss.regime(ss.simulate(here)).kind == kind
@@ -262,11 +226,8 @@ def test_a_branch_that_is_not_there():
 
 @pytest.mark.slow
 def test_what_is_found_is_in_the_units_of_the_rig():
-    plain = ss.Rig(
-        delayed(0.1),
-        ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
-        ss.constant(1.0),
-    )
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
+    plain = ss.Rig(delayed(0.1), slider, ss.constant(1.0))
     scaled = replace(plain, scales=Scales(force=2.0, stretching=3e-6, time=1e-3))
 
     def found(rig):
@@ -275,10 +236,8 @@ def test_what_is_found_is_in_the_units_of_the_rig():
         branch = cycle_branch(rig, "velocity", step=0.2, begin=1.0 * unit, **given)
         (band,) = ss.bistable_range(rig, "velocity", step=0.2, **given)
         (window,) = ss.sustained(rig, "velocity", points=6, **given)
-        ends = [
-            branch.attrs[f"{end}_at"]
-            for end in ("low_decays", "low_persists", "high_decays", "high_persists")
-        ]
+        names = "low_decays", "low_persists", "high_decays", "high_persists"
+        ends = [branch.attrs[f"{end}_at"] for end in names]
         ends += [branch.velocity[0], band.low.persists_at, band.high.value]
         return np.array([*ends, window.low.decays_at, window.high.value]) / unit
 
@@ -290,9 +249,8 @@ def test_what_is_found_is_in_the_units_of_the_rig():
 def test_reasons_are_in_the_units_of_the_rig():
     rig = ss.read_rig("precision_stage")
     assert re.search(r"\d N\b", is_sustained(rig).reason)
-    assert re.search(
-        r"stability at 861\.\d* um/s \(38\.\d+ Hz\)", str(ss.critical(rig, "velocity"))
-    )
+    limit = r"stability at 861\.\d* um/s \(38\.\d+ Hz\)"
+    assert re.search(limit, str(ss.critical(rig, "velocity")))
     with pytest.raises(ss.InputError, match=r"begin = 1: .* at most 0\.003 \(m/s\)"):
         cycle_branch(rig, "velocity", between=(2e-4, 3e-3), begin=1.0)
     found = ss.bistable_range(rig, "velocity", between=(7e-4, 1e-3))

@@ -41,15 +41,10 @@ def quadrature(
     """
     low, high = distribution.support
     # Moments and transforms feel more of a tail than the probability does.
-    tail = (
-        distribution.thresholds
-        if isinstance(distribution, SteadyState)
-        else distribution
-    )
-    high = max(
-        high,
-        float(tail.inverse_survival(1e-200 if isinstance(tail, Gaussian) else 1e-60)),
-    )
+    steady = isinstance(distribution, SteadyState)
+    tail = distribution.thresholds if steady else distribution
+    least = 1e-200 if isinstance(tail, Gaussian) else 1e-60
+    high = max(high, float(tail.inverse_survival(least)))
     if isinstance(distribution, Gaussian):
         low = max(distribution.lower, 2 * distribution.mean - high)
     inner = {knot for knot in kinks(distribution) if low < knot < high}
@@ -68,20 +63,16 @@ def quadrature(
 
 def kinks(distribution: Distribution) -> tuple[float, ...]:
     """Where the density or its slope jumps."""
-    return distribution.knots + (
-        kinks(distribution.thresholds) if isinstance(distribution, SteadyState) else ()
-    )
+    steady = isinstance(distribution, SteadyState)
+    return distribution.knots + (kinks(distribution.thresholds) if steady else ())
 
 
 def levels(distribution: Distribution) -> np.ndarray:
     """Stretchings from below to above all values of the distribution."""
     low, high = distribution.support
-    quantiles = distribution.inverse_survival(
-        np.array([1 - 1e-6, 0.99, 0.9, 0.7, 0.5, 0.3, 0.1, 1e-2, 1e-5, 1e-9])
-    )
-    return np.concatenate(
-        [[low - 1.0], quantiles, [high + 1.0], list(distribution.knots)]
-    )
+    levels = [1 - 1e-6, 0.99, 0.9, 0.7, 0.5, 0.3, 0.1, 1e-2, 1e-5, 1e-9]
+    quantiles = distribution.inverse_survival(np.array(levels))
+    return np.array([low - 1.0, *quantiles, high + 1.0, *distribution.knots])
 
 
 @pytest.mark.parametrize("order", range(4))
@@ -91,40 +82,30 @@ def test_moments_beyond_a_bound(any_distribution, order):
     for x in levels(any_distribution):
         node, weight = quadrature(any_distribution, above=float(x))
         expected = float(np.sum(weight * node**order))
-        assert any_distribution.partial_moment(x, order) == pytest.approx(
-            expected, rel=1e-11, abs=1e-13 * scale
-        ), x
+        expected = pytest.approx(expected, rel=1e-11, abs=1e-13 * scale)
+        assert any_distribution.partial_moment(x, order) == expected, x
         expected = float(np.sum(weight * (node - x) ** order)) / math.factorial(order)
         # The closed form subtracts terms of the size of x**order.
         rounding = 1e-13 * (scale + abs(x)) ** max(order, 1)
-        assert excess(any_distribution, x, order) == pytest.approx(
-            expected, rel=1e-10, abs=rounding
-        ), x
+        expected = pytest.approx(expected, rel=1e-10, abs=rounding)
+        assert excess(any_distribution, x, order) == expected, x
 
 
 @pytest.mark.eq(3)
-def test_hazard_is_density_over_survival_and_the_slope_of_the_logarithm(
-    any_distribution,
-):
+def test_hazard_is_density_over_survival_and_a_slope(any_distribution):
+    """The hazard is minus the slope of the logarithm of the survival, too."""
     x = any_distribution.inverse_survival(np.linspace(0.95, 0.05, 19))
-    np.testing.assert_allclose(
-        any_distribution.hazard(x) * any_distribution.survival(x),
-        any_distribution.density(x),
-        rtol=1e-14,
-    )
+    product = any_distribution.hazard(x) * any_distribution.survival(x)
+    np.testing.assert_allclose(product, any_distribution.density(x), rtol=1e-14)
     h = 1e-5 * any_distribution.standard_deviation()
-    smooth = np.array(
-        [all(abs(v - knot) > 2 * h for knot in kinks(any_distribution)) for v in x]
-    )
-    slope = -(
-        np.log(any_distribution.survival(x + h))
-        - np.log(any_distribution.survival(x - h))
-    ) / (2 * h)
+    knots = np.array([*kinks(any_distribution), math.inf])
+    smooth = np.all(np.abs(x[:, None] - knots) > 2 * h, axis=1)
+    before, after = (np.log(any_distribution.survival(x + by)) for by in (-h, h))
+    slope = (before - after) / (2 * h)
     # Second order in h (1e-10 of the third derivative), and rounding of the logarithms
     # over h (1e-11).
-    np.testing.assert_allclose(
-        slope[smooth], any_distribution.hazard(x)[smooth], rtol=1e-6, atol=1e-8
-    )
+    hazard = any_distribution.hazard(x)[smooth]
+    np.testing.assert_allclose(slope[smooth], hazard, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("order", [0, 1])
@@ -132,23 +113,17 @@ def test_laplace(any_distribution, order):
     node, weight = quadrature(any_distribution, per_octave=20)
     limit = -any_distribution.leftmost
     reach = 1.0 / any_distribution.standard_deviation()
-    wanted = np.array(
-        [0.0, 1e-9, 1e-3j, 0.4 + 0.1j, 3.0, 5.0 + 2.0j, -1e-3, 2j, 8 + 30j, 40j],
-        dtype=complex,
-    )
-    wanted = np.concatenate(
-        [wanted, reach * np.array([0.5, 1j, 3j, -0.5, -0.5 + 2j, -3.0 + 1j])]
-    )
-    wanted = (
-        wanted[wanted.real > -0.6 * limit] if limit > 0 else wanted[wanted.real >= 0]
-    )
+    wanted = [0.0, 1e-9, 1e-3j, 0.4 + 0.1j, 3.0, 5.0 + 2.0j, -1e-3, 2j, 8 + 30j, 40j]
+    near = reach * np.array([0.5, 1j, 3j, -0.5, -0.5 + 2j, -3.0 + 1j])
+    wanted = np.append(wanted, near)
+    known = wanted.real > -0.6 * limit if limit > 0 else wanted.real >= 0
+    wanted = wanted[known]
     for q in wanted:
         exact = np.sum(weight * node**order * np.exp(-q * node))
         # Rounding: what cancels is as large as the transform at the real part.
         scale = np.sum(weight * np.abs(node) ** order * np.exp(-q.real * node))
-        assert (
-            abs(any_distribution.transform(np.array(q))[order] - exact) <= 1e-11 * scale
-        ), q
+        found = any_distribution.transform(np.array(q))[order]
+        assert abs(found - exact) <= 1e-11 * scale, q
 
 
 def test_laplace_takes_large_arguments_without_overflow(distribution):
@@ -156,25 +131,16 @@ def test_laplace_takes_large_arguments_without_overflow(distribution):
     q = np.array([1e3, 1e5, 1e5 + 1e5j, 700j])
     values = distribution.laplace(q)
     assert np.all(np.isfinite(values))
-    assert np.all(
-        np.abs(values) <= distribution.laplace(q.real).real * (1 + 1e-9) + 1e-15
-    )
+    most = distribution.laplace(q.real).real * (1 + 1e-9) + 1e-15
+    assert np.all(np.abs(values) <= most)
 
 
-def test_survival_falls_from_one_to_zero_on_the_support_and_its_inverse_leads_back(
-    any_distribution,
-):
+def test_survival_falls_from_one_to_zero_and_its_inverse_leads_back(any_distribution):
     p = np.concatenate([np.geomspace(1e-12, 0.4, 60), 1 - np.geomspace(0.5, 1e-9, 60)])
     x = any_distribution.inverse_survival(p)
     # An ulp of x shifts p by the density times that ulp.
-    slack = (
-        4e-16
-        * np.abs(x)
-        * np.where(
-            np.isfinite(any_distribution.density(x)), any_distribution.density(x), 0
-        )
-        * 8
-    )
+    density = any_distribution.density(x)
+    slack = 8 * 4e-16 * np.abs(x) * np.where(np.isfinite(density), density, 0)
     assert np.all(np.abs(any_distribution.survival(x) - p) <= 1e-13 * p + 3e-16 + slack)
     assert np.all(np.diff(any_distribution.inverse_survival(np.sort(p))) <= 0)
     survival = any_distribution.survival(np.linspace(-3.0, 12.0, 101))
@@ -190,12 +156,8 @@ def largest_gap(distribution: Distribution, values: np.ndarray) -> float:
     beyond = distribution.survival(np.sort(values))
     n = values.size
     ranks = np.arange(n)
-    return float(
-        max(
-            np.max(np.abs(1 - ranks / n - beyond)),
-            np.max(np.abs(1 - (ranks + 1) / n - beyond)),
-        )
-    )
+    off = [np.abs(1 - rank / n - beyond) for rank in (ranks, ranks + 1)]
+    return float(np.max(off))
 
 
 def allowed_gap(n: int) -> float:
@@ -247,14 +209,12 @@ def test_positive_conditions_on_positive_values(any_distribution):
     conditioned = any_distribution.positive()
     share = float(any_distribution.survival(0.0))
     x = np.linspace(1e-3, 2.0, 50)
-    np.testing.assert_allclose(
-        conditioned.density(x), any_distribution.density(x) / share, rtol=1e-12
-    )
+    expected = any_distribution.density(x) / share
+    np.testing.assert_allclose(conditioned.density(x), expected, rtol=1e-12)
     assert conditioned.survival(0.0) == pytest.approx(1.0, abs=1e-15)
     assert conditioned.density(-1e-3) == 0
-    assert conditioned.moment(1) == pytest.approx(
-        float(any_distribution.partial_moment(0.0, 1)) / share, rel=1e-12
-    )
+    mean = float(any_distribution.partial_moment(0.0, 1)) / share
+    assert conditioned.moment(1) == pytest.approx(mean, rel=1e-12)
     assert conditioned.positive() == conditioned
 
 
@@ -263,13 +223,10 @@ def test_knots_are_where_the_density_jumps(any_distribution):
 
     def largest_step(count: int) -> float:
         x = np.linspace(low - 0.1, high + 0.1, count)
-        clear = np.all(
-            [np.abs(x - knot) > 0.02 for knot in (*any_distribution.knots, math.inf)],
-            axis=0,
-        )
-        return float(
-            np.max(np.abs(np.diff(any_distribution.density(x)))[clear[1:] & clear[:-1]])
-        )
+        knots = np.array([*any_distribution.knots, math.inf])
+        clear = np.all(np.abs(x[:, None] - knots) > 0.02, axis=1)
+        jumps = np.abs(np.diff(any_distribution.density(x)))
+        return float(np.max(jumps[clear[1:] & clear[:-1]]))
 
     # Between knots a step halves with the spacing; a jump would stay.
     assert largest_step(40_001) <= 0.6 * largest_step(20_001)
@@ -280,9 +237,8 @@ def test_another_standard_deviation_keeps_the_mean_and_the_form(any_distribution
         return
     wider = any_distribution.with_std(1.7 * any_distribution.std)
     mean = any_distribution.moment(1)
-    assert (wider.moment(1), wider.std) == pytest.approx(
-        (mean, 1.7 * any_distribution.std)
-    )
+    expected = pytest.approx((mean, 1.7 * any_distribution.std))
+    assert (wider.moment(1), wider.std) == expected
     x = np.array(any_distribution.support)
     np.testing.assert_allclose(wider.support, mean + 1.7 * (x - mean))
 
@@ -290,22 +246,19 @@ def test_another_standard_deviation_keeps_the_mean_and_the_form(any_distribution
 def test_gaussian_laplace_in_closed_form_far_left():
     distribution = Gaussian(mean=1.0, std=0.1)
     q = -30 + 5j
-    assert distribution.laplace(q) == pytest.approx(
-        np.exp(-q + 0.005 * q * q), rel=1e-14
-    )
+    expected = np.exp(-q + 0.005 * q * q)
+    assert distribution.laplace(q) == pytest.approx(expected, rel=1e-14)
     # A cut ten deviations away changes nothing, on either side of where the two
     # formulas meet.
     for q in (-30 + 5j, 99 + 1j, 101 - 1j, 99 + 40j, 101 + 40j):
-        assert replace(distribution, lower=0.0).laplace(q) == pytest.approx(
-            complex(distribution.laplace(q)), rel=1e-6, abs=1e-20
-        )
+        plain = pytest.approx(complex(distribution.laplace(q)), rel=1e-6, abs=1e-20)
+        assert replace(distribution, lower=0.0).laplace(q) == plain
 
 
 def test_a_distribution_of_one_value():
     distribution = Gaussian(mean=1.5, std=0.0)
-    np.testing.assert_array_equal(
-        distribution.survival([1.0, 1.4999, 1.5, 2.0]), [1.0, 1.0, 0.0, 0.0]
-    )
+    survival = distribution.survival([1.0, 1.4999, 1.5, 2.0])
+    assert survival.tolist() == [1.0, 1.0, 0.0, 0.0]
     assert [distribution.moment(n) for n in range(4)] == [1.0, 1.5, 2.25, 3.375]
     assert distribution.laplace(2j) == pytest.approx(np.exp(-3j), rel=1e-15)
     rng = np.random.default_rng(0)
@@ -315,17 +268,11 @@ def test_a_distribution_of_one_value():
         distribution.support,
     ):
         assert list(all_alike) == [1.5, 1.5]
-    np.testing.assert_allclose(
-        excess(distribution, [0.5, 1.5, 2.0], 1), [1.0, 0.0, 0.0]
-    )
+    means = excess(distribution, [0.5, 1.5, 2.0], 1)
+    np.testing.assert_allclose(means, [1.0, 0.0, 0.0])
     for ask in (distribution.density, distribution.hazard):
-        with pytest.raises(
-            InputError,
-            match=(
-                r"^Gaussian\.std = 0: .*give a standard deviation above 0, or use "
-                r"the method"
-            ),
-        ):
+        message = "give a standard deviation above 0, or use the method"
+        with pytest.raises(InputError, match=rf"^Gaussian\.std = 0: .*{message}"):
             ask(1.0)
 
 
@@ -346,13 +293,8 @@ def test_the_steady_state_is_the_fixed_point_of_the_master_equation(distribution
     steady = SteadyState(thresholds=distribution)
     x = distribution.inverse_survival(np.linspace(0.95, 0.05, 19))
     h = 1e-6 * distribution.standard_deviation()
-    x = np.array(
-        [
-            v
-            for v in x
-            if v > 2 * h and all(abs(v - knot) > 2 * h for knot in kinks(distribution))
-        ]
-    )
+    away = np.abs(x[:, None] - np.array([0.0, *kinks(distribution)]))
+    x = x[np.all(away > 2 * h, axis=1)]
     slope = (steady.density(x + h) - steady.density(x - h)) / (2 * h)
     flux = distribution.hazard(x) * steady.density(x)
     np.testing.assert_allclose(-slope, flux, rtol=1e-5, atol=1e-7)
@@ -365,9 +307,8 @@ def test_the_steady_state_is_the_fixed_point_of_the_master_equation(distribution
     singular = not math.isfinite(float(distribution.density(1e-300)))
     assert broken == pytest.approx(born, rel=1e-4 if singular else 1e-9)
     # The mean stretching is the kinetic friction.
-    assert steady.moment(1) == pytest.approx(
-        distribution.moment(2) / (2 * distribution.moment(1)), rel=1e-12
-    )
+    friction = distribution.moment(2) / (2 * distribution.moment(1))
+    assert steady.moment(1) == pytest.approx(friction, rel=1e-12)
 
 
 @dataclass(frozen=True)
@@ -397,9 +338,8 @@ def test_a_gaussian_of_which_little_is_left_is_sampled_at_once():
     tail = Gaussian(mean=0.0, std=1.0, lower=4.7)  # one value in 770,000
     values = tail.sample(np.random.default_rng(0), 10_000)
     assert values.min() > 4.7
-    assert values.mean() == pytest.approx(
-        tail.moment(1), abs=5 * tail.standard_deviation() / 100
-    )
+    error = 5 * tail.standard_deviation() / 100
+    assert values.mean() == pytest.approx(tail.moment(1), abs=error)
 
 
 @dataclass(frozen=True)
@@ -461,11 +401,10 @@ def test_narrow_thresholds_of_every_kind_slide_alike(std, delay):
     """Rates of growth differ by the skewness alone, by some std."""
     rates = []
     for kind in (Gamma, Gaussian, LogNormal):
-        interface = ss.Interface(
-            thresholds=kind(mean=1.0, std=std),
-            newborn=Gaussian(mean=0.5, std=0.0),
-            delay=ss.Delay(delay),
-        )
+        thresholds = kind(mean=1.0, std=std)
+        newborn = Gaussian(mean=0.5, std=0.0)
+        interface = ss.Interface(thresholds=thresholds, newborn=newborn)
+        interface = replace(interface, delay=ss.Delay(delay))
         slider = ss.Slider(stiffness=1.0, mass=0.003, damping=5.0)
         rates.append(ss.growth_rate(ss.Rig(interface, slider, ss.constant(1.0))))
     assert rates == pytest.approx([rates[1]] * 3, rel=std)
@@ -493,9 +432,8 @@ def test_a_noisy_density_ends_as_one_or_in_a_refusal():
 @pytest.mark.parametrize("own", [RaisedCosine(0.4), Semicircle(0.4)])
 def test_a_smooth_density_is_enough_for_a_critical_mass(own):
     """Lighter sliders stick and slip, heavier ones do not."""
-    interface = ss.Interface(
-        thresholds=own, newborn=Gaussian(mean=0.5, std=0.0), delay=ss.Delay(0.1)
-    )
+    newborn = Gaussian(mean=0.5, std=0.0)
+    interface = ss.Interface(thresholds=own, newborn=newborn, delay=ss.Delay(0.1))
     slider = ss.Slider(stiffness=1.0, mass=0.02, damping=5.0)
     rig = ss.Rig(interface, slider, ss.constant(1.0))
     (found,) = ss.critical(rig, "mass", between=(0.015, 0.03))

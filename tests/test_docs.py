@@ -58,58 +58,43 @@ def found(dotted):
         pkgutil.resolve_name(dotted)
     except (ImportError, AttributeError):
         owner, _, field = dotted.rpartition(".")
-        return (
-            "." in owner
-            and found(owner)
-            and field in getattr(pkgutil.resolve_name(owner), "__annotations__", {})
-        )
+        if not ("." in owner and found(owner)):
+            return False
+        return field in getattr(pkgutil.resolve_name(owner), "__annotations__", {})
     return True
 
 
 def test_every_public_name_is_in_the_reference():
     text = "\n".join(page.read_text() for page in (DOCS / "reference").glob("*.md"))
-    named = re.findall(
-        r"^\.\. auto(?:function|class|data):: stickslip\.(\w+)$", text, re.MULTILINE
-    )
+    directive = r"^\.\. auto(?:function|class|data):: stickslip\.(\w+)$"
+    named = re.findall(directive, text, re.MULTILINE)
     # Rooms are no functions: each has a page of its own. A room that can be called is
     # both.
     rooms = {name for name in ss.__all__ if isinstance(getattr(ss, name), ModuleType)}
     assert sorted({*named, *rooms}) == ss.__all__
 
 
-@pytest.mark.parametrize(
-    "page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix()
-)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
 def test_names_that_a_page_points_at_exist(page):
     text = page.read_text()
-    roles = re.findall(
-        r"\{(?:func|class|meth|attr|mod|data)\}`(?:[^`<]*<)?~?([\w.]+)>?`", text
-    )
+    role = r"\{(?:func|class|meth|attr|mod|data)\}`(?:[^`<]*<)?~?([\w.]+)>?`"
+    roles = re.findall(role, text)
     directives = re.findall(r"^\.\. auto\w+:: ([\w.]+)$", text, re.MULTILINE)
     missing = [name for name in (*roles, *directives) if not found(name)]
     assert not missing
 
 
 @pytest.mark.parametrize("number", range(1, 19))
-def test_every_equation_of_the_paper_is_in_the_theory_once_and_can_be_pointed_at(
-    number,
-):
+def test_every_equation_of_the_paper_is_in_the_theory_once(number):
+    """It has a label, so that other pages can point at it."""
     text = "\n".join(page.read_text() for page in (DOCS / "theory").glob("*.md"))
     assert text.count(rf"\tag{{{number}}}") == 1
-    assert re.search(
-        rf"^\(eq-{number}\)=\n\n\\begin\{{equation\*\}}", text, re.MULTILINE
-    )
+    label = rf"^\(eq-{number}\)=\n\n\\begin\{{equation\*\}}"
+    assert re.search(label, text, re.MULTILINE)
 
 
-TESTS_ONLY = (
-    "hypothesis",
-    "httpx",
-    "mypy",
-    "playwright",
-    "pytest",
-    "pytest_benchmark",
-    "sybil",
-)
+TESTS_ONLY = "hypothesis", "httpx", "mypy", "playwright", "pytest", "pytest_benchmark"
+TESTS_ONLY += ("sybil",)
 """Packages that `make docs` does not install: the extra `docs` is without them."""
 
 
@@ -128,18 +113,14 @@ def test_pages_are_made_without_the_packages_of_the_tests(house, monkeypatch, pa
 
 def test_every_command_comes_with_its_options(house):
     text = house.commands()
-    assert re.findall(r"^## stickslip (\w+)$", text, re.MULTILINE) == [
-        name for name in app if name[0] != "-"
-    ]
-    assert (
-        "`--minimum-drop STR`: Smallest drop that counts as a slip: '5 mN', or in N"
-        in text
-    )
+    found = re.findall(r"^## stickslip (\w+)$", text, re.MULTILINE)
+    assert found == [name for name in app if name[0] != "-"]
+    drop = "Smallest drop that counts as a slip: '5 mN', or in N"
+    assert f"`--minimum-drop STR`: {drop}" in text
 
 
-def test_every_key_of_a_rig_file_has_a_meaning_an_example_and_what_is_taken_if_it_is_left_out(  # noqa: E501
-    house,
-):
+def test_every_key_of_a_rig_file_has_a_meaning_and_an_example(house):
+    """The page says what is taken if the key is left out."""
     text = house.rig_keys()
     rows = re.findall(r"^\| `.*$", text, re.MULTILINE)
     kinds = (DISTRIBUTIONS, {"areas": Areas}, AGEING_MODELS, ACTIVATIONS)
@@ -165,17 +146,13 @@ def report_of(folder, studies):
 
 def test_claims_become_a_table_for_each_group(house, tmp_path):
     measured = near("K*", 2.98913, 2.989, 0.003, "k")
-    claim = claim_from(
-        6, "K* = 3.59 | N", measured, printed=False, evidence="Eq. (8)", exact="2.989 k"
-    ).plain()
+    how = {"printed": False, "evidence": "Eq. (8)", "exact": "2.989 k"}
+    claim = claim_from(6, "K* = 3.59 | N", measured, **how).plain()
     finding = claim | {"lines": [str(measured)]}
     failed = claim | {"lines": [], "ok": False, "number": None}
     groups = (("fig3", "Claims", finding), ("ratio", "Closed forms", failed))
-    text = house.claims(
-        report_of(
-            tmp_path, [{"study": s, "group": g, "findings": [f]} for s, g, f in groups]
-        )
-    )
+    studies = [{"study": s, "group": g, "findings": [f]} for s, g, f in groups]
+    text = house.claims(report_of(tmp_path, studies))
     assert "### Closed forms" in text
     assert r"| fig3 | not reproduced | Claim 6: K\* = 3.59 \| N" in text
     assert r"K\* = 2.98913 k (2.989 ± 0.003)" in text
@@ -183,44 +160,37 @@ def test_claims_become_a_table_for_each_group(house, tmp_path):
     assert "make verify" in house.claims(tmp_path / "none.json")
 
 
-@pytest.mark.parametrize(
-    ("role", "least", "code"),
-    [("fast", 0.1, 0), ("fast", 0.5, 1), ("cost", 4, 0), ("cost", 6, 1)],
-)
+PROMISES = ("fast", 0.1, 0), ("fast", 0.5, 1), ("cost", 4, 0), ("cost", 6, 1)
+
+
+@pytest.mark.parametrize(("role", "least", "code"), PROMISES)
 def test_a_promise_that_is_not_kept_fails_the_benchmarks(tmp_path, role, least, code):
-    runs = [
-        {
-            "group": "a",
-            "extra_info": {"role": each, "what": "runs", "promised": 5},
-            "stats": {"min": seconds},
-        }
-        for each, seconds in (("plain", 1.0), (role, least))
-    ]
+    runs = []
+    for each, seconds in (("plain", 1.0), (role, least)):
+        info = {"role": each, "what": "runs", "promised": 5}
+        run = {"group": "a", "extra_info": info, "stats": {"min": seconds}}
+        runs.append(run)
     record = tmp_path / "record.json"
     page = tmp_path / "page.md"
-    info = {
-        "machine_info": {"cpu": {}, "python_version": "3.11"},
-        "datetime": "2026-01-01T00:00:00+00:00",
-    }
+    info = {"machine_info": {"cpu": {}, "python_version": "3.11"}}
+    info["datetime"] = "2026-01-01T00:00:00+00:00"
     record.write_text(json.dumps({"benchmarks": runs, **info}))
     page.write_text(f"<!-- {role}:begin --><!-- {role}:end -->")
     assert bench_table.main([str(record), str(page)]) == code
     assert ("not met" in page.read_text()) == bool(code)
 
 
-@pytest.mark.parametrize(
-    ("page", "sign"), [("README.md", 1.0), ("docs/howto/what-it-costs.md", -1.0)]
-)
+SIGNS = {"README.md": 1.0, "docs/howto/what-it-costs.md": -1.0}
+
+
+@pytest.mark.parametrize(("page", "sign"), SIGNS.items())
 def test_no_row_of_a_table_hides_a_promise_that_is_not_kept(page, sign):
-    rows = re.findall(
-        r"\| ([\d.e+]+) \| at (?:least|most) ([\d.]+)(.*)\|\n",
-        (ROOT / page).read_text(),
-    )
+    row = r"\| ([\d.e+]+) \| at (?:least|most) ([\d.]+)(.*)\|\n"
+    rows = re.findall(row, (ROOT / page).read_text())
     assert len(rows) > 5
-    assert all(
-        (sign * float(ratio) < sign * float(promised)) == ("not met" in said)
-        for ratio, promised, said in rows
-    )
+    for ratio, promised, said in rows:
+        is_short = sign * float(ratio) < sign * float(promised)
+        assert is_short == ("not met" in said)
 
 
 def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
@@ -234,11 +204,8 @@ def test_a_report_of_other_sources_is_stale(house, monkeypatch, tmp_path):
     report = report_of(tmp_path, made)
     assert house.made_by(report) == "Made by version 1.0."
     package = tmp_path / "src" / "stickslip"
-    shutil.copytree(
-        ROOT / "src" / "stickslip",
-        package,
-        ignore=shutil.ignore_patterns("__pycache__", "static"),
-    )
+    ignored = shutil.ignore_patterns("__pycache__", "static")
+    shutil.copytree(ROOT / "src" / "stickslip", package, ignore=ignored)
     monkeypatch.setattr(sources, "ROOT", tmp_path)
     assert house.stale_report(report) == ""  # of the same sources, wherever they lie
     changes = (
@@ -264,10 +231,8 @@ LINKS = r"<link rel=\"(?:canonical|index|search|next|prev|author)\"[^>]*>"
 def loads(page):
     """What a page loads: scripts, pictures, styles."""
     text = re.sub(LINKS, "", page.read_text(encoding="utf-8"))
-    tags = re.findall(
-        r"<(?:link|script|img|iframe|source|audio|video|embed|object|input)\b[^>]*>",
-        text,
-    )
+    kinds = "link|script|img|iframe|source|audio|video|embed|object|input"
+    tags = re.findall(rf"<(?:{kinds})\b[^>]*>", text)
     found = re.findall(r"\b(?:href|src|data|srcset)=\"([^\"]*)\"", " ".join(tags))
     return found + re.findall(r"style=\"[^\"]*url\(['\"]?([^'\")]+)", text)
 
@@ -277,23 +242,12 @@ def built(tmp_path_factory):
     """The pages, built as `make docs` does."""
     pytest.importorskip("sphinx")
     out = tmp_path_factory.mktemp("html")
-    command = [
-        sys.executable,
-        "-m",
-        "sphinx",
-        "-q",
-        "-W",
-        "--keep-going",
-        "-b",
-        "html",
-        "-d",
-        out / "doctrees",
-    ]
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going"]
+    command += ["-b", "html", "-d", out / "doctrees"]
     # of the report, which takes `make verify`
     command += ["-D", "suppress_warnings=house.stale"]
-    done = subprocess.run(
-        [*command, DOCS, out / "pages"], capture_output=True, text=True, check=False
-    )
+    command += [DOCS, out / "pages"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert not done.stderr, done.stderr
     return out / "pages"
@@ -312,25 +266,21 @@ def test_pages_load_nothing_from_another_host(built):
         assert not [load for load in loads(page) if is_foreign(load)], page
     for style in built.rglob("*.css"):
         text = style.read_text(encoding="utf-8")
-        asked = re.findall(r"url\(\s*['\"]?([^'\")\s]+)", text) + re.findall(
-            r"@import\s+['\"]([^'\"]+)", text
-        )
+        asked = re.findall(r"url\(\s*['\"]?([^'\")\s]+)", text)
+        asked += re.findall(r"@import\s+['\"]([^'\"]+)", text)
         assert not [address for address in asked if is_foreign(address)], style
 
 
 @pytest.mark.slow
 def test_every_public_name_can_be_linked_to(built):
     pages = built.rglob("reference/*.html")
-    anchors = {
-        anchor
-        for page in pages
-        for anchor in re.findall(r' id="([^"]+)"', page.read_text(encoding="utf-8"))
-    }
-    assert not [
-        name
-        for name in ss.__all__
-        if not {f"stickslip.{name}", f"module-stickslip.{name}"} & anchors
-    ]
+    texts = [page.read_text(encoding="utf-8") for page in pages]
+    anchors = set(re.findall(r' id="([^"]+)"', "\n".join(texts)))
+    for name in ss.__all__:
+        assert {f"stickslip.{name}", f"module-stickslip.{name}"} & anchors, name
+
+
+SHOWN = "theory/stability", "theory/ageing", "start", "reference/rig-file"
 
 
 @pytest.mark.slow
@@ -340,17 +290,10 @@ def test_maths_is_set_offline_and_nothing_is_wider_than_a_phone(built):
     asked = []
     with headless.browser() as browser:
         for width in (1280, 390):
-            view = browser.new_context(
-                viewport={"width": width, "height": 900}, offline=True
-            ).new_page()
+            size = {"width": width, "height": 900}
+            view = browser.new_context(viewport=size, offline=True).new_page()
             view.on("request", lambda request: asked.append(request.url))
-            for name in (
-                "theory/stability",
-                "theory/ageing",
-                "start",
-                "reference/rig-file",
-                "howto/predict",
-            ):
+            for name in (*SHOWN, "howto/predict"):
                 view.goto((built / f"{name}.html").as_uri())
                 view.wait_for_function(
                     "window.MathJax?.startup?.promise !== undefined || "
@@ -360,9 +303,7 @@ def test_maths_is_set_offline_and_nothing_is_wider_than_a_phone(built):
                 formulas = view.locator(".math").count()
                 assert view.locator(".math mjx-container").count() == formulas, name
                 assert view.locator("mjx-merror, [data-mjx-error]").count() == 0, name
-                assert view.evaluate("document.documentElement.scrollWidth") <= width, (
-                    name,
-                    width,
-                )
+                wide = view.evaluate("document.documentElement.scrollWidth")
+                assert wide <= width, (name, width)
     assert asked
     assert not [url for url in asked if not url.startswith(("file:", "data:"))]

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -27,34 +28,30 @@ BASE = ss.Interface(thresholds=TENTH, delay=SHORT)
 TWO_HEAPS = ss.Empirical(edges=(0.5, 0.7, 1.1, 1.3), weights=(1.0, 0.0, 2.0))
 WAYS = [(2.1, 1.7), (-0.4, 0.3), (0.0, 0.2), (0.9, 0.6)]
 """Ways and durations of lines."""
-INTERFACES = {
-    "base": BASE,
-    "no delay": ss.Interface(thresholds=ss.Weibull(scale=1.0, shape=1.5)),
-    "never": ss.Interface(thresholds=TENTH, delay=ss.Delay(math.inf)),
-    "clip": ss.Interface(
-        thresholds=TENTH, delay=ss.RandomDelay(mean=0.1, std=0.1, negative="clip")
-    ),
-    "fold": ss.Interface(
-        thresholds=TWO_HEAPS, delay=ss.RandomDelay(mean=0.1, std=0.1, negative="fold")
-    ),
-    "arrests": ss.Interface(
-        thresholds=TENTH, delay=ss.OnArrest(), slip_to_slip_scatter=0.2
-    ),
-    "newborn": ss.Interface(
-        thresholds=ss.Exponential(mean=1.0),
-        delay=SHORT,
-        newborn=ss.Gaussian(mean=0.2, std=0.3),
-    ),
-    "sliding force": ss.Interface(
-        thresholds=TENTH, delay=ss.Delay(0.5), sliding_force=0.3
-    ),
-    "areas": ss.Interface(
-        areas=ss.model.Areas(TENTH), delay=SHORT, sliding_force=0.1, initial=WIDE
-    ),
-    "kept areas": ss.Interface(
-        areas=ss.model.Areas(ss.Gamma(mean=1.0, std=0.2), kept=True), delay=SHORT
-    ),
+SCATTERED = ss.RandomDelay(mean=0.1, std=0.1, negative="clip")
+STRETCHED = {"delay": SHORT, "newborn": ss.Gaussian(mean=0.2, std=0.3)}
+ON_AREAS = {"areas": ss.model.Areas(TENTH), "initial": WIDE}
+KEPT = ss.model.Areas(ss.Gamma(mean=1.0, std=0.2), kept=True)
+FIELDS = {
+    "no delay": {"thresholds": ss.Weibull(scale=1.0, shape=1.5)},
+    "never": {"delay": ss.Delay(math.inf)},
+    "clip": {"delay": SCATTERED},
+    "fold": {"thresholds": TWO_HEAPS, "delay": replace(SCATTERED, negative="fold")},
+    "arrests": {"delay": ss.OnArrest(), "slip_to_slip_scatter": 0.2},
+    "newborn": {"thresholds": ss.Exponential(mean=1.0)} | STRETCHED,
+    "sliding force": {"delay": ss.Delay(0.5), "sliding_force": 0.3},
+    "areas": ON_AREAS | {"delay": SHORT, "sliding_force": 0.1},
+    "kept areas": {"areas": KEPT, "delay": SHORT},
 }
+
+
+def interface_of(fields):
+    usual = {} if "areas" in fields else {"thresholds": TENTH}
+    return ss.Interface(**usual | fields)
+
+
+INTERFACES = {"base": BASE}
+INTERFACES |= {name: interface_of(fields) for name, fields in FIELDS.items()}
 
 
 def gone(element, cut, ways=WAYS):
@@ -107,22 +104,17 @@ def test_a_parabola_that_turns_round_is_cut_alike(name):
     assert whole.force == pytest.approx(step.force, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    "interface",
-    [
-        INTERFACES["never"],
-        INTERFACES["kept areas"],
-        ss.Interface(thresholds=ALIKE, initial=WIDE, delay=SHORT),
-        ss.Interface(
-            thresholds=ALIKE,
-            initial=WIDE,
-            delay=ss.Delay(0.4),
-            sliding_force=0.2,
-            newborn=ss.Gaussian(mean=0.2, std=0.0),
-        ),
-    ],
-    ids=["never", "kept areas", "delay", "sliding force"],
-)
+ALL_ALIKE = ss.Interface(thresholds=ALIKE, initial=WIDE, delay=SHORT)
+CARRIED = {"sliding_force": 0.2, "newborn": ss.Gaussian(mean=0.2, std=0.0)}
+WITHOUT_DRAWS = {
+    "never": INTERFACES["never"],
+    "kept areas": INTERFACES["kept areas"],
+    "delay": ALL_ALIKE,
+    "sliding force": replace(ALL_ALIKE, delay=ss.Delay(0.4), **CARRIED),
+}
+
+
+@pytest.mark.parametrize("interface", WITHOUT_DRAWS.values(), ids=WITHOUT_DRAWS)
 def test_the_event_engine_goes_alike_where_nothing_new_is_drawn(interface):
     method = ss.Contacts(200, seed=5)
     engine = EventByEvent(Beginning(interface, None, 1.0), method)
@@ -222,10 +214,8 @@ def runge_kutta(rtol, commits):
 
 
 def test_a_callback_is_wrong_and_a_commit_on_acceptance_right():
-    callback, commits = (
-        [runge_kutta(rtol, commits) for rtol in (1e-3, 1e-6)]
-        for commits in (False, True)
-    )
+    callback = [runge_kutta(rtol, False) for rtol in (1e-3, 1e-6)]
+    commits = [runge_kutta(rtol, True) for rtol in (1e-3, 1e-6)]
     assert callback[1] > 3.0 * commits[1]
     assert commits[1] < 0.2 * commits[0]
 
@@ -284,21 +274,13 @@ def test_a_rig_has_its_units_and_the_friction_of_theory():
 
 HEAT = ss.Bell(width=0.05, attempts=1e3)
 GROWTH = ss.ExponentialGrowth(rate=2.0, newborn=0.1)
+THOUSAND = ss.Contacts(1000)
 THROUGH_ENGINES = {
     "master equation": (BASE, ss.MasterEquation()),
     "population": (BASE, ss.Population(100_000)),
-    "activation": (
-        ss.Interface(thresholds=TENTH, delay=SHORT, activation=HEAT),
-        ss.Contacts(1000),
-    ),
-    "growth": (
-        ss.Interface(thresholds=TENTH, delay=SHORT, ageing=GROWTH),
-        ss.Contacts(1000),
-    ),
-    "Langevin": (
-        ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.5)),
-        ss.Contacts(1000),
-    ),
+    "activation": (interface_of({"delay": SHORT, "activation": HEAT}), THOUSAND),
+    "growth": (interface_of({"delay": SHORT, "ageing": GROWTH}), THOUSAND),
+    "Langevin": (interface_of({"ageing": ss.Langevin(rate=1.5)}), THOUSAND),
 }
 
 
@@ -323,6 +305,9 @@ def test_other_methods_go_through_their_engines(interface, method):
 STATE = ss.Element(BASE, ss.Contacts(10)).save()
 
 
+OLD_AREAS = {"areas": ss.model.Areas(TENTH), "ageing": GROWTH}
+
+
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
@@ -335,12 +320,7 @@ STATE = ss.Element(BASE, ss.Contacts(10)).save()
         (lambda e: e.load(b""), r"Element\.load: state = b'': must be what Element"),
         (lambda _: ss.Element(BASE, "contacts"), "method = 'contacts': is not for"),
         (lambda _: ss.Element(ss.Contacts(10)), "must be a Rig or an Interface"),
-        (
-            lambda _: ss.Element(
-                ss.Interface(areas=ss.model.Areas(TENTH), ageing=GROWTH)
-            ),
-            r"Interface\.areas = .* leave one out",
-        ),
+        (lambda _: ss.Element(interface_of(OLD_AREAS)), r"\.areas = .* leave one out"),
     ],
 )
 def test_bad_input_is_one_line(wrong, words):

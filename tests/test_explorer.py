@@ -7,6 +7,7 @@ import re
 import struct
 import time
 from copy import deepcopy
+from functools import partial
 from pathlib import Path
 
 import headless
@@ -40,11 +41,8 @@ def preset(title, among=documents.presets()):
 
 def small(**parts):
     document = preset(NATURAL)
-    document["simulation"] = (
-        {}
-        if "simulation__method" in parts
-        else document["simulation"] | {"contacts": 300}
-    )
+    few = document["simulation"] | {"contacts": 300}
+    document["simulation"] = {} if "simulation__method" in parts else few
     return changed(document, parts)
 
 
@@ -70,17 +68,12 @@ def test_presets_hold_every_figure_and_every_example_rig():
     presets = {each["title"]: each["document"] for each in documents.presets()}
     assert "PMMA slider" in presets
     for figure in range(1, 12):
-        (document,) = (
-            document
-            for title, document in presets.items()
-            if title.startswith(f"Fig. {figure}:")
-        )
+        (title,) = (title for title in presets if title.startswith(f"Fig. {figure}:"))
+        document = presets[title]
         case = getattr(cases, f"FIG{figure}")
         rig = documents.rig_of(document)
-        assert (rig.slider.stiffness, rig.interface.thresholds) == (
-            case.slider.stiffness,
-            case.interface.thresholds,
-        )
+        assert rig.slider.stiffness == case.slider.stiffness
+        assert rig.interface.thresholds == case.interface.thresholds
         assert rig.interface.delay == case.interface.delay
 
 
@@ -92,83 +85,66 @@ def test_presets_hold_every_figure_and_every_example_rig():
 def test_a_rig_is_the_same_in_other_units(document):
     units = document.get("units", "SI")
     there = documents.in_units(document, "SI" if units == "natural" else "natural")
-    returned = documents.in_units(there["document"], units, there.get("scales"))[
-        "document"
-    ]
+    scales = there.get("scales")
+    returned = documents.in_units(there["document"], units, scales)["document"]
     was = documents.rig_of(document)
     back = documents.rig_of(returned)
     if document == documents.first_document():  # in its very words
-        for table, key in (
-            ("interface", "contact_strength"),
-            ("slider", "stiffness"),
-            ("drive", "velocity"),
-        ):
+        keys = "interface.contact_strength", "slider.stiffness", "drive.velocity"
+        for table, key in (each.split(".") for each in keys):
             assert returned[table][key] == document[table][key]
     # The unit of time may change on the way; ratios that hold no time do not. The page
     # shows five digits.
     assert back.slider.stiffness == pytest.approx(was.slider.stiffness, rel=1e-3)
-    assert back.slider.mass * back.natural.velocity**2 == pytest.approx(
-        was.slider.mass * was.natural.velocity**2, rel=3e-3
-    )
-    assert back.slider.damping / back.slider.frequency == pytest.approx(
-        was.slider.damping / was.slider.frequency, rel=3e-3
-    )
+    energies = [each.slider.mass * each.natural.velocity**2 for each in (back, was)]
+    assert energies[0] == pytest.approx(energies[1], rel=3e-3)
+    ratios = [each.slider.damping / each.slider.frequency for each in (back, was)]
+    assert ratios[0] == pytest.approx(ratios[1], rel=3e-3)
+
+
+NATURAL_AND_SI = small(), documents.of(rigs.example("pmma_slider"))
 
 
 @pytest.mark.parametrize("parameter", documents.NAMES)
-@pytest.mark.parametrize(
-    "document",
-    [small(), documents.of(rigs.example("pmma_slider"))],
-    ids=["natural", "SI"],
-)
+@pytest.mark.parametrize("document", NATURAL_AND_SI, ids=["natural", "SI"])
 def test_a_parameter_turned_is_where_it_was_put(parameter, document):
     # in the unit of time of the document; other thresholds have none to turn
     if parameter == "ageing":
         with pytest.raises(InputError, match="has no ageing to vary"):
             documents.with_parameters(document, {"ageing": 1.0})
         document = deepcopy(dict(document))
-        document["interface"]["ageing"] = {
-            "model": "langevin",
-            "time": 0.5 if "units" in document else "0.5 s",
-        }
+        time = 0.5 if "units" in document else "0.5 s"
+        document["interface"]["ageing"] = {"model": "langevin", "time": time}
     rig = documents.rig_of(document)
     before = documents.values_of(rig)
-    after = documents.values_of(
-        documents.rig_of(
-            documents.with_parameters(document, {parameter: 1.5 * before[parameter]})
-        )
-    )
-    assert after == pytest.approx(
-        before | {parameter: 1.5 * before[parameter]}, rel=1e-3
-    )
+    turned = {parameter: 1.5 * before[parameter]}
+    after = documents.rig_of(documents.with_parameters(document, turned))
+    assert documents.values_of(after) == pytest.approx(before | turned, rel=1e-3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("document", "over"),
     [
-        (small(), ["velocity", "delay"]),
-        (documents.of(rigs.example("pmma_slider")), ["stiffness", "velocity"]),
+        (NATURAL_AND_SI[0], ["velocity", "delay"]),
+        (NATURAL_AND_SI[1], ["stiffness", "velocity"]),
     ],
     ids=["natural", "SI"],
 )
 def test_the_rig_stands_on_the_map_where_its_fields_say(document, over):
     values = documents.values_of(documents.rig_of(document))
-    (told,) = stability.chart(
-        {"document": document, "over": over, "around": 3.0}, silent
-    )
+    request = {"document": document, "over": over, "around": 3.0}
+    (told,) = stability.chart(request, silent)
     assert told["here"] == pytest.approx([values[name] for name in over])
 
 
 def test_a_parameter_turned_keeps_the_kelvins():
-    document = documents.with_parameters(
-        preset("Teaching bench, contacts broken by heat"), {"stiffness": 500.0}
-    )
+    heated = preset("Teaching bench, contacts broken by heat")
+    document = documents.with_parameters(heated, {"stiffness": 500.0})
     assert document["interface"]["activation"]["temperature"] == "293 K"
     natural = documents.in_units(document, "natural")["document"]
-    assert natural["interface"]["activation"]["width"] == pytest.approx(
-        0.00809, rel=1e-3
-    )
+    width = natural["interface"]["activation"]["width"]
+    assert width == pytest.approx(0.00809, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -191,9 +167,8 @@ def test_a_complaint_names_the_field(at, value):
     document = small(**{"__".join(at.split(".")[:2]): value})
     with pytest.raises(InputError) as caught:
         next(simulate.run({"document": document}, silent))
-    assert [complaint["key"] for complaint in documents.complaints(caught.value)] == [
-        at
-    ]
+    (complaint,) = documents.complaints(caught.value)
+    assert complaint["key"] == at
 
 
 # ---------------------------------------------------------------- answers
@@ -201,9 +176,8 @@ def test_a_complaint_names_the_field(at, value):
 
 def test_a_run_is_thinned_out_and_keeps_its_peaks():
     document = small()
-    run, friction = simulate.run(
-        {"document": document, "width": 500, "cursor": 0.5}, silent
-    )
+    request = {"document": document, "width": 500, "cursor": 0.5}
+    run, friction = simulate.run(request, silent)
     force = numbers(run["force"]["values"])
     assert force.size < 1_600
     rig = documents.rig_of(document)
@@ -259,9 +233,8 @@ def test_the_law_of_friction_turns_where_theory_says():
     assert unit == "N"
     rig = documents.rig_of(document)
     v = numbers(told["speed"]["values"])[::10].astype(float)
-    expected = kinetic_friction(rig.interface, v / x_s * rig.scales.time) * float(
-        strength
-    )
+    friction = kinetic_friction(rig.interface, v / x_s * rig.scales.time)
+    expected = friction * float(strength)
     assert numbers(told["values"])[::10] == pytest.approx(expected, rel=1e-5)
     (turning,) = told["turning"]
     assert turning["words"].startswith("maximum at ")
@@ -284,13 +257,10 @@ def test_the_law_of_friction_of_a_rig_in_si_units_is_in_si_units():
 def frames_of(document, cursor=0.5):
     (answer,) = simulate.contacts({"document": document, "cursor": cursor}, silent)
     frames = answer["frames"]
-    arrays = {
-        name: numbers(frames[name]) for name in ("times", "force", "slider", "drive")
-    }
-    x = (
-        np.frombuffer(base64.b64decode(frames["stretching"]["bdata"]), "<i2")
-        * frames["step"]
-    )
+    names = "times", "force", "slider", "drive"
+    arrays = {name: numbers(frames[name]) for name in names}
+    x = np.frombuffer(base64.b64decode(frames["stretching"]["bdata"]), "<i2")
+    x = x * frames["step"]
     flags = np.frombuffer(base64.b64decode(frames["flags"]["bdata"]), "u1")
     shape = (-1, frames["shown"])
     return frames, arrays, x.reshape(shape), flags.reshape(shape)
@@ -303,11 +273,8 @@ def test_the_drawing_replays_the_very_run_of_the_trace():
     run = simulated(rig)
     assert frames["exact"]
     assert frames["shown"] == frames["of"] == 40
-    np.testing.assert_allclose(
-        arrays["slider"],
-        np.interp(arrays["times"], run["time"], run["displacement"]),
-        atol=2e-3,
-    )
+    expected = np.interp(arrays["times"], run["time"], run["displacement"])
+    np.testing.assert_allclose(arrays["slider"], expected, atol=2e-3)
     held = flags & 1 == 1
     # The force of the contacts in the drawing is the friction force of the run: all are
     # shown.
@@ -342,16 +309,12 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
     assert event["blocks"] == told["blocks"] == 100
     assert event["speed"] == pytest.approx(1.0, abs=0.2)  # about that of sound
     view = event["view"]
-    velocity = (
-        np.frombuffer(base64.b64decode(view["velocity"]["bdata"]), "u1")
-        .reshape(100, view["rows"])
-        .T
-    )
+    velocity = np.frombuffer(base64.b64decode(view["velocity"]["bdata"]), "u1")
+    velocity = velocity.reshape(100, view["rows"]).T
     moving = velocity > 170
     arrival = np.where(moving.any(axis=0), moving.argmax(axis=0), view["rows"])
-    assert np.corrcoef(arrival[5:90], np.arange(5, 90))[0, 1] > 0.98, (
-        "a slanted line in space and time"
-    )
+    # a slanted line in space and time
+    assert np.corrcoef(arrival[5:90], np.arange(5, 90))[0, 1] > 0.98
 
 
 # ---------------------------------------------------------------- fit
@@ -374,38 +337,29 @@ def test_readings_are_those_of_the_trace(slips, monkeypatch, tmp_path):
     assert float(first["readings"]["static"]) == pytest.approx(peaks.mean(), rel=1e-3)
     # the truth of the sample
     assert float(first["readings"]["rate"]) == pytest.approx(0.5, rel=0.02)
-    assert (
-        "the stiffness of the driving spring, its speed and the mass of the slider"
-        in missing["missing"]
-    )
+    needed = "the stiffness of the driving spring, its speed and the mass of the slider"
+    assert needed in missing["missing"]
     assert [size["draws"] for size in plan["table"]["sizes"]] == [2_000, 6_000]
     # nothing is kept yet
-    assert (
-        plan["table"]["sizes"][1]["seconds"] > plan["table"]["sizes"][0]["seconds"] > 0
-    )
+    coarse, fine = (each["seconds"] for each in plan["table"]["sizes"])
+    assert fine > coarse > 0
 
 
 def test_the_rig_at_once_is_that_of_quick_fit_and_is_seen_beside_the_trace(slips):
-    first, quick, _ = traces.fit(
-        slips | {"options": BENCH | {"half": "2 mm/s"}, "seconds": 2.0}, silent
-    )
+    options = BENCH | {"half": "2 mm/s"}
+    first, quick, _ = traces.fit(slips | {"options": options, "seconds": 2.0}, silent)
     given = {key: float(value) for key, value in first["readings"].items()}
+    friction = {f"{key}_friction": given[key] for key in ("static", "kinetic")}
     rig = quick_fit(
-        static_friction=given["static"],
-        kinetic_friction=given["kinetic"],
-        loading_rate=given["rate"],
-        half_speed="2 mm/s",
-        **BENCH,
+        **friction, loading_rate=given["rate"], half_speed="2 mm/s", **BENCH
     )
     made = documents.rig_of(quick["quick"]["document"])
     assert made.scales.force == pytest.approx(rig.scales.force, rel=1e-3)
-    assert made.interface.delay.moment(1) == pytest.approx(
-        rig.interface.delay.moment(1), rel=1e-3
-    )
+    delay = rig.interface.delay.moment(1)
+    assert made.interface.delay.moment(1) == pytest.approx(delay, rel=1e-3)
     overlay = quick["quick"]["overlay"]
-    trace, simulated = (
-        numbers(part["y"]) for part in (overlay["trace"], overlay["series"][0])
-    )
+    lines = overlay["trace"], overlay["series"][0]
+    trace, simulated = (numbers(line["y"]) for line in lines)
     assert 1.0 < np.ptp(trace) / 7.3 < 3.0
     assert np.ptp(simulated) > 3.0
 
@@ -415,35 +369,26 @@ def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
     """Friction in its fast slips says less than slow sliding, which gives the delay."""
     bench = documents.rig_of(documents.first_document())
     run = simulated(bench)
-    rows = [
-        f"{t:.7g},{F:.7g}"
-        for t, F in zip(run["time"].values, run["spring_force"].values, strict=True)
-    ]
+    columns = zip(run["time"].values, run["spring_force"].values, strict=True)
+    rows = [f"{t:.7g},{F:.7g}" for t, F in columns]
     content = "\n".join(["time [s],force [N]", *rows]).encode()
-    known = {
-        "stiffness": "300 N/m",
-        "speed": "5 mm/s",
-        "mass": "200 g",
-        "damping": "0.025",
-    }
+    known = {"stiffness": "300 N/m", "speed": "5 mm/s", "mass": "200 g"}
+    known["damping"] = "0.025"
     # F_k of its interface
-    for kinetic, error, marked in (
-        ({}, 0.3, True),
-        ({"kinetic": "0.624 N"}, 0.2, False),
-    ):
-        first, answer, _ = traces.fit(
-            {"content": content, "options": known | kinetic}, silent
-        )
+    kinetic = {"kinetic": "0.624 N"}
+    for more, error, marked in (({}, 0.3, True), (kinetic, 0.2, False)):
+        request = {"content": content, "options": known | more}
+        first, answer, _ = traces.fit(request, silent)
         # not the ringing that each sets off
         assert first["slips"][0].startswith("13 slips")
         made = documents.rig_of(answer["quick"]["document"])
         assert made.value("delay") == pytest.approx(bench.value("delay"), rel=error)
-        assert (
-            any("slide slowly" in line for line in answer["quick"]["assumed"]) is marked
-        )
+        assumed = answer["quick"]["assumed"]
+        assert any("slide slowly" in line for line in assumed) is marked
 
 
 PULLED = "Pulled at one end: precursors"
+PER_ROW = "in the field seconds per row"
 COLUMNS = b"".join(b"%d %d %d\n" % (3 * i % 20, i * i % 7, i % 5) for i in range(60))
 COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
 
@@ -456,41 +401,21 @@ COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
         (traces.fit, {"options": BENCH | {"rate": "0.6 N/s"}}, "loading_rate"),
         (traces.fit, {"options": BENCH | {"damping": "1.5"}}, "damping ratio"),
         (traces.trace, {"content": b"t b c\n" + COLUMNS}, "in the field force column"),
-        (
-            traces.trace,
-            {"content": b"force\n" + COLUMN},
-            "in the field seconds per row",
-        ),
-        (
-            traces.trace,
-            {"content": b"time force odd\n" + COLUMNS},
-            "in the field seconds per row",
-        ),
-        (
-            traces.posterior,
-            {"options": BENCH, "draws": 6_000},
-            "a shared explorer does not make it",
-        ),
-        (
-            fronts.fronts,
-            {"chain": bar(PULLED, chain__blocks=5_000)},
-            "chain.blocks: must make at most 400 blocks",
-        ),
+        (traces.trace, {"content": b"force\n" + COLUMN}, PER_ROW),
+        (traces.trace, {"content": b"time force odd\n" + COLUMNS}, PER_ROW),
+        (traces.posterior, {"options": BENCH, "draws": 6_000}, "explorer does not"),
+        (fronts.fronts, {"chain": bar(PULLED, chain__blocks=5_000)}, "at most 400 bl"),
         (fronts.fronts, {"chain": bar(PULLED, drive__duration=1e9)}, "times shorter"),
         (
             fronts.fronts,
-            {"chain": bar(PULLED, simulation__contacts=1_000_000)},
+            {"chain": bar(PULLED, simulation__contacts=10**6)},
             "simulation.contacts",
         ),
         (fronts.fronts, {"chain": bar(PULLED, chain__coupling="stiff")}, "coupling"),
-        (
-            simulate.run,
-            {"document": bar(PULLED)},
-            "elastic slider is shown on the page Fronts",
-        ),
+        (simulate.run, {"document": bar(PULLED)}, "is shown on the page Fronts"),
     ],
 )
-def test_what_a_page_refuses_is_one_line_about_the_fields_of_the_page(
+def test_what_a_page_refuses_is_one_line_about_its_fields(
     slips, monkeypatch, tmp_path, ask, given, words
 ):
     # a table that is kept already would be taken
@@ -516,9 +441,8 @@ def server():
 
 
 def ask(server, path, **headers):
-    connection = http.client.HTTPConnection(
-        "127.0.0.1", server.port, timeout=headless.PATIENCE / 1e3
-    )
+    timeout = headless.PATIENCE / 1e3
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=timeout)
     try:
         connection.putrequest("GET", path, skip_host="Host" in headers)
         for name, value in headers.items():
@@ -531,18 +455,10 @@ def ask(server, path, **headers):
 
 
 def websocket_status(server, **headers):
-    upgrade = {
-        "Connection": "Upgrade",
-        "Upgrade": "websocket",
-        "Sec_WebSocket_Version": "13",
-    }
-    return ask(
-        server,
-        "/session",
-        Sec_WebSocket_Key="dGhlIHNhbXBsZSBub25jZQ==",
-        **upgrade,
-        **headers,
-    )[0]
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket"}
+    upgrade |= {"Sec_WebSocket_Version": "13"}
+    upgrade |= {"Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ=="}
+    return ask(server, "/session", **upgrade, **headers)[0]
 
 
 def test_binds_to_loopback_only(server):
@@ -593,13 +509,9 @@ def test_every_answer_carries_the_headers_of_safety(server):
 
 
 def test_files_outside_the_static_folder_are_not_served(server):
-    for path in (
-        "/../server.py",
-        "/%2e%2e/server.py",
-        "/plotly/../server.py",
-        "//etc/passwd",
-        "/../../etc/passwd",
-    ):
+    folders = "/..", "/%2e%2e", "/plotly/.."
+    paths = [f"{folder}/server.py" for folder in folders]
+    for path in (*paths, "//etc/passwd", "/../../etc/passwd"):
         assert ask(server, path)[0] in (400, 404)
 
 
@@ -610,9 +522,8 @@ def test_files_outside_the_static_folder_are_not_served(server):
 def session(server):
     with headless.session(server) as opened:
         yield opened
-        assert opened.ask("edit", small(), units="natural").get("done"), (
-            "the session still answers"
-        )
+        # the session still answers
+        assert opened.ask("edit", small(), units="natural").get("done")
 
 
 def told(answer):
@@ -625,10 +536,8 @@ def told(answer):
 def quick_rig(**parts):
     """The bench among the examples, in a short run of few contacts."""
     document = documents.of(rigs.example("pmma_slider"))
-    document |= {
-        "simulation": {"contacts": 100},
-        "drive": {"velocity": "0.4 mm/s", "distance": "10 um"},
-    }
+    document["simulation"] = {"contacts": 100}
+    document["drive"] = {"velocity": "0.4 mm/s", "distance": "10 um"}
     return changed(document, parts)
 
 
@@ -643,133 +552,88 @@ PLANE = {"over": ["stiffness", "velocity"]}
 TRACE = b"time,force\n" + b"".join(b"%.2f,%d\n" % (0.01 * i, i % 7) for i in range(60))
 
 
+def request_of(kind, number):
+    return f'{{"kind":{kind},"id":{number}}}'
+
+
+chart = partial(asked, "chart", **RIG)
+edit = partial(asked, "edit", **RIG)
+trace = partial(asked, "trace", TRACE)
+KINDS = '["run"]', '{"a":1}', '"hello"', f'"{"x" * 1_900}"'
+LONG = dict.fromkeys(map(str, range(60_000)), 1)
+DAMAGED = {
+    "no JSON": [
+        "[" * 100_000,
+        '{"kind":"run","id":1,"document":' * 20_000,
+        request_of('"run"', "9" * 5_000),
+        b"\x00\x01\xff",
+        *(request_of('"run"', number) for number in ("NaN", "-Infinity", "1e999")),
+        "",
+        '{"kind":"run","id":1,"document":{"name":"\\ud800"}}',
+    ],
+    "whole number": [request_of('"run"', number) for number in ("1.5", "true", '"1"')],
+    "not known": ["[]", "null", "3", *(request_of(kind, 1) for kind in KINDS)],
+    "must be a table": [
+        request_of('"run"', 1),
+        '{"kind":"run","id":1,"document":[1]}',
+    ],
+    "more": [asked("run", document=LONG)],
+    "2.0 MB": ['"' + "x" * 2_000_000 + '"'],
+    "NetCDF": [asked("trace", b"\x89HDF\r\n\x1a\n" + bytes(100), name="x.nc")],
+    "too few": [asked("trace", b"time,force\n1,2\n2,3\n", name="../../x.csv")],
+    "no such column": [
+        trace(options={"force": x}) for x in ("²", "9" * 5_000, "-1", "0")
+    ],
+    "too small for double precision": [trace(options={"step": "1e-320"})],
+    "64 characters": [trace(options={"step": "1" * 5_000})],
+    "not in a unit of 's'": [trace(options={"step": "4 kg"})],
+    "a table of texts": [trace(options=[1])],
+    "empty": [asked("trace", b"", name=3)],
+    "51 MB, more than 50": [asked("trace", bytes(51_000_000))],
+    "around": [chart(**PLANE, around=x) for x in ("x", [1], True, 1, 1e300)],
+    "over": [
+        chart(over=x) for x in ([["a"], 1], {"a": 1}, [1, 2], "ab", None, ["mass"] * 2)
+    ],
+    "must be": [edit(turn=x) for x in ([1], None, {"stiffness": True}, {"mass": "1"})],
+    "is no parameter": [edit(turn={"x" * 1_900: 1})],
+    "units": [edit(units=x) for x in ("imperial", ["SI"], None)],
+    "true or false": [edit(damping_ratio=x) for x in (None, 1, "yes")],
+}
+
+
 @pytest.mark.parametrize(
     ("message", "words"),
-    [
-        ("[" * 100_000, "no JSON"),
-        ('{"kind":"run","id":1,"document":' * 20_000, "no JSON"),
-        ('{"kind":"run","id":' + "9" * 5_000 + "}", "no JSON"),
-        (b"\x00\x01\xff", "no JSON"),
-        *(
-            (f'{{"kind":"run","id":{number}}}', "no JSON")
-            for number in ("NaN", "-Infinity", "1e999")
-        ),
-        *(
-            (f'{{"kind":"run","id":{number}}}', "whole number")
-            for number in ("1.5", "true", '"1"')
-        ),
-        *(
-            (f'{{"kind":{kind},"id":1}}', "not known")
-            for kind in ('["run"]', '{"a":1}', '"hello"', f'"{"x" * 1_900}"')
-        ),
-        *((text, "not known") for text in ("[]", "null", "3")),
-        ("", "no JSON"),
-        ('{"kind":"run","id":1}', "must be a table"),
-        ('{"kind":"run","id":1,"document":[1]}', "must be a table"),
-        ('{"kind":"run","id":1,"document":{"name":"\\ud800"}}', "no JSON"),
-        (
-            json.dumps(
-                {
-                    "kind": "run",
-                    "id": 1,
-                    "document": dict.fromkeys(map(str, range(60_000)), 1),
-                }
-            ),
-            "more",
-        ),
-        ('"' + "x" * 2_000_000 + '"', "2.0 MB"),
-        (asked("trace", b"\x89HDF\r\n\x1a\n" + bytes(100), name="x.nc"), "NetCDF"),
-        (asked("trace", b"time,force\n1,2\n2,3\n", name="../../x.csv"), "too few"),
-        *(
-            (asked("trace", TRACE, options={"force": x}), "no such column")
-            for x in ("²", "9" * 5_000, "-1", "0")
-        ),
-        (
-            asked("trace", TRACE, options={"step": "1e-320"}),
-            "too small for double precision",
-        ),
-        (asked("trace", TRACE, options={"step": "1" * 5_000}), "64 characters"),
-        (asked("trace", TRACE, options={"step": "4 kg"}), "not in a unit of 's'"),
-        (asked("trace", TRACE, options=[1]), "a table of texts"),
-        (asked("trace", b"", name=3), "empty"),
-        (asked("trace", bytes(51_000_000)), "51 MB, more than 50"),
-        *(
-            (asked("chart", **RIG, **PLANE, around=x), "around")
-            for x in ("x", [1], True, 1, 1e300)
-        ),
-        *(
-            (asked("chart", **RIG, over=x), "over")
-            for x in ([["a"], 1], {"a": 1}, [1, 2], "ab", None, ["mass"] * 2)
-        ),
-        *(
-            (asked("edit", **RIG, turn=x), "must be")
-            for x in ([1], None, {"stiffness": True}, {"mass": "1"})
-        ),
-        (asked("edit", **RIG, turn={"x" * 1_900: 1}), "is no parameter"),
-        *((asked("edit", **RIG, units=x), "units") for x in ("imperial", ["SI"], None)),
-        *(
-            (asked("edit", **RIG, damping_ratio=x), "true or false")
-            for x in (None, 1, "yes")
-        ),
-    ],
+    [(message, words) for words, messages in DAMAGED.items() for message in messages],
     ids=lambda value: ascii(value[:100][-40:]),
 )
-def test_a_damaged_message_is_refused_in_one_clear_line_and_the_session_goes_on(
-    session, message, words
-):
+def test_a_damaged_message_is_refused_and_the_session_goes_on(session, message, words):
     line = told(session.send(message))
     assert words in line
     assert "/tmp" not in line
 
 
-MISREAD = (
-    "9**9**9**9 N/m",
-    "4 " + "N" * 1_500,
-    "4,0 MN/m",
-    "1e999 N/m",
-    4,
-    None,
-    {"a": 4},
-)
+MISREAD = "9**9**9**9 N/m", "4 " + "N" * 1_500, "4,0 MN/m", "1e999 N/m"
+MISREAD += 4, None, {"a": 4}
+FINE = {
+    "distribution": "empirical",
+    "edges": np.linspace(0.5, 1.5, 2_001).tolist(),
+    "weights": [1.0] * 2_000,
+}
+WIDE = {"distribution": "gaussian", "std": 1.7e308}
+PIECES = [{"start": 1, "end": 1, "duration": 0.01}] * 2_000
+AT_ONCE = {"model": "langevin", "time": 1e-9}
 
 
 @pytest.mark.parametrize(
     ("document", "key"),
     [
-        *(
-            (quick_rig(slider__stiffness=written), "slider.stiffness")
-            for written in MISREAD
-        ),
+        *((quick_rig(slider__stiffness=each), "slider.stiffness") for each in MISREAD),
         (small(simulation__interval=1e-6), "simulation.interval"),
-        (
-            quick_rig(simulation={"contacts": 100, "interval": "1 ns"}),
-            "simulation.interval",
-        ),
-        (
-            small(drive={"pieces": [{"start": 1, "end": 1, "duration": 0.01}] * 2_000}),
-            "drive.pieces",
-        ),
-        (
-            small(
-                interface__thresholds={
-                    "distribution": "empirical",
-                    "edges": np.linspace(0.5, 1.5, 2_001).tolist(),
-                    "weights": [1.0] * 2_000,
-                }
-            ),
-            "interface.thresholds",
-        ),
-        (
-            small(
-                interface__delay=0,
-                interface__ageing={"model": "langevin", "time": 1e-9},
-            ),
-            "interface.ageing.time",
-        ),
-        (
-            small(interface__thresholds={"distribution": "gaussian", "std": 1.7e308}),
-            None,
-        ),
+        (quick_rig(simulation__interval="1 ns"), "simulation.interval"),
+        (small(drive={"pieces": PIECES}), "drive.pieces"),
+        (small(interface__thresholds=FINE), "interface.thresholds"),
+        (small(interface__delay=0, interface__ageing=AT_ONCE), "interface.ageing.time"),
+        (small(interface__thresholds=WIDE), None),
         (small(drive__velocity=1e-300), None),
         (quick_rig(name="x" * 3000), "name"),
         (quick_rig(assumed={"slider.mass": 5}), "assumed.slider.mass"),
@@ -785,10 +649,8 @@ def test_no_document_holds_the_server_or_is_misread(session, document, key):
 
 
 def test_a_distribution_too_narrow_for_theory_still_runs(session):
-    document = small(
-        interface__thresholds={"distribution": "gaussian", "std": 1e-6},
-        drive__distance=5,
-    )
+    narrow = {"distribution": "gaussian", "std": 1e-6}
+    document = small(interface__thresholds=narrow, drive__distance=5)
     assert session.ask("run", document).get("done")
     for kind in ("chart", "advice"):
         answer = session.ask(kind, document, over=["stiffness", "velocity"])

@@ -120,11 +120,8 @@ def sawtooth(folder):
     t = np.arange(0, 20, 0.01)
     force = 3 + (0.9 * t % 1) * 0.8 + np.random.default_rng(0).normal(0, 0.01, t.size)
     file = folder / "bench.csv"
-    file.write_text(
-        "time [s],force [N]\n"
-        + "\n".join(f"{a:.3f},{b:.4f}" for a, b in zip(t, force, strict=True))
-        + "\n"
-    )
+    rows = [f"{a:.3f},{b:.4f}" for a, b in zip(t, force, strict=True)]
+    file.write_text("\n".join(["time [s],force [N]", *rows, ""]))
     return file
 
 
@@ -158,12 +155,8 @@ def test_every_preset_runs_after_another_and_every_quantity_is_explained(bench):
     for each in documents.presets():
         choose(bench, each["title"])
         assert bench.locator(".complaint:visible").count() == 0
-        assert bench.text_content("#regime") in (
-            "stick-slip",
-            "smooth sliding",
-            "sustained oscillation",
-            "speed sweep",
-        )
+        regimes = "stick-slip", "smooth sliding", "sustained oscillation", "speed sweep"
+        assert bench.text_content("#regime") in regimes
         assert bench.text_content("#preset option:checked") == each["title"]
         fields = bench.locator("#fields .field input[type=text], #fields .field select")
         for i in range(fields.count()):
@@ -215,15 +208,9 @@ def test_fields_take_numbers_with_units_and_refuse_the_rest_beside_them(bench):
         assert bench.get_attribute(f"#field-{field}", "aria-invalid") == "true"
         assert bench.locator(".complaint:visible").count() == 1
         for part in ("#live", "#more", "#stage"):
-            assert (
-                float(
-                    bench.evaluate(
-                        f"getComputedStyle(document.querySelector('{part} "
-                        ".fades')).opacity"
-                    )
-                )
-                < 0.5
-            )
+            faded = f"document.querySelector('{part} .fades')"
+            opacity = bench.evaluate(f"getComputedStyle({faded}).opacity")
+            assert float(opacity) < 0.5
         assert "Refused" in bench.text_content("#run-words")
         enter(bench, field, before)  # and the page lives on
         assert bench.locator(".complaint:visible").count() == 0
@@ -305,10 +292,8 @@ def test_the_cursor_chooses_the_time_and_the_contacts_are_replayed_in_step(
             f"[{drawing}.time, document.querySelector('#live .cursor').style.transform]"
         )
         until(page, f"Number({drawing}.broken) > 1 && {drawing}.time !== '{begun[0]}'")
-        assert (
-            page.evaluate("document.querySelector('#live .cursor').style.transform")
-            != begun[1]
-        )
+        cursor = "document.querySelector('#live .cursor').style.transform"
+        assert page.evaluate(cursor) != begun[1]
         page.click("#play")
         stopped = page.evaluate(f"{drawing}.time")
         box = page.locator("#plot-force .nsewdrag").bounding_box()
@@ -374,10 +359,8 @@ def test_the_map_follows_the_rig_and_moves_it(page):
     settled(page)
     # off stick-slip; by how far the run goes on the noise of the contacts is undecided
     # or a small oscillation
-    until(
-        page,
-        "/^(smooth|undecided|sustained)/.test(document.querySelector('#map-regime').textContent)",
-    )
+    regime = "document.querySelector('#map-regime').textContent"
+    until(page, f"/^(smooth|undecided|sustained)/.test({regime})")
     page.locator("#plot-map").press("ArrowLeft")
     until(page, f"Math.abs({stiffness} / (2 * 20 ** 0.8 / 1.05) - 1) < 0.02")
     enter(page, "interface-delay", "never")
@@ -399,10 +382,8 @@ def test_every_axis_of_the_map_works_and_its_legend_is_true(bench):
     for name in bench.evaluate(options):
         bench.select_option("#across", name)
         settled(bench, "map")
-        assert bench.evaluate(
-            "document.querySelector('#plot-map').data[0].z.flat().some((v) => v !== "
-            "null)"
-        )
+        values = "document.querySelector('#plot-map').data[0].z.flat()"
+        assert bench.evaluate(f"{values}.some((v) => v !== null)")
     for scheme in ("dark", "light"):
         bench.emulate_media(color_scheme=scheme)
         drawn = """(() => {
@@ -448,13 +429,11 @@ def test_a_measured_trace_is_analysed_and_what_is_none_is_told(page, tmp_path):
     page.select_option("#column-force", label="3: b: 0 to 4")
     page.wait_for_selector("#trace-state:has-text('columns.csv: 100 rows')")
     assert page.locator("#trace-complaint").is_hidden()
-    data = page.evaluate_handle(
-        (
-            "(text) => { const d = new DataTransfer(); d.items.add(new File([text], "
-            "'dropped.csv')); return d; }"
-        ),
-        sawtooth(tmp_path).read_text(),
+    dropped = (
+        "(text) => { const d = new DataTransfer(); d.items.add(new File([text], "
+        "'dropped.csv')); return d; }"
     )
+    data = page.evaluate_handle(dropped, sawtooth(tmp_path).read_text())
     page.dispatch_event("body", "drop", {"dataTransfer": data})
     page.wait_for_selector("#trace-state:has-text('dropped.csv: 2000 rows')")
     page.wait_for_selector("#trace-regime:has-text('stick-slip')")
@@ -470,10 +449,8 @@ def test_a_sample_is_fitted_at_once_and_opened_in_simulate(browser, server, tmp_
         page.click("#sample")
         settled(page, "fit")
         assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-        drawn = page.evaluate(
-            "document.querySelector('#plot-quick').data.map((t) => [t.name, t.x.length "
-            "?? 2])"
-        )
+        lines = "document.querySelector('#plot-quick').data"
+        drawn = page.evaluate(f"{lines}.map((t) => [t.name, t.x.length ?? 2])")
         assert [name for name, _ in drawn] == ["simulated", "measured"]
         words = page.text_content("#quick-words")
         assert "does not fit: its own run drops" in words
@@ -486,12 +463,8 @@ def test_a_sample_is_fitted_at_once_and_opened_in_simulate(browser, server, tmp_
         put(page, "#fit-rate", "")
         settled(page, "fit")
         assert page.input_value("#fit-rate") == "0.4999"
-        assert (
-            rigs.read_rig(download(page, "#quick-save", tmp_path)).in_units(
-                1.0, "force"
-            )
-            == "15.82 N"
-        )
+        rig = rigs.read_rig(download(page, "#quick-save", tmp_path))
+        assert rig.in_units(1.0, "force") == "15.82 N"
         page.click("#quick-open")
         settled(page)
         assert page.input_value("#field-slider-stiffness") == "350 N/m"
@@ -503,10 +476,8 @@ def test_a_dropped_trace_leads_to_its_rig_and_to_what_would_stop_it(bench, tmp_p
     run = fitting.synthetic_trace()
     both = tmp_path / "both.csv"
     rows = zip(run["time"].to_numpy(), run["spring_force"].to_numpy(), strict=True)
-    both.write_text(
-        "time [s],left force [N],right force [N]\n"
-        + "".join(f"{t},0.1,{F:.4f}\n" for t, F in rows)
-    )
+    heading = "time [s],left force [N],right force [N]\n"
+    both.write_text(heading + "".join(f"{t},0.1,{F:.4f}\n" for t, F in rows))
     page.click("#tab-trace")
     page.set_input_files("#file", both)
     page.wait_for_selector("#trace-complaint:has-text('which column is the force?')")
@@ -514,11 +485,8 @@ def test_a_dropped_trace_leads_to_its_rig_and_to_what_would_stop_it(bench, tmp_p
     page.wait_for_selector("#trace-regime:has-text('stick-slip')")
     page.click("#trace-next")
     page.wait_for_selector("#fit-words:has-text('give the stiffness')")
-    for name, value in (
-        ("stiffness", "350"),
-        ("speed", "1.5 mm/s"),
-        ("mass", "75.6 g"),
-    ):
+    known = {"stiffness": "350", "speed": "1.5 mm/s", "mass": "75.6 g"}
+    for name, value in known.items():
         put(page, f"#fit-{name}", value)
     page.wait_for_selector("#quick-words:has-text('This rig')")
     settled(page, "fit")
@@ -536,9 +504,7 @@ def test_a_dropped_trace_leads_to_its_rig_and_to_what_would_stop_it(bench, tmp_p
 
 
 @pytest.mark.slow
-def test_intervals_say_what_the_trace_tells_and_can_be_stopped(
-    browser, server, tmp_path
-):
+def test_intervals_say_what_a_trace_shows_and_can_be_stopped(browser, server, tmp_path):
     with headless.window(browser, server) as page:
         page.click("#tab-fit")
         page.click("#sample")
@@ -557,10 +523,8 @@ def test_intervals_say_what_the_trace_tells_and_can_be_stopped(
         assert set(told) <= {"identified", "weak", "not identified", "at a bound"}
         assert told[KEYS.index("damping_ratio")] == "identified"
         assert len(page.evaluate("document.querySelector('#plot-predicted').data")) == 4
-        assert (
-            "interface.thresholds.std"
-            in rigs.read_rig(download(page, "#fit-save", tmp_path)).fitted
-        )
+        saved = rigs.read_rig(download(page, "#fit-save", tmp_path))
+        assert "interface.thresholds.std" in saved.fitted
         put(page, "#fit-mass", "0.1")
         page.wait_for_selector("#posterior-words:has-text('fit again')")
         assert page.get_attribute("[data-about=posterior]", "data-state") == "computing"
@@ -600,19 +564,15 @@ def test_fronts_are_drawn_with_one_cursor_and_a_bar_file_opens_on_them(
 
 def test_downloads_reproduce_the_run(page, tmp_path):
     move(page, 3)
+    forms = "toml", "nc", "png", "svg"
     toml, nc, png, svg = (
-        download(page, f"[data-download={form}]", tmp_path)
-        for form in ("toml", "nc", "png", "svg")
+        download(page, f"[data-download={form}]", tmp_path) for form in forms
     )
     rig = rigs.read_rig(toml)
     run = store.load(nc)
     assert rig.slider.stiffness == 3
-    made = simulate(
-        Rig(rig.interface, rig.slider, rig.drive),
-        method=rig.method,
-        output=rig.output,
-        start=rig.start,
-    )
+    alone = Rig(rig.interface, rig.slider, rig.drive)
+    made = simulate(alone, method=rig.method, output=rig.output, start=rig.start)
     np.testing.assert_array_equal(made["spring_force"], run["spring_force"])
     shown = page.evaluate(
         "Array.from(document.querySelector('#plot-force')._fullData[0].y)"
@@ -633,10 +593,11 @@ def test_a_link_restores_the_state_and_computes_nothing_before_a_click(
     context = browser.new_context()
     other = context.new_page()
     asked = []
-    other.on(
-        "websocket",
-        lambda socket: socket.on("framesent", lambda sent: asked.append(sent)),
-    )
+
+    def hear(sent):  # playwright takes no method of a list
+        asked.append(sent)
+
+    other.on("websocket", lambda socket: socket.on("framesent", hear))
     other.goto(address)
     other.wait_for_selector("#waiting:not([hidden])")
     assert other.get_attribute("#tab-map", "aria-selected") == "true"
@@ -667,14 +628,10 @@ def test_two_windows_do_not_disturb_each_other_and_outlive_the_server(browser):
                 settled(windows[-1])
                 choose(windows[-1], NATURAL)
                 move(windows[-1], stiffness)
-            assert [window.text_content("#regime") for window in windows] == [
-                "stick-slip",
-                "smooth sliding",
-            ]
-            assert [state(window)["slider"]["stiffness"] for window in windows] == [
-                2,
-                20,
-            ]
+            kinds = [window.text_content("#regime") for window in windows]
+            assert kinds == ["stick-slip", "smooth sliding"]
+            springs = [state(window)["slider"]["stiffness"] for window in windows]
+            assert springs == [2, 20]
         for window in windows:
             window.wait_for_selector("#notice:has-text('The server is gone')")
             assert window.is_visible("#plot-force .trace")

@@ -44,9 +44,10 @@ def test_a_fit_has_stable_poles_no_static_stiffness_and_its_error():
     assert abs(system.stiffness(0.0)) < 1e-12 * system.D[0, 0]
     s = 1j * np.linspace(0.01, 1.0, 50) * system.band[1]
     natural = rig.natural
-    exact = rig.unit("stiffness") * ss.stability.dynamic_stiffness(
-        natural.interface, natural.velocity, s * rig.unit("time")
-    )
+    velocity = natural.velocity
+    points = s * rig.unit("time")
+    kappa = ss.stability.dynamic_stiffness(natural.interface, velocity, points)
+    exact = rig.unit("stiffness") * kappa
     off = np.abs(system.stiffness(s) - exact).max() / np.abs(exact).max()
     assert off <= 1.2 * system.error < 1e-3
     kept = loadmat(io.BytesIO(system.mat()))
@@ -69,17 +70,19 @@ def test_what_cannot_be_fitted_is_refused(rig, poles, words):
         state_space(rig, poles=poles)
 
 
-@pytest.mark.parametrize(
-    ("poles", "delay", "off"),
-    [(4, 0.1, 1e-3), (6, 0.1, 1e-4), (6, 0.2, 1e-4)],
-)
+LIMITS = (4, 0.1, 1e-3), (6, 0.1, 1e-4), (6, 0.2, 1e-4)
+
+
+@pytest.mark.parametrize(("poles", "delay", "off"), LIMITS)
 def test_the_limit_of_smooth_sliding_follows_from_the_fit(poles, delay, off):
     rig = FIG.replace(delay=delay)
     exact = ss.critical(rig, "velocity", between=(0.5, 2.0)).edges[-1].value
     ends = 0.98 * exact, 1.02 * exact
-    found = brentq(
-        lambda v: fastest_growth(rig.replace(velocity=v), poles), *ends, xtol=1e-7
-    )
+
+    def growth(v):
+        return fastest_growth(rig.replace(velocity=v), poles)
+
+    found = brentq(growth, *ends, xtol=1e-7)
     assert found == pytest.approx(exact, abs=off)
 
 
@@ -129,12 +132,10 @@ def test_the_command_writes_what_the_function_returns(tmp_path, capsys):
     assert "not passive" in loadmat(file)["about"][0]
 
 
-GROWING = PAD.replace(
-    interface=ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.1),
-        ageing=ss.ExponentialGrowth(rate=2.0),
-    )
-)
+GROWTH = ss.ExponentialGrowth(rate=2.0)
+AGED = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), ageing=GROWTH)
+GROWING = PAD.replace(interface=AGED)
+HELD = FIG.replace(drive=ss.constant(0.0, duration=1.0))
 
 
 @pytest.mark.parametrize(
@@ -143,21 +144,11 @@ GROWING = PAD.replace(
         (PAD, "simulink", {}, "to = 'simulink': must be one of statespace, modelica"),
         (FIG, "modelica", {}, "takes SI units, and the rig is in natural units; give"),
         (GROWING, "modelica", {}, "ageing = .*: not available with static_friction"),
-        (
-            FIG.replace(drive=ss.constant(0.0, duration=1.0)),
-            "statespace",
-            {},
-            "drive.velocity = 0: ",
-        ),
+        (HELD, "statespace", {}, "drive.velocity = 0: "),
         (PAD, "mujoco", {"speeds": (1.0, 2.0)}, "speeds: are for modelica, simscape"),
         (PAD, "lugre", {"speeds": ("1 N", "2 m/s")}, r"speeds\[0\] = '1 N': "),
         (PAD, "lugre", {"poles": 6}, "poles: are for statespace, not for lugre"),
-        (
-            PAD,
-            "statespace",
-            {"path": "x.txt"},
-            "goes to a .mat or .json",
-        ),
+        (PAD, "statespace", {"path": "x.txt"}, "goes to a .mat or .json"),
         (PAD, "fmu", {}, "path: is missing; an FMU is a file"),
         (GROWING, "fmu", {"path": "x.fmu"}, "ageing = .*: not available with an FMU"),
         (PAD, "statespace", {"path": "no/x.mat"}, "there is no directory"),
@@ -175,11 +166,9 @@ class Unit:
     def __init__(self, file, folder):
         described = fmpy.read_model_description(file)
         fmpy.extract(file, str(folder))
-        self.fmu = FMU2Slave(
-            guid=described.guid,
-            unzipDirectory=str(folder),
-            modelIdentifier=described.coSimulation.modelIdentifier,
-        )
+        name = described.coSimulation.modelIdentifier
+        where = {"unzipDirectory": str(folder), "modelIdentifier": name}
+        self.fmu = FMU2Slave(guid=described.guid, **where)
         self.start(0.0)
         self.time = 0.0
 
@@ -237,41 +226,30 @@ def test_a_unit_goes_back_to_the_bit(pad_file, tmp_path):
         unit.step(1e-3, i * way, (i + 1) * way)
     kept = unit.fmu.serializeFMUstate(unit.fmu.getFMUstate())
     other.fmu.setFMUstate(other.fmu.deSerializeFMUstate(kept))
-    ends = [
-        [u.step(1e-3, i * way, (i + 1) * way) for i in range(20, 40)]
-        for u in (unit, other)
-    ]
+    ways = [(i * way, (i + 1) * way) for i in range(20, 40)]
+    ends = [[u.step(1e-3, *ends) for ends in ways] for u in (unit, other)]
     assert ends[0] == ends[1]
     unit.fmu.setFMUstate(unit.fmu.deSerializeFMUstate(kept))
     assert [unit.step(1e-3, i * way, (i + 1) * way) for i in range(20, 40)] == ends[0]
 
 
+TENTH = ss.Gaussian(mean=1.0, std=0.1)
+STRETCHED = {"newborn": ss.Gaussian(mean=0.2, std=0.3), "sliding_force": 0.3}
+CLIPPED = ss.RandomDelay(mean=0.1, std=0.1, negative="clip")
 LIKE_ELEMENTS = {
-    "delays": ss.Interface(
-        thresholds=ss.Weibull(scale=1.0, shape=1.5),
-        delay=ss.RandomDelay(mean=0.1, std=0.1, negative="clip"),
-    ),
-    "arrests": ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.1),
-        delay=ss.OnArrest(),
-        slip_to_slip_scatter=0.2,
-    ),
-    "newborn": ss.Interface(
-        thresholds=ss.Exponential(mean=1.0),
-        delay=ss.Delay(0.1),
-        newborn=ss.Gaussian(mean=0.2, std=0.3),
-        sliding_force=0.3,
-    ),
-    "areas": ss.Interface(
-        areas=ss.model.Areas(ss.Gaussian(mean=1.0, std=0.1)), delay=ss.Delay(0.1)
-    ),
+    "delays": {"thresholds": ss.Weibull(scale=1.0, shape=1.5), "delay": CLIPPED},
+    "arrests": {"delay": ss.OnArrest(), "slip_to_slip_scatter": 0.2},
+    "newborn": {"thresholds": ss.Exponential(mean=1.0), **STRETCHED},
+    "areas": {"areas": ss.model.Areas(TENTH), "thresholds": None},
 }
 
 
 @pytest.mark.takes(4)  # gcc
 @pytest.mark.parametrize("kind", LIKE_ELEMENTS)
 def test_a_unit_is_the_element_in_c(kind, tmp_path):
-    rig = PAD.replace(interface=LIKE_ELEMENTS[kind], method=ss.Contacts(70, seed=3))
+    fields = {"thresholds": TENTH, "delay": ss.Delay(0.1)} | LIKE_ELEMENTS[kind]
+    interface = ss.Interface(**fields)
+    rig = PAD.replace(interface=interface, method=ss.Contacts(70, seed=3))
     file = tmp_path / "unit.fmu"
     export(rig, "fmu", file)
     unit = Unit(str(file), tmp_path / "unit")

@@ -44,13 +44,8 @@ from stickslip.simulation.engines.base import (
 from stickslip.sliding import respond
 
 PAGE = Path(__file__).parents[1] / "docs" / "howto" / "add-a-distribution.md"
-TABLES = (
-    distributions.DISTRIBUTIONS,
-    delays.DELAYS,
-    ageing.AGEING_MODELS,
-    body.BODIES,
-    methods.METHODS,
-)
+TABLES = distributions.DISTRIBUTIONS, delays.DELAYS, ageing.AGEING_MODELS
+TABLES += body.BODIES, methods.METHODS
 TABLES += (activation.ACTIVATIONS, parameters.BY_NAME, ENGINES)
 
 
@@ -65,17 +60,15 @@ def as_shipped():
 
 def taught():
     """Classes and functions of the page on extensions, as its readers write them."""
-    tree = ast.parse(
-        "\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL))
-    )
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    tree = ast.parse("\n".join(blocks))
     kinds = (ast.Import, ast.ImportFrom, ast.ClassDef, ast.FunctionDef)
     tree.body = [node for node in tree.body if isinstance(node, kinds)]
     known = {"__name__": __name__}
     with as_shipped():
         exec(compile(tree, PAGE, "exec"), known)
-    return [
-        known[name] for name in ("Triangular", "ConstantRate", "Steep", "set_ratio")
-    ]
+    names = "Triangular", "ConstantRate", "Steep", "set_ratio"
+    return [known[name] for name in names]
 
 
 Triangular, ConstantRate, Steep, set_ratio = taught()
@@ -131,9 +124,8 @@ class GluedContacts(Engine):
         return self._now
 
     def stretchings(self):
-        return Stretchings(
-            np.array([self._now[1] + self._stretched]), np.ones(1), cells=False
-        )
+        stretching = np.array([self._now[1] + self._stretched])
+        return Stretchings(stretching, np.ones(1), cells=False)
 
     def advance(self, leg):
         """All at once: a drive of constant velocity from the beginning on."""
@@ -157,9 +149,8 @@ class Star(body.ElasticBody):
     @property
     def links(self):
         tips = np.arange(1, self.size)
-        return np.column_stack([np.zeros_like(tips), tips]), np.full(
-            self.arms, self.coupling
-        )
+        pairs = np.column_stack([np.zeros_like(tips), tips])
+        return pairs, np.full(self.arms, self.coupling)
 
 
 STAR = Star(arms=4, coupling=2.0, mass=0.05, damping=2.0, side=0.5, leaf=0.1)
@@ -193,18 +184,14 @@ THRESHOLDS = Triangular(mean=1.0, half_width=0.25)
 # The same in 400 bins
 _EDGES = np.linspace(0.75, 1.25, 401)
 _BELOW = np.where(_EDGES <= 1, 8 * (_EDGES - 0.75) ** 2, 1 - 8 * (1.25 - _EDGES) ** 2)
-HISTOGRAM = ss.Empirical(
-    edges=tuple(_EDGES.tolist()), weights=tuple(np.diff(_BELOW).tolist())
-)
+WEIGHTS = tuple(np.diff(_BELOW).tolist())
+HISTOGRAM = ss.Empirical(edges=tuple(_EDGES.tolist()), weights=WEIGHTS)
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
 
 
 def rig_with(delay, thresholds=THRESHOLDS, distance=4.0):
-    return ss.Rig(
-        ss.Interface(thresholds=thresholds, delay=delay),
-        SLIDER,
-        ss.constant(1.0, distance),
-    )
+    interface = ss.Interface(thresholds=thresholds, delay=delay)
+    return ss.Rig(interface, SLIDER, ss.constant(1.0, distance))
 
 
 def is_kept(rig):
@@ -224,9 +211,8 @@ def test_a_density_is_a_whole_distribution():
     survival = np.where(u <= 1, 1 - 0.5 * u**2, 0.5 * (2 - u) ** 2)
     assert THRESHOLDS.survival(x) == pytest.approx(survival, abs=1e-14)
     p = np.array([0.999, 0.7, 0.5, 0.2, 1e-6])
-    assert THRESHOLDS.survival(THRESHOLDS.inverse_survival(p)) == pytest.approx(
-        p, rel=1e-12
-    )
+    x = THRESHOLDS.inverse_survival(p)
+    assert THRESHOLDS.survival(x) == pytest.approx(p, rel=1e-12)
     # The sum of two uniform draws: the product of their transforms.
     half = ss.Uniform(low=0.375, high=0.625)
     q = np.array([0.0, 1e-6j, 3.0 + 2j, -4.0, 40j, 2e3j, 1e3])
@@ -238,9 +224,8 @@ def test_a_density_is_a_whole_distribution():
     assert THRESHOLDS.positive() is THRESHOLDS
     wide = Triangular(mean=0.2, half_width=0.5)
     x = np.linspace(0.05, 0.65, 7)
-    assert wide.positive().survival(x) == pytest.approx(
-        wide.survival(x) / wide.survival(0.0), rel=1e-12
-    )
+    part = wide.survival(x) / wide.survival(0.0)
+    assert wide.positive().survival(x) == pytest.approx(part, rel=1e-12)
 
 
 @dataclass(frozen=True)
@@ -272,38 +257,29 @@ def test_every_solver_takes_them():
             late = run["friction_force"].to_numpy()[len(run["time"]) // 2 :]
             assert late.mean() == pytest.approx(expected, rel=0.05)
     rigid = ss.rigid_slide(rig_with(ss.Delay(0.0)).interface, distance=6.0)
-    histogram = ss.rigid_slide(
-        rig_with(ss.Delay(0.0), HISTOGRAM).interface, distance=6.0
-    )
+    other = rig_with(ss.Delay(0.0), HISTOGRAM).interface
+    histogram = ss.rigid_slide(other, distance=6.0)
     force = rigid["friction_force"].to_numpy()
     assert force == pytest.approx(histogram["friction_force"].to_numpy(), abs=1e-5)
 
 
 def test_stability_takes_them_by_name():
-    rig, histogram = (
-        rig_with(ss.Delay(0.1), each).replace(velocity=1.6)
-        for each in (THRESHOLDS, HISTOGRAM)
-    )
-    for parameter, between in (
-        ("velocity", (1.0, 1.9)),
-        ("damping ratio", (0.05, 2.0)),
-    ):
-        own, other = (
-            [edge.value for edge in ss.critical(each, parameter, between=between)]
-            for each in (rig, histogram)
-        )
+    both = THRESHOLDS, HISTOGRAM
+    rigs = [rig_with(ss.Delay(0.1), each).replace(velocity=1.6) for each in both]
+    rig = rigs[0]
+    ranges = {"velocity": (1.0, 1.9), "damping ratio": (0.05, 2.0)}
+    for parameter, between in ranges.items():
+        found = (ss.critical(each, parameter, between=between) for each in rigs)
+        own, other = ([edge.value for edge in crossings] for crossings in found)
         assert len(own) > 0
         # The square of a bin over the standard deviation
         assert own == pytest.approx(other, rel=1.5e-4)
-    assert rig.replace(**{"damping ratio": own[0]}).slider.damping == pytest.approx(
-        2 * own[0] * SLIDER.frequency
-    )
-    assert ss.growth_rate(rig) == pytest.approx(ss.growth_rate(histogram), rel=1e-3)
+    damping = rig.replace(**{"damping ratio": own[0]}).slider.damping
+    assert damping == pytest.approx(2 * own[0] * SLIDER.frequency)
+    assert ss.growth_rate(rig) == pytest.approx(ss.growth_rate(rigs[1]), rel=1e-3)
     # Equal delays make smooth sliding unstable, scattered ones do not.
-    modes = [
-        ss.stability.count_unstable(rig_with(delay))
-        for delay in (ss.Delay(0.2), ConstantRate(5.0))
-    ]
+    rigs = (rig_with(delay) for delay in (ss.Delay(0.2), ConstantRate(5.0)))
+    modes = [ss.stability.count_unstable(rig) for rig in rigs]
     assert modes == [2, 0]
 
 
@@ -338,13 +314,11 @@ def test_a_rig_file_names_a_delay():
     document["interface"]["delay"] = {"model": "rate of a test", "rate": "2.5 1/ms"}
     own = ss.read_rig(document)
     assert own.interface.delay == ConstantRate(2500.0 / own.scales.unit("1/time"))
-    assert 'model = "rate of a test"' in is_kept(
-        replace(own, drive=ss.constant(1.0, 2.0))
-    )
+    kept = is_kept(replace(own, drive=ss.constant(1.0, 2.0)))
+    assert 'model = "rate of a test"' in kept
     document["interface"]["delay"] = {"model": "rate of a tset"}
-    with pytest.raises(
-        InputError, match=r"must be one of the known models .*'rate of a test'"
-    ):
+    message = r"must be one of the known models .*'rate of a test'"
+    with pytest.raises(InputError, match=message):
         ss.read_rig(document)
 
 
@@ -358,40 +332,32 @@ def test_an_engine_of_ones_own():
     # it grows for ever
     assert (ss.sweep(rig, {"stiffness": [1.0, 2.0]})["mean_force"] > 10.0).all()
     for field in ({"ageing": ss.Langevin(rate=1.0)}, {"sliding_force": 0.1}):
-        with pytest.raises(
-            InputError, match=r"Interface\..* = .*: not available with Glued"
-        ):
+        message = r"Interface\..* = .*: not available with Glued"
+        with pytest.raises(InputError, match=message):
             ss.simulate(replace(rig, interface=replace(rig.interface, **field)))
 
 
 @pytest.mark.slow
 def test_a_body_of_ones_own():
-    rig = replace(
-        rig_with(ss.Delay(0.1), distance=2.0),
-        slider=STAR,
-        method=ss.Contacts(50, seed=1),
-    )
+    rig = rig_with(ss.Delay(0.1), distance=2.0)
+    rig = replace(rig, slider=STAR, method=ss.Contacts(50, seed=1))
     # Arms that move against each other feel the springs alone; all else is the one row
     # of two blocks, root 4.
-    pair = np.linalg.eigvalsh(
-        [[4 * 2.0 + 0.5, -2.0 * math.sqrt(4)], [-2.0 * math.sqrt(4), 2.0]]
-    )
+    link = -2.0 * math.sqrt(4)
+    pair = np.linalg.eigvalsh([[4 * 2.0 + 0.5, link], [link, 2.0]])
     expected = np.sort([*pair, 2.0, 2.0, 2.0]) + 0.1
-    assert ss.elastic.modes(rig).stiffness.to_numpy() == pytest.approx(
-        expected, rel=1e-12
-    )
+    stiffness = ss.elastic.modes(rig).stiffness.to_numpy()
+    assert stiffness == pytest.approx(expected, rel=1e-12)
     run = ss.simulate(rig)
     # Before the first contact breaks the arms move alike.
     alike = replace(rig.interface, initial=ss.Gaussian(mean=0.0, std=0.0))
-    loaded = ss.simulate(
-        replace(rig, interface=alike, drive=ss.constant(1.0, duration=0.5))
-    )
+    drive = ss.constant(1.0, duration=0.5)
+    loaded = ss.simulate(replace(rig, interface=alike, drive=drive))
     assert run.sizes["block"] == loaded.sizes["block"] == 5
     displacement = loaded["displacement"].to_numpy()
     assert displacement[-1, 1] > 0.0
-    np.testing.assert_allclose(
-        displacement[:, 1:], displacement[:, 1:2] * np.ones(4), atol=1e-12
-    )
+    together = displacement[:, 1:2] * np.ones(4)
+    np.testing.assert_allclose(displacement[:, 1:], together, atol=1e-12)
     text = is_kept(rig)
     assert '["star of a test"]' in text
     with pytest.raises(InputError, match=r"^rig: star of a test\.arms: is missing"):
@@ -407,21 +373,16 @@ def test_an_ageing_of_ones_own():
     method = ss.Contacts(500, seed=2)
     aged = replace(rig_with(ss.Delay(0.1), thresholds), method=method)
     aged = replace(aged, interface=replace(aged.interface, ageing=Hardened(factor=2.0)))
-    hard = replace(
-        aged,
-        interface=replace(
-            aged.interface, thresholds=ss.Gaussian(mean=2.0, std=0.2), ageing=None
-        ),
-    )
+    doubled = {"thresholds": ss.Gaussian(mean=2.0, std=0.2), "ageing": None}
+    hard = replace(aged, interface=replace(aged.interface, **doubled))
     run = ss.simulate(aged)
     same = ss.simulate(hard)
     np.testing.assert_array_equal(run["friction_force"], same["friction_force"])
     assert 'model = "hardened of a test"' in is_kept(aged)
     speeds = np.array([0.5, 2.0])
     for law in (ss.kinetic_friction, ss.stability.friction_slope):
-        assert law(aged.interface, speeds) == pytest.approx(
-            law(hard.interface, speeds), rel=1e-6
-        )
+        expected = pytest.approx(law(hard.interface, speeds), rel=1e-6)
+        assert law(aged.interface, speeds) == expected
     edges = [ss.critical(each, "velocity", between=(0.5, 5.0)) for each in (aged, hard)]
     assert len(edges[0]) == len(edges[1]) > 0
     assert [edge.value for edge in edges[0]] == [edge.value for edge in edges[1]]
@@ -433,31 +394,23 @@ def test_an_ageing_of_ones_own():
 def test_a_barrier_of_ones_own():
     rig = rig_with(ss.Delay(0.1), ss.Gaussian(mean=1.0, std=0.1), distance=1.0)
     bell = ss.Bell(width=0.01, attempts=1e6)
-    own, known = (
-        replace(rig, interface=replace(rig.interface, activation=each))
-        for each in (Steep(slope=100.0, period=1e-6), bell)
-    )
+    steep = Steep(slope=100.0, period=1e-6)
+    interfaces = (replace(rig.interface, activation=each) for each in (steep, bell))
+    own, known = (replace(rig, interface=each) for each in interfaces)
     assert own.interface == known.interface  # which keeps the form
     for method in (ss.Contacts(500, seed=2), ss.MasterEquation(rtol=1e-3)):
         is_kept(replace(own, method=method))
-    assert ss.kinetic_friction(own.interface, 1.0) == ss.kinetic_friction(
-        known.interface, 1.0
-    )
+    force = ss.kinetic_friction(known.interface, 1.0)
+    assert ss.kinetic_friction(own.interface, 1.0) == force
     assert ss.growth_rate(own) == ss.growth_rate(known)
     assert np.isfinite(ss.sweep(own, {"stiffness": [1.0, 3.0]})["mean_force"]).all()
     document = rig_files.to_document(ss.example("pmma_slider"))
-    document["interface"]["activation"] = {
-        "kind": "steep of a test",
-        "slope": "20 1/um",
-        "period": "10 ns",
-    }
+    barrier = {"kind": "steep of a test", "slope": "20 1/um", "period": "10 ns"}
+    document["interface"]["activation"] = barrier
     read = ss.read_rig(document)
-    assert read.interface.activation.width * read.unit("x_s") == pytest.approx(
-        50e-9, rel=1e-12
-    )
-    assert read.interface.activation.attempts * read.unit("1/time") == pytest.approx(
-        1e8, rel=1e-12
-    )
+    heat = read.interface.activation
+    assert heat.width * read.unit("x_s") == pytest.approx(50e-9, rel=1e-12)
+    assert heat.attempts * read.unit("1/time") == pytest.approx(1e8, rel=1e-12)
 
 
 @dataclass(frozen=True)
@@ -466,9 +419,8 @@ class Formless(activation.ActivationModel):
 
 
 def test_an_ageing_or_a_barrier_that_says_nothing_is_refused_by_name():
-    with pytest.raises(
-        InputError, match=r"Interface\.activation = Formless\(\): needs a method form"
-    ):
+    message = r"Interface\.activation = Formless\(\): needs a method form"
+    with pytest.raises(InputError, match=message):
         ss.Interface(thresholds=THRESHOLDS, activation=Formless())
     rig = rig_with(ss.Delay(0.1))
     rig = replace(rig, interface=replace(rig.interface, ageing=Unknown()))
@@ -476,33 +428,20 @@ def test_an_ageing_or_a_barrier_that_says_nothing_is_refused_by_name():
         (lambda: ss.kinetic_friction(rig.interface, 1.0), "friction"),
         (lambda: ss.critical(rig, "velocity", between=(0.5, 5.0)), "response"),
     ):
-        with pytest.raises(
-            InputError,
-            match=(
-                r"Interface\.ageing = Unknown.* not known; "
-                rf"simulate.*{told}\(thresholds"
-            ),
-        ):
+        unknown = r"Interface\.ageing = Unknown.* not known; simulate"
+        with pytest.raises(InputError, match=rf"{unknown}.*{told}\(thresholds"):
             ask()
-    with pytest.raises(
-        InputError,
-        match=r"Unknown.*: not available with MasterEquation; no registered solver",
-    ):
+    message = r"Unknown.*: not available with MasterEquation; no registered solver"
+    with pytest.raises(InputError, match=message):
         ss.simulate(rig)
 
 
 def test_a_registration_names_one_frozen_dataclass():
-    with pytest.raises(
-        InputError,
-        match=(
-            r"distribution 'gaussian': Gaussian has this name already; choose "
-            r"another one"
-        ),
-    ):
+    message = "distribution 'gaussian': Gaussian has this name already; choose another"
+    with pytest.raises(InputError, match=message):
         distributions.register("gaussian")(Triangular)
-    with pytest.raises(
-        InputError, match=r"ageing model 'none': int must be a frozen dataclass"
-    ):
+    message = r"ageing model 'none': int must be a frozen dataclass"
+    with pytest.raises(InputError, match=message):
         ageing.register("none")(int)
     with pytest.raises(InputError, match="comes with the package"):
         parameters.register(replace(ZETA, name="mass"))
@@ -512,8 +451,6 @@ def test_a_registration_names_one_frozen_dataclass():
         lambda: ConstantRate(0.0),
         lambda: replace(STAR, arms=0),
     ):
-        with pytest.raises(
-            InputError,
-            match=r"^(Hardened\.factor|ConstantRate\.rate|Star\.arms) = 0.*: must be",
-        ):
+        message = r"^(Hardened\.factor|ConstantRate\.rate|Star\.arms) = 0.*: must be"
+        with pytest.raises(InputError, match=message):
             make()

@@ -42,12 +42,8 @@ from stickslip.rate_state.fitting import Estimate
 
 BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"
 TRUTH = (20.0, 0.25, 0.5, 0.05, 0.2, 0.1)
-NARROW = Prior(
-    contacts=(8.0, 50.0),
-    threshold_std=(0.05, 0.5),
-    sliding_force=(0.2, 0.8),
-    stiffness_ratio=(0.01, 0.3),
-)
+NARROW = Prior(contacts=(8.0, 50.0), threshold_std=(0.05, 0.5))
+NARROW = replace(NARROW, sliding_force=(0.2, 0.8), stiffness_ratio=(0.01, 0.3))
 
 
 def saw(peaks, troughs, *, samples=50.0, noise=0.0, seed=0):
@@ -71,12 +67,8 @@ def _cache(tmp_path_factory):
 @pytest.fixture(scope="module")
 def found():
     """A fit with a small table, over a narrow prior."""
-    return ss.fit(
-        bench(noise=0.002),
-        prior=NARROW,
-        draws=1500,
-        known={"stiffness": "100 N/m", "mass": "0.4 kg", "load": "20 N"},
-    )
+    known = {"stiffness": "100 N/m", "mass": "0.4 kg", "load": "20 N"}
+    return ss.fit(bench(noise=0.002), prior=NARROW, draws=1500, known=known)
 
 
 # ------------------------------------------------------------------------------ picking
@@ -121,9 +113,8 @@ def test_the_count_of_slips_at_other_samplings_and_noise(samples, noise):
 
 
 def trace_of(force):
-    return xr.Dataset(
-        {"spring_force": ("time", force)}, coords={"time": 0.01 * np.arange(len(force))}
-    )
+    time = {"time": 0.01 * np.arange(len(force))}
+    return xr.Dataset({"spring_force": ("time", force)}, time)
 
 
 @pytest.mark.parametrize("of_the_slider", [False, True])
@@ -146,8 +137,8 @@ RNG = np.random.default_rng
 PEAKS, TROUGHS = simulate(np.array(TRUTH), 120, RNG(1))
 SINE = 10.0 + np.sin(0.06 * np.arange(20_000))
 SLOW_AND_FAST = [
-    saw(PEAKS[at], TROUGHS[at], samples=n)
-    for at, n in ((slice(60), 120), (slice(60, None), 30))
+    saw(PEAKS[:60], TROUGHS[:60], samples=120),
+    saw(PEAKS[60:], TROUGHS[60:], samples=30),
 ]
 OTHER = simulate(np.array([8.0, 0.05, 0.8, 0.05, 0.2, 0.1]), 60, RNG(1))
 NOT_STICK_SLIP = """
@@ -194,14 +185,10 @@ def test_what_is_refused(call, message):
 def test_a_long_trace_is_fitted_in_stretches():
     """Each is compared with series as long; what they tell is their mean."""
     trace = fitting.pick_events(bench(count=340, noise=0.002))
-    halves = [
-        trace.part(begin, begin + len(trace) // 2) for begin in (0, len(trace) // 2)
-    ]
-    np.testing.assert_allclose(
-        trace.statistics,
-        np.mean([half.statistics for half in halves], axis=0),
-        rtol=1e-12,
-    )
+    middle = len(trace) // 2
+    halves = [trace.part(begin, begin + middle) for begin in (0, middle)]
+    mean = np.mean([half.statistics for half in halves], axis=0)
+    np.testing.assert_allclose(trace.statistics, mean, rtol=1e-12)
     found = ss.fit(trace, prior=NARROW, draws=1500)
     assert f"{len(trace)} slips are fitted in 2 stretches" in str(found)
     for key, truth in zip(KEYS, TRUTH, strict=True):
@@ -216,11 +203,8 @@ def test_contacts_all_alike_without_scatter_give_equal_slips():
     stiffness = 0.5
     ratio = 0.2
     residual = 0.4
-    peaks, troughs = simulate(
-        np.array([1, 0.0, residual, stiffness, ratio, 0.0]),
-        30,
-        np.random.default_rng(0),
-    )
+    rig = np.array([1, 0.0, residual, stiffness, ratio, 0.0])
+    peaks, troughs = simulate(rig, 30, np.random.default_rng(0))
     overshoot = np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
     # force of the spring where the slider stops
     stopped = residual - overshoot * (1.0 - residual)
@@ -239,9 +223,8 @@ def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
     (place / "1.npz").write_bytes((place / "1.npz").read_bytes()[:100])  # damaged
     (place / "2.npz").unlink()
     with ThreadPoolExecutor(1) as pool:
-        again = table(
-            prior=prior, draws=700, slips=40, executor=pool, progress=steps.append
-        )
+        how = {"executor": pool, "progress": steps.append}
+        again = table(prior=prior, draws=700, slips=40, **how)
     assert len(steps) == 3 + 2
     np.testing.assert_array_equal(first.peaks, again.peaks)
     assert len(table(prior=prior, draws=500, slips=40)) == 500
@@ -250,40 +233,31 @@ def test_a_table_is_kept_resumed_and_the_same_on_any_number_of_cores():
 
 def seen_of(observation, peaks, troughs, **how):
     """Statistics of one series of slips, as a bench sees it."""
-    one = SeriesTable(
-        prior=Prior(),
-        parts=np.empty((1, 6)),
-        count=np.array([peaks.size]),
-        peaks=peaks[None],
-        troughs=troughs[None],
-    )
+    slips = {"count": np.array([peaks.size]), "peaks": peaks[None]}
+    slips["troughs"] = troughs[None]
+    one = SeriesTable(prior=Prior(), parts=np.empty((1, 6)), **slips)
     return observation.see(one, **how)[0][0]
 
 
 def test_the_observation_biases_simulations_as_it_does_traces():
     """Statistics of a trace are those of its slips seen so, not of the bare ones."""
-    peaks, troughs = simulate(
-        np.array([20, 0.2, 0.6, 0.3, 0.3, 0.15]), 400, np.random.default_rng(5)
-    )
+    rig = np.array([20, 0.2, 0.6, 0.3, 0.3, 0.15])
+    peaks, troughs = simulate(rig, 400, np.random.default_rng(5))
     events = fitting.pick_events(saw(peaks, troughs, samples=24, noise=0.004))
     seen = seen_of(Observation.of(events), peaks, troughs)
     error = resampled(events.peaks, events.troughs).std(axis=0)
     away = np.abs(seen - events.statistics)[: len(FITTED)] / error[: len(FITTED)]
     assert np.all(away < 0.7)
-    bare = (
-        np.abs(statistics(peaks, troughs) - events.statistics)[: len(FITTED)]
-        / error[: len(FITTED)]
-    )
+    bare = np.abs(statistics(peaks, troughs) - events.statistics) / error
+    bare = bare[: len(FITTED)]
     assert bare.max() > away.max()
 
 
 def test_what_is_known_holds_for_the_draws():
     made = table(prior=NARROW, draws=1500, slips=60)
     error = 0.02
-    ideal = Observation(
-        slips=25,
-        sampling=Recording(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01),
-    )
+    sampling = Recording(slope=0.01, noise=0.0, resolution=0.0, drop=0.01, rise=0.01)
+    ideal = Observation(slips=25, sampling=sampling)
     peaks, troughs = simulate(np.array(TRUTH), 60, np.random.default_rng(3))
     observed = seen_of(ideal, peaks, troughs, seed=1)
 
@@ -299,14 +273,11 @@ def test_what_is_known_holds_for_the_draws():
 
 
 def test_block_bootstrap_errors_are_those_of_repeated_series():
-    series = [
-        simulate(np.array(TRUTH), 150, np.random.default_rng(seed))
-        for seed in range(40)
-    ]
+    seeds = map(np.random.default_rng, range(40))
+    series = [simulate(np.array(TRUTH), 150, rng) for rng in seeds]
     spread = np.std([statistics(*one) for one in series], axis=0)[:7]
-    errors = np.mean(
-        [resampled(*one, seed=1).std(axis=0) for one in series[:10]], axis=0
-    )[:7]
+    each = [resampled(*one, seed=1).std(axis=0) for one in series[:10]]
+    errors = np.mean(each, axis=0)[:7]
     assert np.all((errors > 0.5 * spread) & (errors < 2.0 * spread))
 
 
@@ -326,15 +297,10 @@ def test_a_fit_holds_the_truth(found):
 
 
 def test_quantities_go_as_far_as_what_is_known(found):
-    bare, heavy = (
-        replace(found, known=known)
-        for known in ({}, found.known | {"mass": (1000.0, 20.0)})
-    )
-    assert [one.key for one in bare.quantities] == [
-        "contact_strength",
-        "static_friction",
-        "sliding_friction",
-    ]
+    bare = replace(found, known={})
+    heavy = replace(found, known=found.known | {"mass": (1000.0, 20.0)})
+    names = ["contact_strength", "static_friction", "sliding_friction"]
+    assert [one.key for one in bare.quantities] == names
     for ask, why in (
         (lambda: bare["breaking_displacement"], "stiffness"),
         (lambda: bare["frequency"], "mass"),
@@ -356,22 +322,13 @@ def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
     speed = rate * (1.0 + 0.25) / K
     # Within the series that would not be refused such a stiff spring is rare: more
     # draws than else.
-    found = ss.fit(
-        trace,
-        prior=NARROW,
-        draws=4000,
-        known={"stiffness": K, "velocity": (speed, 0.02 * speed)},
-    )
+    known = {"stiffness": K, "velocity": (speed, 0.02 * speed)}
+    found = ss.fit(trace, prior=NARROW, draws=4000, known=known)
     assert found["stiffness_ratio"].median == pytest.approx(0.25, abs=0.06)
-    with pytest.raises(
-        InputError, match="cannot rise faster than stiffness times velocity"
-    ):
-        ss.fit(
-            trace,
-            prior=NARROW,
-            draws=1500,
-            known={"stiffness": K, "velocity": 0.5 * speed},
-        )
+    known["velocity"] = 0.5 * speed
+    message = "cannot rise faster than stiffness times velocity"
+    with pytest.raises(InputError, match=message):
+        ss.fit(trace, prior=NARROW, draws=1500, known=known)
 
 
 def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
@@ -408,45 +365,37 @@ def test_the_rig_holds_what_was_fitted_and_makes_its_trace(found):
     assert rig.source.endswith("; lasts in 8 of 8 runs")
     residual = rig.interface.newborn.mean
     assert rig.interface.sliding_force == pytest.approx(residual, rel=1e-12)
-    i = int(
-        np.argmin(
-            np.abs(found.values[:, 2] / residual - 1.0)
-            + np.abs(found.strength / rig.unit("f_s") - 1.0)
-        )
-    )
+    away = np.abs(found.values[:, 2] / residual - 1.0)
+    away += np.abs(found.strength / rig.unit("f_s") - 1.0)
+    i = int(np.argmin(away))
     # of a spring of 100 N/m
     assert rig.unit("k") == pytest.approx(100.0 / found.values[i, 3], rel=1e-3)
-    made = remade(
-        rig.replace(method=ss.Contacts(rig.method.count, seed=2)),
-        found.events,
-        found.known,
-    )
+    other = rig.replace(method=ss.Contacts(rig.method.count, seed=2))
+    made = remade(other, found.events, found.known)
+    periods = np.diff(made.time[made.peak_at])
     for one, other in (
         (made.drops, found.events.drops),
-        (np.diff(made.time[made.peak_at]), found.events.recurrence),
+        (periods, found.events.recurrence),
     ):
-        error = 2.6 * one.std() / math.sqrt(one.size)
-        assert one.mean() == pytest.approx(
-            np.mean(other), abs=error + 0.1 * np.mean(other)
-        )
+        mean = np.mean(other)
+        error = 2.6 * one.std() / math.sqrt(one.size) + 0.1 * mean
+        assert one.mean() == pytest.approx(mean, abs=error)
 
 
 def test_speeds_add_the_delay_and_holds_ageing():
     half = 0.01
     speeds = np.geomspace(1e-4, 1.0, 9)
     forces = 4.0 + 6.0 / (1.0 + speeds / half)
-    found = ss.fit(
-        bench(noise=0.002),
-        prior=NARROW,
-        draws=1500,
-        known={"stiffness": 100.0},
-        speeds=tuple(zip(speeds.tolist(), forces.tolist(), strict=True)),
-        holds=tuple((t, 10.0 + 0.3 * np.log10(t)) for t in (1.0, 10.0, 100.0, 1000.0)),
-    )
+    given = {"prior": NARROW, "draws": 1500, "known": {"stiffness": 100.0}}
+    holds = tuple((t, 10.0 + 0.3 * np.log10(t)) for t in (1.0, 10.0, 100.0, 1000.0))
+    pairs = tuple(zip(speeds.tolist(), forces.tolist(), strict=True))
+    found = ss.fit(bench(noise=0.002), **given, speeds=pairs, holds=holds)
     margin = found.draws("delay") * half
     assert np.all((margin > 0) & (margin < 2.0 * found.draws("breaking_displacement")))
     assert found.delays.value == pytest.approx(half, rel=1e-6)
     assert found.strengthening.value == pytest.approx(0.03, abs=1e-6)
+    with pytest.raises(InputError, match="speeds: 3 are different; at least 4 are"):
+        ss.fit(bench(), **given, speeds=[*pairs[:3], pairs[0]])
     assert "changes by (3 ± " in found.strengthening.words
     assert "contacts age" in str(found)
     close, _ = half_speed_of(speeds, np.random.default_rng(0).normal(forces, 0.2))
@@ -469,10 +418,10 @@ def test_the_quick_recipe_inverts_the_closed_forms():
     x_s = 1e-4
     K = 5e5
     speed = 1e-3
+    at_once = replace(truth, delay=ss.Delay(0.0))
     readings = {
         "static_friction": strength * ss.static_friction(truth)[0],
-        "kinetic_friction": strength
-        * ss.kinetic_friction(replace(truth, delay=ss.Delay(0.0)), velocity=1.0),
+        "kinetic_friction": strength * ss.kinetic_friction(at_once, velocity=1.0),
         "loading_rate": K * speed / (1.0 + K * x_s / strength),
         "half_speed": x_s / (0.5 * x_s / speed),  # the margin over the delay
     } | {"stiffness": K, "speed": speed, "mass": "0.1 kg"}
@@ -486,36 +435,24 @@ def test_the_quick_recipe_inverts_the_closed_forms():
 
 
 def test_what_was_given_has_the_error_that_it_was_given_with(found):
-    given = replace(
-        found,
-        known={"stiffness": (100.0, 10.0), "mass": (0.4, 0.0), "load": (20.0, 2.0)},
-    )
-    for name, error in (
-        ("frequency", 0.05),
-        ("speed", 0.1),
-        ("friction_coefficient", 0.1),
-    ):
+    known = {"stiffness": (100.0, 10.0), "mass": (0.4, 0.0), "load": (20.0, 2.0)}
+    given = replace(found, known=known)
+    errors = {"frequency": 0.05, "speed": 0.1, "friction_coefficient": 0.1}
+    for name, error in errors.items():
         assert np.log(given.draws(name)).std() == pytest.approx(error, rel=0.3)
 
 
 @pytest.mark.parametrize(("unit", "size"), [("kN", 1000.0), ("mN", 1e-3), ("1", 20.0)])
 def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
-    one = replace(
-        found, known={name: (value, 0.0) for name, (value, _) in found.known.items()}
-    )
+    exact = {name: (value, 0.0) for name, (value, _) in found.known.items()}
+    one = replace(found, known=exact)
     # a coefficient, under a load of 20 N
     other = replace(one, events=replace(found.events, force_unit=unit))
-    for name in (
-        "contact_strength",
-        "sliding_friction",
-        "breaking_displacement",
-        "speed",
-        "friction_coefficient",
-    ):
+    forces = "contact_strength", "sliding_friction"
+    for name in (*forces, "breaking_displacement", "speed", "friction_coefficient"):
         np.testing.assert_allclose(other.draws(name), size * one.draws(name))
-    np.testing.assert_allclose(
-        one.draws("sliding_friction"), found.strength * found.draws("sliding_force")
-    )
+    sliding = found.strength * found.draws("sliding_force")
+    np.testing.assert_allclose(one.draws("sliding_friction"), sliding)
     # the spring has 100 N/m
     at_once = found.strength / (100.0 / found.draws("stiffness_ratio"))
     np.testing.assert_allclose(one.draws("breaking_displacement"), at_once)
@@ -523,24 +460,21 @@ def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
 
 def test_holds_without_ageing_seldom_seem_to_age():
     """One degree of freedom: 2.5 % lie above the 97.5 % quantile of Student's t."""
-    drawn = (
-        tuple(zip((1.0, 10.0, 100.0), row, strict=True))
-        for row in RNG(0).normal(10.0, 0.1, (1000, 3)).tolist()
-    )
-    assert sum(
-        strengthening_of(holds).words.endswith("age") for holds in drawn
-    ) == pytest.approx(25, abs=15)
+    drawn = RNG(0).normal(10.0, 0.1, (1000, 3)).tolist()
+    series = (tuple(zip((1.0, 10.0, 100.0), row, strict=True)) for row in drawn)
+    words = [strengthening_of(holds).words for holds in series]
+    assert sum(each.endswith("age") for each in words) == pytest.approx(25, abs=15)
+
+
+SPEEDS = (0.002, 11.0), (0.003, 10.0)
 
 
 @pytest.mark.parametrize(
     ("text", "pairs"),
     [
-        (
-            "speed [m/s], force [N]\n0.002,11\n0.003, 10\n",
-            ((0.002, 11.0), (0.003, 10.0)),
-        ),
-        ("v (mm/s);F (mN)\n2,0;11000\n3,0;10000\n", ((0.002, 11.0), (0.003, 10.0))),
-        ("0.002 11\n0.003 10\n", ((0.002, 11.0), (0.003, 10.0))),
+        ("speed [m/s], force [N]\n0.002,11\n0.003, 10\n", SPEEDS),
+        ("v (mm/s);F (mN)\n2,0;11000\n3,0;10000\n", SPEEDS),
+        ("0.002 11\n0.003 10\n", SPEEDS),
         ("speed (s)  force (N)\n0.002 11\n0.003 10\n", None),
         ("0.002\n0.003\n", None),
     ],
@@ -550,10 +484,8 @@ def test_speeds_in_a_file(tmp_path, text, pairs):
     if pairs:
         np.testing.assert_allclose(read_pairs(path, "m/s"), pairs)
     else:
-        with pytest.raises(
-            InputError,
-            match=r"speeds\.txt: needs two columns of numbers, in m/s and N; there are",
-        ):
+        message = "needs two columns of numbers, in m/s and N; there are"
+        with pytest.raises(InputError, match=rf"speeds\.txt: {message}"):
             read_pairs(path, "m/s")
 
 
@@ -603,9 +535,7 @@ def test_an_estimate_keeps_its_error_through_arithmetic_with_numbers(number):
         (("--velocity", "3 s"), r"known\.velocity = '3 s'"),
     ],
 )
-def test_a_fit_takes_on_the_command_line_what_a_reading_takes(
-    options, words, tmp_path, capsys
-):
+def test_a_fit_takes_the_options_of_a_reading(options, words, tmp_path, capsys):
     file = tmp_path / "saw.csv"
     saw = np.tile(np.linspace(1000.0, 1100.0, 10), 48)
     file.write_text("force (mN)\n" + "\n".join(map(str, saw)))

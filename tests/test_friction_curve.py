@@ -29,11 +29,8 @@ def contacts(std=0.1, **fields):
 def test_a_table_of_a_rule_slides_as_the_rule(std):
     by_rule, by_table = (contacts(std, ageing=ageing) for ageing in (RULE, TABLE))
     speeds = np.array([0.1, 0.3, 0.6])
-    np.testing.assert_allclose(
-        ss.kinetic_friction(by_table, speeds),
-        ss.kinetic_friction(by_rule, speeds),
-        rtol=1e-3,
-    )
+    rule = ss.kinetic_friction(by_rule, speeds)
+    np.testing.assert_allclose(ss.kinetic_friction(by_table, speeds), rule, rtol=1e-3)
 
 
 def test_friction_is_the_work_of_a_life_over_its_length():
@@ -58,14 +55,9 @@ def test_runs_slide_with_the_friction_of_a_table(method, velocity):
     growth = TabulatedGrowth((0.1, 0.7, 2.0, 9.0), (0.4, 0.8, 0.75, 1.0))
     interface = contacts(ageing=growth)
     stiff = ss.Slider(stiffness=50.0, mass=1e-2, damping=100.0 / velocity)
-    rig = ss.Rig(
-        interface,
-        stiff,
-        ss.constant(velocity, duration=40.0 / velocity),
-        method=method,
-        start=ss.FromSliding(),
-        output=ss.Output(interval=0.02 / velocity),
-    )
+    drive = ss.constant(velocity, duration=40.0 / velocity)
+    how = {"start": ss.FromSliding(), "output": ss.Output(interval=0.02 / velocity)}
+    rig = ss.Rig(interface, stiff, drive, method=method, **how)
     force = ss.simulate(rig)["friction_force"][1:].to_numpy().reshape(20, -1)
     means = force.mean(axis=1)
     error = 4.0 * means.std(ddof=1) / 20**0.5 if hasattr(method, "seed") else 1e-3
@@ -74,13 +66,10 @@ def test_runs_slide_with_the_friction_of_a_table(method, velocity):
 
 def test_stability_of_a_table_is_that_of_the_rule():
     slider = ss.Slider(stiffness=0.3, mass=1e-2, damping=1.0)
-    by_rule, by_table = (
-        ss.Rig(contacts(0.1, ageing=ageing), slider, ss.constant(0.5))
-        for ageing in (RULE, TABLE)
-    )
-    assert ss.stability.growth_rate(by_table) == pytest.approx(
-        ss.stability.growth_rate(by_rule), rel=0.01
-    )
+    interfaces = (contacts(0.1, ageing=ageing) for ageing in (RULE, TABLE))
+    rigs = (ss.Rig(each, slider, ss.constant(0.5)) for each in interfaces)
+    by_rule, by_table = (ss.stability.growth_rate(rig) for rig in rigs)
+    assert by_table == pytest.approx(by_rule, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -115,9 +104,8 @@ def stribeck(power):
 @pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
 def test_a_curve_goes_through_its_points(power, std):
     force = stribeck(power)
-    curve = ss.friction_curve(
-        zip(SPEEDS, force, strict=True), thresholds=ss.Gaussian(1.0, std)
-    )
+    points = zip(SPEEDS, force, strict=True)
+    curve = ss.friction_curve(points, thresholds=ss.Gaussian(1.0, std))
     found = ss.kinetic_friction(curve.interface, SPEEDS)
     np.testing.assert_allclose(found, force, rtol=1e-6)
     assert curve.viscosity == 0.0
@@ -126,9 +114,8 @@ def test_a_curve_goes_through_its_points(power, std):
     assert np.diff(curve.interface.ageing.strengths).min() > -0.03
     between = np.sqrt(SPEEDS[1:] * SPEEDS[:-1])
     near = 0.3 + 0.2 * np.exp(-(between**power))
-    np.testing.assert_allclose(
-        ss.kinetic_friction(curve.interface, between), near, rtol=0.01
-    )
+    friction = ss.kinetic_friction(curve.interface, between)
+    np.testing.assert_allclose(friction, near, rtol=0.01)
 
 
 def test_contacts_that_are_alike_grow_as_their_friction_falls():
@@ -149,11 +136,9 @@ def test_the_curve_of_a_delay_is_known_as_one(sliding_force):
     assert found.delayed.delay.time == pytest.approx(0.7, rel=1e-4)
     assert found.delayed.sliding_force == pytest.approx(sliding_force, abs=1e-5)
     assert found.delayed_strength == pytest.approx(2.0, rel=1e-4)
-    np.testing.assert_allclose(
-        found.delayed_strength * ss.kinetic_friction(found.delayed, SPEEDS),
-        2.0 * ss.kinetic_friction(known, SPEEDS),
-        rtol=1e-5,
-    )
+    force = found.delayed_strength * ss.kinetic_friction(found.delayed, SPEEDS)
+    expected = 2.0 * ss.kinetic_friction(known, SPEEDS)
+    np.testing.assert_allclose(force, expected, rtol=1e-5)
     assert "a hold or a velocity step decides" in str(found)
 
 
@@ -169,9 +154,8 @@ def test_a_rise_after_the_fall_is_a_viscous_force():
     # the least within a standard error of the best, which is within four of the truth
     error = 0.003 * 2.0**0.5 / (speeds[-1] - speeds[-2])
     assert found.viscosity == pytest.approx(0.02, abs=5.0 * error)
-    np.testing.assert_allclose(
-        found.friction(speeds) + found.residual, rough, rtol=1e-12
-    )
+    fitted = found.friction(speeds) + found.residual
+    np.testing.assert_allclose(fitted, rough, rtol=1e-12)
     assert np.sum((np.array(found.residual) / 0.003) ** 2) < 7
     assert len(found.plot().axes) == 2
 
@@ -190,6 +174,11 @@ def test_the_curve_of_a_rule_of_growth_is_as_stable_as_the_rule():
     assert one == pytest.approx(other, rel=0.01)
 
 
+RISES = [(0.1, 0.401), (0.2, 0.5), (1, 0.4), (10, 0.3)]
+RISING = "rises from 0.401 to 0.5 between the velocities 0.1 and 0.2; no viscous"
+STEEP = [(1, 0.901), (1.01, 0.5), (1.5, 0.49)]
+
+
 @pytest.mark.parametrize(
     ("points", "message"),
     [
@@ -197,14 +186,8 @@ def test_the_curve_of_a_rule_of_growth_is_as_stable_as_the_rule():
         ([(1, 0.5), (1, 0.4)], "each once"),
         ([(1, 0.5), (2,)], r"points\[1\] = \(2,\): must be one of points"),
         ([(1, 0.5), (2, -0.1)], r"forces\[1\] = -0.1"),
-        (
-            [(0.1, 0.401), (0.2, 0.5), (1, 0.4), (10, 0.3)],
-            "rises from 0.401 to 0.5 between the velocities 0.1 and 0.2; no viscous",
-        ),
-        (
-            [(1, 0.901), (1.01, 0.5), (1.5, 0.49)],
-            "no growth of .* gives 0.5",
-        ),
+        (RISES, RISING),
+        (STEEP, "no growth of .* gives 0.5"),
     ],
 )
 def test_curves_that_no_contacts_give(points, message):
@@ -249,17 +232,9 @@ def test_a_rig_file_takes_a_curve_of_coefficients():
         assert friction_of(rig, speed)[0] == pytest.approx(100.0 * mu, rel=1e-6)
     # fully aged contacts are those of the distribution
     assert rig.interface.ageing.strengths[-1] == 1.0
-    by_peak = ss.read_rig(
-        {
-            **STAGE,
-            "interface": {
-                "normal_load": "100 N",
-                "mu_s": 0.33,
-                "mu_k": 0.3,
-                "breaking_displacement": "20 um",
-            },
-        }
-    )
+    friction = {"normal_load": "100 N", "mu_s": 0.33, "mu_k": 0.3}
+    friction["breaking_displacement"] = "20 um"
+    by_peak = ss.read_rig(STAGE | {"interface": friction})
     assert rig.interface.thresholds == by_peak.interface.thresholds
     assert rig.slider.damping_ratio == pytest.approx(0.05)
 
@@ -269,9 +244,8 @@ def test_a_rig_of_a_curve_is_written_and_read_again(own):
     rig = stage()
     again = ss.read_rig(tomllib.loads(to_toml(rig, own=own)))
     near = {"rel": 1e-3 if own else 1e-12}
-    assert again.interface.thresholds.std == pytest.approx(
-        rig.interface.thresholds.std, **near
-    )
+    std = rig.interface.thresholds.std
+    assert again.interface.thresholds.std == pytest.approx(std, **near)
     one, other = again.interface.ageing, rig.interface.ageing
     assert one.ages == pytest.approx(other.ages, **near)
     assert one.strengths == pytest.approx(other.strengths, **near)
@@ -286,10 +260,7 @@ def test_forces_in_a_file_beside_it_and_a_rise(tmp_path):
     )
     text = to_toml(stage(), own=False)
     document = tomllib.loads(text)
-    document["interface"] = {
-        **STAGE["interface"],
-        "friction": "mu.csv",
-    }
+    document["interface"] = STAGE["interface"] | {"friction": "mu.csv"}
     (tmp_path / "rig.toml").write_text(tomli_w.dumps(document))
     rig = ss.read_rig(tmp_path / "rig.toml")
     for speed, force in ((1e-4, 30.0), (1e-2, 20.5), (0.1, 25.0)):
@@ -330,10 +301,8 @@ def test_curves_that_a_rig_file_cannot_have(interface, message):
         stage(**interface)
 
 
-DELAYED = [
-    [f"{speed} mm/s", round(0.17 + 0.13 / (1.0 + speed / 3.0), 3)]
-    for speed in (0.1, 0.3, 1, 3, 10, 100)
-]
+SLOW_TO_FAST = 0.1, 0.3, 1, 3, 10, 100
+DELAYED = [[f"{v} mm/s", round(0.17 + 0.13 / (1 + v / 3), 3)] for v in SLOW_TO_FAST]
 
 
 def test_where_a_delay_fits_too_the_doubt_has_both_verdicts():

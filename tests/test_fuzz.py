@@ -35,65 +35,21 @@ LONGEST = 10.0
 WORTH = 0.5
 """Runs that would take longer, in seconds, are not run here."""
 
+EDGES = [0, -1, 1, 1e-300, 5e-324, 1e300, 1e25, 1e-25, 1e12, 1e-12, 1e-4, 10**400]
+USUAL_NUMBERS = [-0.0, 0.1, 2.5, 40]
 NUMBERS = st.one_of(
-    st.sampled_from(
-        [
-            0,
-            -1,
-            1,
-            1e-300,
-            5e-324,
-            1e300,
-            1e25,
-            1e-25,
-            1e12,
-            1e-12,
-            1e-4,
-            10**400,
-            -0.0,
-            0.1,
-            2.5,
-            40,
-        ]
-    ),
-    st.floats(),
-    st.integers(),
-    st.booleans(),
+    st.sampled_from([*EDGES, *USUAL_NUMBERS]), st.floats(), st.integers(), st.booleans()
 )
-UNITS = st.sampled_from(
-    [
-        "N/m",
-        "um",
-        "mm/s",
-        "ms",
-        "g",
-        "N",
-        "m",
-        "s",
-        "1/s",
-        "kg",
-        "µm",
-        "",
-        "²",
-        "furlong",
-        "N m",
-    ]
+UNITS = ["N/m", "um", "mm/s", "ms", "g", "N", "m", "s", "1/s", "kg", "µm", "", "²"]
+QUANTITIES = st.builds(
+    "{} {}".format, NUMBERS, st.sampled_from([*UNITS, "furlong", "N m"])
 )
+FACTORS = [1e-12, 1e-6, 1e-3, 0.1, -1, 10, 1e3, 1e6, 1e12]
+WORDS = ["never", "contacts", "master equation", "gaussian", "SI", "natural"]
 TEXTS = st.one_of(
     st.text(max_size=12),
-    st.builds("{} {}".format, NUMBERS, UNITS),
-    st.sampled_from(
-        [
-            "never",
-            "contacts",
-            "master equation",
-            "gaussian",
-            "SI",
-            "natural",
-            "9**9**9 N/m",
-            "4,0 MN/m",
-        ]
-    ),
+    QUANTITIES,
+    st.sampled_from([*WORDS, "9**9**9 N/m", "4,0 MN/m"]),
     st.integers(1, 100_000).map("x".__mul__),
 )
 VALUES = st.recursive(
@@ -110,24 +66,14 @@ PLAIN = VALUES | st.none() | st.just(b"1") | st.just(1j) | st.just(object())
 @cache
 def documents_to_begin_with():
     small = rig_files.to_document(RIG)
-    speeds = {
-        **small,
-        "drive": {"velocity": {"from": 0.5, "to": 2.0}},
-        "feasible": {"stiffness": [1.0, 4.0]},
-    }
-    pieces = {
-        **small,
-        "drive": {"pieces": [{"start": 1.0, "end": -1.0, "duration": 2.0}]},
-    }
+    to_and_fro = {"start": 1.0, "end": -1.0, "duration": 2.0}
+    pieces = small | {"drive": {"pieces": [to_and_fro]}}
+    speeds = small | {"drive": {"velocity": {"from": 0.5, "to": 2.0}}}
+    speeds["feasible"] = {"stiffness": [1.0, 4.0]}
     interfaces = [interface_with(fields) for fields in MECHANISMS.values()]
-    mechanisms = [
-        rig_files.to_document(replace(RIG, interface=interface))
-        for interface in interfaces
-    ]
-    shipped = [
-        tomllib.loads(rig_files.example_file(name).read_text())
-        for name in rig_files.example_names()
-    ]
+    mechanisms = [rig_files.to_document(replace(RIG, interface=i)) for i in interfaces]
+    examples = map(rig_files.example_file, rig_files.example_names())
+    shipped = [tomllib.loads(file.read_text()) for file in examples]
     return [small, speeds, pieces, rig_files.to_document(CHAIN), *mechanisms, *shipped]
 
 
@@ -153,9 +99,7 @@ def rigs(draw):
             case 1:
                 node[draw(st.text(min_size=1, max_size=8))] = draw(VALUES)
             case 2 if isinstance(node[last], (int, float)):
-                node[last] = node[last] * draw(
-                    st.sampled_from([1e-12, 1e-6, 1e-3, 0.1, -1, 10, 1e3, 1e6, 1e12])
-                )
+                node[last] = node[last] * draw(st.sampled_from(FACTORS))
             case _:
                 node[last] = draw(VALUES)
         if not any(True for _ in paths(document)):
@@ -184,12 +128,9 @@ def with_the_text_of_a_rig_file(changes, tmp_path):
     estimate(ss.read_rig(place))
 
 
-CELLS = st.one_of(
-    NUMBERS.map(str),
-    st.sampled_from(
-        ["", "nan", "1,5", "1.2 N", "950 mN", "time", "#", "²", "12:30:00", "-"]
-    ),
-)
+ODD_CELLS = ["", "nan", "1,5", "1.2 N", "950 mN", "time", "#", "²", "12:30:00", "-"]
+CELLS = st.one_of(NUMBERS.map(str), st.sampled_from(ODD_CELLS))
+HEADERS = ["", "time,force\n", "Time,Force\ns,N\n", "t [s];F [N]\n", "[section]\n"]
 
 
 @st.composite
@@ -205,18 +146,7 @@ def traces(draw):
         if rows:
             row = draw(st.sampled_from(rows))
             row[draw(st.integers(0, 1)) if len(row) > 1 else 0] = draw(CELLS)
-    header = draw(
-        st.sampled_from(
-            [
-                "",
-                "time,force\n",
-                "Time,Force\ns,N\n",
-                "t [s];F [N]\n",
-                "[section]\n",
-                "\ufeffa,b\n",
-            ]
-        )
-    )
+    header = draw(st.sampled_from([*HEADERS, "\ufeffa,b\n"]))
     return header + "\n".join(separator.join(row) for row in rows)
 
 
@@ -242,27 +172,25 @@ RIG = ss.Rig(
     method=ss.Contacts(50, seed=1),
 )
 RECORDS = (ss.model.Parabolic, ss.model.Renewal, ss.model.Sheet)
+STEPS = "finite_step", "fit_rate_and_state", "fit_record", "healing", "velocity_step_in"
 ROOMS = (
     ss.stability.critical_spring,
     ss.stability.friction_slope,
     ss.stability.turning_velocities,
-    ss.rate_state.finite_step,
-    ss.rate_state.fit_rate_and_state,
-    ss.rate_state.fit_record,
-    ss.rate_state.healing,
-    ss.rate_state.velocity_step_in,
+    *(getattr(ss.rate_state, name) for name in STEPS),
     ss.measure.fronts,
 )
-PUBLIC = [
-    *(getattr(ss, name) for name in ss.__all__),
-    *(getattr(ss.elastic, name) for name in ss.elastic.__all__),
-]
-CALLS = {
-    call.__name__: call
-    for call in (*PUBLIC, *RECORDS, *ROOMS)
-    if inspect.isfunction(call)
-    or (is_dataclass(call) and call.__module__.startswith("stickslip.model"))
-}
+PUBLIC = [getattr(ss, name) for name in ss.__all__]
+PUBLIC += [getattr(ss.elastic, name) for name in ss.elastic.__all__]
+
+
+def is_called(call):
+    """Whether it is a function, or a record of the model."""
+    is_record = is_dataclass(call) and call.__module__.startswith("stickslip.model")
+    return inspect.isfunction(call) or is_record
+
+
+CALLS = {call.__name__: call for call in (*PUBLIC, *RECORDS, *ROOMS) if is_called(call)}
 """What users call and the records they give to it."""
 SAWTOOTH = "time,force\n" + "\n".join(
     f"{0.1 * i:.1f},{5 + 0.1 * (i % 20):.2f}" for i in range(600)
@@ -301,15 +229,10 @@ def arguments(draw):
     parameters = inspect.signature(CALLS[name]).parameters
     needed = [each.name for each in parameters.values() if each.default is each.empty]
     first = needed if inspect.isfunction(CALLS[name]) else list(parameters)
-    odd = (
-        {draw(st.sampled_from(first)), draw(st.sampled_from(list(parameters)))}
-        if first
-        else set()
-    )
-    return name, {
-        each: draw(PLAIN) if each in odd else USUAL.get(each, 0)
-        for each in {*needed, *odd}
-    }
+    among = (first, list(parameters)) if first else ()
+    some = [draw(st.sampled_from(each)) for each in among]
+    given = {each: USUAL.get(each, 0) for each in {*needed, *some}}
+    return name, given | {each: draw(PLAIN) for each in some}
 
 
 def with_arguments(given_, _tmp_path):
@@ -334,27 +257,14 @@ def ignored(_part):
 @st.composite
 def messages(draw):
     if draw(st.integers(0, 3)) == 0:
-        return (
-            draw(
-                st.text(max_size=40)
-                | st.integers(1, 2000).map(lambda n: "[" * n)
-                | VALUES.map(json.dumps)
-            ),
-            None,
-            {},
-        )
+        brackets = st.integers(1, 2000).map(lambda n: "[" * n)
+        text = draw(st.text(max_size=40) | brackets | VALUES.map(json.dumps))
+        return text, None, {}
     document = draw(rigs())
-    extra = draw(
-        st.dictionaries(
-            st.sampled_from(["cursor", "width", "turn", "units", "relative_damping"]),
-            VALUES,
-        )
-    )
-    return (
-        "",
-        draw(st.sampled_from(["run", "edit", "stretchings"])),
-        {"document": document, **extra},
-    )
+    names = st.sampled_from(["cursor", "width", "turn", "units", "relative_damping"])
+    extra = draw(st.dictionaries(names, VALUES))
+    kind = draw(st.sampled_from(["run", "edit", "stretchings"]))
+    return "", kind, {"document": document, **extra}
 
 
 def halves(store):
@@ -384,11 +294,8 @@ def half(a, seed):
     return {"b": a / 2 + 0 * seed}
 
 
-DAMAGE = st.lists(
-    st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 7)),
-    min_size=1,
-    max_size=20,
-)
+PLACES = st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 7))
+DAMAGE = st.lists(PLACES, min_size=1, max_size=20)
 
 
 def damaged(content, bits, cut):
@@ -423,15 +330,12 @@ SPLICES = st.lists(
     st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=3)), max_size=4
 )
 WHOLE = rig_files.to_document(RIG)
+CALL = "kinetic_friction", {"interface": INTERFACE, "velocity": 1.0}
 PROPERTIES = {
     "rig files": (with_a_rig_file, rigs(), WHOLE),
     "texts of rig files": (with_the_text_of_a_rig_file, SPLICES, []),
     "traces": (with_a_trace, traces(), SAWTOOTH),
-    "arguments": (
-        with_arguments,
-        arguments(),
-        ("kinetic_friction", {"interface": INTERFACE, "velocity": 1.0}),
-    ),
+    "arguments": (with_arguments, arguments(), CALL),
     "messages": (with_a_message, messages(), ("", "run", {"document": WHOLE})),
     "damaged runs": (with_a_damaged_run, st.tuples(DAMAGE, CUTS), ([], None)),
     "damaged stores": (with_a_damaged_store, st.tuples(DAMAGE, CUTS), ([], None)),

@@ -37,9 +37,8 @@ class Pair:
     @property
     def accuracy(self) -> float:
         """Rounding from event to event; else ten times the default tolerance."""
-        from_event_to_event = (
-            isinstance(self.method, ss.Contacts) and self.body is SLIDER
-        )
+        is_rigid = self.body is SLIDER
+        from_event_to_event = isinstance(self.method, ss.Contacts) and is_rigid
         return 1e-9 if from_event_to_event else 1e-3
 
     @property
@@ -61,9 +60,8 @@ def _pairs() -> dict[str, Pair]:
                     engine_of(interface, method, body)
                 except ss.InputError:
                     continue
-                found[f"{name}, {type(body).__name__}: {mechanism}"] = Pair(
-                    method, interface, body
-                )
+                label = f"{name}, {type(body).__name__}: {mechanism}"
+                found[label] = Pair(method, interface, body)
     return found
 
 
@@ -88,57 +86,38 @@ def refusal(interface, method, body) -> str:
 @pytest.mark.parametrize("body", [SLIDER, CHAIN], ids=["Slider", "Chain"])
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_a_refusal_names_what_cannot_be_taken_together_or_by_whom(
-    mechanism, method, body
-):
+def test_a_refusal_names_what_cannot_be_taken_together(mechanism, method, body):
     """What a method takes by itself is not what it cannot take."""
     fields = MECHANISMS[mechanism]
     method = METHODS[method]
     said = refusal(interface_with(fields), method, body)
-    alone = {
-        field: refusal(interface_with({field: fields[field]}), method, body)
-        for field in fields
-    }
+    alone = {}
+    for field in fields:
+        interface = interface_with({field: fields[field]})
+        alone[field] = refusal(interface, method, body)
     named = [field for field in fields if f"{field} = " in said]
     who, _, remedy = said.partition(": not available with ")[2].partition("; ")
     if "together with" in who:
         assert len(named) > 1
         assert not any(alone[field] for field in named)
     elif remedy:
-        assert who == (
-            "a Chain"
-            if body is CHAIN and not remedy.startswith("use ")
-            else type(method).__name__
-        )
+        is_chain = body is CHAIN and not remedy.startswith("use ")
+        assert who == ("a Chain" if is_chain else type(method).__name__)
         assert alone[named[0]]
-    for other in (
-        re.findall(r"\w+", remedy.removeprefix("use "))
-        if remedy.startswith("use ")
-        else ()
-    ):
-        assert other == "or" or not refusal(
-            interface_with(fields), METHODS[other], body
-        )
+    others = remedy.removeprefix("use ") if remedy.startswith("use ") else ""
+    for other in set(re.findall(r"\w+", others)) - {"or"}:
+        assert not refusal(interface_with(fields), METHODS[other], body)
 
 
 def simulate(pair, drive=DRIVE, interval=0.05, **options) -> xr.Dataset:
     output = options.pop("output", ss.Output(interval=interval))
-    return ss.simulate(
-        ss.Rig(
-            pair.interface,
-            pair.body,
-            drive,
-            method=pair.method,
-            output=output,
-            **options,
-        )
-    )
+    options |= {"method": pair.method, "output": output}
+    return ss.simulate(ss.Rig(pair.interface, pair.body, drive, **options))
 
 
 def relaxed(pair) -> Pair:
-    return replace(
-        pair, interface=replace(pair.interface, initial=ss.Gaussian(mean=0.0, std=0.0))
-    )
+    initial = ss.Gaussian(mean=0.0, std=0.0)
+    return replace(pair, interface=replace(pair.interface, initial=initial))
 
 
 def contacts_of(pair) -> int:
@@ -162,10 +141,8 @@ def run_of(name) -> xr.Dataset:
 
 def apart(run, other, sign=1):
     """Largest difference of two runs in their forces."""
-    return max(
-        float(np.abs(run[name] - sign * other[name]).max())
-        for name in ("spring_force", "friction_force")
-    )
+    names = "spring_force", "friction_force"
+    return max(float(np.abs(run[name] - sign * other[name]).max()) for name in names)
 
 
 # ---------------------------------------------------------------- conservation
@@ -183,9 +160,8 @@ def test_energy_is_kept(name):
     if pair.interface.newborn is not None:  # they bring some along
         return
     for lost in ("broken_energy", "damped_energy"):
-        assert float(run[lost].diff("time").min()) >= -pair.accuracy * float(
-            run[lost].max()
-        )
+        least = -pair.accuracy * float(run[lost].max())
+        assert float(run[lost].diff("time").min()) >= least
 
 
 @every_pair
@@ -201,9 +177,8 @@ def test_contacts_are_counted(name):
 
 @every_pair
 def test_snapshots_hold_the_attached_contacts_and_their_force(name):
-    run = simulate(
-        PAIRS[name], output=ss.Output(interval=0.1, snapshots=(0.5, 1.2), bins=400)
-    )
+    output = ss.Output(interval=0.1, snapshots=(0.5, 1.2), bins=400)
+    run = simulate(PAIRS[name], output=output)
     width = float(run["x"][1] - run["x"][0])
     seen = run.sel(time=run["snapshot"], method="nearest")
     blocks = [dim for dim in seen["attached"].dims if dim != "snapshot"]
@@ -212,20 +187,16 @@ def test_snapshots_hold_the_attached_contacts_and_their_force(name):
     detached = PAIRS[name].interface.sliding_force * (1 - seen["attached"])
     # A copy that looks ahead in other steps sees other numbers; cohorts stand for their
     # neighbourhoods.
-    noise = (
-        6 * NOISE / math.sqrt(contacts_of(PAIRS[name]))
-        if PAIRS[name].draws_in_each_step
-        else 0.0
-    )
+    noise = 0.0
+    if PAIRS[name].draws_in_each_step:
+        noise = 6 * NOISE / math.sqrt(contacts_of(PAIRS[name]))
     smooth = 0.0 if PAIRS[name].one_by_one and PAIRS[name].body is SLIDER else 5e-3
-    np.testing.assert_allclose(
-        held, seen["attached"].mean(blocks), rtol=0, atol=1e-9 + smooth + noise
-    )
+    attached = seen["attached"].mean(blocks)
+    np.testing.assert_allclose(held, attached, rtol=0, atol=1e-9 + smooth + noise)
     # contacts of different areas are of different stiffness
     if PAIRS[name].interface.areas is None:
-        np.testing.assert_allclose(
-            pulled, (seen["friction_force"] - detached).mean(blocks), atol=width + noise
-        )
+        friction = (seen["friction_force"] - detached).mean(blocks)
+        np.testing.assert_allclose(pulled, friction, atol=width + noise)
 
 
 # ---------------------------------------------------------------- the same run
@@ -234,12 +205,11 @@ def test_snapshots_hold_the_attached_contacts_and_their_force(name):
 @every_pair
 def test_what_is_recorded_changes_nothing(name):
     fine = simulate(PAIRS[name], output=ss.Output(interval=0.025, snapshots=(0.7, 2.0)))
-    exact = isinstance(PAIRS[name].method, ss.Contacts) and not isinstance(
-        PAIRS[name].interface.ageing, ss.Langevin
-    )
-    assert apart(fine.isel(time=slice(None, None, 2)), run_of(name)) <= (
-        0.0 if exact else 1e-9
-    )
+    pair = PAIRS[name]
+    ages = isinstance(pair.interface.ageing, ss.Langevin)
+    exact = isinstance(pair.method, ss.Contacts) and not ages
+    same = fine.isel(time=slice(None, None, 2))
+    assert apart(same, run_of(name)) <= (0.0 if exact else 1e-9)
 
 
 @every_pair
@@ -251,12 +221,11 @@ def test_a_run_is_made_again_from_what_it_says(name):
 LAST = {name.partition(":")[0]: name for name in PAIRS}.values()
 
 
+SLOW = {name: pytest.mark.slow for name in PAIRS if name not in LAST}
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name in LAST else pytest.mark.slow)
-        for name in PAIRS
-    ],
+    "name", [pytest.param(name, marks=SLOW.get(name, ())) for name in PAIRS]
 )
 def test_a_file_holds_a_run(name, tmp_path):
     run = run_of(name)
@@ -267,10 +236,8 @@ def test_a_file_holds_a_run(name, tmp_path):
 def test_progress_rises_to_one(name):
     pair = PAIRS[name]
     seen = []
-    ss.simulate(
-        ss.Rig(pair.interface, pair.body, DRIVE, method=pair.method),
-        progress=seen.append,
-    )
+    rig = ss.Rig(pair.interface, pair.body, DRIVE, method=pair.method)
+    ss.simulate(rig, progress=seen.append)
     assert seen == sorted(seen)
     assert 0 <= seen[0] <= seen[-1] == 1
 
@@ -279,9 +246,8 @@ def test_progress_rises_to_one(name):
 def test_a_seam_between_equal_pieces_is_no_event(name):
     if PAIRS[name].draws_in_each_step:
         pytest.skip("other steps draw other numbers")
-    cut = (
-        ss.constant(1.0, 0.9).then(ss.constant(1.0, 0.7)).then(ss.ramp(1.0, -1.0, 1.0))
-    )
+    cut = ss.constant(1.0, 0.9).then(ss.constant(1.0, 0.7))
+    cut = cut.then(ss.ramp(1.0, -1.0, 1.0))
     moved = PAIRS[name].accuracy
     if PAIRS[name].one_by_one and PAIRS[name].body is CHAIN:
         # a contact may break on the other side of a sample
@@ -293,19 +259,13 @@ def test_a_seam_between_equal_pieces_is_no_event(name):
 def test_a_piece_ends_at_the_first_sample_where_its_condition_holds(name):
     force = 0.5 * float(run_of(name)["spring_force"].sel(time=slice(0.0, 1.6)).max())
     pulled = ss.constant(1.0, 1.6).until(ss.model.ForceAbove(force))
-    run = simulate(
-        PAIRS[name],
-        drive=pulled.then(ss.constant(-1.0, 3.0).until(ss.model.Travel(0.2))),
-        interval=0.02,
-    )
+    back = ss.constant(-1.0, 3.0).until(ss.model.Travel(0.2))
+    run = simulate(PAIRS[name], drive=pulled.then(back), interval=0.02)
     seam = int(np.flatnonzero(run["drive_velocity"] > 0)[-1])
     F = run["spring_force"].to_numpy()
     assert F[seam] >= force > F[:seam].max()
-    X = (
-        run["displacement"]
-        .mean([dim for dim in run["displacement"].dims if dim != "time"])
-        .to_numpy()
-    )
+    blocks = {*run["displacement"].dims} - {"time"}
+    X = run["displacement"].mean(blocks).to_numpy()
     far = np.abs(X[seam:] - X[seam])
     assert far[-1] >= 0.2 > far[:-1].max()
 
@@ -320,17 +280,14 @@ def test_backwards_is_the_mirror_image(name):
     # Whether counted ones that attach stretched are tried in the first step is up to
     # rounding.
     if isinstance(pair.method, ss.Population) and pair.interface.newborn is not None:
-        other_numbers = (
-            pair.interface.activation is not None or pair.interface.ageing is not None
-        )
+        ages = pair.interface.ageing is not None
+        other_numbers = pair.interface.activation is not None or ages
     # Rounding may cost a step of the master equation one more sweep, worth a thousandth
     # of its tolerance.
-    exact = (
-        1e-3 * pair.method.rtol if isinstance(pair.method, ss.MasterEquation) else 1e-8
-    )
-    assert apart(simulate(pair), back, sign=-1) < (
-        6 * NOISE / math.sqrt(pair.method.count) if other_numbers else exact
-    )
+    by_tolerance = isinstance(pair.method, ss.MasterEquation)
+    exact = 1e-3 * pair.method.rtol if by_tolerance else 1e-8
+    most = 6 * NOISE / math.sqrt(pair.method.count) if other_numbers else exact
+    assert apart(simulate(pair), back, sign=-1) < most
 
 
 @every_pair
@@ -362,21 +319,13 @@ def test_smooth_sliding_goes_on_with_the_steady_force(name):
     lifetimes = 8.0
     if not has_steady_force(pair.interface):
         pytest.skip("none in closed form")
-    run = simulate(
-        held_stiffly(pair),
-        drive=ss.constant(1.0, lifetimes),
-        interval=0.02,
-        start=ss.FromSliding(),
-    )
-    # A contact forgets its force in a life.
-    error = (
-        1e-4
-        if not isinstance(pair.method, STATISTICAL)
-        else 4 * NOISE / math.sqrt(contacts_of(pair) * lifetimes)
-    )
-    assert float(run["friction_force"].mean()) == pytest.approx(
-        ss.kinetic_friction(pair.interface, 1.0), abs=error
-    )
+    how = {"interval": 0.02, "start": ss.FromSliding()}
+    run = simulate(held_stiffly(pair), drive=ss.constant(1.0, lifetimes), **how)
+    error = 1e-4
+    if isinstance(pair.method, STATISTICAL):  # a contact forgets its force in a life
+        error = 4 * NOISE / math.sqrt(contacts_of(pair) * lifetimes)
+    force = ss.kinetic_friction(pair.interface, 1.0)
+    assert float(run["friction_force"].mean()) == pytest.approx(force, abs=error)
 
 
 @every_pair
@@ -389,53 +338,35 @@ def test_contacts_scatter_about_infinitely_many(name):
         pytest.skip("only one method takes it")
     seeds = 4
     count = 1_000 if pair.body is SLIDER else 100
-    drive = (
-        ss.constant(1.0, 1.5)
-        .then(ss.constant(-1.0, 1.5))
-        .then(ss.constant(0.0, 0.5))
-        .then(ss.constant(2.0, 0.5))
-    )
-    runs = [
-        replace(held_stiffly(PAIRS[alike]), method=ss.Contacts(count, seed=seed))
-        for seed in range(seeds)
-    ]
+    drive = ss.constant(1.0, 1.5).then(ss.constant(-1.0, 1.5))
+    drive = drive.then(ss.constant(0.0, 0.5)).then(ss.constant(2.0, 0.5))
+    held = held_stiffly(PAIRS[alike])
+    methods = (ss.Contacts(count, seed=seed) for seed in range(seeds))
+    runs = [replace(held, method=method) for method in methods]
     mean = sum(simulate(run, drive=drive) for run in runs) / seeds
     found = simulate(held_stiffly(pair), drive=drive)
-    error = (
-        4
-        * NOISE
-        * math.sqrt(
-            1 / (seeds * count) + isinstance(pair.method, ss.Population) / 2_000
-        )
-    )
+    counted = isinstance(pair.method, ss.Population) / 2_000
+    error = 4 * NOISE * math.sqrt(1 / (seeds * count) + counted)
     assert float(np.abs(found["friction_force"] - mean["friction_force"]).max()) < error
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in PAIRS if name.startswith("Population")]
-)
+POPULATIONS = [name for name in PAIRS if name.startswith("Population")]
+VARIABLES = "spring_force", "friction_force", "attached", "contact_energy"
+
+
+@pytest.mark.parametrize("name", POPULATIONS)
 def test_very_many_counted_contacts_are_infinitely_many(name):
     pair = PAIRS[name]
     exact = run_of(name.replace("Population", "MasterEquation"))
     for count, slack in ((10**9, 3e-4), (10**6, 3e-3)):
         run = simulate(replace(pair, method=ss.Population(count, seed=1)))
-        for variable in (
-            "spring_force",
-            "friction_force",
-            "attached",
-            "contact_energy",
-            "broken_energy",
-        ):
-            assert (
-                float(np.sqrt(((run[variable] - exact[variable]) ** 2).mean())) < slack
-            ), (variable, count)
+        for variable in (*VARIABLES, "broken_energy"):
+            away = float(np.sqrt(((run[variable] - exact[variable]) ** 2).mean()))
+            assert away < slack, (variable, count)
 
 
 @every_pair
 def test_the_work_of_a_run_is_estimated(name):
     pair = PAIRS[name]
-    assert (
-        0.0
-        < estimate(ss.Rig(pair.interface, pair.body, DRIVE, method=pair.method)).seconds
-        < math.inf
-    )
+    rig = ss.Rig(pair.interface, pair.body, DRIVE, method=pair.method)
+    assert 0.0 < estimate(rig).seconds < math.inf

@@ -17,20 +17,15 @@ START = ss.Gaussian(mean=0.0, std=0.2)
 SLIDER = ss.Slider(stiffness=2.0, mass=1e-2, damping=10.0)
 DELAYED = ss.Interface(thresholds=BROAD, delay=ss.Delay(0.1))
 AT_ONCE = ss.Interface(thresholds=BROAD, initial=START)
-INTERFACES = [
-    DELAYED,
-    ss.Interface(
-        thresholds=TENTH,
-        delay=ss.RandomDelay(mean=0.1, std=0.05),
-        newborn=ss.Uniform(low=0.0, high=0.2),
-    ),
-    ss.Interface(thresholds=TENTH, delay=ss.OnArrest(), slip_to_slip_scatter=0.2),
-    ss.Interface(thresholds=TENTH, ageing=ss.ExponentialGrowth(rate=2.0)),
-    ss.Interface(
-        thresholds=TENTH,
-        ageing=ss.model.TabulatedGrowth((0.1, 0.3, 1.0), (0.5, 1.0, 1.1)),
-    ),
+CURVE = ss.model.TabulatedGrowth((0.1, 0.3, 1.0), (0.5, 1.0, 1.1))
+SCATTERED = ss.RandomDelay(mean=0.1, std=0.05)
+FIELDS = [
+    {"delay": SCATTERED, "newborn": ss.Uniform(low=0.0, high=0.2)},
+    {"delay": ss.OnArrest(), "slip_to_slip_scatter": 0.2},
+    {"ageing": ss.ExponentialGrowth(rate=2.0)},
+    {"ageing": CURVE},
 ]
+INTERFACES = [DELAYED, *(ss.Interface(thresholds=TENTH, **more) for more in FIELDS)]
 FEW = ss.Contacts(200, seed=1)
 LENGTHS = ("displacement", "velocity", "spring_force", "friction_force")
 ENERGIES = ("kinetic_energy", "contact_energy", "damped_energy", "broken_energy")
@@ -60,9 +55,8 @@ def test_under_a_load_all_lengths_and_forces_are_as_much_larger(interface, start
     heavy = ss.simulate(usual.replace(drive=ss.constant(4.0, 5.0).under(4.0)))
     for name in LENGTHS:
         exact = 0.0 if interface.ageing is None else 1e-11
-        np.testing.assert_allclose(
-            heavy[name], 4.0 * run[name], rtol=exact, atol=exact, err_msg=name
-        )
+        expected = pytest.approx(4.0 * run[name].values, rel=exact, abs=exact)
+        assert heavy[name].values == expected, name
 
 
 def test_contacts_that_hold_keep_their_strength_and_sliding_reaches_the_new_friction():
@@ -74,9 +68,8 @@ def test_contacts_that_hold_keep_their_strength_and_sliding_reaches_the_new_fric
     after = ss.simulate(rig.replace(drive=drive.under([(20.0, 1.0), (20.0, 3.0)])))
     force = after["friction_force"]
     early = slice(0.0, 20.0)
-    np.testing.assert_array_equal(
-        force.sel(time=early), before["friction_force"].sel(time=early)
-    )
+    expected = before["friction_force"].sel(time=early)
+    np.testing.assert_array_equal(force.sel(time=early), expected)
     just_after = force.sel(time=20.01, method="nearest")
     assert just_after == pytest.approx(float(force.sel(time=early)[-1]), abs=0.02)
     # a renewal is some 3 x_s here
@@ -130,9 +123,8 @@ def test_a_force_moves_a_mass_beyond_the_static_friction_by_what_it_has_in_exces
     slow = ss.simulate(pulled(AT_ONCE, rises, Mass(mass=0.01, damping=5.0), many))
     onset = slow["spring_force"][int(np.argmax(slow["velocity"].values > 0.5))]
     assert onset == pytest.approx(static, abs=4.0 * noise)
-    sticks = ss.simulate(
-        pulled(AT_ONCE, pull(0.5 * static, duration=50.0), Mass(mass=0.1), many)
-    )
+    half = pull(0.5 * static, duration=50.0)
+    sticks = ss.simulate(pulled(AT_ONCE, half, Mass(mass=0.1), many))
     assert sticks["displacement"].max() < 1.5
     pushed = pulled(AT_ONCE, pull(2.0 * static, duration=20.0), Mass(mass=2.0), many)
     run = ss.simulate(pushed)
@@ -154,9 +146,8 @@ def test_a_mass_that_nothing_holds_moves_as_newton_says(damping):
         part = run.sel(time=slice(begin, end - 1e-9))
         assert not part["attached"].any()
         t = part["time"].values - float(part["time"][0])
-        assert float(part["spring_force"][0]) == pytest.approx(
-            first + rate * (float(part["time"][0]) - begin), abs=1e-12
-        )
+        expected = first + rate * (float(part["time"][0]) - begin)
+        assert float(part["spring_force"][0]) == pytest.approx(expected, abs=1e-12)
         force = float(part["spring_force"][0])
         v = float(part["velocity"][0])
         if damping == 0.0:
@@ -168,15 +159,14 @@ def test_a_mass_that_nothing_holds_moves_as_newton_says(damping):
         np.testing.assert_allclose(part["velocity"], exact, atol=1e-11)
 
 
+STEPPED = ss.ramp(1.0, 2.0, 0.6).under([(0.0, 1.0), (0.3, 2.0)])
+
+
 @pytest.mark.parametrize(
     ("slider", "first", "second"),
     [
         (SLIDER, ss.constant(1.0, 0.7).under(2.0), ss.ramp(1.0, 0.2, 0.6)),
-        (
-            SLIDER,
-            ss.constant(1.0, 0.7),
-            ss.ramp(1.0, 2.0, 0.6).under([(0.0, 1.0), (0.3, 2.0)]),
-        ),
+        (SLIDER, ss.constant(1.0, 0.7), STEPPED),
         (Mass(mass=0.1), pull(0.0, 0.9, duration=0.7), pull(0.3, duration=0.6)),
     ],
     ids=["load stays", "load", "force"],
@@ -196,25 +186,18 @@ INTERFACE = {
     "thresholds": {"distribution": "gaussian", "std": 0.1},
     "delay": "1 ms",
 }
+LOADED = {"velocity": "1 mm/s", "duration": "20 ms"}
 BRAKE = {
     "slider": {"mass": "1 kg", "stiffness": "1 MN/m", "damping": "10 1/s"},
     "interface": INTERFACE,
-    "drive": {
-        "velocity": "1 mm/s",
-        "duration": "20 ms",
-        "load": [["0 s", "100 N"], ["7.3 ms", 1.7]],
-    },
+    "drive": LOADED | {"load": [["0 s", "100 N"], ["7.3 ms", 1.7]]},
     "simulation": {"contacts": 100},
 }
-WEIGHT = BRAKE | {
-    "slider": {"mass": "1 kg"},
-    "drive": {
-        "force": [
-            {"start": "-3 N", "end": "90 N", "duration": "7.7 ms"},
-            {"start": "60 N", "end": "60 N", "duration": "1.1 ms"},
-        ],
-    },
-}
+FORCES = [
+    {"start": "-3 N", "end": "90 N", "duration": "7.7 ms"},
+    {"start": "60 N", "end": "60 N", "duration": "1.1 ms"},
+]
+WEIGHT = BRAKE | {"slider": {"mass": "1 kg"}, "drive": {"force": FORCES}}
 
 
 def test_a_file_gives_loads_and_forces_at_times():
@@ -275,9 +258,8 @@ def test_a_load_in_newtons_needs_the_normal_load_and_a_force_no_spring():
 LOADED = pulled(DELAYED, ss.constant(1.0, 5.0).under(2.0))
 FORCED = pulled(DELAYED, pull(0.3, duration=5.0), Mass(mass=1.0))
 CHAIN = ss.Chain(blocks=3, coupling=9.0, mass=1.0, damping=0.1, leaf=0.2)
-MODES = ss.model.Modes(
-    masses=(1.0,), stiffnesses=(1.0,), dampings=(0.1,), contact=(1.0,)
-)
+ONE = {"masses": (1.0,), "stiffnesses": (1.0,), "dampings": (0.1,)}
+MODES = ss.model.Modes(**ONE, contact=(1.0,))
 
 
 def of(rig, **mechanism):

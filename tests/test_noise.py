@@ -15,30 +15,20 @@ from stickslip.stability import contact_noise, dynamic_stiffness
 
 SLIDER = ss.Slider(stiffness=3.0, mass=1e-3, damping=40.0)
 TENTHS = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), delay=ss.Delay(0.1))
+SCATTERED = ss.RandomDelay(mean=0.1, std=0.08, negative="redraw")
+ALIKE = ss.Gaussian(mean=0.2, std=0.0)
+ON_AREAS = {"thresholds": None, "areas": ss.model.Areas(ss.Exponential(mean=1.0))}
+WEIBULL = replace(TENTHS, thresholds=ss.Weibull(scale=1.1, shape=2.5))
+STRETCHED = {"newborn": ss.Uniform(low=-0.1, high=0.4), "sliding_force": 0.2}
 DRAWN = {  # newborns of different stretchings, contacts of different areas
-    "newborns": ss.Interface(
-        thresholds=ss.Weibull(scale=1.1, shape=2.5),
-        delay=ss.Delay(0.1),
-        newborn=ss.Uniform(low=-0.1, high=0.4),
-        sliding_force=0.2,
-    ),
-    "areas": replace(
-        TENTHS,
-        thresholds=None,
-        areas=ss.model.Areas(ss.Exponential(mean=1.0)),
-        sliding_force=0.1,
-    ),
+    "newborns": replace(WEIBULL, **STRETCHED),
+    "areas": replace(TENTHS, sliding_force=0.1, **ON_AREAS),
 }
 INTERFACES = {
     "delay": TENTHS,
     "none": ss.Interface(thresholds=ss.LogNormal(mean=1.0, std=0.4)),
-    "random delay": ss.Interface(
-        thresholds=ss.Gamma(mean=1.0, std=0.6),
-        delay=ss.RandomDelay(mean=0.1, std=0.08, negative="redraw"),
-    ),
-    "sliding force": replace(
-        TENTHS, sliding_force=0.3, newborn=ss.Gaussian(mean=0.2, std=0.0)
-    ),
+    "random delay": ss.Interface(thresholds=ss.Gamma(1.0, 0.6), delay=SCATTERED),
+    "sliding force": replace(TENTHS, sliding_force=0.3, newborn=ALIKE),
     "Bell": replace(TENTHS, activation=ss.Bell(width=0.02, attempts=1e4)),
     "growth": replace(TENTHS, ageing=ss.LogarithmicGrowth(slope=0.02, time=1e-3)),
     "Langevin": replace(TENTHS, ageing=ss.Langevin(rate=1.5, newborn=0.2)),
@@ -46,13 +36,8 @@ INTERFACES = {
 
 
 def rig_of(interface, count=1000, slider=SLIDER, velocity=1.0):
-    return ss.Rig(
-        interface,
-        slider,
-        ss.constant(velocity),
-        method=ss.Contacts(count),
-        start=ss.FromSliding(),
-    )
+    how = {"method": ss.Contacts(count), "start": ss.FromSliding()}
+    return ss.Rig(interface, slider, ss.constant(velocity), **how)
 
 
 def in_runs(rig, noise, error, seeds=3):
@@ -65,16 +50,14 @@ def in_runs(rig, noise, error, seeds=3):
     force = []
     velocity = []
     for seed in range(seeds):
-        run = ss.simulate(
-            rig.replace(drive=ss.constant(rig.velocity, duration=warm + duration)),
-            method=replace(rig.method, seed=seed),
-            output=ss.Output(interval=interval),
-        ).sel(time=slice(warm, None))
+        drive = ss.constant(rig.velocity, duration=warm + duration)
+        how = {"method": replace(rig.method, seed=seed)}
+        how["output"] = ss.Output(interval=interval)
+        run = ss.simulate(rig.replace(drive=drive), **how).sel(time=slice(warm, None))
         force.append(float(run.spring_force.var()) + white / duration)
         velocity.append(float(run.velocity.var()))
-    return math.sqrt(np.mean(force)) / noise.spring_force, math.sqrt(
-        np.mean(velocity)
-    ) / noise.velocity
+    ratio = math.sqrt(np.mean(force)) / noise.spring_force
+    return ratio, math.sqrt(np.mean(velocity)) / noise.velocity
 
 
 @pytest.mark.parametrize("interface", INTERFACES.values(), ids=INTERFACES)
@@ -97,10 +80,8 @@ LIGHT = {  # rate, std, newborn; stiffness, mass, damping
 
 
 def light_rig(rate, std, newborn, stiffness, mass, damping):
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=std),
-        ageing=ss.Langevin(rate=rate, newborn=newborn),
-    )
+    ageing = ss.Langevin(rate=rate, newborn=newborn)
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=std), ageing=ageing)
     slider = ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
     rig = rig_of(interface, 1000, slider)
     assert ss.stability.count_unstable(rig) == 0
@@ -139,16 +120,13 @@ def test_on_a_stiff_spring_the_noise_is_that_of_the_contacts(distribution):
     moment = [distribution.positive().moment(order) for order in range(4)]
     slider = ss.Slider(stiffness=1e4, mass=1e-4, damping=2e4)
     for tau, pull in ((0.0, 0.0), (delay, 0.0), (delay, force)):
-        interface = ss.Interface(
-            thresholds=distribution, delay=ss.Delay(tau), sliding_force=pull
-        )
+        contacts = ss.Interface(thresholds=distribution, delay=ss.Delay(tau))
+        interface = replace(contacts, sliding_force=pull)
         way = moment[1] + velocity * tau
         square = (moment[3] / 3.0 + pull**2 * velocity * tau) / way
         mean = (moment[2] / 2.0 + pull * velocity * tau) / way
-        found = (
-            contact_noise(rig_of(interface, 100, slider, velocity)).spring_force ** 2
-            * 100
-        )
+        found = contact_noise(rig_of(interface, 100, slider, velocity))
+        found = found.spring_force**2 * 100
         # squares, by time
         jumps = (moment[2] - 2.0 * pull * moment[1] + 2.0 * pull**2) * velocity / way
         lost = 4.0 * jumps / (math.pi * slider.frequency)
@@ -160,18 +138,14 @@ def test_on_a_stiff_spring_the_noise_is_that_of_the_contacts(distribution):
 def test_newborns_that_scatter_hardly_answer_as_those_that_do_not(std, sliding_force):
     thresholds = ss.Gaussian(mean=1.0, std=std)
     born = (ss.Gaussian(mean=0.2, std=part * std) for part in (0.0, 5e-4))
-    alike, nearly = (
-        replace(TENTHS, thresholds=thresholds, newborn=x, sliding_force=sliding_force)
-        for x in born
-    )
+    contacts = replace(TENTHS, thresholds=thresholds, sliding_force=sliding_force)
+    alike, nearly = (replace(contacts, newborn=x) for x in born)
     s = 1j * np.array([0.01, 1.0, 6.0, 30.0, 300.0])
-    assert dynamic_stiffness(nearly, 1.0, s) == pytest.approx(
-        dynamic_stiffness(alike, 1.0, s), abs=1e-6
-    )
-    sizes = [
-        contact_noise(rig_of(x, slider=replace(SLIDER, stiffness=30.0))).spring_force
-        for x in (alike, nearly)
-    ]
+    kappa = dynamic_stiffness(alike, 1.0, s)
+    assert dynamic_stiffness(nearly, 1.0, s) == pytest.approx(kappa, abs=1e-6)
+    stiff = replace(SLIDER, stiffness=30.0)
+    rigs = (rig_of(interface, slider=stiff) for interface in (alike, nearly))
+    sizes = [contact_noise(rig).spring_force for rig in rigs]
     assert sizes[1] == pytest.approx(sizes[0], rel=1e-6)
 
 
@@ -180,9 +154,8 @@ def test_how_many_contacts_a_size_takes():
     least = noise.contacts_for(0.01)
     assert contact_noise(rig_of(TENTHS, least)).relative_force <= 0.01
     assert contact_noise(rig_of(TENTHS), contacts=least - 1).relative_force > 0.01
-    assert noise.spring_force == pytest.approx(
-        5.0 * contact_noise(rig_of(TENTHS, 10_000)).spring_force, rel=1e-12
-    )
+    many = 5.0 * contact_noise(rig_of(TENTHS, 10_000)).spring_force
+    assert noise.spring_force == pytest.approx(many, rel=1e-12)
 
 
 def test_near_the_limit_the_noise_grows_and_is_remembered_for_half_the_time_of_decay():
@@ -190,14 +163,12 @@ def test_near_the_limit_the_noise_grows_and_is_remembered_for_half_the_time_of_d
     narrow = replace(TENTHS, thresholds=ss.Gaussian(mean=1.0, std=0.1))
     rig = rig_of(narrow, slider=ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4))
     edge = ss.critical(rig, "delay", between=(0.05, 0.3)).edges[0].value
-    near, nearer = (
-        contact_noise(rig.replace(delay=edge * part)) for part in (0.99, 0.998)
-    )
+    rigs = (rig.replace(delay=edge * part) for part in (0.99, 0.998))
+    near, nearer = map(contact_noise, rigs)
     for noise in (near, nearer):
         assert noise.memory == pytest.approx(-0.5 / noise.growth_rate, rel=0.1)
-    assert nearer.spring_force / near.spring_force == pytest.approx(
-        math.sqrt(nearer.memory / near.memory), rel=0.05
-    )
+    ratio = pytest.approx(math.sqrt(nearer.memory / near.memory), rel=0.05)
+    assert nearer.spring_force / near.spring_force == ratio
     with pytest.raises(InputError, match="unstable, with 2 growing modes"):
         contact_noise(rig.replace(delay=1.01 * edge))
 
@@ -207,16 +178,14 @@ def test_spectra_hold_the_sizes_in_the_units_of_the_rig():
     scales = ss.model.Scales(force=300.0, stretching=2e-6, time=1e-3)
     found = contact_noise(replace(rig_of(TENTHS), scales=scales))
     for name, unit in (("spring_force", "f_s"), ("velocity", "x_s/time")):
-        assert getattr(found, name) == pytest.approx(
-            scales.unit(unit) * getattr(natural, name), rel=1e-12
-        )
+        expected = scales.unit(unit) * getattr(natural, name)
+        assert getattr(found, name) == pytest.approx(expected, rel=1e-12)
         square = float(found.spectrum[name].integrate("frequency"))
         # by trapezia
         assert square == pytest.approx(getattr(found, name) ** 2, rel=0.02)
     assert found.spectrum.velocity.units == "(m/s)^2 / Hz"
-    assert str(found).startswith(
-        "smooth sliding with 1000 contacts: the spring force fluctuates by 2"
-    )
+    said = "smooth sliding with 1000 contacts: the spring force fluctuates by 2"
+    assert str(found).startswith(said)
     assert found.plot().axes[0].get_xlabel() == "frequency [Hz]"
     assert found.to_dict()["contacts_for_5_percent"] == natural.contacts_for(0.05)
 
@@ -224,10 +193,8 @@ def test_spectra_hold_the_sizes_in_the_units_of_the_rig():
 def test_beyond_linear_theory_the_answer_says_so():
     few = contact_noise(rig_of(TENTHS, 3))
     assert not few.linear
-    assert (
-        f"theory holds from {few.contacts_for(1.0, of='velocity')} contacts on"
-        in str(few)
-    )
+    least = few.contacts_for(1.0, of="velocity")
+    assert f"theory holds from {least} contacts on" in str(few)
 
 
 def test_contacts_that_draw_answer_beyond_all_memory():

@@ -72,11 +72,12 @@ otherwise on other processors.
 """
 STEP = ("--step-at", "11676.28 s", "--from", "3 um/s", "--to", "10 um/s")
 EXPORT = ("--load", "2 kN", "--area", "1 cm^2")
+TO_EXPORT = "rsf", "warm.toml", "--law", "slip", "--export"
+MAP = "map", "small.toml", "--points"
+BRIEF = ("--fast",)
 CASES = {
-    **{
-        f"predict {name}": ("predict", name, "--fast", "--details") for name in EXAMPLES
-    },
-    **{f"predict {name}, short": ("predict", name, "--fast") for name in EXAMPLES},
+    **{f"predict {each}": ("predict", each, *BRIEF, "--details") for each in EXAMPLES},
+    **{f"predict {each}, short": ("predict", each, *BRIEF) for each in EXAMPLES},
     "predict small": ("predict", "small.toml", "--details"),
     "predict small, short": ("predict", "small.toml"),
     "predict small as JSON": ("predict", "small.toml", "--fast", "--json"),
@@ -89,29 +90,11 @@ CASES = {
     "rsf warm": ("rsf", "warm.toml", "--load", "2 kN"),
     "rsf warm as JSON": ("rsf", "warm.toml", "--load", "2 kN", "--json"),
     "rsf, holds": ("rsf", "warm.toml", "--holds", "1 s, 10 s, 100 s"),
-    **{
-        f"rsf to {name}": (
-            "rsf",
-            "warm.toml",
-            "--law",
-            "slip",
-            "--export",
-            name,
-            *EXPORT,
-        )
-        for name in ("qdyn", "rsfmodel")
-    },
+    "rsf to qdyn": (*TO_EXPORT, "qdyn", *EXPORT),
+    "rsf to rsfmodel": (*TO_EXPORT, "rsfmodel", *EXPORT),
     "rsf of a step": ("rsf", "basalt.txt", *STEP),
     "map small": ("map", "small.toml", "--points", "8", "-o", "map.png"),
-    "map small, bistable": (
-        "map",
-        "small.toml",
-        "--points",
-        "4",
-        "--bistable",
-        "-o",
-        "map.png",
-    ),
+    "map small, bistable": (*MAP, "4", "--bistable", "-o", "map.png"),
     "sweep": ("sweep", "study.toml", "--store", "cases.sqlite"),
 }
 
@@ -120,17 +103,12 @@ CASES = {
 def bench(tmp_path_factory, request):
     """A folder with rigs, runs, and traces."""
     folder = tmp_path_factory.mktemp("bench")
-    for name, text in {
-        "small": SMALL,
-        "warm": WARM,
-        "bar": BAR,
-        "study": STUDY,
-    }.items():
+    texts = {"small": SMALL, "warm": WARM, "bar": BAR, "study": STUDY}
+    for name, text in texts.items():
         (folder / f"{name}.toml").write_text(text)
     for name in ("small", "bar"):
-        ss.save(
-            ss.simulate(ss.read_rig(folder / f"{name}.toml")), folder / f"{name}.nc"
-        )
+        run = ss.simulate(ss.read_rig(folder / f"{name}.toml"))
+        ss.save(run, folder / f"{name}.nc")
     data = request.config.rootpath / "tests" / "data"
     shutil.copy(data / "guldstrand_force7.txt", folder / "force.txt")
     shutil.copy(data / "giacomel_basalt_step.txt", folder / "basalt.txt")
@@ -139,20 +117,16 @@ def bench(tmp_path_factory, request):
 
 # a search for mitigations, cycles at many points
 DEAR = ("predict small", "predict small, short", "map small, bistable")
+MARKS = dict.fromkeys(DEAR, pytest.mark.slow)
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name
-        for name in CASES
-    ],
+    "name", [pytest.param(name, marks=MARKS.get(name, ())) for name in CASES]
 )
 def test_commands_say_what_they_said(name, bench, tmp_path, monkeypatch, capsys):
     folder = shutil.copytree(bench, tmp_path / "bench")
     monkeypatch.chdir(folder)
     monkeypatch.setenv("COLUMNS", "100")
     assert cli.main(CASES[name]) == 0
-    assert_kept(
-        capsys.readouterr().out, f"told_{name.replace(',', '').replace(' ', '_')}"
-    )
+    kept = name.replace(",", "").replace(" ", "_")
+    assert_kept(capsys.readouterr().out, f"told_{kept}")

@@ -93,20 +93,14 @@ def test_picture_is_what_it_was_and_its_words_stay_within(quick, name):
     FigureCanvasAgg(picture).draw()
     for ax in picture.axes:
         assert ax.has_data() or not ax.axison
-        labels = [
-            axis.label
-            for axis in (ax.xaxis, ax.yaxis)
-            if axis.get_visible() and ax.axison
-        ]
-        for words in [
-            *labels,
-            *(each for each in ax.get_children() if isinstance(each, Text)),
-        ]:
+        both = (ax.xaxis, ax.yaxis) if ax.axison else ()
+        axes = [axis for axis in both if axis.get_visible()]
+        texts = [each for each in ax.get_children() if isinstance(each, Text)]
+        for words in [*(axis.label for axis in axes), *texts]:
             box = words.get_window_extent()
             page = picture.bbox.padded(1)
-            assert not words.get_text() or (
-                page.contains(*box.min) and page.contains(*box.max)
-            ), words
+            inside = page.contains(*box.min) and page.contains(*box.max)
+            assert inside or not words.get_text(), words
 
 
 @pytest.mark.parametrize("name", QUICKLY)
@@ -117,10 +111,8 @@ def test_data_are_labelled_and_go_through_a_file(quick, name, tmp_path):
     loaded = store.load(store.save(data, tmp_path / "data.nc"))
     xr.testing.assert_identical(loaded, data)
     assert store.read_provenance(loaded)["arguments"] == {"figure": name, "quick": True}
-    told, before = (
-        json.dumps([c.plain() for c in FIGURES[name].check(each)])
-        for each in (loaded, data)
-    )
+    checks = (FIGURES[name].check(each) for each in (loaded, data))
+    told, before = (json.dumps([claim.plain() for claim in check]) for check in checks)
     assert told == before
 
 
@@ -154,33 +146,25 @@ OTHERWISE = [
 
 
 @pytest.mark.parametrize(("claimed", "where", "value", "verdict"), OTHERWISE)
-def test_data_that_say_otherwise_fail_their_claim(
-    quick, claimed, where, value, verdict
-):
+def test_data_that_differ_fail_their_claim(quick, claimed, where, value, verdict):
     figure, number, name = claimed.split()
     data = quick(figure).copy(deep=True)
-    data[name].loc[where] = (
-        data.get(value) if isinstance(value, str) and value in data else value
-    )
-    (claim,) = (
-        claim for claim in FIGURES[figure].check(data) if claim.number == int(number)
-    )
+    is_name = isinstance(value, str) and value in data
+    data[name].loc[where] = data[value] if is_name else value
+    claims = FIGURES[figure].check(data)
+    (claim,) = (claim for claim in claims if claim.number == int(number))
     assert claim.verdict == verdict
     assert not claim.ok
     assert f"expected: {claim.settled}" in str(claim)
 
 
+CASES = [(FIG5.interface, reference.INSTABILITY_NEVER)]
+CASES += [(FIG2.interface, reference.INSTABILITY)]
+
+
 @pytest.mark.eq(6, 7)
-@pytest.mark.parametrize(
-    ("interface", "expected"),
-    [
-        (FIG5.interface, reference.INSTABILITY_NEVER),
-        (FIG2.interface, reference.INSTABILITY),
-    ],
-)
-def test_instability_is_where_the_stiffness_of_the_interface_reaches_that_of_the_spring(
-    interface, expected
-):
+@pytest.mark.parametrize(("interface", "expected"), CASES)
+def test_instability_is_where_interface_and_spring_are_as_stiff(interface, expected):
     found = first_instability(interface, 2.0)
     assert found == pytest.approx(expected, abs=1e-4)
     assert effective_stiffness(interface, [found[0]]) == pytest.approx(2.0, abs=1e-6)
@@ -198,13 +182,8 @@ def test_fig_4_smooth_sliding_carries_the_mean_force_of_the_closed_form(quick):
 
 
 def claim(value=2.9891, **said):
-    return claim_from(
-        6,
-        "K* = 3.59",
-        near("K*", value, 2.989, 0.003, "k"),
-        evidence="computed",
-        **said,
-    )
+    measured = near("K*", value, 2.989, 0.003, "k")
+    return claim_from(6, "K* = 3.59", measured, evidence="computed", **said)
 
 
 @pytest.mark.parametrize(
@@ -218,9 +197,8 @@ def claim(value=2.9891, **said):
         ({"value": math.nan}, NOT, PRINTED),
     ],
 )
-def test_a_claim_holds_where_the_verdict_is_the_settled_one_and_its_numbers_are_met(
-    said, verdict, settled
-):
+def test_a_claim_holds_where_its_numbers_are_met(said, verdict, settled):
+    """It holds where its verdict is the settled one, too."""
     made = claim(**said)
     assert (made.verdict, made.settled) == (verdict, settled)
     assert made.ok == (verdict == settled and said.get("value", 2.9891) == 2.9891)

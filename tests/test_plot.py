@@ -41,52 +41,42 @@ def trace():
     """A sawtooth as a bench gives it: a force and nothing else."""
     t = 0.25 * np.arange(800)
     force = 8.0 + 4.0 * (t / 7.0 % 1.0) + 0.02 * np.sin(37.0 * t)
-    return xr.Dataset(
-        {
-            "spring_force": (
-                "time",
-                force,
-                {"units": "N", "long_name": "spring force"},
-            ),
-            "filled": ("time", t == 50.0),
-        },
-        coords={"time": ("time", t, {"units": "s", "long_name": "time"})},
-    )
+    units = {"units": "N", "long_name": "spring force"}
+    variables = {"spring_force": ("time", force, units)}
+    variables["filled"] = ("time", t == 50.0)
+    time = ("time", t, {"units": "s", "long_name": "time"})
+    return xr.Dataset(variables, {"time": time})
 
 
 # ---------------------------------------------------------------- what is drawn
 
 
 def test_the_module_draws_what_it_is_called_with(run):
-    assert [ax.get_title() for ax in plot(run).axes] == [
-        ax.get_title() for ax in plot.overview(run).axes
-    ]
+    both = plot(run), plot.overview(run)
+    titles = [[ax.get_title() for ax in figure.axes] for figure in both]
+    assert titles[0] == titles[1]
     rig = example("precision_stage")
     for no_picture in (3, run["spring_force"], rig):
         with pytest.raises(InputError, match="there is no picture"):
             plot(no_picture)
 
 
-def test_a_run_is_seen_as_a_film_and_heard_at_its_own_pitch(
-    run, trace, tmp_path, monkeypatch
-):
+def test_a_run_is_seen_and_heard_at_its_own_pitch(run, trace, tmp_path, monkeypatch):
     monkeypatch.setattr(film, "_FRAMES", 5)
     made = simulate(example("brake_pad"))
     for name in ("film.gif", "brake.wav"):
         store.save(made, tmp_path / "run.nc")
         assert cli.main(["plot", str(tmp_path / "run.nc"), str(tmp_path / name)]) == 0
     with Image.open(tmp_path / "film.gif") as pictures:
-        seen = [
-            pictures.convert("L").tobytes() for _ in ImageSequence.Iterator(pictures)
-        ]
+        frames = ImageSequence.Iterator(pictures)
+        seen = [pictures.convert("L").tobytes() for _ in frames]
     assert len(set(seen)) == 5
     rate, samples = wavfile.read(tmp_path / "brake.wav")
     assert samples.size / rate == pytest.approx(float(made["time"][-1]), abs=2 / rate)
     loudest = np.abs(np.fft.rfft(samples * np.hanning(samples.size)))[3:].argmax() + 3
     heard = regime(made)
-    assert loudest * rate / samples.size == pytest.approx(
-        1.0 / heard.period, abs=rate / samples.size
-    )
+    step = rate / samples.size
+    assert loudest * step == pytest.approx(1.0 / heard.period, abs=step)
     with pytest.raises(InputError, match=r"0.143 Hz is not heard.*--kind contacts"):
         plot.sound(trace)
     with pytest.raises(InputError, match="give the rig in SI units"):
@@ -99,9 +89,8 @@ def test_a_run_is_seen_as_a_film_and_heard_at_its_own_pitch(
 
 def test_only_what_is_printed_has_a_prefix(run_si):
     _, speed, _ = plot.overview(run_si).axes
-    assert speed.lines[0].get_ydata().max() == pytest.approx(
-        float(run_si["velocity"].max())
-    )
+    fastest = float(run_si["velocity"].max())
+    assert speed.lines[0].get_ydata().max() == pytest.approx(fastest)
     assert speed.yaxis.get_major_formatter()(0.002, 0) == "2"
 
 
@@ -122,10 +111,10 @@ def test_a_legend_below_stays_within_its_picture(width):
     assert figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["overview", "force_trace", "velocity", "attached", "phase_portrait", "energy"],
-)
+NAMES = "overview", "force_trace", "velocity", "attached", "phase_portrait", "energy"
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_pictures_of_a_run_are_what_they_were(run_si, name):
     shown = getattr(plot, name)(run_si)
     assert_drawn(shown if isinstance(shown, Figure) else shown.figure, f"run_{name}")
@@ -133,41 +122,32 @@ def test_pictures_of_a_run_are_what_they_were(run_si, name):
 
 def test_other_pictures_are_what_they_were(run, trace):
     assert_drawn(plot.overview(trace), "trace_overview")  # the force alone
-    assert_drawn(
-        plot.side_by_side(run, run.isel(time=slice(1000, None))), "side_by_side"
-    )
+    late = run.isel(time=slice(1000, None))
+    assert_drawn(plot.side_by_side(run, late), "side_by_side")
 
 
 def test_energies_stack_up_to_the_work(run):
     ax = plot.energy(run)
     top = ax.collections[-1].get_paths()[0].vertices[:, 1].max()
     # The contacts start with a little of their own.
-    assert top == pytest.approx(
-        float(run["work"].max() + run["contact_energy"][0]), rel=1e-9
-    )
+    energy = float(run["work"].max() + run["contact_energy"][0])
+    assert top == pytest.approx(energy, rel=1e-9)
 
 
 def test_speeds_at_which_a_rig_works_are_drawn():
     document = tomllib.loads(example_file("brake_pad").read_text(encoding="utf-8"))
     document["drive"] = {"velocity": ["20 mm/s", "1 m/s"]}
     answer = predict(read_rig(document), fast=True)
-    dashed = [
-        line
-        for ax in answer.plot().axes
-        for line in ax.lines
-        if line.get_linewidth() == 0.9
-    ]
+    lines = (line for ax in answer.plot().axes for line in ax.lines)
+    dashed = [line for line in lines if line.get_linewidth() == 0.9]
     assert [line.get_xdata()[0] for line in dashed][:2] == pytest.approx([0.02, 1.0])
 
 
 def test_velocity_goes_logarithmic_for_violent_slips(run):
     violent = run.assign(velocity=100.0 * run["velocity"])
     axes = plot.velocity(violent)
-    shown = (
-        plot.velocity(run),
-        plot.velocity(violent.drop_vars("drive_velocity")),
-        axes,
-    )
+    unknown = plot.velocity(violent.drop_vars("drive_velocity"))
+    shown = plot.velocity(run), unknown, axes
     assert [ax.get_yscale() for ax in shown] == ["linear", "linear", "symlog"]
     drive = float(run["drive_velocity"].max())
     label = axes.yaxis.get_major_formatter()
@@ -187,21 +167,16 @@ def test_a_long_line_is_drawn_by_its_envelope(trace):
     assert plot.force_trace(trace).lines[0].get_ydata().size == 800
 
 
+WITHOUT = "no variable velocity; it has: spring_force"
+
+
 @pytest.mark.parametrize(
     ("picture", "of", "message"),
     [
-        (
-            "velocity",
-            lambda _, trace: trace,
-            "no variable velocity; it has: spring_force",
-        ),
+        ("velocity", lambda _, trace: trace, WITHOUT),
         ("energy", lambda _, trace: trace, "no variable broken_energy"),
         ("overview", lambda *_: xr.Dataset(), "no variable spring_force"),
-        (
-            "force_trace",
-            lambda run, _: xr.concat([run, run], "case"),
-            "along time alone",
-        ),
+        ("force_trace", lambda run, _: xr.concat([run, run], "n"), "along time alone"),
     ],
 )
 def test_what_is_not_there_is_named(run, trace, picture, of, message):
@@ -218,10 +193,10 @@ def test_style_does_not_leak(run):
 # ---------------------------------------------------------------- files
 
 
-@pytest.mark.parametrize(
-    ("suffix", "head"),
-    [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("PNG", b"\x89PNG")],
-)
+HEADS = ("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("PNG", b"\x89PNG")
+
+
+@pytest.mark.parametrize(("suffix", "head"), HEADS)
 def test_save_by_suffix(run, tmp_path, suffix, head):
     path = plot.save(plot.overview(run), tmp_path / f"run.{suffix}")
     assert path.read_bytes().startswith(head)
@@ -230,10 +205,8 @@ def test_save_by_suffix(run, tmp_path, suffix, head):
 
 def test_the_same_figure_gives_the_same_bytes(run, tmp_path):
     for suffix in ("svg", "pdf"):
-        one, two = (
-            plot.save(plot.force_trace(run).figure, tmp_path / f"{i}.{suffix}")
-            for i in "ab"
-        )
+        files = (tmp_path / f"{i}.{suffix}" for i in "ab")
+        one, two = (plot.save(plot.force_trace(run).figure, file) for file in files)
         assert one.read_bytes() == two.read_bytes()
 
 

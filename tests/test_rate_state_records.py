@@ -38,13 +38,9 @@ def record_of(
     friction = 0.6 + rock.slide(time, pull, stiffness=stiffness)[0] + trend * place
     friction = friction + rng.normal(0.0, noise, time.size)
     read = place + rng.normal(0.0, jitter, time.size)
-    return xr.Dataset(
-        {
-            "mu": ("time", friction),
-            "measured_displacement": ("time", read, {"units": "um"}),
-        },
-        coords={"time": ("time", time, {"units": "s"})},
-    )
+    variables = {"mu": ("time", friction)}
+    variables["measured_displacement"] = ("time", read, {"units": "um"})
+    return xr.Dataset(variables, {"time": ("time", time, {"units": "s"})})
 
 
 def steps_of(seed=0, **how):
@@ -53,15 +49,10 @@ def steps_of(seed=0, **how):
 
 def pulls(fit, rock=ROCK):
     """How many of their errors the estimates are off."""
-    return [
-        (found - true) / found.error
-        for found, true in (
-            (fit.a, rock.a),
-            (fit.b, rock.b),
-            (fit.distance, rock.distance),
-            (fit.a_minus_b, rock.a - rock.b),
-        )
-    ]
+    found = fit.a, fit.b, fit.distance, fit.a_minus_b
+    true = rock.a, rock.b, rock.distance, rock.a - rock.b
+    pairs = zip(found, true, strict=True)
+    return [(value - known) / value.error for value, known in pairs]
 
 
 SLIP = RateAndState(law="slip", a=0.01, b=0.008, distance=7.0)
@@ -80,9 +71,8 @@ def test_all_steps_of_a_record_are_found_and_fitted(how):
     rock = how.get("rock", ROCK)
     assert found.law == rock.law
     assert not found.refused
-    assert [fit.step.before for fit in found.steps] == pytest.approx(
-        SPEEDS[:-1], rel=1e-3
-    )
+    before = [fit.step.before for fit in found.steps]
+    assert before == pytest.approx(SPEEDS[:-1], rel=1e-3)
     for fit, time in zip(found.steps, BEGINS[1:], strict=True):
         assert abs(fit.at - time) < 4.0 * fit.at.error < 0.1
         assert np.all(np.abs(pulls(fit, rock)) < 4.0)
@@ -94,13 +84,8 @@ def test_all_steps_of_a_record_are_found_and_fitted(how):
 
 @pytest.mark.slow
 def test_errors_of_the_steps_of_twenty_records_are_honest():
-    off = np.array(
-        [
-            pulls(fit)
-            for seed in range(20)
-            for fit in fit_record(steps_of(seed), law="ageing").steps
-        ]
-    )
+    found = (fit_record(steps_of(seed), law="ageing") for seed in range(20))
+    off = np.array([pulls(fit) for record in found for fit in record.steps])
     assert off.shape == (60, 4)
     # 60 of standard deviation 1: of the mean .13, of the standard deviation .09
     assert np.all(np.abs(off.mean(axis=0)) < 0.5)
@@ -119,11 +104,12 @@ def test_a_wrong_time_without_a_displacement_is_refused_soon(monkeypatch):
     """Counted in curves: some 2 ms each."""
     curves = []
     slide = RateAndState.slide
-    monkeypatch.setattr(
-        RateAndState,
-        "slide",
-        lambda *given, **how: curves.append(1) or slide(*given, **how),
-    )
+
+    def counted(*given, **how):
+        curves.append(1)
+        return slide(*given, **how)
+
+    monkeypatch.setattr(RateAndState, "slide", counted)
     trace = steps_of().drop_vars("measured_displacement")
     with pytest.raises(UndecidedError, match="not identified"):
         fit_rate_and_state(trace, at=90.0, before=3.0, after=10.0, law="ageing")
@@ -133,9 +119,8 @@ def test_a_wrong_time_without_a_displacement_is_refused_soon(monkeypatch):
 def test_the_steps_of_a_velocity_column_are_those_of_the_displacement():
     data = steps_of(jitter=0.0)
     speed = np.gradient(data["measured_displacement"].values, data["time"].values)
-    data = data.drop_vars("measured_displacement").assign(
-        measured_velocity=("time", speed, {"units": "um/s"})
-    )
+    measured = ("time", speed, {"units": "um/s"})
+    data = data.drop_vars("measured_displacement").assign(measured_velocity=measured)
     found = fit_record(data, law="ageing")
     assert found.record.units[0] == "um"
     for fit, time in zip(found.steps, BEGINS[1:], strict=True):
@@ -164,10 +149,8 @@ def test_healing_in_the_holds_of_a_record():
     for seed in range(1, 6):
         found = fit_record(holds_record(seed, noise=5e-4))
         assert [one.hold for one in found.holds] == pytest.approx(HOLDS, abs=0.05)
-        off += [
-            (one.peak - peak) / one.peak.error
-            for one, peak in zip(found.holds, peaks, strict=True)
-        ]
+        pairs = zip(found.holds, peaks, strict=True)
+        off += [(one.peak - peak) / one.peak.error for one, peak in pairs]
         assert abs(found.healing - healing) < 4.0 * found.healing.error
     assert abs(np.mean(off)) < 1.0
     assert 0.5 < np.std(off) < 1.7
@@ -193,9 +176,8 @@ def test_what_is_no_step_is_none():
     rng = np.random.default_rng(1)
     place = 3.0 * time + 0.3 * np.sin(time / 5.0) + rng.normal(0.0, 0.1, time.size)
     trace = steps_of().isel(time=slice(0, time.size))
-    with pytest.raises(
-        InputError, match=r"shows no velocity step and no hold: .* is 3;"
-    ):
+    message = r"shows no velocity step and no hold: .* is 3;"
+    with pytest.raises(InputError, match=message):
         fit_record(trace.assign(measured_displacement=("time", place)))
     with pytest.raises(InputError, match="no displacement and no velocity"):
         fit_record(trace.drop_vars("measured_displacement"))

@@ -31,35 +31,25 @@ RTOL = {"MasterEquation": 1e-5, "Population": 0.15}
 population, which numbers are drawn.
 """
 DELAYED = ss.Interface(thresholds=TENTH, delay=DELAY)
-KINDS = {
-    **{mechanism: interface_with(fields) for mechanism, fields in MECHANISMS.items()},
-    "parabolic": ss.Interface(
-        thresholds=TENTH, activation=ss.model.Parabolic(temperature=0.01, attempts=1e6)
-    ),
-    "Kramers": ss.Interface(
-        thresholds=TENTH, activation=replace(BARRIER, kramers=True)
-    ),
-    "wide at the beginning": ss.Interface(
-        thresholds=TENTH, initial=ss.Uniform(low=-0.6, high=0.7)
-    ),
+KINDS = {mechanism: interface_with(fields) for mechanism, fields in MECHANISMS.items()}
+MORE = {
+    "parabolic": {"activation": ss.model.Parabolic(temperature=0.01, attempts=1e6)},
+    "Kramers": {"activation": replace(BARRIER, kramers=True)},
+    "wide at the beginning": {"initial": ss.Uniform(low=-0.6, high=0.7)},
 }
+KINDS |= {name: ss.Interface(thresholds=TENTH, **more) for name, more in MORE.items()}
 
 
 def row(name: str, numbers: Mapping[str, object]) -> str:
     """Say the numbers of a case in a line."""
-    return (
-        f"{name}: "
-        + ", ".join(f"{key} {_said(value)}" for key, value in numbers.items())
-        + "\n"
-    )
+    said = ", ".join(f"{key} {_said(value)}" for key, value in numbers.items())
+    return f"{name}: {said}\n"
 
 
 def _said(value: object) -> str:
-    return (
-        value
-        if isinstance(value, str)
-        else " ".join(f"{each:.9g}" for each in np.atleast_1d(value))
-    )
+    if isinstance(value, str):
+        return value
+    return " ".join(f"{each:.9g}" for each in np.atleast_1d(value))
 
 
 def table(rows: Mapping[str, Mapping[str, object]]) -> str:
@@ -81,48 +71,31 @@ def _more_runs(method: str) -> dict[str, xr.Dataset]:
     """Runs of other bodies, starts and drives than the laws ask for."""
     if method not in ("Contacts", "MasterEquation"):
         return {}
-    solver = (
-        ss.Contacts(15, seed=2)
-        if method == "Contacts"
-        else ss.MasterEquation(rtol=1e-2)
-    )
-    waiting = (
-        ss.ramp(0.0, 1.0, 1.0)
-        .until(ss.model.ForceAbove(0.2))
-        .then(ss.constant(0.5, 1.0))
-    )
+    few = ss.Contacts(15, seed=2)
+    solver = few if method == "Contacts" else ss.MasterEquation(rtol=1e-2)
+    waiting = ss.ramp(0.0, 1.0, 1.0).until(ss.model.ForceAbove(0.2))
+    waiting = waiting.then(ss.constant(0.5, 1.0))
     leaves = replace(CHAIN, side=0.5, viscosity=0.05)
-    sheet = ss.model.Sheet(
-        along=4, across=2, coupling=5.0, shear=2.0, mass=1e-2, damping=15.0, leaf=8.0
-    )
+    springs = {"coupling": 5.0, "shear": 2.0, "leaf": 8.0}
+    sheet = ss.model.Sheet(along=4, across=2, mass=1e-2, damping=15.0, **springs)
+    rest = ss.FromRest()
+    sliding = ss.FromSliding(perturbation=0.1)
+    ring = replace(CHAIN, ends="periodic")
+    push = ss.Prestressed(stretching=0.6, push=2.0)
+    half = ss.FromSliding(at_rest=2)
     cases = {
-        **{
-            name: (KINDS[name], SLIDER, DRIVE, ss.FromRest())
-            for name in ("wide at the beginning", "parabolic", "Kramers")
-        },
-        "from sliding": (DELAYED, SLIDER, DRIVE, ss.FromSliding(perturbation=0.1)),
-        "until a force": (DELAYED, SLIDER, waiting, ss.FromRest()),
-        "a ring": (
-            DELAYED,
-            replace(CHAIN, ends="periodic"),
-            DRIVE,
-            ss.FromSliding(perturbation=0.1),
-        ),
-        "side and leaf springs": (DELAYED, leaves, DRIVE, ss.FromRest()),
-        "a bar until a force": (DELAYED, CHAIN, waiting, ss.FromRest()),
-        "a push": (
-            DELAYED,
-            CHAIN,
-            ss.constant(0.0, 2.0),
-            ss.Prestressed(stretching=0.6, push=2.0),
-        ),
-        "half at rest": (
-            DELAYED,
-            CHAIN,
-            ss.constant(0.5, 1.0),
-            ss.FromSliding(at_rest=2),
-        ),
-        "a sheet": (DELAYED, sheet, DRIVE, ss.FromRest()),
+        name: (KINDS[name], SLIDER, DRIVE, rest)
+        for name in ("wide at the beginning", "parabolic", "Kramers")
+    }
+    cases |= {
+        "from sliding": (DELAYED, SLIDER, DRIVE, sliding),
+        "until a force": (DELAYED, SLIDER, waiting, rest),
+        "a ring": (DELAYED, ring, DRIVE, sliding),
+        "side and leaf springs": (DELAYED, leaves, DRIVE, rest),
+        "a bar until a force": (DELAYED, CHAIN, waiting, rest),
+        "a push": (DELAYED, CHAIN, ss.constant(0.0, 2.0), push),
+        "half at rest": (DELAYED, CHAIN, ss.constant(0.5, 1.0), half),
+        "a sheet": (DELAYED, sheet, DRIVE, rest),
     }
     output = ss.Output(interval=0.05)
     found = {}
@@ -135,18 +108,16 @@ def _more_runs(method: str) -> dict[str, xr.Dataset]:
     return found
 
 
-@pytest.mark.takes(5)
-@pytest.mark.parametrize(
-    "method", ["Contacts", "MasterEquation", "Population", "QuasiStatic"]
-)
+METHODS = "Contacts", "MasterEquation", "Population", "QuasiStatic"
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_runs_are_kept(method):
-    runs = {
-        name: run_of(name) for name in PAIRS if name.startswith(method)
-    } | _more_runs(method)
+    runs = {name: run_of(name) for name in PAIRS if name.startswith(method)}
+    runs |= _more_runs(method)
     rows = {name.removeprefix(f"{method}, "): of_run(run) for name, run in runs.items()}
-    assert_kept(
-        table(rows), f"runs_{method}", rtol=RTOL.get(method, ROUNDING), atol=1e-12
-    )
+    rtol = RTOL.get(method, ROUNDING)
+    assert_kept(table(rows), f"runs_{method}", rtol=rtol, atol=1e-12)
 
 
 def _growth(rig: ss.Rig) -> float | str:
@@ -192,29 +163,18 @@ def test_rigid_motion_is_kept(distributions):
 
 
 def test_bars_are_kept():
-    never = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.0),
-        delay=ss.Delay(math.inf),
-        sliding_force=0.2,
-    )
-    rig = ss.Rig(
-        never,
-        ss.Chain(blocks=40, coupling=9.0, mass=0.5, damping=0.3, leaf=0.2),
-        ss.constant(0.5, 1.0),
-    )
-    pulled = replace(
-        rig, slider=ss.Chain(blocks=12, coupling=4.0, mass=0.5, damping=0.3, side=4.0)
-    )
+    thresholds = ss.Gaussian(mean=1.0, std=0.0)
+    never = ss.Interface(thresholds=thresholds, delay=ss.Delay(math.inf))
+    body = {"mass": 0.5, "damping": 0.3}
+    chain = ss.Chain(blocks=40, coupling=9.0, leaf=0.2, **body)
+    rig = ss.Rig(replace(never, sliding_force=0.2), chain, ss.constant(0.5, 1.0))
+    pulled = replace(rig, slider=ss.Chain(blocks=12, coupling=4.0, side=4.0, **body))
     smooth = replace(rig, interface=DELAYED)
+    speeds = [ss.elastic.front_speed(rig, prestress=each).speed for each in (0.5, 0.8)]
     found = {
         "modes": {"growth": ss.elastic.modes(smooth, count=6)["growth"].to_numpy()},
         "lengths": {"screening": ss.elastic.screening_length(rig)},
-        "front": {
-            "threshold": ss.elastic.front_threshold(rig),
-            "speeds": [
-                ss.elastic.front_speed(rig, prestress=each).speed for each in (0.5, 0.8)
-            ],
-        },
+        "front": {"threshold": ss.elastic.front_threshold(rig), "speeds": speeds},
         "precursor": {"forces": ss.elastic.precursor_force(pulled).to_numpy()[:4]},
     }
     assert_kept(table(found), "bars", rtol=ROUNDING, atol=1e-12)
@@ -255,25 +215,18 @@ def test_what_is_measured_is_kept():
     rows = {}
     for name, force in _made_up_forces().items():
         time = ("time", 0.1 * np.arange(force.size), {"units": "s"})
-        rows[name] = _measured(
-            xr.Dataset(
-                {"spring_force": ("time", force, {"units": "N"})}, coords={"time": time}
-            )
-        )
+        variables = {"spring_force": ("time", force, {"units": "N"})}
+        rows[name] = _measured(xr.Dataset(variables, {"time": time}))
     sliders = {
         "heavy": ss.Slider(stiffness=0.5, mass=0.05, damping=1.0),
         "light": ss.Slider(stiffness=0.2, mass=1e-4, damping=5.0),
     }
     for delay in (0.0, 0.2):
         for name, slider in sliders.items():
-            rig = ss.Rig(
-                ss.Interface(thresholds=TENTH, delay=ss.Delay(delay)),
-                slider,
-                ss.constant(0.5, 30.0),
-            )
-            run = ss.simulate(
-                rig, method=ss.Contacts(300, seed=1), output=ss.Output(interval=0.01)
-            )
+            interface = ss.Interface(thresholds=TENTH, delay=ss.Delay(delay))
+            rig = ss.Rig(interface, slider, ss.constant(0.5, 30.0))
+            output = ss.Output(interval=0.01)
+            run = ss.simulate(rig, method=ss.Contacts(300, seed=1), output=output)
             rows[f"a run, delay {delay}, {name}"] = _measured(run)
     assert_kept(table(rows), "measured", rtol=ROUNDING, atol=1e-12)
 
@@ -286,11 +239,8 @@ KEEPERS = ("assert_kept", "assert_drawn")
 
 def _words_of(test: ast.FunctionDef, module: object) -> set[str]:
     """Texts that the name of a kept file may be made of: in its test's body."""
-    words = {
-        node.value
-        for node in ast.walk(test)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
-    }
+    constants = (node for node in ast.walk(test) if isinstance(node, ast.Constant))
+    words = {node.value for node in constants if isinstance(node.value, str)}
     for mark in getattr(getattr(module, test.name), "pytestmark", ()):
         if mark.name == "parametrize":
             values = (getattr(each, "values", (each,)) for each in mark.args[1])
@@ -302,10 +252,9 @@ def _names_asked(file: Path) -> Iterator[str]:
     """Patterns of the names of the kept files that the tests of a file ask for."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     for test in (node for node in tree.body if isinstance(node, ast.FunctionDef)):
+        calls = (node for node in ast.walk(test) if isinstance(node, ast.Call))
         asks = [
-            node.args[1]
-            for node in ast.walk(test)
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in KEEPERS
+            call.args[1] for call in calls if getattr(call.func, "id", "") in KEEPERS
         ]
         if not asks:
             continue
@@ -313,23 +262,16 @@ def _names_asked(file: Path) -> Iterator[str]:
         any_word = "|".join(map(re.escape, words))
         for name in asks:
             parts = name.values if isinstance(name, ast.JoinedStr) else [name]
+            known = (isinstance(part, ast.Constant) for part in parts)
             yield "".join(
-                re.escape(part.value)
-                if isinstance(part, ast.Constant)
-                else f"({any_word})"
-                for part in parts
+                re.escape(part.value) if is_text else f"({any_word})"
+                for part, is_text in zip(parts, known, strict=True)
             )
 
 
 def test_each_kept_file_is_asked_for_by_a_test():
-    asked = [
-        pattern
-        for file in sorted(Path(__file__).parent.glob("test_*.py"))
-        for pattern in _names_asked(file)
-    ]
-    orphans = [
-        file.name
-        for file in sorted(KEPT.iterdir())
-        if not any(re.fullmatch(pattern, file.stem) for pattern in asked)
-    ]
+    files = sorted(Path(__file__).parent.glob("test_*.py"))
+    asked = "|".join(pattern for file in files for pattern in _names_asked(file))
+    kept = sorted(KEPT.iterdir())
+    orphans = [file.name for file in kept if not re.fullmatch(asked, file.stem)]
     assert orphans == []

@@ -29,18 +29,12 @@ def document():
 
 def test_the_published_bench_reaches_the_model_in_natural_units():
     rig = rigs.read_rig(EXAMPLE)
-    given = {
-        "mass": 75.6e-3,
-        "stiffness": 4e6,
-        "velocity": 0.4e-3,
-        "delay": 2e-3,
-        "load": 1920 * 0.4,
-    }
+    given = {"mass": 75.6e-3, "stiffness": 4e6, "velocity": 0.4e-3, "delay": 2e-3}
+    given["load"] = 1920 * 0.4
     assert {name: rig.value(name) for name in given} == pytest.approx(given)
     # Omega is a rate: the same in both systems of units.
-    assert rig.scales.si(rig.slider.frequency, "rate") == pytest.approx(
-        math.sqrt(4e6 / 75.6e-3)
-    )
+    rate = pytest.approx(math.sqrt(4e6 / 75.6e-3))
+    assert rig.scales.si(rig.slider.frequency, "rate") == rate
     assert rig.slider.damping_ratio == pytest.approx(0.15)
 
 
@@ -48,69 +42,48 @@ def test_a_default_that_was_taken_is_assumed_with_its_value(document):
     for key in ("interface.delay", "interface.initial"):
         document = with_value(document, key, None)
         document["assumed"].pop(key)
-    taken = {
-        key: item
-        for key, item in rigs.from_document(document).assumed.items()
-        if item.default
-    }
+    assumed = rigs.from_document(document).assumed
+    taken = {key: item for key, item in assumed.items() if item.default}
     assert {key: item.value for key, item in taken.items()} == {
         "interface.initial": '{ distribution = "gaussian", mean = 0.0, std = 0.01 }',
         "interface.delay": "0 s",
     }
-    assert "never strengthen with rest and nothing can stick-slip" in str(
-        taken["interface.delay"]
-    )
+    warning = "never strengthen with rest and nothing can stick-slip"
+    assert warning in str(taken["interface.delay"])
     rig = rigs.from_document(document)
-    assert (
-        ss.read_rig(tomllib.loads(rigs.to_toml(rig))).assumed.keys()
-        == rig.assumed.keys()
-    )
+    again = ss.read_rig(tomllib.loads(rigs.to_toml(rig)))
+    assert again.assumed.keys() == rig.assumed.keys()
 
 
 RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}
+
+
+DELAYS = RANDOM, "never", "on arrest", "0 s", "1.2345678901234 ms"
+UNIFORM = {"distribution": "uniform", "low": 0.2, "high": 1}
+PIECE = {"start": "1 um/s", "end": "0.3 mm/s", "duration": "7 s"}
+MASTER = {"method": "master equation", "rtol": 7e-4}
+GAUSSIAN = {"distribution": "gaussian"}
+EMPIRICAL = {"distribution": "empirical", "samples": [0.9, 1.0, 1.3]}
 
 
 @pytest.mark.parametrize(
     ("key", "value"),
     [
         (None, None),
-        *(
-            ("interface.delay", delay)
-            for delay in (RANDOM, "never", "on arrest", "0 s", "1.2345678901234 ms")
-        ),
-        ("interface.newborn", {"distribution": "gaussian", "mean": 0.3, "std": 0.0}),
+        *(("interface.delay", delay) for delay in DELAYS),
+        ("interface.newborn", GAUSSIAN | {"mean": 0.3, "std": 0.0}),
         ("interface.ageing", {"model": "langevin", "time": "3 s", "newborn": 0.1}),
         ("interface.ageing", {"model": "exponential", "time": "70 ms"}),
         ("interface.ageing", {"model": "logarithmic", "time": "7 ms", "slope": 0.02}),
         (
             "interface.thresholds",
-            {"distribution": "empirical", "samples": [0.9, 1.0, 1.3]},
+            {"distribution": "empirical", "samples": [0.9, 1, 1.3]},
         ),
-        (
-            "interface.thresholds",
-            {"distribution": "gaussian", "std": 0.7, "lower": 0.1},
-        ),
-        (
-            "interface.initial",
-            {
-                "distribution": "steady state",
-                "thresholds": {"distribution": "uniform", "low": 0.2, "high": 1},
-            },
-        ),
+        ("interface.thresholds", GAUSSIAN | {"std": 0.7, "lower": 0.1}),
+        ("interface.initial", {"distribution": "steady state", "thresholds": UNIFORM}),
         ("drive", {"velocity": "-0.7 mm/s", "duration": "1 min"}),
-        (
-            "drive",
-            {"pieces": [{"start": "1 um/s", "end": "0.3 mm/s", "duration": "7 s"}] * 3},
-        ),
-        (
-            "simulation",
-            {
-                "method": "master equation",
-                "rtol": 7e-4,
-                "start": "sliding",
-                "interval": "0.3 ms",
-            },
-        ),
+        ("drive", {"pieces": [PIECE] * 3}),
+        ("simulation", MASTER | {"start": "sliding", "interval": "0.3 ms"}),
         ("slider", {"mass": "0 g", "stiffness": "0.7 N/um", "damping": "1e7 1/s"}),
     ],
 )
@@ -168,10 +141,8 @@ def keys_of(kind):
 
 
 STARTS = {name: key.example for name, key in rig_keys.START.items()}
-TOP = {
-    name: rig_keys.TOP[name].example
-    for name in ("name", "source", "feasible", "assumed", "fitted")
-}
+HEADS = "name", "source", "feasible", "assumed", "fitted"
+TOP = {name: rig_keys.TOP[name].example for name in HEADS}
 
 
 def written(kind, factor, *, natural):
@@ -181,13 +152,13 @@ def written(kind, factor, *, natural):
     tables = (kind.split()[0], "interface", "drive", "simulation")
     names = dict(zip(tables, keys_of(kind), strict=True))
     if not natural:
-        names["interface"] += ["breaking_displacement"] + ["contact_strength"] * (
-            "mu_s" not in names["interface"]
-        )
-    found = TOP | {
-        table: {name: rig_keys.TABLES[table][name].example for name in names[table]}
-        for table in tables
-    }
+        without_friction = "mu_s" not in names["interface"]
+        names["interface"] += ["breaking_displacement"]
+        names["interface"] += ["contact_strength"] * without_friction
+    found = dict(TOP)
+    for table in tables:
+        keys = rig_keys.TABLES[table]
+        found[table] = {name: keys[name].example for name in names[table]}
     if "rtol" in found["simulation"]:
         found["simulation"]["method"] = "population"
     if kind == "sheet":
@@ -198,26 +169,20 @@ def written(kind, factor, *, natural):
             bell = rig_keys.keys_of(ss.Bell) if "kind" in value else {}
             # what no scale of the rig measures
             apart = {name for name, key in bell.items() if key.si}
-            return {
-                name: item if name in apart else scaled(item)
-                for name, item in value.items()
-            }
+            scales = value.keys() - apart
+            return value | {name: scaled(value[name]) for name in scales}
         if isinstance(value, list):
             return [scaled(item) for item in value]
-        parts = (
-            re.fullmatch(r"([-+.e0-9]+) (\S+)", value)
-            if isinstance(value, str)
-            else None
-        )
+        is_text = isinstance(value, str)
+        parts = re.fullmatch(r"([-+.e0-9]+) (\S+)", value) if is_text else None
         if parts is None:
             return value
         return factor if natural else f"{float(parts[1]) * factor!r} {parts[2]}"
 
     assumed = {name: found.pop(name) for name in ("assumed", "fitted")}
     feasible = {"feasible": {"stiffness": [factor, 2 * factor]}} if natural else {}
-    return (
-        scaled(found) | assumed | feasible | ({"units": "natural"} if natural else {})
-    )
+    units = {"units": "natural"} if natural else {}
+    return scaled(found) | assumed | feasible | units
 
 
 @pytest.mark.parametrize(
@@ -233,12 +198,10 @@ def test_every_key_is_written_and_reads_back(kind, natural, factor):
     # neighbour.
     plain, before = (json.dumps(datasets.encode(each)) for each in (again, rig))
     assert NUMBER.sub("#", plain) == NUMBER.sub("#", before)
-    assert list(map(float, NUMBER.findall(plain))) == pytest.approx(
-        list(map(float, NUMBER.findall(before))), rel=1e-15
-    )
-    assert {key: one.draws for key, one in again.fitted.items()} == {
-        key: one.draws for key, one in rig.fitted.items()
-    }
+    expected = pytest.approx(list(map(float, NUMBER.findall(before))), rel=1e-15)
+    assert list(map(float, NUMBER.findall(plain))) == expected
+    draws = {key: one.draws for key, one in rig.fitted.items()}
+    assert {key: one.draws for key, one in again.fitted.items()} == draws
     assert rigs.to_toml(again) == text
 
 
@@ -255,14 +218,11 @@ OWN = [
 def test_a_rig_is_shown_in_the_keys_that_it_was_given_by(given, changes):
     interface = {"normal_load": "220 N", "breaking_displacement": "8 um"} | given
     if "mu_s" not in given:
-        interface["thresholds"] = {"distribution": "gaussian", "std": 0.2}
-    rig = ss.read_rig(
-        {
-            "slider": {"mass": "22 kg", "stiffness": "1.2 MN/m", "damping": "40.9 1/s"},
-            "interface": interface,
-            "drive": {"velocity": "0.2 mm/s"},
-        }
-    ).replace(**changes)
+        interface["thresholds"] = GAUSSIAN | {"std": 0.2}
+    slider = {"mass": "22 kg", "stiffness": "1.2 MN/m", "damping": "40.9 1/s"}
+    document = {"slider": slider, "interface": interface}
+    rig = ss.read_rig(document | {"drive": {"velocity": "0.2 mm/s"}})
+    rig = rig.replace(**changes)
     shown = tomllib.loads(rigs.to_toml(rig, own=True))
     defaults = {"initial"} | ({"delay"} if "v_half" not in given else set())
     assert shown["interface"].keys() | defaults == interface.keys() | defaults
@@ -288,32 +248,23 @@ def test_every_key_is_in_a_file_above():
     used |= {("slider", name) for name in rig_keys.STRUCTURES}
     used |= {("controller", name) for name in rig_keys.TABLES["controller"]}
     used |= {("drive", "load"), ("drive", "force")}
-    used |= {
-        ("interface", name) for name in ("breaking_displacement", "contact_strength")
-    }
-    assert used == {
-        (table, name) for table, keys in rig_keys.TABLES.items() for name in keys
-    }
+    used |= {("interface", "breaking_displacement"), ("interface", "contact_strength")}
+    known = {(table, name) for table, keys in rig_keys.TABLES.items() for name in keys}
+    assert used == known
 
 
 def test_a_rig_made_in_python_or_shipped_can_be_written():
     for name in rigs.example_names():
-        assert ss.read_rig(
-            tomllib.loads(rigs.to_toml(rigs.example(name)))
-        ) == rigs.example(name)
-    interface = ss.Interface(
-        thresholds=ss.Gamma(mean=1.0, std=0.1), delay=ss.Delay(1 / 3)
-    )
-    rig = ss.Rig(
-        interface,
-        ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4),
-        ss.constant(0.7, 20),
-    )
+        text = rigs.to_toml(rigs.example(name))
+        assert ss.read_rig(tomllib.loads(text)) == rigs.example(name)
+    thresholds = ss.Gamma(mean=1.0, std=0.1)
+    interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(1 / 3))
+    slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
+    rig = ss.Rig(interface, slider, ss.constant(0.7, 20))
     assert ss.read_rig(tomllib.loads(rigs.to_toml(rig))) == rig
     faster = rigs.example("brake_pad").replace(velocity="7 mm/s")
-    assert ss.read_rig(tomllib.loads(rigs.to_toml(faster))).velocity == pytest.approx(
-        faster.velocity, rel=1e-15
-    )
+    again = ss.read_rig(tomllib.loads(rigs.to_toml(faster)))
+    assert again.velocity == pytest.approx(faster.velocity, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -325,9 +276,8 @@ def test_a_rig_made_in_python_or_shipped_can_be_written():
     ],
 )
 def test_what_no_file_can_hold_is_said(changes, words):
-    with pytest.raises(
-        ss.InputError, match=f"{words}.* cannot be written into a rig file"
-    ):
+    message = f"{words}.* cannot be written into a rig file"
+    with pytest.raises(ss.InputError, match=message):
         rigs.to_document(rigs.example("pmma_slider").replace(**changes))
 
 
@@ -444,9 +394,7 @@ feasible = { mass = ["5 N", "6 kg"] }
 
 
 @pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)
-def test_a_mistake_names_its_key_its_value_and_its_remedy(
-    document, path, value, place, remedy
-):
+def test_a_mistake_names_its_key_and_its_remedy(document, path, value, place, remedy):
     with pytest.raises(ss.InputError) as caught:
         rigs.from_document(with_value(document, path, value), "rig.toml")
     message = str(caught.value)
@@ -462,16 +410,12 @@ def test_a_mistake_names_its_key_its_value_and_its_remedy(
 def test_all_missing_keys_are_told_at_once_each_with_a_value_that_it_could_have():
     with pytest.raises(ss.InputError) as caught:
         rigs.from_document({}, "rig.toml")
-    places = [mistake.place for mistake in caught.value.mistakes]
-    values = [
-        f"{place} = {mistake.example}"
-        for place, mistake in zip(places, caught.value.mistakes, strict=True)
-    ]
+    mistakes = caught.value.mistakes
+    values = [f"{mistake.place} = {mistake.example}" for mistake in mistakes]
     assert all(value in str(caught.value) for value in values)
     assert len(values) == 7
-    assert rigs.from_document(
-        tomllib.loads("\n".join(values))
-    ).velocity == pytest.approx(0.4e-3)
+    mended = rigs.from_document(tomllib.loads("\n".join(values)))
+    assert mended.velocity == pytest.approx(0.4e-3)
 
 
 def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
@@ -481,9 +425,8 @@ def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
     told = str(caught.value).count(" mistaken_")
     assert 0 < told < 9
     assert str(caught.value).endswith(f"; and {9 - told} more")
-    assert [mistake.place for mistake in caught.value.mistakes] == [
-        name[:60] for name in names
-    ]
+    places = [mistake.place for mistake in caught.value.mistakes]
+    assert places == [name[:60] for name in names]
     for thousands in (
         {"drive": {"pieces": [{}] * 20_000}},
         {"assumed": {f"slider.a{i}": "b" for i in range(20_000)}},
@@ -492,13 +435,12 @@ def test_of_many_mistakes_some_are_told_and_the_rest_counted(document):
             rigs.from_document(document | thousands)
 
 
-@pytest.mark.parametrize(
-    ("mu_s", "mu_k"),
-    [(0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.355, 0.35)],
-)
-def test_two_coefficients_of_friction_are_those_of_the_rig_or_refused_with_their_range(
-    document, mu_s, mu_k
-):
+COEFFICIENTS = (0.45, 0.35), (0.6, 0.35), (0.36, 0.34), (0.9, 0.35), (0.355, 0.35)
+
+
+@pytest.mark.parametrize(("mu_s", "mu_k"), COEFFICIENTS)
+def test_two_coefficients_of_friction_are_those_of_the_rig(document, mu_s, mu_k):
+    """Coefficients that no thresholds give are refused, with their range."""
     for key in ("contact_strength", "thresholds"):
         del document["interface"][key]
     document["interface"] |= {"normal_load": "4 kN", "mu_s": mu_s, "mu_k": mu_k}
@@ -519,8 +461,6 @@ def test_a_file_that_is_no_rig(tmp_path):
         b"": "empty",
         b"  \n": "empty",
         b"\x89HDF\r\n\x1a\n\x00\xff": "not valid TOML",
-    }
-    contents |= {
         b"mass = ": "not valid TOML",
         b"# " + b"x" * LARGEST_FILE: "more than a rig file may have",
     }
@@ -545,37 +485,29 @@ def brake(velocity="20 mm/s", **top):
     ],
 )
 def test_a_rig_gives_speeds_and_what_could_be_built(velocity, first, speeds, between):
-    ranges = {
-        "stiffness": ["20 MN/m", "60 MN/m"],
-        "std": [0.1, 0.3],
-        "load": ["1 kN", "4 kN"],
-    }
+    ranges = {"stiffness": ["20 MN/m", "60 MN/m"], "std": [0.1, 0.3]}
+    ranges["load"] = ["1 kN", "4 kN"]
     read = ss.read_rig(brake(velocity, feasible=ranges))
-    assert [
-        end * read.unit("k") for end in read.operation.range_of("stiffness")
-    ] == pytest.approx([2e7, 6e7])
+    ends = [end * read.unit("k") for end in read.operation.range_of("stiffness")]
+    assert ends == pytest.approx([2e7, 6e7])
     assert read.operation.range_of("mass") is None
     size = read.unit("x_s/time")
     assert read.velocity == pytest.approx(first, rel=1e-12)
-    assert [speed * size for speed in read.operation.speeds] == pytest.approx(speeds)
-    assert between is None or [
-        speed * size for speed in read.operation.between
-    ] == pytest.approx(between)
+    operation = read.operation
+    for found, expected in ((operation.speeds, speeds), (operation.between, between)):
+        assert [speed * size for speed in found or ()] == pytest.approx(expected or ())
     assert ss.read_rig(rigs.to_document(read)) == read
 
 
+SPEEDS = ["20 mm/s", "0.1 m/s"], {"from": "20 mm/s", "to": "0.1 m/s"}
+
+
+@pytest.mark.parametrize("speeds", SPEEDS, ids=["list", "range"])
 @pytest.mark.parametrize(
     ("name", "force", "length"),
     [("load", 2, 1), ("friction", 2, 2), ("contact_stiffness", 1, 0.5)],
 )
-@pytest.mark.parametrize(
-    "speeds",
-    [["20 mm/s", "0.1 m/s"], {"from": "20 mm/s", "to": "0.1 m/s"}],
-    ids=["list", "range"],
-)
-def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(
-    name, force, length, speeds
-):
+def test_all_else_is_as_it_was_when_a_unit_is_varied(name, force, length, speeds):
     read = ss.read_rig(brake(speeds, feasible={"mass": ["1 kg", "9 kg"]}))
     turned = read.with_values(**{name: 2 * read.value(name)})
     assert turned.value(name) == pytest.approx(2 * read.value(name))
@@ -584,13 +516,11 @@ def test_a_unit_of_the_rig_is_varied_with_all_else_as_it_is(
     for other in ("stiffness", "mass", "damping", "velocity", "delay", "std"):
         assert turned.value(other) == pytest.approx(read.value(other)), other
     for rig in (read, turned):
-        at = [
-            speed * rig.unit("x_s/time")
-            for speed in rig.operation.speeds or rig.operation.between
-        ]
-        mass = [
-            end * rig.unit("f_s time^2/x_s") for end in rig.operation.range_of("mass")
-        ]
+        operation = rig.operation
+        speeds = operation.speeds or operation.between
+        at = [speed * rig.unit("x_s/time") for speed in speeds]
+        unit = rig.unit("f_s time^2/x_s")
+        mass = [end * unit for end in operation.range_of("mass")]
         assert (at, mass) == (pytest.approx([0.02, 0.1]), pytest.approx([1.0, 9.0]))
 
 
@@ -601,11 +531,8 @@ def test_a_rig_says_itself_in_its_own_units():
     assert ">Brake pad, creep groan</b>" in read._repr_html_()
     assert ">30 MN/m</td>" in read._repr_html_()
     text = str(read)
-    for name, value in (
-        ("contact strength N f_s", "2.4 kN"),
-        ("breaking displacement x_s", "20 um"),
-    ):
-        assert re.search(f"^{name} +{value}$", text, re.MULTILINE)
+    for line in ("contact strength N f_s +2.4 kN", "breaking displacement x_s +20 um"):
+        assert re.search(f"^{line}$", text, re.MULTILINE)
     with_load = read.replace(operation=ss.model.Operation(normal_load=2.0))
     assert re.search(r"^normal load +4\.8 kN$", str(with_load), re.MULTILINE)
     bar = ss.example("pmma_bar")
@@ -631,9 +558,8 @@ def _every_rig():
     in milliseconds, with every part other than its default.
     """
     shipped = [rigs.example(name) for name in rigs.example_names()]
-    drive = ss.ramp(0.3, 2.0, 4.0).then(
-        ss.constant(2.0, 1.0).until(ss.model.Travel(0.7))
-    )
+    until = ss.constant(2.0, 1.0).until(ss.model.Travel(0.7))
+    drive = ss.ramp(0.3, 2.0, 4.0).then(until)
     first = shipped[0].natural.replace(
         drive=drive,
         output=ss.Output(interval=0.3, snapshots=(0.7, 1.9), bins=30),
@@ -641,12 +567,8 @@ def _every_rig():
         method=ss.Contacts(30, seed=4),
     )
     scales = ss.model.Scales(force=700.0, stretching=3e-6, time=1e-3)
-    return [
-        *shipped,
-        *(rig.natural for rig in shipped),
-        first,
-        replace(first, scales=scales),
-    ]
+    natural = [rig.natural for rig in shipped]
+    return [*shipped, *natural, first, replace(first, scales=scales)]
 
 
 @pytest.mark.parametrize("name", [field.name for field in fields(ss.Rig)])
@@ -654,10 +576,8 @@ def test_what_is_read_from_a_rig_can_be_given_back(name):
     for rig in _every_rig():
         assert rig.replace(**{name: getattr(rig, name)}) == rig
         other = rig.replace(name="another")
-        assert (
-            other.replace(**{name: getattr(rig, name)}).natural
-            == (rig if name == "name" else other).natural
-        )
+        changed = other.replace(**{name: getattr(rig, name)}).natural
+        assert changed == (rig if name == "name" else other).natural
 
 
 def test_a_number_without_unit_is_refused_by_a_rig_in_si_units():
@@ -677,15 +597,13 @@ def test_a_record_in_the_units_of_a_rig_becomes_one_of_the_rig():
         given = ss.ramp(3.0 * speed, 5.0 * speed, 0.2 * rig.unit("time"))
         ends = given.until(ss.model.ForceAbove(0.7 * force))
         (piece,) = rig.replace(drive=rig.to_natural(ends)).drive.pieces
-        assert (piece.start, piece.end, piece.duration, piece.until.force) == (
-            pytest.approx((3.0, 5.0, 0.2, 0.7))
-        )
+        found = (piece.start, piece.end, piece.duration, piece.until.force)
+        assert found == pytest.approx((3.0, 5.0, 0.2, 0.7))
 
 
 def test_a_drive_that_runs_backwards_may_run_forwards():
-    backwards = replace(
-        ss.read_rig("precision_stage").natural, drive=ss.constant(-1.0, duration=5.0)
-    )
+    bench = ss.read_rig("precision_stage").natural
+    backwards = replace(bench, drive=ss.constant(-1.0, duration=5.0))
     assert backwards.replace(velocity=2.0).drive == ss.constant(2.0, duration=2.5)
     turning = replace(backwards, drive=ss.ramp(-1.0, -2.0, duration=5.0))
     for velocity in (2.0, 0.0):

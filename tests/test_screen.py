@@ -25,9 +25,10 @@ def bands_of(found, *kinds):
     """Bands of these kinds, of equal width on the strip."""
     low, high = found.speeds_searched
     ends = [low * (high / low) ** (i / len(kinds)) for i in range(len(kinds) + 1)]
+    parts = zip(kinds, ends, ends[1:], strict=False)
     return tuple(
         Band(kind=kind.removeprefix("- "), bistable=kind[0] == "-", low=a, high=b)
-        for kind, a, b in zip(kinds, ends, ends[1:], strict=False)
+        for kind, a, b in parts
     )
 
 
@@ -40,34 +41,23 @@ def changed(rig, **factors):
 
 def doubted(**fields):
     """Sixty-four rigs, all told, of which the half oscillates."""
-    return advise.Doubt(
-        **{
-            "oscillates": 0.5,
-            "undecided": 0.0,
-            "draws": 64,
-            "matters": (("slider.mass", 0.9, 0.1),),
-            "assumed": ("slider.mass",),
-            **fields,
-        }
-    )
+    usual = {"oscillates": 0.5, "undecided": 0.0, "draws": 64}
+    usual |= {"matters": (("slider.mass", 0.9, 0.1),), "assumed": ("slider.mass",)}
+    return advise.Doubt(**usual | fields)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        name
-        for name in rigs.example_names()
-        if isinstance(rigs.example(name).slider, ss.Slider)
-    ],
-)
+SHIPPED = {name: rigs.example(name) for name in rigs.example_names()}
+RIGID = [name for name, rig in SHIPPED.items() if isinstance(rig.slider, ss.Slider)]
+
+
+@pytest.mark.parametrize("name", RIGID)
 def test_all_that_can_be_said_of_a_rig_that_ships_fits_in_24_lines(name, found):
     rig = ss.example(name)
-    names = [
-        each.name
-        for each in (*PARAMETERS, *UNITS_OF_A_RIG)
-        if advise.mitigations.has(rig, each)
-    ]
+    known = (*PARAMETERS, *UNITS_OF_A_RIG)
+    names = [each.name for each in known if advise.mitigations.has(rig, each)]
     low = min(rig.operation.speeds or [rig.velocity])
+    matters = (("interface.breaking_displacement", 0.9, 0.1),)
+    ended = {"undecided": 0.5, "ended": True, "decides": True}
     here = replace(
         found,
         rig=rig,
@@ -75,13 +65,7 @@ def test_all_that_can_be_said_of_a_rig_that_ships_fits_in_24_lines(name, found):
         speeds_searched=(low / 100.0, low * 100.0),
         mitigations=changed(rig, **dict.fromkeys(names, 4.0)),
         not_searched=("mass of the slider",),
-        doubt=doubted(
-            matters=(("interface.breaking_displacement", 0.9, 0.1),),
-            assumed=(*rig.assumed,)[:1],
-            undecided=0.5,
-            ended=True,
-            decides=True,
-        ),
+        doubt=doubted(matters=matters, assumed=(*rig.assumed,)[:1], **ended),
     )
     here = replace(here, bands=bands_of(here, *KINDS))
     lines = here.text(80).splitlines()
@@ -118,9 +102,7 @@ def test_any_verdict_is_in_capitals(kind, said, found):
         ("stick-slip", None, None, True),
     ],
 )
-def test_a_verdict_that_other_contacts_may_deny_counts_them(
-    kind, lasting, said, mitigated, found
-):
+def test_a_verdict_counts_other_contacts(kind, lasting, said, mitigated, found):
     regime = replace(found.regime, kind=kind)
     here = replace(found, regime=regime, lasting=lasting, unstable_modes=0)
     here = replace(here, bands=bands_of(here, "smooth sliding"))
@@ -144,22 +126,15 @@ def test_marks_of_the_strip_agree_with_the_bands(count, kinds, found):
     assert len(cells) == count
     for i, kind in enumerate(cells):
         ends = [low * (high / low) ** ((i + side) / count) for side in (0.45, 0.55)]
-        wanted = {
-            "bistable" if band.bistable else band.kind
-            for band in bands
-            if band.low <= ends[1] and ends[0] <= band.high
-        }
+        here = [band for band in bands if band.low <= ends[1] and ends[0] <= band.high]
+        wanted = {"bistable" if band.bistable else band.kind for band in here}
         assert kind in wanted
 
 
 def test_a_band_narrower_than_a_mark_is_on_the_strip(found):
     wide, *_ = bands_of(found, "smooth sliding")
     narrow = Band(kind="stick-slip", low=0.3, high=0.301)
-    bands = (
-        replace(wide, high=0.3),
-        narrow,
-        replace(wide, low=0.301),
-    )
+    bands = replace(wide, high=0.3), narrow, replace(wide, low=0.301)
     strip = screen.strip(replace(found, bands=bands), 60)
     assert strip.count("stick-slip") == 1
 
@@ -234,12 +209,8 @@ def test_a_file_with_v_half_has_to_give_it_anew(found):
 
 
 def test_where_nothing_stops_it_the_next_step_is_named(found):
-    here = replace(
-        found,
-        complete=True,
-        attempts={"velocity": (0.1, 1.0)},
-        not_searched=("mass", "load"),
-    )
+    tried = {"attempts": {"velocity": (0.1, 1.0)}, "not_searched": ("mass", "load")}
+    here = replace(found, complete=True, **tried)
     words = " ".join(str(here).split())
     assert "What stops it" not in words
     assert "No single change within the ranges searched stops it." in words
@@ -251,6 +222,8 @@ def test_where_nothing_stops_it_the_next_step_is_named(found):
 
 
 def test_a_smooth_rig_says_what_would_end_it_the_nearest_first(found):
+    speed = {"lower": 0.001, "upper": 0.05, "stable": ((0.001, 0.05),)}
+    mass = {"lower": 2.0, "upper": None, "stable": ((2.0, 90.0),)}
     here = replace(
         found,
         regime=replace(found.regime, kind="smooth sliding"),
@@ -258,33 +231,21 @@ def test_a_smooth_rig_says_what_would_end_it_the_nearest_first(found):
         bands=bands_of(found, "smooth sliding"),
         margins=(
             advise.Margin(
-                parameter="velocity",
-                value=0.02,
-                lower=0.001,
-                upper=0.05,
-                searched=(1e-4, 1.0),
-                stable=((0.001, 0.05),),
+                parameter="velocity", value=0.02, searched=(1e-4, 1.0), **speed
             ),
-            advise.Margin(
-                parameter="mass",
-                value=3.0,
-                lower=2.0,
-                upper=None,
-                searched=(0.1, 90.0),
-                stable=((2.0, 90.0),),
-            ),
+            advise.Margin(parameter="mass", value=3.0, searched=(0.1, 90.0), **mass),
         ),
     )
     lines = str(here).splitlines()
     place = lines.index("What would end it, each alone (linear stability)")
-    assert [line.split()[0] for line in lines[place + 1 :] if "->" in line] == [
-        "mass",
-        "speed",
-    ]
-    assert [line.split()[-2:] for line in lines if "->" in line] == [
-        ["/", "1.5"],
-        ["x", "2.5"],
-    ]
+    changes = [line.split() for line in lines if "->" in line]
+    assert [words[-2:] for words in changes] == [["/", "1.5"], ["x", "2.5"]]
+    below = [line.split() for line in lines[place + 1 :] if "->" in line]
+    assert [words[0] for words in below] == ["mass", "speed"]
+
+
+HALF = {"undecided": 0.5}
+ALL = "32 were decided: all oscillate"
 
 
 @pytest.mark.parametrize(
@@ -293,18 +254,12 @@ def test_a_smooth_rig_says_what_would_end_it_the_nearest_first(found):
         ({}, "32 of 64 rigs within a factor 3 of what was assumed oscillate."),
         ({"undecided": 0.5}, "32 were decided: 16 oscillate."),
         (
-            {"undecided": 0.5, "oscillates": 1.0, "ended": True},
-            "32 were decided: all oscillate (--thorough decides more).",
+            HALF | {"oscillates": 1.0, "ended": True},
+            f"{ALL} (--thorough decides more).",
         ),
-        (
-            {"undecided": 1.0, "oscillates": math.nan},
-            "none could be decided.",
-        ),
+        ({"undecided": 1.0, "oscillates": math.nan}, "none could be decided."),
         ({"assumed": ()}, "32 of 64 draws of the fit oscillate."),
-        (
-            {"decides": True},
-            "Measure mass: smaller, 10 % oscillate; larger, 90 %.",
-        ),
+        ({"decides": True}, "Measure mass: smaller, 10 % oscillate; larger, 90 %."),
     ],
 )
 def test_how_sure_it_is_is_the_fraction_of_the_doubt(fields, said, found):
@@ -335,12 +290,9 @@ def test_a_terminal_gets_colours_and_signs(found, monkeypatch):
 
 @pytest.mark.parametrize("width", [60, 80, 200])
 def test_no_line_is_wider_than_the_terminal(width, found):
-    here = replace(
-        found,
-        mitigations=changed(found.rig, velocity=11.0),
-        bands=bands_of(found, "- stick-slip", *KINDS),
-        doubt=doubted(),
-    )
+    bands = bands_of(found, "- stick-slip", *KINDS)
+    here = replace(found, bands=bands, doubt=doubted())
+    here = replace(here, mitigations=changed(found.rig, velocity=11.0))
     assert max(map(len, here.text(width).splitlines())) <= width
 
 

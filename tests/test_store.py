@@ -19,6 +19,11 @@ from stickslip.paper import cases
 KINDS = records()
 STEADY = KINDS["SteadyState"](thresholds=ss.Gamma(mean=1.0, std=0.5))
 BELL = ss.Bell(width=0.01, attempts=1e6)
+HELD = {"delay": ss.OnArrest(), "sliding_force": 0.3, "slip_to_slip_scatter": 0.1}
+BODY = {"coupling": 4.0, "mass": 1.0, "damping": 0.1}
+LEGS = ss.constant(0.1, 2), ss.constant(0.1, 2).until(KINDS["ForceBelow"](-0.1))
+AGED = ss.Interface(thresholds=STEADY.thresholds, ageing=ss.Langevin(rate=1))
+RANGES = {"speeds": (0.5, 1.0), "between": (0.1, 2.0)}
 CASES = [
     ss.Gaussian(mean=1.0, std=0.1, lower=0.0),
     ss.Uniform(low=0.1, high=1 / 3),
@@ -39,23 +44,15 @@ CASES = [
     ss.Barrier(height=100.0, attempts=1e6, power=2.0, kramers=True),
     ss.Interface(
         thresholds=STEADY.thresholds,
-        delay=ss.OnArrest(),
         activation=BELL,
-        sliding_force=0.3,
         newborn=ss.Uniform(low=0.0, high=0.2),
-        slip_to_slip_scatter=0.1,
+        **HELD,
     ),
-    ss.Interface(
-        thresholds=STEADY.thresholds, initial=STEADY, ageing=ss.Langevin(rate=1)
-    ),
+    replace(AGED, initial=STEADY),
     ss.Interface(areas=ss.model.Areas(STEADY.thresholds, kept=True)),
     ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0),
-    KINDS["Chain"](
-        blocks=9, coupling=4.0, mass=1.0, damping=0.1, side=4.0, ends="periodic"
-    ),
-    KINDS["Sheet"](
-        along=4, across=3, coupling=4.0, shear=1.5, mass=1.0, damping=0.1, leaf=0.2
-    ),
+    KINDS["Chain"](blocks=9, side=4.0, ends="periodic", **BODY),
+    KINDS["Sheet"](along=4, across=3, shear=1.5, leaf=0.2, **BODY),
     KINDS["Modes"](masses=(1.0, 0.5), stiffnesses=(2.0, 3.0), dampings=(0.1, 0.2)),
     KINDS["Matrices"](M=((1.0,),), C=((0.1,),), K=((2.0,),), contact=(1.0,)),
     KINDS["StateSpace"](
@@ -65,9 +62,7 @@ CASES = [
         contact=(1.0, 0.0),
     ),
     KINDS["ControlledAxis"](mass=1e-4, kp=2.0, ki=1.0, kd=0.004, sample_time=1e-3),
-    KINDS["Operation"](
-        speeds=(0.5, 1.0), between=(0.1, 2.0), feasible=(("mass", 1e-5, 1e-3),)
-    ),
+    KINDS["Operation"](feasible=(("mass", 1e-5, 1e-3),), **RANGES),
     ss.Rig(
         cases.FIG5.interface,
         cases.FIG5.slider,
@@ -75,9 +70,7 @@ CASES = [
         scales=KINDS["Scales"](force=768.0, stretching=2e-6),
     ),
     ss.constant(0.1, 2).then(ss.ramp(1, -2, 3)).until(KINDS["Travel"](0.1)),
-    ss.constant(0.1, 2)
-    .until(KINDS["ForceAbove"](0.1))
-    .then(ss.constant(0.1, 2).until(KINDS["ForceBelow"](-0.1))),
+    LEGS[0].until(KINDS["ForceAbove"](0.1)).then(LEGS[1]),
     ss.constant(0.1, 2).under([(0.5, 1.0), (1 / 3 + 1, 2.0)]),
     ss.model.pull(0.0, 0.6, duration=1 / 3),
     KINDS["Mass"](mass=1e-4, damping=0.1),
@@ -132,21 +125,17 @@ def test_what_is_no_data_is_refused(value):
 
 @pytest.fixture
 def result() -> xr.Dataset:
-    return xr.Dataset(
-        {
-            "spring_force": (
-                "time",
-                np.random.default_rng(0).normal(size=500),
-                {"units": "f_s", "long_name": "force"},
-            ),
-            "stretching_density": (("snapshot", "x"), np.arange(6.0).reshape(2, 3)),
-            "count": ((), 3),
-            "name": ((), "a word"),
-            "kinds": ("snapshot", np.array(["one", "two"], dtype=object)),
-        },
-        {"time": ("time", 0.1 * np.arange(500)), "x": ("x", [0.1, 0.2, 0.3])},
-        {"provenance": store.provenance("simulate", {"slider": STEADY})},
-    )
+    force = np.random.default_rng(0).normal(size=500)
+    variables = {
+        "spring_force": ("time", force, {"units": "f_s", "long_name": "force"}),
+        "stretching_density": (("snapshot", "x"), np.arange(6.0).reshape(2, 3)),
+        "count": ((), 3),
+        "name": ((), "a word"),
+        "kinds": ("snapshot", np.array(["one", "two"], dtype=object)),
+    }
+    axes = {"time": ("time", 0.1 * np.arange(500)), "x": ("x", [0.1, 0.2, 0.3])}
+    made = store.provenance("simulate", {"slider": STEADY})
+    return xr.Dataset(variables, axes, {"provenance": made})
 
 
 def test_a_dataset_comes_back_bit_for_bit(result, tmp_path):
@@ -160,12 +149,12 @@ def test_a_dataset_comes_back_bit_for_bit(result, tmp_path):
     assert os.listdir(tmp_path) == ["run.nc"]
 
 
-@pytest.mark.parametrize(
-    "failure", [OSError(28, "No space left on device"), KeyboardInterrupt()]
-)
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(
-    result, tmp_path, monkeypatch, failure
-):
+FAILURES = OSError(28, "No space left on device"), KeyboardInterrupt()
+
+
+@pytest.mark.parametrize("failure", FAILURES)
+def test_a_failed_write_leaves_the_old_file(result, tmp_path, monkeypatch, failure):
+    """The folder holds the old file and nothing else."""
     path = store.save(result, tmp_path / "run.nc")
     before = path.read_bytes()
 
@@ -173,10 +162,8 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(
         raise failure
 
     monkeypatch.setattr(os, "fsync", fail)
-    refused = pytest.raises(
-        InputError,
-        match=r"cannot be written \(No space left on device\); nothing was lost",
-    )
+    message = r"cannot be written \(No space left on device\); nothing was lost"
+    refused = pytest.raises(InputError, match=message)
     with refused if isinstance(failure, OSError) else pytest.raises(KeyboardInterrupt):
         store.save(result, path)
     assert path.read_bytes() == before
@@ -211,33 +198,21 @@ def test_provenance_names_call_arguments_and_version(result):
     assert store.decode(content["arguments"], KINDS) == {"slider": STEADY}
 
 
+GONE = "which this version does not have"
+OTHER = "is of another version"
+HEAVY = {"class": "Slider", "mass": -1, "stiffness": 1, "damping": 1}
+TINTED = {"class": "Delay", "time": 1, "colour": 2}
+
+
 @pytest.mark.parametrize(
     ("plain", "message"),
     [
-        (
-            {"class": "Sliderr", "mass": 1},
-            "names the record 'Sliderr', which this version does not have",
-        ),
-        (
-            {"class": ["Slider"]},
-            r"names the record \['Slider'\], which this version does not have",
-        ),
-        (
-            {"class": "Delay", "time": 1, "colour": 2},
-            "of Delay is of another version .*'colour'.*; make the run again",
-        ),
-        (
-            {"class": "Slider", "mass": 1},
-            "of Slider is of another version .*; make the run again",
-        ),
-        (
-            {"class": "Slider", "mass": -1, "stiffness": 1, "damping": 1},
-            r"Slider\.mass = -1: must be",
-        ),
-        (
-            {"class": "Interface", "thresholds": 3},
-            r"Interface\.thresholds = 3: must be a distribution",
-        ),
+        ({"class": "Sliderr", "mass": 1}, f"names the record 'Sliderr', {GONE}"),
+        ({"class": ["Slider"]}, rf"names the record \['Slider'\], {GONE}"),
+        (TINTED, f"of Delay {OTHER} .*'colour'.*; make the run again"),
+        ({"class": "Slider", "mass": 1}, f"of Slider {OTHER} .*; make the run again"),
+        (HEAVY, r"Slider\.mass = -1: must be"),
+        ({"class": "Interface", "thresholds": 3}, r"thresholds = 3: must be a distrib"),
     ],
 )
 def test_records_that_cannot_be_made_again(plain, message):

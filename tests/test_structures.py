@@ -71,9 +71,8 @@ def test_a_slider_is_the_same_however_it_is_written(body):
     s = np.array([0.3 + 4j, 60j, -5 + 100j, 2.0, 1e4j])
     assert body(s) == pytest.approx(SLIDER(s), rel=1e-11)
     assert Structure.__call__(body, s) == pytest.approx(SLIDER(s), rel=1e-11)
-    assert ss.growth_rate(rig(body)) == pytest.approx(
-        ss.growth_rate(rig(SLIDER)), rel=1e-8
-    )
+    rate = ss.growth_rate(rig(SLIDER))
+    assert ss.growth_rate(rig(body)) == pytest.approx(rate, rel=1e-8)
     (edge,) = ss.critical(rig(body), "velocity", between=(0.5, 2.0)).edges
     (known,) = ss.critical(rig(SLIDER), "velocity", between=(0.5, 2.0)).edges
     assert edge.value == pytest.approx(known.value, rel=1e-9)
@@ -84,13 +83,11 @@ PULLED = Modes(masses=(1e-2,), stiffnesses=(0.0,), dampings=(2.0,), stiffness=2.
 ROWS = {"M": ((1e-2,),), "C": ((2e-2,),), "K": ((0.0,),)}
 
 
+ONE_ROW = Matrices(**ROWS, contact=(1.0,), stiffness=2.0)
+
+
 @pytest.mark.parametrize(
-    ("body", "name"),
-    [
-        (PULLED, "damping_1"),
-        (Matrices(**ROWS, contact=(1.0,), stiffness=2.0), "damping"),
-    ],
-    ids=["modes", "matrices"],
+    ("body", "name"), [(PULLED, "damping_1"), (ONE_ROW, "damping")], ids=str
 )
 def test_damping_that_a_structure_needs_is_that_of_the_slider(body, name):
     found = ss.critical(rig(body), name, between=(1.0, 300.0))
@@ -119,9 +116,8 @@ def test_a_spring_elsewhere_is_in_series_with_the_structure():
     coupling = -0.01 * s - 3.0
     near = 1e-3 * s * s + 0.05 * s + 3.0
     assert TWO(s) == pytest.approx(near - coupling**2 / far, rel=1e-12)
-    assert ss.stability.critical_spring(rig(TWO)) == pytest.approx(
-        ss.stability.critical_spring(rig(TWO.__call__)), rel=1e-6
-    )
+    spring = ss.stability.critical_spring(rig(TWO.__call__))
+    assert ss.stability.critical_spring(rig(TWO)) == pytest.approx(spring, rel=1e-6)
 
 
 # ---------------------------------------------------------------- controllers
@@ -171,11 +167,11 @@ def test_the_hold_between_samples_is_in_the_roots(every):
     axis = replace(AXIS, sample_time=every)
     w = brentq(lambda w: axis(np.array([1j * w]))[0].real, 50.0, 250.0)
     neutral = w * axis(np.array([1j * w]))[0].imag
-    limit = brentq(
-        lambda ki: spectral_radius(replace(axis, ki=ki)) - 1.0,
-        0.5 * neutral,
-        1.5 * neutral,
-    )
+
+    def growth(ki):
+        return spectral_radius(replace(axis, ki=ki)) - 1.0
+
+    limit = brentq(growth, 0.5 * neutral, 1.5 * neutral)
     assert neutral == pytest.approx(limit, rel=1e-4)
 
 
@@ -220,11 +216,9 @@ BENCH = {
     "drive": {"velocity": "1 mm/s"},
 }
 MODE = {"mass": "2 kg", "frequency": "1.85 kHz", "damping_ratio": 0.01}
-PID = {
-    name: key.example
-    for name, key in rig_keys.TABLES["controller"].items()
-    if name not in ("kpp", "kv", "kiv")
-}
+CONTROLLER = rig_keys.TABLES["controller"]
+CASCADED = "kpp", "kv", "kiv"
+PID = {name: key.example for name, key in CONTROLLER.items() if name not in CASCADED}
 CASCADE = {"kpp": "40 1/s", "kv": "3 kN*s/m", "kiv": "1 MN/m"}
 
 
@@ -232,14 +226,10 @@ def examples(kind):
     return {name: key.example for name, key in rig_keys.STRUCTURES[kind].items()}
 
 
+FREE = {"mass": "2 kg", "stiffness": "0 N/m", "damping": "3 1/s"}
 FILES = {
     "modes": {"slider": {"modes": [MODE, MODE | {"contact": 0.3, "drive": 0.4}]}},
-    "free mode": {
-        "slider": {
-            "stiffness": "1 MN/m",
-            "modes": [{"mass": "2 kg", "stiffness": "0 N/m", "damping": "3 1/s"}],
-        }
-    },
+    "free mode": {"slider": {"stiffness": "1 MN/m", "modes": [FREE]}},
     "matrices": {"slider": {"stiffness": "1 MN/m", "matrices": examples("matrices")}},
     "state space": {"slider": {"state_space": examples("state_space")}},
     "controller": {"slider": {"mass": "4 kg"}, "controller": PID},
@@ -381,16 +371,10 @@ def by_integration(body, breaking, end):
 
         reaches.terminal = True
         reaches.direction = 1
-        part = solve_ivp(
-            motion,
-            (t, end),
-            z,
-            args=(held.size - broken,),
-            events=reaches if broken < held.size else None,
-            method="DOP853",
-            rtol=1e-12,
-            atol=1e-12,
-        )
+        events = reaches if broken < held.size else None
+        exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
+        attached = held.size - broken
+        part = solve_ivp(motion, (t, end), z, args=(attached,), events=events, **exact)
         t, z = part.t[-1], part.y[:, -1]
         broken += 1
     return float(system.contact @ z)
@@ -407,11 +391,9 @@ def test_two_masses_move_as_a_reference_integration_has_them():
     contacts = EventByEvent(Beginning(interface, None, 1.0), method).attachments()
     breaking = sorted(contacts.threshold)
     for duration in (0.9, 2.0):
-        found = ss.simulate(
-            made.replace(drive=ss.constant(1.0, duration)),
-            method=method,
-            output=ss.Output(interval=2e-5),
-        )
+        longer = made.replace(drive=ss.constant(1.0, duration))
+        output = ss.Output(interval=2e-5)
+        found = ss.simulate(longer, method=method, output=output)
         known = by_integration(TWO, breaking, duration)
         assert float(found.displacement[-1]) == pytest.approx(known, abs=2e-7)
     assert float(found.attached[-1]) < 1
@@ -470,18 +452,15 @@ def test_a_run_of_a_structure_is_saved_made_again_and_judged(tmp_path):
     assert table.sizes["velocity"] == 1
 
 
+GROWING = replace(INTERFACE, ageing=ss.LogarithmicGrowth(slope=0.1, time=1.0))
+UNAGED = "Interface.ageing: not available with a structure"
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"method": ss.MasterEquation()}, "a structure runs on single contacts"),
-        (
-            {
-                "interface": replace(
-                    INTERFACE, ageing=ss.LogarithmicGrowth(slope=0.1, time=1.0)
-                )
-            },
-            "Interface.ageing: not available with a structure",
-        ),
+        ({"interface": GROWING}, UNAGED),
     ],
 )
 def test_what_a_structure_cannot_run_on_is_refused(change, message):
@@ -544,9 +523,8 @@ def test_a_cycle_that_takes_too_many_steps_is_refused():
 
 def test_a_window_of_stick_slip_of_a_structure():
     held = rig(PULLED).replace(method=ss.Contacts(1000))
-    (window,) = ss.sustained(
-        held, "velocity", between=(0.8, 1.6), points=4, tolerance=0.1
-    )
+    how = {"between": (0.8, 1.6), "points": 4, "tolerance": 0.1}
+    (window,) = ss.sustained(held, "velocity", **how)
     # beyond the linear boundary at once: the cycle shrinks to nothing there
     assert window.low.value == pytest.approx(1.05, rel=0.1)
     assert window.high.kind == "end of range"
@@ -561,10 +539,8 @@ def test_noise_of_contacts_under_a_structure_is_that_of_its_runs(body):
     sliding = sliding.replace(method=ss.Contacts(1000, seed=3))
     told = ss.stability.contact_noise(sliding)
     seen = ss.simulate(sliding, output=ss.Output(interval=0.02))
-    for name, size in (
-        ("spring_force", told.spring_force),
-        ("velocity", told.velocity),
-    ):
+    for name in ("spring_force", "velocity"):
+        size = getattr(told, name)
         assert float(seen[name].std()) == pytest.approx(size, rel=0.15)
     mean = float(seen.spring_force.mean())
     assert mean == pytest.approx(told.mean_spring_force, rel=0.005)

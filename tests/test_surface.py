@@ -68,9 +68,8 @@ TABLE = [
 
 
 @pytest.mark.parametrize(("n", "most", "pressure", "hardness", "area", "length"), TABLE)
-def test_rough_surfaces_touch_as_in_the_table(
-    n, most, pressure, hardness, area, length
-):
+def test_rough_surfaces_touch(n, most, pressure, hardness, area, length):
+    """Areas and lengths are those of the table."""
     p = press(waves(n, most), 1.0 / n, pressure, 1.0, hardness=hardness)
     stiffness = tangential_stiffness(p, 1.0 / n, 1.0, 0.3)
     assert p.mean() == pytest.approx(pressure, rel=1e-9)
@@ -116,9 +115,8 @@ UNIT = SURFACE.Material(young=2.0 * (1.0 - 0.3**2))  # whose contact modulus is 
 
 @pytest.fixture(scope="module")
 def rough():
-    return SURFACE.self_affine(
-        rq="1 um", hurst=0.8, roll_off="40 um", cut_off="8 um", nodes=256
-    )
+    band = {"roll_off": "40 um", "cut_off": "8 um"}
+    return SURFACE.self_affine(rq="1 um", hurst=0.8, nodes=256, **band)
 
 
 @pytest.fixture(scope="module")
@@ -213,6 +211,7 @@ def test_a_tilt_is_removed_and_reported(rough, found):
 PMMA = {"pressure": "2 MPa", "material": "pmma"}
 NOISE = np.random.default_rng(1).standard_normal((64, 64))
 HOLED = np.where(NOISE > 3.0, np.nan, NOISE)
+SOFT = SURFACE.Material(young=3e9, hardness=1e6)
 REFUSED = {
     "holes": (HOLED, {}, r"nodes \(.* %\) have no height; fill"),
     "flat": (0.0 * NOISE, {}, "the same everywhere"),
@@ -223,11 +222,7 @@ REFUSED = {
     "single nodes": (1e-7 * NOISE, {}, r"not resolve them: .*shortest = '8 um'"),
     "much contact": (1e-3 * waves(64, 8), {"pressure": "80 MPa"}, "lower the pressure"),
     "all in contact": (1e-3 * waves(64, 8), {"pressure": "80 GPa"}, "covers 100 %"),
-    "too much load": (
-        waves(64, 8),
-        {"material": SURFACE.Material(young=3e9, hardness=1e6)},
-        "not below the hardness",
-    ),
+    "too much load": (waves(64, 8), {"material": SOFT}, "not below the hardness"),
     "no material": (waves(64, 8), {"material": "cheese"}, "glass and pmma; of others"),
     "no pressure": (waves(64, 8), {"pressure": "2 N"}, "not in a unit of 'Pa'"),
 }
@@ -256,9 +251,8 @@ def test_few_contacts_make_no_interface():
 
 @pytest.mark.parametrize("nodes", [64, 128])
 def test_a_drawn_map_has_its_spectrum(nodes):
-    made = SURFACE.self_affine(
-        rq="2 um", hurst=0.8, roll_off="40 um", cut_off="8 um", nodes=nodes
-    )
+    band = {"roll_off": "40 um", "cut_off": "8 um"}
+    made = SURFACE.self_affine(rq="2 um", hurst=0.8, nodes=nodes, **band)
     assert float(made.std()) == pytest.approx(2e-6)
     long, short = mean_waves(made)
     assert 8e-6 < short < 16e-6 < long < 40e-6
@@ -311,16 +305,12 @@ def test_a_topography_is_a_map():
     assert float(read["y"][1]) == pytest.approx(2e-6)
 
 
+OBLONG = "# Width: 3 um\n# Height: 2 um\n" + ("1 " * 40 + "\n") * 40
 BAD_FILES = {
     "no unit": ("map.csv", "1 2\n" * 40, {}, "unit of the heights is missing"),
     "no spacing": ("map.csv", "1 2\n" * 40, {"unit": "um"}, "spacing .* is missing"),
     "no map": ("map.csv", "# a\nb c\n", {"unit": "um"}, "cannot be read as a map"),
-    "oblong": (
-        "map.asc",
-        "# Width: 3 um\n# Height: 2 um\n" + ("1 " * 40 + "\n") * 40,
-        {"unit": "um"},
-        "pixels must be square",
-    ),
+    "oblong": ("map.asc", OBLONG, {"unit": "um"}, "pixels must be square"),
     "instrument": ("map.opd", "x", {}, r"pip install 'stickslip\[surface\]'"),
 }
 
@@ -441,13 +431,11 @@ def test_a_command_takes_numbers_of_a_material_and_prints_json(heights, capsys):
     assert told["elastic"] < told["renewal"]
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ([], "--material: is missing: glass or pmma"),
-        (["--material", "steel"], "of others give --young"),
-    ],
-)
+NO_MATERIAL = [], "--material: is missing: glass or pmma"
+NO_KNOWN = ["--material", "steel"], "of others give --young"
+
+
+@pytest.mark.parametrize(("given", "words"), [NO_MATERIAL, NO_KNOWN])
 def test_a_command_asks_for_the_material(heights, given, words, capsys):
     assert main(["surface", str(heights), "--pressure", "2 MPa", *given]) == 2
     assert words in capsys.readouterr().err

@@ -3,6 +3,7 @@ line; boundaries with few runs.
 """
 
 import importlib
+import itertools
 import json
 import os
 import re
@@ -14,6 +15,7 @@ import threading
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,9 +103,8 @@ def cases(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "runs.log"))
     at_once(monkeypatch)
-    monkeypatch.setenv(
-        "PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
-    )
+    path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    monkeypatch.setenv("PYTHONPATH", path)
     sys.modules.pop("sweep_cases", None)
     module = importlib.import_module("sweep_cases")
     yield module
@@ -127,25 +128,15 @@ def test_axes_become_dimensions_of_one_dataset():
     alone = case(**at, seed=case_seed(0, case_key(at)))
     assert {name: wide[name].sel(at).item() for name in alone} == alone
     assert str(summary(wide)) == "42 of 42 cases done"
-    assert all(
-        {"units", "long_name"} <= wide[name].attrs.keys() for name in wide.variables
-    )
-    assert json.loads(wide.attrs["provenance"])["axes"] == {
-        "stiffness": 3,
-        "velocity": 7,
-        "start": 2,
-    }
-    narrow = run_cases(
-        case, dict(reversed(AXES.items())) | {"velocity": AXES["velocity"][2:4]}
-    )
-    xr.testing.assert_equal(
-        narrow["sum"].transpose(*AXES), wide["sum"].isel(velocity=slice(2, 4))
-    )
-    keys = [
-        case_key({"a": a, "b": b})
-        for a in np.linspace(0, 1, 20).tolist()
-        for b in "xyz"
-    ]
+    for name in wide.variables:
+        assert {"units", "long_name"} <= wide[name].attrs.keys()
+    sizes = {"stiffness": 3, "velocity": 7, "start": 2}
+    assert json.loads(wide.attrs["provenance"])["axes"] == sizes
+    fewer = dict(reversed(AXES.items())) | {"velocity": AXES["velocity"][2:4]}
+    narrow = run_cases(case, fewer)["sum"].transpose(*AXES)
+    xr.testing.assert_equal(narrow, wide["sum"].isel(velocity=slice(2, 4)))
+    places = itertools.product(np.linspace(0, 1, 20).tolist(), "xyz")
+    keys = [case_key({"a": a, "b": b}) for a, b in places]
     assert len({case_seed(seed, key) for seed in range(5) for key in keys}) == 300
     # as an axis it is the user's own
     given = run_cases(lambda seed: {"given": seed}, {"seed": [5, 6]})
@@ -163,47 +154,35 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
         }
 
     axes = {"x": np.array([0.5, 2.0]), "flag": [True, False]}
-    attributes = {
-        "large": {"units": "x_s/f_s", "long_name": "compliance", "odd": {3}},
-        "x": {"units": "1/time"},
-    }
+    units = {"units": "x_s/f_s", "long_name": "compliance"}
+    attributes = {"large": units | {"odd": {3}}, "x": {"units": "1/time"}}
     categories = {"kind": ["soft", "hard", "never seen"]}
     study = named(odd, attributes=attributes, categories=categories)
     kept = run_study(study, axes, store=tmp_path / "s.sqlite")
     xr.testing.assert_identical(kept, run_study(study, axes))
     xr.testing.assert_identical(kept, open_sweep(tmp_path / "s.sqlite"))
     kept = kept.isel(flag=0)
-    assert kept["large"].attrs == {
-        "units": "x_s/f_s",
-        "long_name": "compliance",
-        "odd": "{3}",
-    }
+    assert kept["large"].attrs == units | {"odd": "{3}"}
     assert (kept["x"].units, kept["kind"].dtype) == ("1/time", np.int8)
     assert kept["kind"].attrs["flag_values"].tolist() == [-1, 0, 1, 2]
     assert kept["kind"].attrs["flag_meanings"] == "no_result soft hard never_seen"
     assert np.signbit(kept["minus zero"].values[0])
     assert kept["sometimes"].values[1] == np.float32(0.1)
     assert np.isnan(kept["sometimes"].values[0])
-    found = [kept[name].values.tolist() for name in ("large", "words", "kind")]
-    assert found == [
-        [0.0, 1.0],
-        ["at 0.5, \u2212\ud83d", "at 2.0, \u2212\ud83d"],
-        [0, 1],
+    assert kept["large"].values.tolist() == [0.0, 1.0]
+    assert kept["words"].values.tolist() == [
+        f"at {x}, \u2212\ud83d" for x in (0.5, 2.0)
     ]
+    assert kept["kind"].values.tolist() == [0, 1]
 
 
 @pytest.mark.slow
 def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp_path):
     expected = run_cases(cases.logged, LOGGED_AXES, executor=Threads(1))
-    for i, executor in enumerate(
-        (Threads(2), Threads(5), Processes(2), ThreadPoolExecutor(2))
-    ):
-        found = run_cases(
-            cases.logged,
-            LOGGED_AXES,
-            executor=executor,
-            store=tmp_path / f"{i}.sqlite",
-        )
+    executors = Threads(2), Threads(5), Processes(2), ThreadPoolExecutor(2)
+    for i, executor in enumerate(executors):
+        where = {"executor": executor, "store": tmp_path / f"{i}.sqlite"}
+        found = run_cases(cases.logged, LOGGED_AXES, **where)
         xr.testing.assert_identical(found, expected)
     assert not expected.equals(run_cases(named(cases.logged, seed=4), LOGGED_AXES))
 
@@ -241,9 +220,8 @@ def test_a_case_that_raises_is_recorded_and_run_again_on_request_only(tmp_path):
     (failure,) = failures(found)
     assert str(failure).startswith("a = 2, b = 1: OSError: not today (test_sweep.py:")
     assert np.isnan(found["product"].sel(a=2, b=1))
-    assert (seen[0], seen[-1]) == tuple(
-        Progress(total=12, finished=n, failed=k, found=0) for n, k in ((0, 0), (12, 1))
-    )
+    begun = Progress(total=12, finished=0, failed=0, found=0)
+    assert (seen[0], seen[-1]) == (begun, replace(begun, finished=12, failed=1))
     BROKEN.clear()
     assert summary(result()).failed == 1
     assert seen == [Progress(total=12, finished=12, failed=1, found=12)]
@@ -305,37 +283,27 @@ def test_a_second_start_runs_only_what_is_missing(cases, tmp_path):
 
     with pytest.raises(EnoughError):
         run_cases(**given, progress=look_and_stop)
-    assert re.match(
-        (
-            rf"\d+ of 60 cases done, \d+ not run yet; running as process {os.getpid()} "
-            r"on "
-            r".*"
-        ),
-        lines[-1],
-    )
-    before = {
-        (a, LOGGED_AXES["b"][j])
-        for a, j in np.argwhere(open_sweep(store)["status"].values != 0).tolist()
-    }
+    running = f"running as process {os.getpid()} on .*"
+    assert re.match(rf"\d+ of 60 cases done, \d+ not run yet; {running}", lines[-1])
+    done = np.argwhere(open_sweep(store)["status"].values != 0).tolist()
+    before = {(a, LOGGED_AXES["b"][j]) for a, j in done}
     assert 20 <= len(before) < 60
-    assert str(status_of(store)).startswith(
+    left = (
         f"{len(before)} of 60 cases done, {60 - len(before)} not run yet; not running"
     )
+    assert str(status_of(store)).startswith(left)
     log.unlink()
     xr.testing.assert_identical(run_cases(**given), expected)
-    assert (
-        set(runs(tmp_path))
-        == {(a, b) for a in range(12) for b in LOGGED_AXES["b"]} - before
-    )
+    every = {(a, b) for a in range(12) for b in LOGGED_AXES["b"]}
+    assert set(runs(tmp_path)) == every - before
     wide = {"b": [1.0, 0.0, 9.0], "a": [1, 30]}
     given["axes"] = wide
     found = run_cases(**given)
     assert sum(runs(tmp_path).values()) == 60 - len(before) + 4
     assert max(runs(tmp_path).values()) == 1
     xr.testing.assert_identical(found, open_sweep(store))
-    xr.testing.assert_identical(
-        found.drop_attrs(), run_cases(cases.logged, wide).drop_attrs()
-    )
+    expected = run_cases(cases.logged, wide).drop_attrs()
+    xr.testing.assert_identical(found.drop_attrs(), expected)
     # rows are lost: it is not done, and gets them back
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%9%'")
@@ -382,13 +350,9 @@ def test_names_seed_and_version_are_part_of_the_case(tmp_path, monkeypatch):
     store = tmp_path / "s.sqlite"
     same = {"function": named(product), "axes": ONE, "store": store}
     run_cases(**same)
-    for change, part in (
-        (
-            {"function": lambda **values: {"n": len(values)}, "axes": {"x": [1]}},
-            "names of the axes",
-        ),
-        ({"function": named(product, seed=7)}, "seed"),
-    ):
+    others = {"function": lambda **values: {"n": len(values)}, "axes": {"x": [1]}}
+    seeded = {"function": named(product, seed=7)}
+    for change, part in ((others, "names of the axes"), (seeded, "seed")):
         with pytest.raises(InputError, match=f"what differs: {part}"):
             run_cases(**(same | change))
     monkeypatch.setattr(_cases, "__version__", "99.0")
@@ -396,11 +360,16 @@ def test_names_seed_and_version_are_part_of_the_case(tmp_path, monkeypatch):
         run_cases(**same)
 
 
+def contents(folder):
+    return {
+        path.name: path.is_file() and path.read_bytes() for path in folder.iterdir()
+    }
+
+
 def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
     """Of a store that is damaged nothing is trusted, either."""
-    (tmp_path / "notes.txt").write_text(
-        "mine, and long enough to be looked at as a database might be " * 20
-    )
+    notes = "mine, and long enough to be looked at as a database might be " * 20
+    (tmp_path / "notes.txt").write_text(notes)
     (tmp_path / "photos").mkdir()
     os.mkfifo(tmp_path / "pipe")
     for damage in (
@@ -412,15 +381,12 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
             connection.execute(damage)
     with changing(tmp_path / "other.sqlite") as connection:
         connection.execute("CREATE TABLE mine (x)")
-    before = {
-        path.name: path.is_file() and path.read_bytes() for path in tmp_path.iterdir()
-    }
+    before = contents(tmp_path)
     refusals = dict.fromkeys(
-        ("notes.txt", "other.sqlite"), "is not the store of a sweep"
+        ["notes.txt", "other.sqlite"], "is not the store of a sweep"
     )
-    refusals |= dict.fromkeys(("photos", "pipe"), "is no regular file") | dict.fromkeys(
-        ("UPDATE", "DELETE"), "is damaged"
-    )
+    refusals |= dict.fromkeys(["photos", "pipe"], "is no regular file")
+    refusals |= dict.fromkeys(["UPDATE", "DELETE"], "is damaged")
     for name, words in (refusals | {"x" * 300: "File name too long"}).items():
         with pytest.raises(InputError, match=words):
             run_cases(product, {"a": [3], "b": [2]}, store=tmp_path / name)
@@ -428,9 +394,7 @@ def test_what_is_no_store_is_refused_and_left_alone(tmp_path):
             open_sweep(tmp_path / name)
     with pytest.raises(InputError, match="there is no such file"):
         open_sweep(tmp_path / "nowhere")
-    assert {
-        path.name: path.is_file() and path.read_bytes() for path in tmp_path.iterdir()
-    } == before
+    assert contents(tmp_path) == before
 
 
 def test_two_sweeps_of_one_process_on_one_store(tmp_path):
@@ -448,10 +412,8 @@ def test_two_sweeps_of_one_process_on_one_store(tmp_path):
         first = pool.submit(run_cases, waiting, **given)
         BEGUN.wait(30)
         for again in (given, through_link):
-            with pytest.raises(
-                InputError,
-                match=f"another sweep .process {os.getpid()} on .* is writing it",
-            ):
+            message = f"another sweep .process {os.getpid()} on .* is writing it"
+            with pytest.raises(InputError, match=message):
                 run_cases(waiting, **again)
         GO_ON.set()
         assert summary(first.result()).done == 2
@@ -462,14 +424,8 @@ def ran(script, directory):
     path = directory / "script.py"
     path.write_text(textwrap.dedent(script))
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    return subprocess.run(
-        [sys.executable, str(path)],
-        capture_output=True,
-        text=True,
-        env=environment,
-        timeout=120,
-        check=False,
-    )
+    options = {"capture_output": True, "text": True, "timeout": 120, "check": False}
+    return subprocess.run([sys.executable, str(path)], env=environment, **options)
 
 
 def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tmp_path):
@@ -501,10 +457,8 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
         print(summary(run_study(study, **given)))
     """  # noqa: E501
     line, kept, resumed = ran(script, tmp_path).stdout.splitlines()
-    assert (
-        "cannot be written (disk I/O error); what was written is kept: free some space"
-        in line
-    )
+    full = "(disk I/O error); what was written is kept: free some space"
+    assert f"cannot be written {full}" in line
     assert re.match(r"2[01] of 60 cases done, (40|39) not run yet", kept)
     assert resumed == "60 of 60 cases done"
 
@@ -512,12 +466,8 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
 @pytest.mark.slow
 def test_a_case_that_kills_its_worker_is_found_and_recorded(cases, tmp_path):
     axes = {"a": range(6), "b": range(4)}
-    result = run_cases(
-        cases.deadly,
-        axes,
-        executor=Processes(2),
-        store=tmp_path / "s.sqlite",
-    )
+    where = {"executor": Processes(2), "store": tmp_path / "s.sqlite"}
+    result = run_cases(cases.deadly, axes, **where)
     assert str(summary(result)) == "23 of 24 cases done, 1 failed"
     assert failures(result)[0].parameters == {"a": 3, "b": 2}
     assert failures(result)[0].error.startswith("WorkerDied: ")
@@ -549,33 +499,31 @@ UNIT = {"x": Span(low=0, high=1), "y": Span(low=0, high=1)}
 
 def refine(function, plane, **how):
     """A search for where the side changes."""
-    options = {
-        name: how.pop(name) for name in ("store", "executor", "progress") if name in how
-    }
-    return run_cases(
-        function, plane, refinement=Refinement(**{"label": "side", **how}), **options
-    )
+    names = {"store", "executor", "progress"} & how.keys()
+    options = {name: how.pop(name) for name in names}
+    refinement = Refinement(**{"label": "side", **how})
+    return run_cases(function, plane, refinement=refinement, **options)
 
 
 def test_refinement_finds_a_boundary_as_sharply_as_a_grid_of_ten_times_the_runs():
     found = refine(parabola, UNIT, runs=160)
     assert 150 < found.sizes["run"] <= 160
     t = np.linspace(0, 1, 2001)
-    off = np.hypot(
-        found["x_at"].values[:, None] - t,
-        found["y_at"].values[:, None] - 0.25 - 0.5 * t * t,
-    )
+    away = found["x_at"].values[:, None] - t
+    above = found["y_at"].values[:, None] - 0.25 - 0.5 * t * t
+    off = np.hypot(away, above)
     # half of the resolution asked for: cells of a grid of 40 x 40
     assert off.min(axis=1).max() <= 1 / 80
     assert off.min(axis=0).max() < 0.06  # and no part of it is left out
-    assert (
-        off.min(axis=1) <= np.hypot(found["x_error"], found["y_error"]).values + 1e-12
-    ).all()
+    error = np.hypot(found["x_error"], found["y_error"]).values
+    assert (off.min(axis=1) <= error + 1e-12).all()
     # all else that the function returns is there
     np.testing.assert_array_equal(found["height"], found["y"])
 
 
-def test_refinement_is_the_same_for_any_number_of_workers_and_goes_round_cases_that_fail():  # noqa: E501
+def test_refinement_is_the_same_for_any_number_of_workers():
+    """Cases that fail are left out of the search."""
+
     def patchy(x, y, seed):
         if x > 0.8:
             raise ValueError("no")
@@ -583,29 +531,23 @@ def test_refinement_is_the_same_for_any_number_of_workers_and_goes_round_cases_t
 
     study = named(patchy, categories={"side": ["below", "above"]})
     plane = {"x": Span(low=0, high=1), "y": Span(low=0.01, high=1.0, log=True)}
-    one, more = (
-        refine(study, plane, executor=Threads(count), runs=80) for count in (1, 3)
-    )
+    one = refine(study, plane, executor=Threads(1), runs=80)
+    more = refine(study, plane, executor=Threads(3), runs=80)
     xr.testing.assert_identical(one, more)
     assert (one["error"].values[one["x"].values > 0.8] != "").all()
     assert failures(one)[0].parameters.keys() == {"x", "y"}
     assert one.sizes["crossing"] > 3
     assert np.abs(one["y_at"] - 0.25 - 0.5 * one["x_at"] ** 2).max() < 0.03
     assert set(one["from_side"].values) | set(one["to_side"].values) == {0, 1}
-    assert (
-        one["from_side"].attrs["flag_meanings"]
-        == one["side"].attrs["flag_meanings"]
-        == "no_result below above"
-    )
+    meanings = [one[name].attrs["flag_meanings"] for name in ("from_side", "side")]
+    assert meanings == ["no_result below above"] * 2
 
 
 def branches(x, y, branch, seed):
     COUNT[x, y, branch] += 1
-    return (
-        parabola(x, y, seed)
-        if branch == "up"
-        else {"side": "above" if x > 0.5 else "below", "height": y}
-    )
+    if branch == "up":
+        return parabola(x, y, seed)
+    return {"side": "above" if x > 0.5 else "below", "height": y}
 
 
 def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeypatch):
@@ -622,10 +564,8 @@ def test_refinement_goes_on_from_its_store_the_way_a_grid_does(tmp_path, monkeyp
     found = refine(branches, plane, runs=40, store=store)
     xr.testing.assert_identical(found, expected)
     xr.testing.assert_identical(open_sweep(store), expected)
-    assert (
-        str(status_of(store))
-        == f"{found.sizes['run']} of {found.sizes['run']} cases done"
-    )
+    count = found.sizes["run"]
+    assert str(status_of(store)) == f"{count} of {count} cases done"
     assert max(COUNT.values()) == 1
     with changing(store) as connection:
         connection.execute("DELETE FROM cases WHERE key LIKE '%up%'")

@@ -35,19 +35,15 @@ TENTH = Gaussian(mean=1.0, std=0.1)
 
 
 @pytest.mark.parametrize(("std", "expected"), [(0.1, 0.50500), (0.3, 0.54498)])
-def test_kinetic_friction_falls_with_velocity_by_the_share_of_attached_contacts(
-    std, expected
-):
+def test_kinetic_friction_falls_by_the_share_of_attached_contacts(std, expected):
     # .54498 is the truncated distribution's: the plain Gaussian gives .54500
     interface = replace(FIG4.interface, thresholds=Gaussian(mean=1.0, std=std))
     v = np.geomspace(0.01, 100, 9)
-    assert kinetic_friction(replace(interface, delay=Delay(0.0)), 7.0) == pytest.approx(
-        expected, abs=5e-6
-    )
+    at_once = replace(interface, delay=Delay(0.0))
+    assert kinetic_friction(at_once, 7.0) == pytest.approx(expected, abs=5e-6)
     path = interface.threshold_distribution.moment(1)
-    assert kinetic_friction(interface, v) == pytest.approx(
-        kinetic_friction(interface) / (1 + 0.2 * v / path), rel=1e-12
-    )
+    falls = kinetic_friction(interface) / (1 + 0.2 * v / path)
+    assert kinetic_friction(interface, v) == pytest.approx(falls, rel=1e-12)
 
 
 @pytest.mark.eq(10)
@@ -55,40 +51,28 @@ def test_attached_fraction():
     # vbar = xbar/tau_d = 5: half of the contacts are attached there
     assert attached_fraction(FIG4.interface, 5.0) == pytest.approx(0.5, rel=1e-12)
     assert attached_fraction(FIG4.interface, 0.0) == 1.0
-    random = Interface(
-        thresholds=Gaussian(mean=1.0, std=0.1),
-        initial=NARROW,
-        delay=RandomDelay(mean=0.2, std=0.12),
-    )
-    assert attached_fraction(random, 3.0) == pytest.approx(
-        1 / (1 + 3.0 * random.delay.moment(1)), rel=1e-12
-    )
+    delay = RandomDelay(mean=0.2, std=0.12)
+    random = replace(FIG4.interface, delay=delay)
+    expected = 1 / (1 + 3.0 * delay.moment(1))
+    assert attached_fraction(random, 3.0) == pytest.approx(expected, rel=1e-12)
     assert attached_fraction(NEVER, 1.0) == 0.0
 
 
-@pytest.mark.parametrize(
-    "contacts",
-    [
-        {"thresholds": TENTH},
-        {"areas": Areas(TENTH)},
-        {"areas": Areas(TENTH, kept=True)},
-    ],
-)
+KINDS = [{"thresholds": TENTH}, {"areas": Areas(TENTH)}]
+KINDS += [{"areas": Areas(TENTH, kept=True)}]
+
+
+@pytest.mark.parametrize("contacts", KINDS)
 def test_contacts_that_never_come_back_slide_with_the_sliding_force(contacts):
-    gone = Interface(
-        **contacts,
-        delay=Delay(math.inf),
-        sliding_force=0.3,
-    )
+    gone = Interface(**contacts, delay=Delay(math.inf), sliding_force=0.3)
     assert kinetic_friction(gone, 1.0) == 0.3
 
 
 @pytest.mark.eq(14, 17)
 @pytest.mark.parametrize("rate", [1.0, 1.5])
 def test_friction_of_ageing_thresholds_depends_on_velocity_over_rate_squared(rate):
-    ageing = Interface(
-        thresholds=FIG4.interface.thresholds, initial=NARROW, ageing=Langevin(rate=rate)
-    )
+    thresholds = FIG4.interface.thresholds
+    ageing = Interface(thresholds=thresholds, ageing=Langevin(rate=rate))
     # Known from independent solvers of the kinetic equation, to .3 %.
     force = kinetic_friction(ageing, rate**2 * np.array([0.1, 0.5, 1.0, 5.0]))
     np.testing.assert_allclose(force, [0.4677, 0.3756, 0.1243, 0.00310], rtol=3e-3)
@@ -98,9 +82,8 @@ NEVER = replace(FIG4.interface, delay=Delay(math.inf))
 
 
 def test_friction_of_growing_thresholds_has_the_limits_of_its_distributions():
-    interface = Interface(
-        thresholds=FIG4.interface.thresholds, initial=NARROW, delay=Delay(0.2)
-    )
+    thresholds = FIG4.interface.thresholds
+    interface = Interface(thresholds=thresholds, initial=NARROW, delay=Delay(0.2))
     aged = kinetic_friction(interface, 0.5)
     # Growth that has ended before anything happens, and growth that never begins.
     for ageing in (
@@ -108,37 +91,31 @@ def test_friction_of_growing_thresholds_has_the_limits_of_its_distributions():
         LogarithmicGrowth(slope=0.0, time=1.0),
         TabulatedGrowth((1e-9, 1e-8), (0.5, 1.0)),
     ):
-        assert kinetic_friction(
-            replace(interface, ageing=ageing), 0.5
-        ) == pytest.approx(aged, rel=1e-3)
+        found = kinetic_friction(replace(interface, ageing=ageing), 0.5)
+        assert found == pytest.approx(aged, rel=1e-3)
     # Equal strengths: f(t) = t, held while v t < 1 - exp(-t).
-    equal = replace(
-        interface,
-        thresholds=Uniform(low=1 - 1e-6, high=1 + 1e-6),
-        ageing=ExponentialGrowth(rate=1.0),
-    )
+    alike = Uniform(low=1 - 1e-6, high=1 + 1e-6)
+    growth = ExponentialGrowth(rate=1.0)
+    equal = replace(interface, thresholds=alike, ageing=growth)
     # a contact breaks when 0.5 t = 1 - exp(-t)
     life = 2.0 + float(lambertw(-2.0 * math.exp(-2.0)).real)
-    assert kinetic_friction(equal, 0.5) == pytest.approx(
-        0.25 * life**2 / (life + 0.2), rel=1e-3
-    )
+    expected = 0.25 * life**2 / (life + 0.2)
+    assert kinetic_friction(equal, 0.5) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.eq(11)
 def test_mean_driving_force_balances_damping_and_friction():
-    assert driving_force(FIG4.interface, FIG4.slider, 1.0) == pytest.approx(
-        1e-4 * 200 + 0.505 / 1.2, rel=1e-12
-    )
+    expected = 1e-4 * 200 + 0.505 / 1.2
+    force = driving_force(FIG4.interface, FIG4.slider, 1.0)
+    assert force == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.eq(9)
 def test_critical_stiffness_estimate():
-    assert critical_stiffness_estimate(FIG4.interface) == pytest.approx(
-        1 / 0.11, rel=1e-9
-    )
-    wide = Interface(
-        thresholds=Uniform(low=0.5, high=1.5), initial=Gaussian(mean=0.0, std=0.0)
-    )
+    estimate = critical_stiffness_estimate(FIG4.interface)
+    assert estimate == pytest.approx(1 / 0.11, rel=1e-9)
+    initial = Gaussian(mean=0.0, std=0.0)
+    wide = Interface(thresholds=Uniform(low=0.5, high=1.5), initial=initial)
     assert critical_stiffness_estimate(wide) == pytest.approx(math.sqrt(12), rel=1e-12)
 
 
@@ -150,14 +127,12 @@ def test_slip_displacement_solves_the_oscillator_to_its_order():
     v = 2.0
     t = np.linspace(0, 0.3, 7) / slider.frequency
     exact = v / slider.frequency * np.sinh(slider.frequency * t)
-    assert slip_displacement(slider, v, t) == pytest.approx(
-        exact, rel=0.3**4 / 120 * 1.1
-    )
+    found = slip_displacement(slider, v, t)
+    assert found == pytest.approx(exact, rel=0.3**4 / 120 * 1.1)
     # both readings: the drive's velocity as printed, or the slider's own; the formula
     # is linear in it
-    assert slip_displacement(slider, 3.5, 0.005) == pytest.approx(
-        3.5 * slip_displacement(slider, 1.0, 0.005)
-    )
+    expected = 3.5 * slip_displacement(slider, 1.0, 0.005)
+    assert slip_displacement(slider, 3.5, 0.005) == pytest.approx(expected)
     with pytest.raises(InputError, match="mass"):
         slip_displacement(Slider(stiffness=1.0, mass=0.0, damping=0.0), 1.0, 0.1)
 
@@ -172,13 +147,11 @@ def test_effective_potential_is_flat_where_forces_balance_and_bends_with_the_sti
     h = x[1]
     assert effective_potential(slider, x, force, 0.0)[0] == 0.0
     slope = (potential[2:] - potential[:-2]) / (2 * h)
-    assert -slope == pytest.approx(
-        slider.stiffness * (drive - x[1:-1]) - force[1:-1], abs=3 * h**2
-    )
+    pulled = slider.stiffness * (drive - x[1:-1])
+    assert -slope == pytest.approx(pulled - force[1:-1], abs=3 * h**2)
     bend = (potential[2:] - 2 * potential[1:-1] + potential[:-2]) / h**2
-    assert bend == pytest.approx(
-        slider.stiffness + 1.5 * np.sin(6 * x[1:-1]), abs=20 * h**2 + 1e-8
-    )
+    expected = slider.stiffness + 1.5 * np.sin(6 * x[1:-1])
+    assert bend == pytest.approx(expected, abs=20 * h**2 + 1e-8)
     for wrong in ((x + 1, force), (x, force[1:])):
         with pytest.raises(InputError, match="must be of one shape"):
             effective_potential(slider, *wrong, drive)
@@ -186,7 +159,6 @@ def test_effective_potential_is_flat_where_forces_balance_and_bends_with_the_sti
 
 @pytest.mark.parametrize("relative", [1.001e-12, 1e-6, 1.0, 0.999e6])
 def test_in_the_range_of_speeds_the_force_of_ageing_contacts_is_one(relative):
-    ageing = Interface(
-        thresholds=Gaussian(mean=1.0, std=0.1), ageing=Langevin(rate=2.0)
-    )
+    thresholds = Gaussian(mean=1.0, std=0.1)
+    ageing = Interface(thresholds=thresholds, ageing=Langevin(rate=2.0))
     assert 0.0 < kinetic_friction(ageing, 4.0 * relative) < 0.5

@@ -29,25 +29,41 @@ def written(tmp_path, text, name="trace.csv"):
 def rows(form, forces=FORCES, changes=None):
     """Lines of a table, some of them others: an f-string of the time t, the force f."""
     line = compile(f"f{form!r}", "rows", "eval")
-    made = (
-        eval(line, globals(), {"t": 0.25 * i, "f": f}) for i, f in enumerate(forces)
-    )
-    return "\n".join((changes or {}).get(i, row) for i, row in enumerate(made)) + "\n"
+    known = [{"t": 0.25 * i, "f": force} for i, force in enumerate(forces)]
+    made = [eval(line, globals(), each) for each in known]
+    for i, row in (changes or {}).items():
+        made[i] = row
+    return "\n".join([*made, ""])
 
 
-NIGHT = dt.datetime(2024, 2, 29, 23, 59, 55)
+def commas(form):
+    """Lines of a table with decimal commas."""
+    return rows(form).translate(COMMA)
+
+
+def night(t):
+    """A time around midnight."""
+    return dt.datetime(2024, 2, 29, 23, 59, 55) + dt.timedelta(seconds=t)
+
+
 COMMA = str.maketrans(".", ",")
 NUMBERS = rows("{f}")
 TIMES_OF_SAW = np.round(0.01 * np.arange(600), 2)
 PAIRS, SEMICOLONS = (rows(f"{{t}}{mark}{{f}}") for mark in ",;")
 TIMES = 0.25 * np.arange(FORCES.size)
+KN = {"units": ("s", "kN")}
+STEP = {"step": 1.0}
+ZEROS = 60_000 * "0"
+LATE = {3: "x,1", 10: "1,1"}
+ASKS_FORCE = r"is the force\? .*--force .* force= .* 1 't', 2 'position'"
+ASKS_TIME = "which column is the time.*--time .* time=.*--step.* step="
+NO_COLUMN = r"no such column.* 1 'a' \(no numbers"
+UNREADABLE = ["NaN N1", "inf", "---", "1e999", "overload", "True", "1.2.3"]
+UNREADABLE += ["1" + 400 * "0", "1," * 9_000]
 GERMAN = (
     "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 "
     "N\n\nZeit;Kraft;Weg;Normalkraft\ns;N;mm;N\n"
-) + "".join(
-    f"{t:.2f};{f:.2f};{2 * t:.2f};20,00\n".replace(".", ",")
-    for t, f in zip(TIMES, FORCES, strict=True)
-)
+) + commas("{t:.2f};{f:.2f};{2 * t:.2f};20,00")
 LABVIEW = (
     "LabVIEW "
     "Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
@@ -58,12 +74,12 @@ LABVIEW = (
     "***End_of_Header***\t\t\nX_Value\tForce\tComment\n"
 )
 
-
-LABVIEW_WITHOUT_COMMENTS = (
+BARE_LABVIEW = (
     "LabVIEW "
     "Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
     "Y_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
 )
+NEWTONS = {"units": ("s", "Newtons")}
 
 
 @pytest.mark.parametrize(
@@ -71,15 +87,15 @@ LABVIEW_WITHOUT_COMMENTS = (
     [
         (NUMBERS, {"step": 0.25}),
         (rows("{f} N1 "), {"step": 0.25}),
-        (rows("{f}").translate(COMMA), {"step": 0.25, "decimal": ","}),
-        (rows("{f:.2f} N").translate(COMMA), {"step": 0.25, "decimal": ","}),
+        (commas("{f}"), {"step": 0.25, "decimal": ","}),
+        (commas("{f:.2f} N"), {"step": 0.25, "decimal": ","}),
         ("force\n#\n" + NUMBERS, {"step": 0.25}),
         ("Force (N)\n\n" + NUMBERS, {"step": 0.25}),
         ("t,F_d\n" + PAIRS, {}),
         ("time [s], Force [N]\n" + rows("{t}, {f}"), {}),
-        ("Zeit (s);Kraft (N)\n" + rows("{t};{f}").translate(COMMA), {}),
+        ("Zeit (s);Kraft (N)\n" + commas("{t};{f}"), {}),
         ("t F\n" + rows("  {t}   {f}  "), {}),
-        ("t F\n" + rows("{t} {f}").translate(COMMA), {}),
+        ("t F\n" + commas("{t} {f}"), {}),
         ("# t F_d\n" + rows("{t:.6e} {f:.6e}"), {}),
         (PAIRS, {"time": 1, "force": 2}),
         (PAIRS, {"force": 2, "step": 0.25}),
@@ -88,16 +104,9 @@ LABVIEW_WITHOUT_COMMENTS = (
         ("date,t,F_d\n" + rows("2020-01-02,{t},{f}"), {}),
         ("Instrument: X7\nOperator: N. N.\n\nt;F_d\n" + SEMICOLONS, {}),
         (rows("{t}|{f}"), {"delimiter": "|", "time": 1, "force": 2}),
-        ("t;F_d\n" + rows("{t};{f}").translate(COMMA), {"delimiter": ";"}),
-        (
-            "t;F_d\n" + rows("{t:g};{f:.2e}").translate(COMMA),
-            {"delimiter": ";", "decimal": ","},
-        ),
-        (
-            '"Time (s)","Force (N)"\n'
-            + rows('"{t:.2f}|{f}"').translate(COMMA).replace("|", '","'),
-            {},
-        ),
+        ("t;F_d\n" + commas("{t};{f}"), {"delimiter": ";"}),
+        ("t;F_d\n" + commas("{t:g};{f:.2e}"), {"delimiter": ";", "decimal": ","}),
+        ('"Time (s)","Force (N)"\n' + commas('"{t:.2f}|{f}"').replace("|", '","'), {}),
         (NUMBERS.replace("\n", "\r\n"), {"step": 0.25}),
         ("\ufeff" + NUMBERS, {"step": 0.25}),
         (NUMBERS + "End of file\n", {"step": 0.25, "rows": FORCES.size + 1}),
@@ -108,19 +117,9 @@ LABVIEW_WITHOUT_COMMENTS = (
         (GERMAN.replace("\n", "\r\n").encode("cp1252"), {}),
         ("Time,Force\ns,N\n" + PAIRS, {}),
         ("Time,Force (N)\n" + rows("10:00:{t:06.3f},{f}"), {}),
-        (
-            "Zeit [hh:mm:ss];Kraft (N)\n"
-            + rows("10:07:{t:06.3f};{f}").translate(COMMA),
-            {},
-        ),
-        (
-            "when\tforce [N]\n" + rows("{NIGHT + dt.timedelta(seconds=t)}\t{f}"),
-            {"time": 1},
-        ),
-        (
-            "time force\n" + rows("{NIGHT + dt.timedelta(seconds=t):%H:%M:%S.%f} {f}"),
-            {},
-        ),
+        ("Zeit [hh:mm:ss];Kraft (N)\n" + commas("10:07:{t:06.3f};{f}"), {}),
+        ("when\tforce [N]\n" + rows("{night(t)}\t{f}"), {"time": 1}),
+        ("time force\n" + rows("{night(t):%H:%M:%S.%f} {f}"), {}),
         ("s,N\n" + PAIRS, {}),
         ("Time (s)  Force (N)\n" + rows("{t}  {f}"), {}),
         ("# time (s), force (N)\n" + rows("{t} {f}"), {}),
@@ -132,33 +131,22 @@ LABVIEW_WITHOUT_COMMENTS = (
         ("Load cell (N)\n" + rows("{f / 10:.6f}D+01") + "\x1a", {"step": "250 ms"}),
         ("t (ms);F (mN)\n" + SEMICOLONS, {"units": ("ms", "mN")}),
         (("t (s);F (µN)\n" + SEMICOLONS).encode("latin-1"), {"units": ("s", "µN")}),
-        ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, {"units": ("s", "kN")}),
+        ("Time,Channel A\n(s),(kN)\n\n" + PAIRS, KN),
         ("Time / s;Force / mN\n" + SEMICOLONS, {"units": ("s", "mN")}),
-        ("time_s,force_kN\n" + PAIRS, {"units": ("s", "kN")}),
-        ("t/s,F/kN\n" + PAIRS, {"units": ("s", "kN")}),
-        (
-            "Time (s),Extension (mm),Load (kN)\n" + rows("{t},{t},{f}"),
-            {"units": ("s", "kN")},
-        ),
+        ("time_s,force_kN\n" + PAIRS, KN),
+        ("t/s,F/kN\n" + PAIRS, KN),
+        ("Time (s),Extension (mm),Load (kN)\n" + rows("{t},{t},{f}"), KN),
         ("Time  Load cell\n" + rows("{t} ms {f} kN"), {"units": ("ms", "kN")}),
-        ("t;Friction coefficient (kN)\n" + SEMICOLONS, {"units": ("s", "kN")}),
-        (
-            LABVIEW.format(columns="One") + rows("{t:.6f}\t{f:.6f}\t"),
-            {"units": ("s", "kN")},
-        ),
-        (LABVIEW.format(columns="No") + rows("\t{f:.6f}\t"), {"units": ("s", "kN")}),
+        ("t;Friction coefficient (kN)\n" + SEMICOLONS, KN),
+        (LABVIEW.format(columns="One") + rows("{t:.6f}\t{f:.6f}\t"), KN),
+        (LABVIEW.format(columns="No") + rows("\t{f:.6f}\t"), KN),
         *(
-            (
-                LABVIEW_WITHOUT_COMMENTS + names + rows("{t:.6f}\t{f:.6f}"),
-                {"units": ("s", "Newtons")},
-            )
+            (BARE_LABVIEW + names + rows("{t:.6f}\t{f:.6f}"), NEWTONS)
             for names in ("X_Value\tUntitled\tComment\n", "X_Value\tForce\n", "")
         ),
     ],
 )
-def test_tables_of_every_usual_form_are_read_and_their_units_are_kept(
-    tmp_path, text, options
-):
+def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
     options = {"units": ("s", "N"), "rows": FORCES.size} | options
     units = options.pop("units")
     count = options.pop("rows")
@@ -173,20 +161,7 @@ def test_tables_of_every_usual_form_are_read_and_their_units_are_kept(
 @pytest.mark.parametrize(
     ("form", "row"),
     [
-        *(
-            ("{f}", word)
-            for word in (
-                "NaN N1",
-                "inf",
-                "---",
-                "1e999",
-                "1" + 400 * "0",
-                "overload",
-                "True",
-                "1.2.3",
-                "1," * 9_000,
-            )
-        ),
+        *(("{f}", word) for word in UNREADABLE),
         ("{t};{f} N", "5;99.0 broken"),
         ("{t};{f} N", "5;7.0 mm"),
         ("{t};{f} N", "5;700 mN"),
@@ -199,31 +174,17 @@ def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, form, row):
     options = {"time": 1, "force": 2} if ";" in row else {"step": 0.25}
     data = read_trace(written(tmp_path, rows(form, changes={20: row})), **options)
     assert data.sizes["time"] == data.attrs["rows"] == FORCES.size
-    assert float(data["spring_force"][20]) == pytest.approx(
-        0.5 * (FORCES[19] + FORCES[21])
-    )
-    np.testing.assert_array_equal(
-        np.delete(data["spring_force"], 20), np.delete(FORCES, 20)
-    )
+    between = 0.5 * (FORCES[19] + FORCES[21])
+    assert float(data["spring_force"][20]) == pytest.approx(between)
+    others = np.arange(FORCES.size) != 20
+    np.testing.assert_array_equal(data["spring_force"][others], FORCES[others])
     assert list(np.flatnonzero(data["filled"])) == [20]
-    assert (
-        "1 of 60 rows could not be read; the force there is interpolated in time "
-        f"(line 21: '{row[:57]}"
-    ) in data.note
-    many = written(
-        tmp_path,
-        rows(
-            form,
-            changes={i: row.replace("5", f"{0.25 * i}", 1) for i in range(20, 40, 3)},
-        ),
-    )
-    with pytest.raises(
-        InputError,
-        match=(
-            r"7 of 60 rows cannot be read, first line 21: .* in the unit of the "
-            r"others"
-        ),
-    ):
+    text = "1 of 60 rows could not be read; the force there is interpolated in time "
+    assert f"{text}(line 21: '{row[:57]}" in data.note
+    changes = {i: row.replace("5", f"{0.25 * i}", 1) for i in range(20, 40, 3)}
+    many = written(tmp_path, rows(form, changes=changes))
+    message = "7 of 60 rows cannot be read, first line 21: .* in the unit of the others"
+    with pytest.raises(InputError, match=message):
         read_trace(many, **options)
 
 
@@ -252,83 +213,37 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
         (PAIRS, {"step": 0.1}, "which column is the force"),
         (rows("{int(t)},{int(f)}"), {"step": 0.1}, "decimal comma"),
         (rows("{f} N/m"), {"step": 0.1}, "column 1 holds numbers in 'N/m'"),
-        ("", {"step": 1.0}, "empty"),
-        (" \n\n", {"step": 1.0}, "blanks and comments only"),
-        ("to be\nor not\nto be\n", {"step": 1.0}, "no column of numbers"),
-        ("1\n2\n3\n", {"step": 1.0}, "3 readings are too few"),
-        (
-            NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n",
-            {"step": 1.0},
-            "4 of 68 rows cannot be read, first line 61",
-        ),
+        ("", STEP, "empty"),
+        (" \n\n", STEP, "blanks and comments only"),
+        ("to be\nor not\nto be\n", STEP, "no column of numbers"),
+        ("1\n2\n3\n", STEP, "3 readings are too few"),
+        (NUMBERS + "x\n1\ny\n2\nz\n3\nu\n4\n", STEP, "4 of 68 rows .*, first line 61"),
         ("t,F_d\n" + rows("{-t},{f}"), {}, "line 3: time -0.25 does not come after"),
         ("t,F_d\n" + rows("1,{f}"), {}, "times must rise"),
-        (
-            "t,F\n" + rows("{t},{f}", changes={3: "x,1", 10: "1,1"}),
-            {},
-            "line 12: time 1 does not come",
-        ),
-        ("1.0\n\x00\x01\x02\n" + NUMBERS, {"step": 1.0}, "binary"),
-        (
-            "a,F_d\n" + rows("x,{f}"),
-            {"force": "a", "step": 1.0},
-            r"no such column.* 1 'a' \(no numbers",
-        ),
-        (
-            "time force\n" + rows("{t} {f} N kg"),
-            {},
-            "numbers in 'N kg'; write one known unit",
-        ),
-        (
-            "time;force\n" + rows("{t};1 {200 + f:.3f}"),
-            {},
-            r"2 'force' \(no numbers such as 1234.5\)",
-        ),
-        (
-            "time,force\n" + rows("{t},{f}").translate(COMMA),
-            {},
-            "4 columns, or fewer with decimal commas",
-        ),
-        (
-            "t,position\n" + PAIRS,
-            {},
-            r"is the force\? .*--force .* force= .* 1 't', 2 'position'",
-        ),
+        ("t,F\n" + rows("{t},{f}", changes=LATE), {}, "line 12: time 1 does not come"),
+        ("1.0\n\x00\x01\x02\n" + NUMBERS, STEP, "binary"),
+        ("a,F_d\n" + rows("x,{f}"), STEP | {"force": "a"}, NO_COLUMN),
+        ("time force\n" + rows("{t} {f} N kg"), {}, "'N kg'; write one known unit"),
+        ("time;force\n" + rows("{t};1 {200 + f:.3f}"), {}, "no numbers such as 1234.5"),
+        ("time,force\n" + commas("{t},{f}"), {}, "4 columns, or fewer with decimal"),
+        ("t,position\n" + PAIRS, {}, ASKS_FORCE),
         ("t (s),z (mm)\n" + PAIRS, {}, r"which column is the force.*2 'z \(mm\)'"),
         ("t,F,F\n" + rows("{t},{f},{f}"), {}, "which column is the force"),
-        (
-            "a,F\n" + rows("{np.sin(t)},{f}"),
-            {},
-            "which column is the time.*--time .* time=.*--step.* step=",
-        ),
+        ("a,F\n" + rows("{np.sin(t)},{f}"), {}, ASKS_TIME),
         ("t,F\n" + rows('{t},"{f}'), {}, "line"),
-        (
-            "t (s);F (s)\n" + rows("{t};{f} N"),
-            {},
-            "column 2 holds numbers in 'N' below the heading 's'",
-        ),
+        ("t (s);F (s)\n" + rows("{t};{f} N"), {}, "numbers in 'N' below .* 's'"),
         (rows("{t}" + ",{f}" * 1500), {}, "1501 columns, more than 1000"),
-        (
-            NUMBERS + "1" * 60_000 + "x\n" + "2" * 60_000 + "x\n3x3\n4x4\n",
-            {"step": 1.0},
-            "4 of 64 rows",
-        ),
-        (
-            1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n",
-            {},
-            "no column of numbers that begins by line 1000",
-        ),
+        (NUMBERS + f"1{ZEROS}x\n2{ZEROS}x\n3x3\n4x4\n", STEP, "4 of 64 rows"),
+        (1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n", {}, "begins by line 1000"),
         (b"\x89HDF\r\n" + bytes(100), {}, "HDF5"),
         (b"CDF\x01" + bytes(100), {}, "NetCDF"),
-        (NUMBERS.replace("\n", "foo\n"), {"step": 1.0}, "no column of numbers"),
-        ("Load cell (N)\n" + NUMBERS, {"step": 1.0, "load": "7"}, "no such column"),
-        ("F (N)\n" + NUMBERS, {"step": 1.0, "load": "-7 N"}, "load = '?-7"),
-        ("F (N)\n" + NUMBERS, {"step": 1.0, "load": "7 s"}, "load = '7 s'"),
+        (NUMBERS.replace("\n", "foo\n"), STEP, "no column of numbers"),
+        ("Load cell (N)\n" + NUMBERS, STEP | {"load": "7"}, "no such column"),
+        ("F (N)\n" + NUMBERS, STEP | {"load": "-7 N"}, "load = '?-7"),
+        ("F (N)\n" + NUMBERS, STEP | {"load": "7 s"}, "load = '7 s'"),
     ],
 )
-def test_what_is_no_trace_or_could_be_misread_is_refused_in_one_line(
-    tmp_path, text, options, message
-):
+def test_what_could_be_misread_is_refused_in_one_line(tmp_path, text, options, message):
     path = written(tmp_path, text)
     begin = time.process_time()
     with pytest.raises(InputError, match=message) as caught:
@@ -339,12 +254,10 @@ def test_what_is_no_trace_or_could_be_misread_is_refused_in_one_line(
 
 
 def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
-    for path, message in (
-        (tmp_path / "none.csv", "no such file"),
-        (tmp_path, "is a directory, not a force trace"),
-    ):
-        with pytest.raises(InputError, match=message):
-            read_trace(path, step=1.0)
+    with pytest.raises(InputError, match="no such file"):
+        read_trace(tmp_path / "none.csv", step=1.0)
+    with pytest.raises(InputError, match="is a directory, not a force trace"):
+        read_trace(tmp_path, step=1.0)
     monkeypatch.setattr("stickslip.measure.trace_reader.LARGEST_FILE", 100)
     with pytest.raises(InputError, match="MB"):
         read_trace(written(tmp_path, NUMBERS), step=1.0)
@@ -371,75 +284,41 @@ def test_several_columns_are_told_by_their_names(tmp_path):
     np.testing.assert_allclose(data["load"], 20.0)
     np.testing.assert_allclose(data["mu"], FORCES / 20.0)
     assert data["mu"].attrs == {"units": "1", "long_name": "coefficient of friction"}
-    by_name = read_trace(
-        tmp_path / "trace.csv",
-        force="Kraft",
-        time="zeit",
-        load="Normalkraft",
-        displacement=3,
-    )
+    names = {"force": "Kraft", "time": "zeit", "load": "Normalkraft", "displacement": 3}
+    by_name = read_trace(tmp_path / "trace.csv", **names)
     np.testing.assert_array_equal(by_name["spring_force"], data["spring_force"])
     other = read_trace(tmp_path / "trace.csv", force="Kraft (N)", load="0.04 kN")
     np.testing.assert_allclose(other["mu"], FORCES / 40.0)
 
 
 BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
+COEFFICIENT = "coefficient of friction"
+NAMES = "t,COF;time,Friction coefficient;t,µ;Zeit,Reibwert;Time(s),Friction (-)"
+COEFFICIENTS = [f"{head}\n" + rows("{t},{f / 10:.4f}") for head in NAMES.split(";")]
+MICRONS = {"measured_displacement": "microns", "load": "MPa"}
+ASSUMED = "no unit of the force: N assumed.*no unit of the time: s assumed"
+SINCE_1970 = "timestamp,F (N)\n" + rows("{1.7e12 + 1e3 * t:.0f},{f}")
 
 
 @pytest.mark.parametrize(
     ("text", "force", "others", "note"),
     [
-        *(
-            (
-                f"{head}\n" + rows("{t},{f / 10:.4f}"),
-                "coefficient of friction",
-                {},
-                "^(?!.*N assumed)",
-            )
-            for head in (
-                "t,COF",
-                "time,Friction coefficient",
-                "t,µ",
-                "Zeit,Reibwert",
-                "Time(s),Friction (-)",
-            )
-        ),
+        *((text, COEFFICIENT, {}, "^(?!.*N assumed)") for text in COEFFICIENTS),
         # A bare column of friction beside columns with units.
-        (
-            BARE + rows("{t}\t{3 * t}\t{f / 10:.4f}\t19.97"),
-            "coefficient of friction",
-            {"measured_displacement": "microns", "load": "MPa"},
-            "",
-        ),
-        (
-            "t,F\n" + PAIRS,
-            "force",
-            {},
-            "no unit of the force: N assumed.*no unit of the time: s assumed",
-        ),
+        (BARE + rows("{t}\t{3 * t}\t{f / 10:.4f}\t19.97"), COEFFICIENT, MICRONS, ""),
+        ("t,F\n" + PAIRS, "force", {}, ASSUMED),
         ("t (s),F (N)\n" + PAIRS, "force", {}, "^$"),
-        (
-            "timestamp,F (N)\n" + rows("{1.7e12 + 1e3 * t:.0f},{f}"),
-            "force",
-            {},
-            "^the times are taken for ms since 1970$",
-        ),
+        (SINCE_1970, "force", {}, "^the times are taken for ms since 1970$"),
     ],
 )
-def test_forces_and_coefficients_are_told_apart_and_units_not_named_are_assumed(
-    tmp_path, text, force, others, note
-):
+def test_units_that_are_not_named_are_assumed(tmp_path, text, force, others, note):
     path = written(tmp_path, text)
     data = read_trace(path)
     flipped = read_trace(path, flip=True)
-    assert data["spring_force"].attrs == {
-        "units": "N" if force == "force" else "1",
-        "long_name": force,
-    }
-    assert {
-        name: data[name].attrs["units"]
-        for name in {*data.data_vars} - {"spring_force", "filled"}
-    } == others
+    unit = "N" if force == "force" else "1"
+    assert data["spring_force"].attrs == {"units": unit, "long_name": force}
+    more = {*data.data_vars} - {"spring_force", "filled"}
+    assert {name: data[name].attrs["units"] for name in more} == others
     assert re.search(note, data.attrs["note"])
     np.testing.assert_array_equal(flipped["spring_force"], -data["spring_force"])
     assert flipped.attrs["flipped"] == 1
@@ -450,47 +329,31 @@ def test_a_spreadsheet_is_read(tmp_path):
     book = openpyxl.Workbook()
     book.active.append(["see the second sheet"])
     sheet = book.create_sheet("data")
-    head = [
-        ["Bench", "7"],
-        ["Date", dt.date(2024, 2, 1)],
-        [],
-        ["Time", "Force", "Remark"],
-        ["ms", "kN", None],
-    ]
-    for row in (*head, *zip((1e3 * TIMES).tolist(), FORCES.tolist(), strict=True)):
+    head = ["Bench", "7"], ["Date", dt.date(2024, 2, 1)], []
+    units = ["Time", "Force", "Remark"], ["ms", "kN", None]
+    rows = zip((1e3 * TIMES).tolist(), FORCES.tolist(), strict=True)
+    for row in (*head, *units, *rows):
         sheet.append(row)
     book.save(tmp_path / "bench.xlsx")
     data = read_trace(tmp_path / "bench.xlsx")
     np.testing.assert_array_equal(data["spring_force"], FORCES)
     np.testing.assert_allclose(data["time"], 1e3 * TIMES)
-    assert (data["time"].attrs["units"], data["spring_force"].attrs["units"]) == (
-        "ms",
-        "kN",
-    )
+    assert data["time"].attrs["units"] == "ms"
+    assert data["spring_force"].attrs["units"] == "kN"
 
 
 def test_a_tdms_file_is_read(tmp_path):
     nptdms = pytest.importorskip("nptdms")
     waveform = {"wf_increment": 0.25, "wf_start_offset": 0.0}
+    channels = {
+        "Friction force": (FORCES, waveform | {"unit_string": "mN"}),
+        "Temperature": (FORCES, waveform | {"unit_string": "°C"}),
+        "Remarks": (["pulled"] * FORCES.size, None),
+        "Spare": (np.array([]), None),
+    }
     with nptdms.TdmsWriter(tmp_path / "bench.tdms") as writer:
-        writer.write_segment(
-            [
-                nptdms.ChannelObject(
-                    "Run 1",
-                    "Friction force",
-                    FORCES,
-                    properties=waveform | {"unit_string": "mN"},
-                ),
-                nptdms.ChannelObject(
-                    "Run 1",
-                    "Temperature",
-                    FORCES,
-                    properties=waveform | {"unit_string": "°C"},
-                ),
-                nptdms.ChannelObject("Run 1", "Remarks", ["pulled"] * FORCES.size),
-                nptdms.ChannelObject("Run 1", "Spare", np.array([])),
-            ]
-        )
+        for name, each in channels.items():
+            writer.write_segment([nptdms.ChannelObject("Run 1", name, *each)])
     data = read_trace(tmp_path / "bench.tdms")
     np.testing.assert_array_equal(data["spring_force"], FORCES)
     np.testing.assert_allclose(data["time"], TIMES)
@@ -505,43 +368,38 @@ def test_sheets_and_channels_left_out_are_noted(tmp_path):
     book.create_sheet("Notes").append(["bench", 7])
     for sheet, last in (("Run 1", None), ("Run 2", -5)):
         book[sheet].append(["Time (s)", "Force (N)"])
-        rows = zip(TIMES.tolist()[:last], FORCES.tolist()[:last], strict=True)
-        for row in rows:
+        for row in zip(TIMES.tolist()[:last], FORCES.tolist()[:last], strict=True):
             book[sheet].append(row)
     book.save(tmp_path / "runs.xlsx")
     data = read_trace(tmp_path / "runs.xlsx")
     np.testing.assert_array_equal(data["spring_force"], FORCES)
-    assert data.attrs["note"] == (
-        "read was sheet 'Run 1'; 1 other sheet with numbers left out: 'Run 2'"
-    )
+    note = "read was sheet 'Run 1'; 1 other sheet with numbers left out: 'Run 2'"
+    assert data.attrs["note"] == note
     nptdms = pytest.importorskip("nptdms")
-    waveform = {"wf_increment": 0.25, "unit_string": "N"}
-    channels = [
-        nptdms.ChannelObject("Run 1", "Force", FORCES, properties=waveform),
-        nptdms.ChannelObject("Run 1", "Force B", FORCES[:-5], properties=waveform),
-    ]
-    channels.append(
-        nptdms.ChannelObject("Run 1", "Room", FORCES, properties={"unit_string": "K"})
-    )
+    waveform = {"wf_increment": 0.25}
     with nptdms.TdmsWriter(tmp_path / "runs.tdms") as writer:
-        writer.write_segment(channels)
+        for name, forces, unit in (
+            ("Force", FORCES, "N"),
+            ("Force B", FORCES[:-5], "N"),
+            ("Room", FORCES, "K"),
+        ):
+            properties = {"unit_string": unit} | waveform
+            channel = nptdms.ChannelObject("Run 1", name, forces, properties)
+            writer.write_segment([channel])
     note = read_trace(tmp_path / "runs.tdms").attrs["note"]
     assert "1 other channel with numbers left out: Run 1/Force B" in note
 
 
-@pytest.mark.parametrize(
-    ("unit", "second"),
-    [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("", 1.0), ("Hz", None)],
-)
-def test_the_interval_of_a_waveform_is_in_the_unit_that_it_names(
-    tmp_path, unit, second
-):
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "": 1.0, "Hz": None}
+
+
+@pytest.mark.parametrize(("unit", "second"), UNITS.items())
+def test_the_interval_of_a_waveform_has_the_unit_that_it_names(tmp_path, unit, second):
     nptdms = pytest.importorskip("nptdms")
     waveform = {"wf_increment": 0.25, "wf_xunit_string": unit, "unit_string": "N"}
+    channel = nptdms.ChannelObject("Run", "Force", FORCES, waveform)
     with nptdms.TdmsWriter(tmp_path / "bench.tdms") as writer:
-        writer.write_segment(
-            [nptdms.ChannelObject("Run", "Force", FORCES, properties=waveform)]
-        )
+        writer.write_segment([channel])
     if second is None:
         with pytest.raises(InputError, match=r"give the step"):
             read_trace(tmp_path / "bench.tdms")
@@ -562,9 +420,8 @@ def test_a_reader_that_is_missing_is_named(tmp_path, monkeypatch, name, start, m
     with pytest.raises(InputError, match=r"a\.(xlsx|tdms): cannot be read .*install"):
         read_trace(tmp_path / name)
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(
-        InputError, match=rf"(?i){module}.*pip install 'stickslip\[traces\]'"
-    ) as caught:
+    message = rf"(?i){module}.*pip install 'stickslip\[traces\]'"
+    with pytest.raises(InputError, match=message) as caught:
         read_trace(tmp_path / name)
     assert "\n" not in str(caught.value)
 
@@ -588,24 +445,18 @@ print("CPU", time.process_time(), "memory", memory() - before, "code", code)
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
 @pytest.mark.parametrize("columns", [1, 2])
-def test_five_million_rows_take_little_memory_and_a_few_times_what_numpy_reads_them_in(
-    tmp_path, columns
-):
+def test_five_million_rows_take_little_memory_and_time(tmp_path, columns):
+    """A few times as long as numpy takes to read them."""
     rng = np.random.default_rng(1)
     path = tmp_path / "long.csv"
-    with path.open("w") as file:
-        for part in range(50):
-            t = 1e-4 * (np.arange(100_000) + part * 100_000)
-            force = 5 + 2 * (t % 1.5) + rng.normal(0, 0.05, t.size)
-            rows = zip(t, force, strict=True)
-            file.writelines(
-                f"{f:.3f}\n" if columns == 1 else f"{a:.4f};{f:.3f}\n" for a, f in rows
-            )
+    t = 1e-4 * np.arange(5_000_000)
+    force = 5 + 2 * (t % 1.5) + rng.normal(0, 0.05, t.size)
+    made = pd.DataFrame({"t": t, "F": force}).iloc[:, -columns:]
+    made.to_csv(path, sep=";", header=False, index=False, float_format="%.4f")
     options = ["--step", "1e-4"] if columns == 1 else ["--time", "1", "--force", "2"]
     call = [sys.executable, "-c", MEASURED, "measure", str(path), *options]
-    lines = subprocess.run(
-        call, check=True, capture_output=True, text=True
-    ).stdout.splitlines()
+    done = subprocess.run(call, check=True, capture_output=True, text=True)
+    lines = done.stdout.splitlines()
     assert lines[0].startswith("stick-slip")
     _, cpu, _, more, _, code = lines[-1].split()
     assert code == "0"
@@ -623,22 +474,16 @@ def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
     at = np.array([0, 1, *range(7, 3990, 40), 3998, 3999])  # however often it comes
     forces = WAVE.copy()
     forces[at] = value
-    data = read_trace(
-        written(tmp_path, "force (N)\n" + rows("{f:.4f}", forces)), step=0.01
-    )
+    file = written(tmp_path, "force (N)\n" + rows("{f:.4f}", forces))
+    data = read_trace(file, step=0.01)
     # nothing beyond the ends
-    assert (data.sizes["time"], *np.flatnonzero(data["filled"])) == (
-        3996,
-        *at[2:-2] - 2,
-    )
+    assert data.sizes["time"] == 3996
+    assert np.flatnonzero(data["filled"]).tolist() == (at[2:-2] - 2).tolist()
     assert f"{at.size} of 4000 rows could not be read" in data.attrs["note"]
     forces[::50] = value * np.linspace(1.0, 2.0, forces[::50].size)
-    with pytest.raises(
-        InputError, match=r"first line \d+: .* not far outside the rest"
-    ):
-        read_trace(
-            written(tmp_path, "force (N)\n" + rows("{f:.4f}", forces)), step=0.01
-        )
+    file = written(tmp_path, "force (N)\n" + rows("{f:.4f}", forces))
+    with pytest.raises(InputError, match=r"first line \d+: .* not far outside the re"):
+        read_trace(file, step=0.01)
 
 
 SAW = 5.0 + 2.0 * (2.0 * TIMES_OF_SAW % 1.0)
@@ -666,19 +511,14 @@ t,temperature of friction pad (degC),F (N) | tLF | force: column 3\x20
 @pytest.mark.parametrize(
     ("head", "columns", "read"), re.findall(r"^(.*) \| (\w+) \| (.*)$", CHOSEN, re.M)
 )
-def test_columns_are_chosen_by_names_units_and_numbers_and_the_answer_says_which(
-    tmp_path, head, columns, read
-):
+def test_columns_are_chosen_by_names_units_and_numbers(tmp_path, head, columns, read):
     values = {"t": TIMES_OF_SAW, "F": SAW, "L": 20.0 + 0.1 * np.sin(SAW), "m": SAW / 20}
     values["v"] = 3.0 + 0.1 * np.cos(SAW)
     head = head.replace("; ", "\n")
     scale = 1000.0 if "ms," in head else 1.0
-    data = read_trace(
-        written(
-            tmp_path,
-            table(head, scale * TIMES_OF_SAW, *(values[key] for key in columns[1:])),
-        )
-    )
+    others = (values[key] for key in columns[1:])
+    file = written(tmp_path, table(head, scale * TIMES_OF_SAW, *others))
+    data = read_trace(file)
     assert re.search(read, data.attrs["read"])
     wanted = values[columns[1]] if "F" not in columns else SAW
     assert data["spring_force"].values == pytest.approx(wanted)

@@ -45,17 +45,12 @@ def test_a_unit_follows_from_the_dimension(scales, quantity):
 @pytest.mark.parametrize("name", ["banana", "N", "m/s", "", None, ["f_s"]])
 @pytest.mark.parametrize("example", ["brake_pad", None])
 def test_a_unit_that_does_not_exist(name, example):
-    natural = ss.Rig(
-        ss.Interface(thresholds=ss.Gaussian(1.0, 0.1)),
-        SLIDER,
-        ss.constant(velocity=1.0),
-    )
+    interface = ss.Interface(thresholds=ss.Gaussian(1.0, 0.1))
+    natural = ss.Rig(interface, SLIDER, ss.constant(velocity=1.0))
     rig = ss.read_rig(example) if example else natural
     for ask in (rig.unit, rig.unit_name, partial(rig.in_units, 1.0)):
-        with pytest.raises(
-            InputError,
-            match=r"^unit = .*: must be one of 1, f_s, x_s, .*, or force, length",
-        ):
+        message = r"^unit = .*: must be one of 1, f_s, x_s, .*, or force, length"
+        with pytest.raises(InputError, match=message):
             ask(name)
     with pytest.raises(InputError, match=r"^unit = "):
         Parameter(name="own", unit=name, get=float, set=float)
@@ -66,26 +61,24 @@ def test_a_unit_may_be_named_by_its_quantity():
     assert (rig.unit("velocity"), rig.unit_name("velocity")) == (0.02, "m/s")
     for kind, natural in QUANTITIES.items():
         assert rig.unit(kind) == rig.unit(natural)
-        assert read_quantity(
-            rig.in_units(1.0, kind, 15), rig.unit_name(natural), ""
-        ) == pytest.approx(rig.unit(kind))
+        words = rig.in_units(1.0, kind, 15)
+        read = read_quantity(words, rig.unit_name(natural), "")
+        assert read == pytest.approx(rig.unit(kind))
         assert rig.natural.in_units(1.0, kind).split()[0] == "1"
 
 
-@given(
-    st.floats(1e-24, 1e24).map(lambda v: v * 10.0 ** (-6)),
-    st.sampled_from([*UNITS]),
-    st.integers(1, 15),
-)
+SMALL = st.floats(1e-24, 1e24).map(lambda v: v * 10.0 ** (-6))
+
+
+@given(SMALL, st.sampled_from([*UNITS]), st.integers(1, 15))
 def test_every_natural_unit_in_words_reads_back(value, unit, digits):
     """In SI: so many digits, a unit of the grammar, an exponent only without prefix."""
     name = si_unit(unit)
     if unit in ("1", "1/time^(1/2)"):
         return
     said = engineering(value, name, digits)
-    assert read_quantity(said, name, "") == pytest.approx(
-        value, rel=0.51 * 10.0 ** (1 - digits)
-    )
+    error = 0.51 * 10.0 ** (1 - digits)
+    assert read_quantity(said, name, "") == pytest.approx(value, rel=error)
     if unit in ("f_s", "k", "f_s x_s", "x_s/time") and 1e-14 < value < 1e14:
         assert "e" not in said
         assert 1 <= float(said.split()[0]) < 1000
@@ -115,15 +108,10 @@ def test_values_in_words(value, unit, digits, words):
     assert engineering(value, unit, digits) == words
 
 
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [
-        (0.5, "0.5 s"),
-        (110, "110 s"),
-        (7100, "120 min"),
-        (2e5, "2.3 days"),
-        (2.6e7, "300 days"),
-    ],
-)
+TIMES = {0.5: "0.5 s", 110: "110 s", 7100: "120 min", 2e5: "2.3 days"}
+TIMES[2.6e7] = "300 days"
+
+
+@pytest.mark.parametrize(("seconds", "words"), TIMES.items())
 def test_times_in_words(seconds, words):
     assert in_time(seconds) == words

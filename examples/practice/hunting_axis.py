@@ -32,10 +32,10 @@ def widths(axis: ss.Rig) -> list[tuple[float, float, float]]:
     for factor in FACTORS:
         gain = axis.slider.kp * float(factor)
         hunt = Hunt(replace(axis, slider=with_gain(axis.slider, gain)))
-        told = hunt.slip.length + hunt.slip.break_away
+        slips = hunt.slip.length + hunt.slip.break_away
         for distance in hunt.moves[:3]:
             seen = hunt.move(distance).peak_to_peak
-            found.append((gain * axis.unit("k"), seen, told if hunt.possible else 0.0))
+            found.append((gain * axis.unit("k"), seen, slips if hunt.possible else 0.0))
     return found
 
 
@@ -52,13 +52,16 @@ def draw(rig: str | Path = RIG) -> Figure:
     axis = ss.read_rig(rig)
     length = axis.unit("length")
     fold = Hunt(axis).fold() * axis.unit("k")
-    gain, seen, told = np.array(widths(axis)).T
+    gain, seen, slips = np.array(widths(axis)).T
     with plot.house_style():
         figure = plot.new_figure(plot.PAGE, 2.9)
         left, right = figure.subplots(1, 2)
         left.plot(1e-6 * gain, 1e6 * length * seen, "o", color=plot.BLUE, label="moves")
         left.plot(
-            1e-6 * gain, 1e6 * length * told, color=plot.ORANGE, label="by one slip"
+            1e-6 * gain,
+            1e6 * length * slips,
+            color=plot.ORANGE,
+            label="by one slip",
         )
         # of the gain of an axis that hunts, raised: at rest it may hunt up to there
         left.axvline(1e-6 * fold, linestyle=":", color=plot.GREY, label="fold")

@@ -2,7 +2,7 @@
 Velocity steps and holds
 ========================
 
-What rate and state was made to describe, told by contacts that break by thermal
+What rate and state was made to describe, reproduced by contacts that break by thermal
 activation: after a jump of the velocity the friction force rises at once, then falls
 over some slip; after a hold it peaks, the higher, the longer the hold. Contacts whose
 thresholds grow with the logarithm of their age weaken with velocity in the end and heal

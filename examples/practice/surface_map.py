@@ -45,9 +45,9 @@ def draw() -> Figure:
         rq="1 um", hurst=0.8, roll_off="60 um", cut_off="5 um", nodes=512
     )
     found = ss.surface.contacts(rough, pressure="2 MPa", material="pmma")
-    told = ss.surface.estimate(found)
-    rig = ss.surface.rig(told, ss.read_rig(STAGE), name="lapped PMMA")
-    return plot.surface(found, told, ss.predict(rig))
+    estimate = ss.surface.estimate(found)
+    rig = ss.surface.rig(estimate, ss.read_rig(STAGE), name="lapped PMMA")
+    return plot.surface(found, estimate, ss.predict(rig))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import sys
 
 
 def main() -> int:
-    """Run the command line; what stops it while libraries load is no fault."""
+    """Run the command line; an interrupt while libraries load is no error."""
     try:
         from stickslip import cli
     except KeyboardInterrupt:

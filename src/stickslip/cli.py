@@ -938,8 +938,8 @@ def surface(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Press a measured surface on a flat one: what its contacts tell of an interface,
-    as assumptions of a rig.
+    """Press a measured surface on a flat one, and estimate from its contacts an
+    interface, as assumptions of a rig.
 
     Parameters
     ----------

@@ -34,36 +34,27 @@ keys = st.one_of(
     st.integers(-3, 3).map(float),  # many equal keys, and keys on the edges of bins
     st.floats(-1e6, 1e6),  # many turns of the wheel ahead
 )
-steps = st.lists(
-    st.tuples(st.one_of(keys, st.none(), st.just(math.nan)), st.integers(0, 11)),
-    max_size=200,
-)
+places = st.tuples(st.one_of(keys, st.none(), st.just(math.nan)), st.integers(0, 11))
+steps = st.lists(places, max_size=200)
 """A key to push; none to take the smallest away, NaN to drop any."""
 
 
+BINS = st.sampled_from([16, 64])
+WIDTHS = st.sampled_from([0.01, 0.3, 1.0, 50.0])
+
+
 @settings(max_examples=100)
-@given(
-    steps,
-    st.sampled_from([16, 64]),
-    st.sampled_from([0.01, 0.3, 1.0, 50.0]),
-    st.floats(-3, 3),
-)
-def test_the_queue_gives_the_smallest_and_leaves_room_where_others_were(
-    steps, bins, width, start
-):
+@given(steps, BINS, WIDTHS, st.floats(-3, 3))
+def test_the_queue_gives_the_smallest_and_reuses_room(steps, bins, width, start):
     """Of 12 entries: places are used again; equal keys come in any order."""
     queue = make_queue(12, bins, width)
     clear(queue, start)
     held: dict[int, float] = {}
     for slot, (key, which) in enumerate(steps):
-        places = {
-            int(queue.entries[i]["slot"]): i
-            for i in range(used(queue))
-            if queue.entries[i]["key"] < math.inf
-        }
-        assert {
-            other: float(queue.entries[place]["key"]) for other, place in places.items()
-        } == held
+        entries = {i: queue.entries[i] for i in range(used(queue))}
+        kept = {i: each for i, each in entries.items() if each["key"] < math.inf}
+        places = {int(each["slot"]): i for i, each in kept.items()}
+        assert {int(each["slot"]): float(each["key"]) for each in kept.values()} == held
         if key is None and held:
             assert peek(queue) == min(held.values()) == held.pop(first_slot(queue))
             pop(queue)
@@ -94,9 +85,8 @@ COEFFICIENTS = [
 
 
 def flight_of(eta, w2, v, f0, f1, f2):
-    return flights.take_off(
-        eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, f2
-    )
+    step = flights.NEAR / (eta + math.sqrt(w2))
+    return flights.take_off(eta, w2, step, v, f0, f1, f2)
 
 
 @pytest.mark.parametrize("numbers", COEFFICIENTS)
@@ -111,16 +101,8 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
         y, u, _, _ = state
         return [u, f0 + f1 * t + f2 * t * t - eta * u - w2 * y, y, u * u]
 
-    exact = solve_ivp(
-        slope,
-        (0, h[-1]),
-        [0, v, 0, 0],
-        "DOP853",
-        h,
-        rtol=1e-13,
-        atol=1e-18,
-        max_step=0.2 * unit,
-    ).y
+    exact = {"rtol": 1e-13, "atol": 1e-18, "max_step": 0.2 * unit}
+    exact = solve_ivp(slope, (0, h[-1]), [0, v, 0, 0], "DOP853", h, **exact).y
     got = np.array([flights.at(flight, float(t)) for t in h]).T
     # The closed form carries how far the slider lags behind a slow drive, and rounds as
     # it does.
@@ -131,17 +113,14 @@ def test_a_flight_solves_the_equation_of_motion(numbers):
         for t in h.tolist():
             here, slope_here = flights.derivative(flight, order, t)
             step = 1e-4 * unit
-            before, after = (
-                flights.derivative(flight, order, t + side * step)[0]
-                for side in (-1, 1)
-            )
+            both = (flights.derivative(flight, order, t + by) for by in (-step, step))
+            before, after = (each[0] for each in both)
             size = (abs(v) + abs(f0) * unit + abs(f1) * unit**2) / unit ** (order - 1)
             slack = 1e-6 * size / unit + lag / unit**order / step
             assert (after - before) / (2 * step) == pytest.approx(slope_here, abs=slack)
             if order < 2:
-                assert here == pytest.approx(
-                    flights.at(flight, t)[order], abs=1e-10 * size + lag / unit**order
-                )
+                error = 1e-10 * size + lag / unit**order
+                assert here == pytest.approx(flights.at(flight, t)[order], abs=error)
 
 
 def crossed(flight, walls, most, times, slack):
@@ -151,26 +130,24 @@ def crossed(flight, walls, most, times, slack):
     before = np.array([flights.far(flight, float(t))[0] for t in times if t < h])
     assert np.all((before <= walls[0] + slack) & (before >= -walls[1] - slack))
     if side:
-        assert flights.far(flight, h)[0] == pytest.approx(
-            walls[0] if side == 1 else -walls[1], abs=slack
-        )
+        wall = walls[0] if side == 1 else -walls[1]
+        assert flights.far(flight, h)[0] == pytest.approx(wall, abs=slack)
+
+
+POWERS = st.floats(-2, 4).map(lambda power: 10**power)
+NEARLY_ONE = st.floats(-1e-4, 1e-4).map(lambda by: 1 + by)
 
 
 @settings(max_examples=200)
 @given(
-    damping=st.one_of(
-        st.floats(-2, 4).map(lambda power: 10**power),
-        st.floats(-1e-4, 1e-4).map(lambda by: 1 + by),
-    ),
+    damping=st.one_of(POWERS, NEARLY_ONE),
     lasting=st.floats(-1, 5),
     end=st.one_of(st.floats(-1.1, -0.9), st.floats(-3, 1)),
     force=st.one_of(st.just(0.0), st.floats(-1, 1)),
     walls=st.tuples(st.floats(0.05, 1.1), st.floats(0.05, 1.1)),
 )
 @pytest.mark.eq(11)
-def test_no_crossing_hides_behind_a_turn_of_the_drive(
-    damping, lasting, end, force, walls
-):
+def test_no_crossing_hides_behind_a_turn(damping, lasting, end, force, walls):
     """From rest, through a turn, for up to 1e5 relaxations, of any damping ratio."""
     w2 = 3e4
     speed = 0.1
@@ -180,35 +157,22 @@ def test_no_crossing_hides_behind_a_turn_of_the_drive(
     # The force on the slider changes at a rate that is `end` times as large in the end,
     # the other way if negative.
     rate = 0.7 * w2 * speed
-    flight = flight_of(
-        2 * g,
-        w2,
-        0.0,
-        force * w2 * speed / slowest,
-        rate,
-        0.5 * rate * (end - 1) / most,
-    )
-    t = np.concatenate(
-        [np.geomspace(1e-6 * most, most, 200), np.linspace(0, most, 300)]
-    )
+    turn = 0.5 * rate * (end - 1) / most
+    flight = flight_of(2 * g, w2, 0.0, force * w2 * speed / slowest, rate, turn)
+    early = np.geomspace(1e-6 * most, most, 200)
+    t = np.append(early, np.linspace(0, most, 300))
     farthest = np.abs([flights.at(flight, float(time))[0] for time in t]).max()
-    slack = 1e-12 * (
-        abs(flight.q0)
-        + abs(flight.y0)
-        + abs(flight.q1) * most
-        + abs(flight.q2) * most**2
-    )
+    pulled = abs(flight.q0) + abs(flight.q1) * most + abs(flight.q2) * most**2
+    slack = 1e-12 * (abs(flight.y0) + pulled)
     crossed(flight, np.array(walls) * farthest + slack, most, t, slack)
 
 
 def test_pauses_change_nothing(monkeypatch):
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.1), delay=ss.Delay(0.1)
-    )
+    thresholds = ss.Gaussian(mean=1.0, std=0.1)
+    interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(0.1))
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=200.0)
-    rig = ss.Rig(
-        interface, slider, ss.constant(1.0, 5.0), method=ss.Contacts(50, seed=1)
-    )
+    drive = ss.constant(1.0, 5.0)
+    rig = ss.Rig(interface, slider, drive, method=ss.Contacts(50, seed=1))
     whole = ss.simulate(rig)
     monkeypatch.setattr(contacts, "_EVENTS", 11)
     assert ss.simulate(rig).identical(whole)
@@ -221,9 +185,8 @@ def test_sums_and_queues_survive_many_rebuilds(N):
     method = ss.Contacts(N, seed=5)
     slider = ss.Slider(stiffness=4.0, mass=1e-2, damping=3.0)
     engine = contacts.EventByEvent(Beginning(interface, slider, 1.0), method)
-    drive = reduce(
-        ss.model.Drive.then, 10 * [ss.constant(1.0, 1.0).then(ss.constant(-1.0, 1.0))]
-    )
+    both_ways = ss.constant(1.0, 1.0).then(ss.constant(-1.0, 1.0))
+    drive = reduce(ss.model.Drive.then, 10 * [both_ways])
     lost = follow(engine, drive, 0.0, np.array([0.0, 20.0]))["broken_energy"]
     x, _, _ = engine.stretchings()
     assert x.size == N
@@ -232,17 +195,13 @@ def test_sums_and_queues_survive_many_rebuilds(N):
     assert engine.contact_force() == pytest.approx(np.mean(x), abs=1e-12)
 
 
+RATES = st.floats(0.1, 3.0)
+FORCES = st.floats(0.1, 2.0)
+
+
 @settings(max_examples=300)
-@given(
-    st.floats(0.1, 3.0),
-    st.floats(0.1, 2.0),
-    st.floats(0.1, 2.0),
-    st.floats(0.0, 10.0),
-    st.floats(-8.5, 0.0),
-)
-def test_a_box_reaches_half_of_the_way_to_a_threshold(
-    rate, newborn, strength, age, gap
-):
+@given(RATES, FORCES, FORCES, st.floats(0.0, 10.0), st.floats(-8.5, 0.0))
+def test_a_box_reaches_halfway_to_a_threshold(rate, newborn, strength, age, gap):
     """However near to a threshold that grows or sinks, it never leaves its box."""
     rule = Rule(hazard.NONE, hazard.Growth(hazard.EXPONENTIAL, rate, newborn))
     threshold = threshold_now(rule, strength, age)
@@ -264,14 +223,11 @@ def test_a_box_reaches_half_of_the_way_to_a_threshold(
 )
 def test_thresholds_below_the_rounding_of_positions_break(mechanism):
     """One threshold in twenty is below the last digits of the slider's way."""
-    interface = ss.Interface(
-        thresholds=ss.Gamma(mean=1.0, std=2.0), delay=ss.Delay(0.05), **mechanism
-    )
+    fields = {"delay": ss.Delay(0.05), **mechanism}
+    interface = ss.Interface(thresholds=ss.Gamma(mean=1.0, std=2.0), **fields)
     slider = ss.Slider(stiffness=5.0, mass=1e-3, damping=50.0)
-    drive = ss.constant(1.0, 200.0)
-    rig = ss.Rig(
-        interface, slider, drive, method=ss.Contacts(50, seed=3), start=ss.FromSliding()
-    )
+    how = {"method": ss.Contacts(50, seed=3), "start": ss.FromSliding()}
+    rig = ss.Rig(interface, slider, ss.constant(1.0, 200.0), **how)
     run = ss.simulate(rig, output=ss.Output(interval=0.01))
     # each of many memories of the force
     means = run.spring_force[1:].to_numpy().reshape(20, -1).mean(axis=1)
@@ -281,10 +237,8 @@ def test_thresholds_below_the_rounding_of_positions_break(mechanism):
 
 def test_time_goes_on_where_a_slider_slips_as_fast_as_thresholds_grow():
     """Long after the beginning rounding of time exceeds what is left of the way."""
-    interface = ss.Interface(
-        thresholds=ss.Exponential(mean=1.0),
-        ageing=ss.LogarithmicGrowth(slope=0.0554, time=0.0424),
-    )
+    growth = ss.LogarithmicGrowth(slope=0.0554, time=0.0424)
+    interface = ss.Interface(thresholds=ss.Exponential(mean=1.0), ageing=growth)
     slider = ss.Slider(stiffness=0.825, mass=1.87e-4, damping=11.0)
     method = ss.Contacts(160, seed=1)
     engine = contacts.EventByEvent(Beginning(interface, slider, 0.1), method)
@@ -311,8 +265,6 @@ def test_a_run_whose_numbers_stop_being_finite_names_the_moment(monkeypatch):
         return why
 
     monkeypatch.setattr(events, "advance_events", overflow)
-    with pytest.raises(
-        InputError,
-        match=r"from t = 0\.1 on the numbers of the run are not finite: .*mass",
-    ):
+    message = r"from t = 0\.1 on the numbers of the run are not finite: .*mass"
+    with pytest.raises(InputError, match=message):
         ss.simulate(rig)

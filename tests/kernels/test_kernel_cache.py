@@ -51,9 +51,8 @@ print(json.dumps([
 @pytest.fixture
 def house(tmp_path):
     """A copy of the kernels, with two more that lie in files of their own."""
-    shutil.copytree(
-        HERE, tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(HERE, tmp_path / "kernels", ignore=ignored)
     write(tmp_path)
     return tmp_path
 
@@ -65,24 +64,16 @@ def write(house, factor=2.0):
 
 def run(house, **environment):
     """What the callers give for 2, how often each came from the cache, its place."""
-    kept = {
-        name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"
-    }
-    done = subprocess.run(
-        [sys.executable, "-c", RUN],
-        cwd=house,
-        env=kept | environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    kept = dict(os.environ)
+    kept.pop("NUMBA_CACHE_DIR", None)
+    how = {"capture_output": True, "text": True, "check": True}
+    command = [sys.executable, "-c", RUN]
+    done = subprocess.run(command, cwd=house, env=kept | environment, **how)
     return json.loads(done.stdout)
 
 
 @pytest.mark.slow
-def test_a_change_in_another_file_is_seen_and_what_did_not_change_is_not_compiled_again(
-    house,
-):
+def test_only_what_a_change_in_another_file_concerns_is_compiled_again(house):
     assert run(house)[:2] == [[4.0] * 3, [0] * 3]
     assert run(house)[:2] == [[4.0] * 3, [1] * 3]
     write(house, 6.0)
@@ -94,17 +85,10 @@ def test_a_change_in_another_file_is_seen_and_what_did_not_change_is_not_compile
 @pytest.mark.slow
 def test_the_first_use_is_told_from_later_ones(house):
     assert [run(house)[3] for _ in range(2)] == [False, True]
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            "from stickslip.console import working\nwith working('x'): pass",
-        ],
-        env=os.environ | {"NUMBA_CACHE_DIR": str(house / "empty")},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    code = "from stickslip.console import working\nwith working('x'): pass"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(house / "empty")}
+    how = {"capture_output": True, "text": True, "check": True}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, **how)
     assert "first use: the solvers are compiled" in done.stderr
 
 
@@ -144,11 +128,8 @@ def test_files_of_machine_code_that_were_cut_are_compiled_anew(house):
     place = Path(run(house)[2])
     # an index, of one function, and the code of another, cut to nothing and in between
     for kept in (0, 40):
-        cut = [
-            file
-            for name in ("jit*.nbi", "bare*.nbc")
-            for file in place.rglob(f"caller.product_{name}")
-        ]
+        names = (f"caller.product_{name}" for name in ("jit*.nbi", "bare*.nbc"))
+        cut = [file for name in names for file in place.rglob(name)]
         assert {file.suffix for file in cut} == {".nbi", ".nbc"}
         for file in cut:
             file.write_bytes(file.read_bytes()[:kept])
@@ -173,14 +154,9 @@ def test_without_a_home_machine_code_is_kept_among_temporary_files(house, tmp_pa
     environment.pop("XDG_CACHE_HOME", None)
 
     def used():
-        return subprocess.run(
-            [sys.executable, "-c", RUN],
-            cwd=here,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        how = {"capture_output": True, "text": True, "check": True}
+        command = [sys.executable, "-c", RUN]
+        return subprocess.run(command, cwd=here, env=environment, **how)
 
     first = used()
     second = used()

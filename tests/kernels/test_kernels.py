@@ -76,10 +76,8 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
     troughs = np.array([2.0, 3.0, 1.0, 4.0, 2.0, 3.0])
     seen = np.full((2, 4), np.nan)
     sampling = turning_points.Recording(0.1, noise, resolution, 2.0, 2.0)
-    assert (
-        turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), seen)
-        == 4
-    )
+    rng = np.random.default_rng(1)
+    assert turning_points.observe(peaks, troughs, sampling, rng, seen) == 4
     assert seen[0] == pytest.approx(peaks[1:5], abs=error)
     assert seen[1] == pytest.approx(troughs[1:5], abs=error)
     if resolution:
@@ -89,10 +87,8 @@ def test_a_saw_is_seen_as_it_is_sampled(noise, resolution, error):
         assert np.all(seen[1] >= troughs[1:5] - 4 * noise)
     few = np.full((2, 9), np.nan)
     # no more are there
-    assert (
-        turning_points.observe(peaks, troughs, sampling, np.random.default_rng(1), few)
-        == 4
-    )
+    rng = np.random.default_rng(1)
+    assert turning_points.observe(peaks, troughs, sampling, rng, few) == 4
 
 
 HAZARDS = [
@@ -118,19 +114,15 @@ def plain_rate(held, x, threshold):
 @pytest.mark.parametrize("held", HAZARDS)
 @pytest.mark.parametrize(("x", "threshold"), [(0.3, 1.1), (-0.5, 0.9), (0.85, 0.9)])
 def test_rates_and_their_slopes(held, x, threshold):
-    assert hazard.rate(held, x, threshold) == pytest.approx(
-        plain_rate(held, x, threshold), rel=1e-12
-    )
+    rate = pytest.approx(plain_rate(held, x, threshold), rel=1e-12)
+    assert hazard.rate(held, x, threshold) == rate
     log, *slopes = hazard.log_rate(held, abs(x), threshold)
-    assert held.attempts * math.exp(log) == pytest.approx(
-        plain_rate(held, x, threshold), rel=1e-12
-    )
+    assert held.attempts * math.exp(log) == rate
     if not held.kramers:
         left = hazard.height(held, abs(x), threshold)
         assert left == pytest.approx(-log, rel=1e-12)
-        assert hazard.stretching_at(held, left, threshold) == pytest.approx(
-            abs(x), rel=1e-12
-        )
+        found = hazard.stretching_at(held, left, threshold)
+        assert found == pytest.approx(abs(x), rel=1e-12)
     at = np.array([abs(x), threshold])
     by_differences = [
         (
@@ -162,9 +154,8 @@ FLIGHTS = [
 
 @pytest.mark.parametrize(("eta", "w2", "v", "f0", "f1"), FLIGHTS)
 def test_out_of_reach_is_out_of_reach(eta, w2, v, f0, f1):
-    flight = flights.take_off(
-        eta, w2, flights.NEAR / (eta + math.sqrt(w2)), v, f0, f1, 0.0
-    )
+    step = flights.NEAR / (eta + math.sqrt(w2))
+    flight = flights.take_off(eta, w2, step, v, f0, f1, 0.0)
     t = np.linspace(0.0, 60.0, 200_001)
     y = np.array([flights.far(flight, h)[0] for h in t.tolist()])
     for ahead, behind in ((0.2, 0.15), (0.15, 0.2), (0.02, 0.03)):
@@ -195,22 +186,13 @@ def test_work_of_the_oscillator(mass, damping, length, tolerance):
     def slope(t, state):
         X, V, _, _ = state
         D, velocity = drive_at(drive, begin + t)
-        friction = (
-            load.force
-            + load.stiffness * (X - start.X)
-            - load.loss * t
-            - 0.5 * load.ramp * t * t
-        )
-        return [
-            V,
-            (K * (D - X) - friction) / mass - damping * V,
-            K * (D - X) * velocity,
-            V * V,
-        ]
+        held = load.stiffness * (X - start.X) - load.loss * t - 0.5 * load.ramp * t * t
+        pull = K * (D - X)
+        forces = (pull - load.force - held) / mass
+        return [V, forces - damping * V, pull * velocity, V * V]
 
-    exact = solve_ivp(
-        slope, (0, length), [start.X, start.V, 0, 0], "DOP853", rtol=1e-12, atol=1e-14
-    )
+    how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
+    exact = solve_ivp(slope, (0, length), [start.X, start.V, 0, 0], **how)
     X, V, work, squares = exact.y[:, -1]
     got = travel(Slider(K, mass, damping), drive, start, load, length)
     assert pytest.approx([X, V], abs=1e-12) == [got.X, got.V]

@@ -25,12 +25,8 @@ SLIDER = ss.Slider(stiffness=2.0, mass=1e-3, damping=30.0)
 LIGHT = ss.Slider(stiffness=2.0, mass=1e-4, damping=0.0)
 THERE_AND_BACK = ss.constant(1.0, 1.6).then(ss.ramp(-1.0, 0.0, 1.0))
 BACK = ss.constant(0.5, 0.5).then(ss.constant(-0.5, 0.2))
-UNTIL = (
-    ss.constant(1.0, 5.0)
-    .until(ss.model.Travel(1.0))
-    .then(ss.ramp(1.0, 0.1, 2.0))
-    .until(ss.model.ForceBelow(0.4))
-)
+UNTIL = ss.constant(1.0, 5.0).until(ss.model.Travel(1.0))
+UNTIL = UNTIL.then(ss.ramp(1.0, 0.1, 2.0)).until(ss.model.ForceBelow(0.4))
 DELAYS = {
     "no delay": ss.Delay(0.0),
     "delay": ss.Delay(0.2),
@@ -48,18 +44,14 @@ def run(
     output=ss.Output(interval=0.1),
     **options,
 ):
-    made = ss.simulate(
-        ss.Rig(interface, slider, drive), method=method, output=output, **options
-    )
+    rig = ss.Rig(interface, slider, drive)
+    made = ss.simulate(rig, method=method, output=output, **options)
     return {str(name): made[name].to_numpy().tolist() for name in made.data_vars}
 
 
 def rigid(interface, method):
-    return (
-        ss.rigid_slide(interface, 2.0, method=method)["friction_force"]
-        .to_numpy()[::20]
-        .tolist()
-    )
+    force = ss.rigid_slide(interface, 2.0, method=method)["friction_force"]
+    return force.to_numpy()[::20].tolist()
 
 
 def element_forces():
@@ -80,9 +72,8 @@ def small_cases():
     at_once = ss.Interface(thresholds=TENTH)
     delayed = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.1))
     ageing = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0))
-    strong = ss.Interface(
-        thresholds=TENTH, ageing=ss.Langevin(rate=1.0, newborn=0.2), delay=ss.Delay(0.1)
-    )
+    growth = ss.Langevin(rate=1.0, newborn=0.2)
+    strong = ss.Interface(thresholds=TENTH, ageing=growth, delay=ss.Delay(0.1))
     slow = {"drive": ss.constant(0.5, 0.4)}
     short = ss.constant(1.0, 1.5)
     cases = {}
@@ -92,44 +83,37 @@ def small_cases():
             cases[f"{method}, {name}"] = partial(run, interface, method)
         cases[f"renewal, {name}"] = partial(rigid, interface, ss.model.Renewal(40))
     for method in (few, coarse):
+        moving = ss.FromSliding(perturbation=0.1)
+        seen = {"drive": short, "output": SNAPSHOTS}
         cases |= {
             f"{method}, undamped": partial(run, delayed, method, LIGHT, short),
-            f"{method}, sliding": partial(
-                run, delayed, method, start=ss.FromSliding(perturbation=0.1)
-            ),
-            f"{method}, snapshots": partial(
-                run, delayed, method, drive=short, output=SNAPSHOTS
-            ),
+            f"{method}, sliding": partial(run, delayed, method, start=moving),
+            f"{method}, snapshots": partial(run, delayed, method, **seen),
             f"{method}, until": partial(run, at_once, method, drive=UNTIL),
             f"{method}, rigid": partial(rigid, delayed, method),
             f"{method}, ageing": partial(run, ageing, method, drive=BACK),
         }
     ramp = [(0.5, 1.0), (1.2, 2.0)]
     rise = ss.model.pull(0.0, 3.0, duration=1.0)
+    loaded = THERE_AND_BACK.under(ramp)
+    free = ss.model.Mass(mass=0.1, damping=0.0)
+    damped = ss.model.Mass(mass=0.1, damping=1.0)
+    memoryless = ss.MasterEquation(rtol=1e-2, memoryless=True)
+    fast = ss.constant(2.0, 0.2)
     cases |= {
-        "contacts, a load that changes": partial(
-            run, delayed, few, drive=THERE_AND_BACK.under(ramp)
-        ),
-        **{
-            f"contacts, a force, {damping}": partial(
-                run, delayed, few, ss.model.Mass(mass=0.1, damping=damping), rise
-            )
-            for damping in (0.0, 1.0)
-        },
-        "memoryless": partial(
-            run, delayed, ss.MasterEquation(rtol=1e-2, memoryless=True)
-        ),
+        "contacts, a load that changes": partial(run, delayed, few, drive=loaded),
+        "contacts, a force, 0.0": partial(run, delayed, few, free, rise),
+        "contacts, a force, 1.0": partial(run, delayed, few, damped, rise),
+        "memoryless": partial(run, delayed, memoryless),
         "contacts, ageing with a delay": partial(run, strong, few, **slow),
         "contacts, ageing, sliding": partial(run, ageing, few, **slow, **sliding),
         "contacts, ageing, in one place": partial(
             run, ageing, few, drive=ss.constant(0.0, 0.4)
         ),
         "kinetic equation, sliding": partial(
-            run, ageing, coarse, drive=ss.constant(2.0, 0.2), **sliding
+            run, ageing, coarse, drive=fast, **sliding
         ),
-        "kinetic equation, a snapshot": partial(
-            run, ageing, coarse, drive=short, output=SNAPSHOTS
-        ),
+        "kinetic equation, a snapshot": partial(run, ageing, coarse, **seen),
     }
     for growth, delay in (
         (ss.ExponentialGrowth(rate=2.0, newborn=0.1), ss.Delay(0.0)),
@@ -171,9 +155,8 @@ def results():
 @pytest.fixture(scope="module")
 def compiled_and_plain():
     off = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    plain = subprocess.run(
-        [sys.executable, __file__], env=off, capture_output=True, text=True, check=True
-    )
+    how = {"env": off, "capture_output": True, "text": True, "check": True}
+    plain = subprocess.run([sys.executable, __file__], **how)
     return results(), json.loads(plain.stdout)
 
 
@@ -191,18 +174,15 @@ def test_plain_python_gives_the_same_numbers(compiled_and_plain):
     compiled, plain = (dict(leaves(result)) for result in compiled_and_plain)
     assert compiled.keys() == plain.keys()
     for name, values in compiled.items():
-        np.testing.assert_allclose(
-            plain[name], values, rtol=1e-7, atol=1e-9, err_msg=name
-        )
+        error = {"rtol": 1e-7, "atol": 1e-9, "err_msg": name}
+        np.testing.assert_allclose(plain[name], values, **error)
 
 
 @pytest.mark.slow
 def test_the_cases_hold_breaks_and_slips(compiled_and_plain):
-    runs = [
-        made
-        for name, made in compiled_and_plain[0].items()
-        if "Contacts(" in name and "broken_energy" in made
-    ]
+    made = compiled_and_plain[0]
+    contacts = (made[name] for name in made if "Contacts(" in name)
+    runs = [each for each in contacts if "broken_energy" in each]
     assert len(runs) >= 4
     assert all(made["broken_energy"][-1] > 0 for made in runs)
 

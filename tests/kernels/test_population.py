@@ -40,37 +40,26 @@ class Several(ss.model.DelayModel):
         return "Several()"
 
 
-DELAYS = [
-    ss.Delay(0.0),
-    ss.Delay(0.2),
-    ss.Delay(math.inf),
-    ss.RandomDelay(mean=0.2, std=0.05),
-    ss.RandomDelay(mean=0.1, std=0.1),
-    ss.OnArrest(),
-    Several(),
-]
+DELAYS = [ss.Delay(time) for time in (0.0, 0.2, math.inf)]
+DELAYS += [ss.RandomDelay(mean=0.2, std=0.05), ss.RandomDelay(mean=0.1, std=0.1)]
+DELAYS += [ss.OnArrest(), Several()]
+DISTRIBUTIONS = [TENTH, ss.Uniform(low=0.5, high=1.5), ss.Exponential(mean=1.0)]
 
 interfaces = st.builds(
     ss.Interface,
-    thresholds=st.sampled_from(
-        [TENTH, ss.Uniform(low=0.5, high=1.5), ss.Exponential(mean=1.0)]
-    ),
+    thresholds=st.sampled_from(DISTRIBUTIONS),
     initial=st.just(RELAXED),
     delay=st.sampled_from(DELAYS),
     sliding_force=st.sampled_from([0.0, 0.3]),
     newborn=st.sampled_from([None, ss.Gaussian(mean=0.2, std=0.1)]),
 )
+TURNING = ss.ramp(2, -2, duration=2).then(ss.ramp(-2, 2, duration=2))
 
 
 @settings(max_examples=60, deadline=None)
 @given(
     interfaces,
-    st.sampled_from(
-        [
-            ss.ramp(2, -2, duration=2).then(ss.ramp(-2, 2, duration=2)),
-            ss.constant(-0.5, duration=4),
-        ]
-    ),
+    st.sampled_from([TURNING, ss.constant(-0.5, duration=4)]),
     st.sampled_from([0.3, 0.7, 1.0]),
     st.sampled_from([10, 1_000, 10**9]),
     st.sampled_from([20.0, 200.0]),
@@ -78,9 +67,8 @@ interfaces = st.builds(
 def test_every_contact_is_attached_or_waits(interface, drive, end, count, damping):
     method = ss.Population(count, seed=1, rtol=1e-3)
     slider = replace(SLIDER, damping=damping)
-    engine = engine_of(interface, method, slider)(
-        Beginning(interface, slider, 1.0, ss.FromRest()), method
-    )
+    beginning = Beginning(interface, slider, 1.0, ss.FromRest())
+    engine = engine_of(interface, method, slider)(beginning, method)
     follow(engine, drive, 0.0, np.linspace(0, end, 5))
     state = engine.state
     attached = state.cohorts.count[: state.used.cohorts]
@@ -100,31 +88,27 @@ def moments(interface):
     return m3 / (3 * cycle) - (m2 / (2 * cycle)) ** 2, m1 / cycle * (1 - m1 / cycle)
 
 
+SOME = [ss.Delay(0.0), ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.1), Several()]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "delay",
-    [ss.Delay(0.0), ss.Delay(0.2), ss.RandomDelay(mean=0.2, std=0.1), Several()],
-    ids=str,
-)
+@pytest.mark.parametrize("delay", SOME, ids=str)
 @pytest.mark.parametrize("count", [10, 1_000, 10**8])
 def test_fluctuations_in_rigid_sliding(delay, count):
     interface = replace(CYCLING, delay=delay)
     lifetimes = 600.0
     force, attached = moments(interface)
     times = np.arange(0.0, lifetimes, 0.037)
-    track = rigidly(
-        interface, ss.Population(count, seed=1), ss.constant(1.0, times[-1]), times
-    )
+    method = ss.Population(count, seed=1)
+    track = rigidly(interface, method, ss.constant(1.0, times[-1]), times)
     F = track["friction_force"]
     A = track["attached"]
     # A contact's force forgets in a life: so many independent values, of a variance
     # with a relative error of sqrt(2/n).
     slack = 4 * math.sqrt(2 / lifetimes)
     assert F.var() * count == pytest.approx(force, rel=slack)
-    assert F.mean() == pytest.approx(
-        ss.kinetic_friction(interface, 1.0),
-        abs=4 * math.sqrt(force / count / lifetimes) + 1e-5,
-    )
+    error = 4 * math.sqrt(force / count / lifetimes) + 1e-5
+    assert F.mean() == pytest.approx(ss.kinetic_friction(interface, 1.0), abs=error)
     assert A.var() * count == pytest.approx(attached, rel=slack, abs=1e-12)
 
 
@@ -145,24 +129,21 @@ def test_the_spectrum_in_rigid_sliding_is_that_of_contacts():
         F = track["friction_force"].reshape(parts, length)
         power = np.abs(np.fft.rfft(F - F.mean(), axis=1)) ** 2 / length * method.count
         edges = (power.shape[1] * 0.5 ** np.arange(7)).astype(int)
-        bands = np.stack(
-            [power[:, low:high].mean(axis=1) for high, low in pairwise(edges)]
-        )
+        bands = [power[:, low:high].mean(axis=1) for high, low in pairwise(edges)]
+        bands = np.stack(bands)
         return bands.mean(axis=1), bands.std(axis=1, ddof=1) / math.sqrt(parts)
 
     exact, noise = octaves(ss.Contacts(1_000, seed=1))
     for rtol, slack in ((1e-4, 0.09), (1e-5, 0.03)):
         found, more = octaves(ss.Population(1_000, seed=1, rtol=rtol))
-        assert np.all(
-            np.abs(found - exact) < 4 * np.hypot(noise, more) + slack * exact
-        ), (rtol, found / exact - 1)
+        slack = 4 * np.hypot(noise, more) + slack * exact
+        assert np.all(np.abs(found - exact) < slack), (rtol, found / exact - 1)
 
 
 def cycles(method):
     """Mean and standard deviation of period and drop in one run of Fig. 4c."""
-    run = ss.simulate(
-        ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=30.0)), method=method
-    )
+    rig = ss.Rig(CYCLING, SLIDER, ss.constant(1.0, duration=30.0))
+    run = ss.simulate(rig, method=method)
     drops = ss.drops(run)
     period = np.diff(drops["start"].to_numpy())[2:]
     drop = drops["drop"].to_numpy()[2:]
@@ -183,16 +164,10 @@ def test_cycles_are_those_of_contacts(count):
 
 
 def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.2),
-        delay=ss.Delay(0.35),
-        newborn=ss.Gaussian(mean=0.2, std=0.0),
-    )
-    rig = ss.Rig(
-        interface,
-        ss.Slider(stiffness=0.7, mass=6e-4, damping=13.0),
-        ss.constant(0.3, duration=7.5),
-    )
+    fields = {"delay": ss.Delay(0.35), "newborn": ss.Gaussian(mean=0.2, std=0.0)}
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), **fields)
+    slider = ss.Slider(stiffness=0.7, mass=6e-4, damping=13.0)
+    rig = ss.Rig(interface, slider, ss.constant(0.3, duration=7.5))
 
     def force(method):  # the slip at 6.1 ends in reversals while contacts attach
         run = ss.simulate(rig, method=method, output=ss.Output(interval=0.01))
@@ -205,27 +180,19 @@ def test_newborns_are_stretched_along_the_motion_after_each_reversal_too():
 
     for rtol in (1e-4, 1e-6):
         assert off(ss.MasterEquation(rtol=rtol)) < 10.0 * rtol
-    few = math.sqrt(
-        np.mean([off(ss.Population(100_000, seed=seed)) ** 2 for seed in range(8)])
-    )
+    methods = (ss.Population(100_000, seed=seed) for seed in range(8))
+    few = math.sqrt(np.mean([off(method) ** 2 for method in methods]))
     assert off(ss.Contacts(10_000, seed=1)) < 4.0 * few * math.sqrt(10.0)
 
 
 def test_newborns_of_a_slider_at_rest_do_not_push_it():
     """It trembles ever faster, and the force stays: no direction lasts."""
-    interface = ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=0.2),
-        delay=ss.RandomDelay(mean=0.5, std=0.15),
-        newborn=ss.Gaussian(mean=0.3, std=0.0),
-    )
-    drive = (
-        ss.constant(1.0, duration=3.0)
-        .then(ss.constant(0.0, duration=4.0))
-        .then(ss.constant(1.0, duration=1.0))
-    )
+    delay = ss.RandomDelay(mean=0.5, std=0.15)
+    fields = {"delay": delay, "newborn": ss.Gaussian(mean=0.3, std=0.0)}
+    interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.2), **fields)
+    drive = ss.constant(1.0, duration=3.0).then(ss.constant(0.0, duration=4.0))
+    drive = drive.then(ss.constant(1.0, duration=1.0))
     rig = ss.Rig(interface, ss.Slider(stiffness=0.7, mass=6e-4, damping=137.0), drive)
-    exact, found = (
-        ss.simulate(rig, method=ss.MasterEquation(rtol=rtol)).spring_force
-        for rtol in (1e-7, 1e-4)
-    )
+    methods = (ss.MasterEquation(rtol=rtol) for rtol in (1e-7, 1e-4))
+    exact, found = (ss.simulate(rig, method=each).spring_force for each in methods)
     assert float(np.sqrt(((found - exact) ** 2).mean())) < 10.0 * 1e-4

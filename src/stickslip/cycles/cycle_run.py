@@ -289,8 +289,8 @@ class CycleRun:
         return np.stack([times, force, samples[:, 1], slope])
 
     def turned(self, rig: Rig) -> "CycleRun":
-        """Return what goes on as another rig; forces and positions stay, and the
-        drive goes on from where it is.
+        """Return this run, continued with the parameters of another rig: forces and
+        positions, that of the drive included, are kept.
         """
         before = self.drive
         velocity = rig.natural.velocity

@@ -163,14 +163,14 @@ class ParameterScan:
         }
 
     def check_work(self, runs: int) -> None:
-        """Announce a search by so many runs if it takes more than a minute; raise
-        `InputError` if it takes more than an hour.
+        """Announce a search of this number of runs if it takes more than a minute;
+        raise `InputError` if it takes more than an hour.
         """
         low, high = (
             work_of_run(self.parameter.set(self.rig, end / self.size), self.start)
             for end in (self.low, self.high)
         )
-        # the mean over values in equal ratios of what goes as a power of them
+        # the mean time, if it is a power of the value: values are in equal ratios
         each = np.geomspace(low.seconds, high.seconds, 100).mean()
         seconds = runs * float(each)
         longest = max(low, high, key=lambda work: work.seconds).longest

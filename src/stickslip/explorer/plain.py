@@ -75,9 +75,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
 
 
 def within(request: Plain, key: str, low: float, high: float, usual: float) -> float:
-    """Return a number of a request, clipped to its bounds; a usual one if there is
-    none.
-    """
+    """Return a number of a request within its bounds, or `usual` if it is missing."""
     value = request.get(key)
     number = (
         float(value)

@@ -87,7 +87,7 @@ def _map_axis(parameter: xr.DataArray) -> Plain:
 
 
 def _shade(fraction: Array) -> Array:
-    """Growth rates, as fractions of the largest, spread out about zero."""
+    """Growth rates as fractions of the largest, stretched about zero."""
     return np.asarray(np.arcsinh(fraction / 1e-3) / np.arcsinh(1e3))
 
 

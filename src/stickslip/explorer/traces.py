@@ -224,8 +224,8 @@ def _rig(rig: Rig) -> Plain:
 def _overlay(
     rig: Rig, events: fitting.Events, seconds: float, watch: Watch
 ) -> tuple[Plain, str, bool]:
-    """Some slips of the trace, and those that a rig makes at its steady pace, beside
-    them; in words; if it fits.
+    """Some slips of the trace beside those of a rig in sustained stick-slip, the
+    comparison in words, and whether the rig fits.
     """
     begin, end, first = _window(events)
     unit = time_unit_in_seconds(events)

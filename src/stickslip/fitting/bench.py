@@ -354,7 +354,7 @@ def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, A
     )
     if (count := np.unique(found[:, 0]).size) < _FEWEST[place]:
         raise InputError(
-            f"{place}: {count} different ones: at least {_FEWEST[place]} are needed",
+            f"{place}: {count} are different; at least {_FEWEST[place]} are needed",
             place,
         )
     return found[:, 0], found[:, 1]

@@ -316,8 +316,8 @@ def pick_events(
 
 
 def least_rise(drop: float, noise: float) -> float:
-    """The smallest rise that parts two slips, where a drop of at least `drop` is
-    one.
+    """Smallest rise of the force that separates two slips, drops of at least
+    `drop`.
     """
     return min(drop, max(_NOISES * noise, 0.5 * drop))
 

@@ -67,8 +67,8 @@ class FittedInterval:
 
     @classmethod
     def of(cls, key: str, draws: Array, parts: Array | None = None) -> FittedInterval:
-        """Take it from draws of a quantity; of a parameter, with where these lie in
-        the range of the prior.
+        """Make it from draws of a quantity; `parts`, for a parameter, are the draws as
+        fractions of the range of the prior.
         """
         title, unit = _TITLES[key]
         low, median, high = np.quantile(draws, (0.05, 0.5, 0.95)).tolist()
@@ -212,11 +212,11 @@ class Fit(Answer):
 
     @property
     def test(self) -> pd.DataFrame:
-        """Each statistic of the trace among those of series of the draws, from their
-        median in quarters of their range.
+        """Compare each statistic of the trace with those of simulated series, as its
+        distance from their median in quarters of their 95 % range.
 
-        ``p`` is two-sided; ``low`` and ``high`` are the ends of the range of 95 %,
-        ``here`` is the trace.
+        ``p`` is two-sided; ``low`` and ``high`` are the ends of that range, ``here`` is
+        the trace.
         """
         made = self.predicted
         here = self.events.statistics

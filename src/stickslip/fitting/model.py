@@ -80,13 +80,13 @@ _DECADES = np.array([unknown.decades for unknown in UNKNOWNS])
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """Parameters that are possible before a trace is seen: each evenly spread over
-    its range, two in decades.
+    """Parameters that are possible before a trace is seen: each uniform over its
+    range, two of them in their logarithms.
 
     They are those of `stickslip.fitting.UNKNOWNS`: effective number of contacts and
-    ``K/(N k)``, evenly spread in their logarithms; standard deviation of the thresholds
-    and force of a sliding contact, over the mean threshold; damping ratio on the
-    driving spring; scatter of the thresholds from slip to slip.
+    ``K/(N k)``, uniform in their logarithms; standard deviation of the thresholds and
+    force of a sliding contact, over the mean threshold; damping ratio on the driving
+    spring; scatter of the thresholds from slip to slip.
     """
 
     contacts: Range = (5.0, 500.0)

@@ -193,8 +193,8 @@ def _simulated(
 
 
 def _read(path: Path, prior: Prior, slips: int) -> SeriesTable | None:
-    """A block as it was kept; nothing if it is not there, or damaged, so that it is
-    made again.
+    """Read a stored block; None if it is missing or damaged: it is then simulated
+    again.
     """
     try:
         with np.load(

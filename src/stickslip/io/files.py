@@ -106,8 +106,7 @@ def target(path: FileName) -> Path:
     place = Path(os.path.realpath(path))
     if not place.parent.is_dir():
         raise InputError(f"{path}: there is no directory {place.parent}; make it first")
-    # The system lets root write anywhere: what its owner may not write is meant to
-    # stay.
+    # Root may write anywhere: a file that its owner may not write is left as it is.
     own = found is None or (found.st_mode & stat.S_IWUSR and os.access(place, os.W_OK))
     if not (own and os.access(place.parent, os.W_OK | os.X_OK)):
         closed = place.parent if own else place

@@ -309,8 +309,8 @@ class _Writer:
         return replace(measured, forces=tuple(forces.tolist()))
 
     def _coefficients(self) -> Document:
-        """Coefficients of friction from which thresholds and strength follow; none
-        where no coefficients give these.
+        """Return the coefficients of friction from which thresholds and strength
+        follow, or an empty table if no coefficients give these.
         """
         from stickslip.sliding.rigid_motion import slow_friction, thresholds_of
 
@@ -325,7 +325,7 @@ class _Writer:
             mu_s, mu_k = (
                 float(f"{force / load:.{digits}g}") for force in (static, kinetic)
             )
-            # the spread amplifies an error of their ratio
+            # an error of their ratio is amplified in the standard deviation
             with suppress(InputError):
                 again, strength = thresholds_of(mu_s, mu_k, contacts.initial)
                 same = math.isclose(again.std, thresholds.std, rel_tol=_FOUR_DIGITS)

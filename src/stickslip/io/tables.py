@@ -109,8 +109,8 @@ class Tables:
         place: str = "",
         rules: Iterable[Either] = (),
     ) -> Values:
-        """Read the values of a table, quantities in SI units or natural ones; tables
-        in it stay as they stand.
+        """Read the values of a table, quantities in SI or natural units; nested tables
+        are returned as they are.
         """
         if not isinstance(content, Mapping):
             self.note(

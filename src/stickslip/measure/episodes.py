@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 _CHANCE = 0.05  # probability that one of the waits of an episode is taken for its end
 _FEWEST = 3  # drops that make an episode: two waits between them can be compared
-# Speeds of the drive within this part are one: an oscillation that dies out there does
-# so by itself. So does one that falls by half in so many drops, however fast the drive.
+# Drive velocities that differ by less than this fraction count as one velocity: an
+# oscillation that decays there decays by itself. So does one that halves within
+# `_DROPS` drops, whatever the drive does.
 _ONE_SPEED = 0.05
 _DROPS = 4
 
@@ -33,7 +34,7 @@ class Episode:
     `worst` is half of the largest drop, `worst_time` when it begins, `worst_velocity`
     the velocity of the drive there; `peak` the largest velocity of the slider in a drop
     over that of the drive, on average; `frequency` is NaN where the waits are
-    irregular. What `rings_down` dies out by itself, as after a start.
+    irregular. `rings_down`: it decays by itself, as after a start.
     """
 
     begin: float

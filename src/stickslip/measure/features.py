@@ -367,8 +367,7 @@ class Window:
         rest = sizes - sizes.mean() - rate * at
         square = float((rest**2).sum())
         power = square / float((at**2).sum()) / (sizes.size - 2)
-        # Cycles that are large and small in turn tell a mean better than others do
-        # (Bartlett).
+        # Alternating large and small cycles determine a mean better (Bartlett).
         turn = float((rest[1:] * rest[:-1]).sum()) / (square or 1.0)
         turn = min(max(turn, 1.0 / sizes.size - 1.0), 0.0)
         power *= (1.0 + turn) / (1.0 - turn)
@@ -411,7 +410,7 @@ class Window:
 
     @property
     def is_still(self) -> bool:
-        """Whether the force neither swings nor slips nor grows."""
+        """Whether the force neither oscillates nor slips nor grows."""
         return self.swing.value < TINY and not self.are_slips and self.trend < 1
 
     @cached_property

@@ -131,7 +131,7 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
         count = beyond - start
         # else the front that runs the other way holds this block
         if way > 0 or end > 0:
-            # the first fifth is still getting under way
+            # leave out the first fifth, in which the front accelerates
             under_way = line[start + (count - 1) // 5 : beyond]
             speed = _speed(under_way) if count >= _FEWEST else np.nan
             ends = (

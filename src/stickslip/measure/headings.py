@@ -75,7 +75,7 @@ def _simple_unit(plain: str) -> tuple[str, float] | None:
 
 
 def _torque(plain: str) -> tuple[str, float] | None:
-    """A force times a length, whatever stands between them."""
+    """Unit of a torque: a force times a length, with any separator between them."""
     for cut in range(1, len(plain)):
         pair = plain[:cut].rstrip(_TIMES), plain[cut:].lstrip(_TIMES)
         sizes = dict(found for each in pair if (found := _simple_unit(each)))
@@ -202,8 +202,8 @@ def _text_of(cell: str) -> str:
 
 
 def _are_units(row: Sequence[str], *, alone: bool) -> bool:
-    """Whether half of what a line says is units, or all of it where no other stands
-    beside it.
+    """Whether at least half of the cells of a line are units, or all cells where no
+    line of names is beside it.
     """
     cells = [cell.strip("[]()") for cell in row if cell]
     kinds = [found[0] for cell in cells if (found := unit_named(cell))]
@@ -221,8 +221,8 @@ def _joined(name: str, unit: str) -> Heading:
 
 
 def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:
-    """Give a bare friction column the unit 1: without a unit where the others have
-    theirs, it is a coefficient.
+    """Give a column "friction" without a unit the unit 1: where other columns have
+    units, it is a coefficient.
     """
     if sum(bool(unit) for _, unit in headings) < 2:
         return [*headings]

@@ -109,8 +109,8 @@ def _changes(seen: Window) -> str:
 
 
 def _oscillates(seen: Window) -> bool:
-    """Whether a force without slips oscillates by itself: a period, and an amplitude
-    that scatters less than that of noise; or more than its contacts make.
+    """Whether a force without slips oscillates by itself: it has a period, and its
+    amplitude scatters less than that of noise, or is larger than contact noise.
     """
     if not seen.cycles:
         return bool(seen.trace.contacts) and not seen.trace.measured

@@ -52,7 +52,7 @@ def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
     width = max(math.ceil(narrowest) | 1, 3)
     if 12 * width > force.size:
         return np.empty(0)
-    # a line goes on as a line
+    # odd reflection continues a straight line as one
     padded = np.pad(
         force - force.mean(),
         width // 2,
@@ -184,8 +184,8 @@ def _units_of(trace: Trace) -> list[float | None]:
 
 
 def rms_velocity_deviation(trace: Trace) -> float:
-    """Velocity of the slider of a bench off the drive's (rms), over that, less the
-    error of slopes; NaN if unknown.
+    """Rms difference of the velocities of slider and drive of a bench, over that of
+    the drive, less the error of slopes; NaN if unknown.
     """
     if trace.pace is None or not trace.measured:
         return math.nan
@@ -200,8 +200,8 @@ class Kinematics(Answer):
     motion: str  #: in words
     #: fraction of the time in which the slider is slower than a quarter of the drive
     stuck: float
-    #: velocity of the slider less the drive's (rms), over the drive's, less the error
-    #: of the slopes
+    #: rms difference of the velocities of slider and drive, over that of the drive,
+    #: less the error of slopes
     swing: float
     #: height of the autocorrelation of the velocity at one period; 0 without one
     correlation: float

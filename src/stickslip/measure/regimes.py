@@ -82,7 +82,7 @@ class Regime(Answer):
     #: second half over first, by a line through the logarithms of drops, or of the
     #: scatter in eight parts
     trend: float
-    #: complete ones in the window; of a force that is not periodic, complete drops
+    #: complete cycles in the window; of a force that is not periodic, complete drops
     cycles: int
     period: float  #: mean time of a cycle; NaN with too few cycles
     period_variation: float  #: its coefficient of variation
@@ -141,7 +141,7 @@ class Regime(Answer):
 
     @property
     def is_noise(self) -> bool:
-        """Whether the force swings by the noise of its contacts, and no more."""
+        """Whether the force fluctuates by no more than the noise of its contacts."""
         passed = {row.name: row.passed for row in self.table}
         swings = self.kind == SMOOTH and passed.get(SWING, False)
         return swings and not passed.get(NOISE, True)
@@ -445,8 +445,8 @@ def _speed(trace: Trace) -> float:
 
 
 def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
-    """A part without its drift, where it rises by less than a held slider's force
-    does in other parts: that slides; None if it may be held.
+    """Return a part without its drift, as sliding; None if the slider may be at rest
+    in it: its force rises as fast as that of a held slider in other parts.
     """
     rate = part.rise / part.length
     if not climbs or not 0.0 < rate < (1.0 - ONE_RATE) * min(climbs) * _speed(part):
@@ -455,8 +455,8 @@ def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
 
 
 def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
-    """Return the longest part of the kind that lasts longest, if the others agree; else
-    list them in turn.
+    """Return the longest part of the kind with the longest total time, if the others
+    agree; else list the parts in order.
     """
     lasts = Counter[Kind]()
     for each in parts:
@@ -538,7 +538,7 @@ def _end(part: Regime) -> str:
 
 
 def _judge(trace: Trace, found: Slips | None = None) -> Regime:
-    """Judge a window, whose drops may have been found before."""
+    """Classify the motion in a window; `found` are its drops, if known."""
     seen = look_past_waves(Window.of(trace, found))
     kind = OPEN
     reason = _find_fault(trace, seen)

@@ -130,8 +130,8 @@ def _error(part: Array) -> Array:
 
 
 def _pauses(trace: Trace, found: Slips) -> list[float]:
-    """Return the times at which the drops of a bench end and begin again: where a wait
-    is longer than chance makes it.
+    """Return the times at which a series of drops of a measured force ends and the
+    next begins: where the wait between two drops is longer than chance explains.
     """
     waits = found.waits
     if not trace.measured or waits.size < FEWEST_CYCLES:

@@ -147,7 +147,7 @@ def without_waves(force: Array, width: int) -> Array:
 
     width |= 1
     rest = force - force.mean()
-    # a line goes on as a line
+    # odd reflection continues a straight line as one
     padded = np.pad(rest, width // 2, "reflect", reflect_type="odd")
     return np.asarray(rest - oaconvolve(padded, savgol_coeffs(width, 2), "valid"))
 

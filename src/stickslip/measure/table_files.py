@@ -45,7 +45,7 @@ def read_table(
         return read(raw)
     except InputError:
         raise
-    # they let errors of zip, XML, struct and their own through
+    # libraries raise errors of zip, XML, struct, and of their own
     except Exception as error:
         remedy = (
             "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, "

@@ -201,7 +201,7 @@ def read_text(
     octets = np.frombuffer(raw, dtype=np.uint8)
     lines = _Lines(raw, np.append(0, np.flatnonzero(octets == ord("\n")) + 1))
     labview, head = _without_header_of_labview(lines.head())
-    # text may stand above, so that rows are looked for in the last third of a head
+    # there may be text above: rows are looked for in the last third of a head
     sample = lines.sample((2 * head[0][0] + lines.total) // 3) if head else []
     if not sample:
         raise InputError(
@@ -372,8 +372,8 @@ def _since_first(times: Array) -> Array:
 def _cells(
     lines: _Lines, start: int, columns: list[int], layout: _Layout, *, quoted: bool
 ) -> pd.DataFrame:
-    """The cells of columns, a row to each line; the last column takes what is too
-    much in a row.
+    """Cells of some columns, one row for each line; surplus cells of a row are put
+    into the last column.
     """
     import pandas as pd
 

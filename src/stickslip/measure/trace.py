@@ -178,9 +178,9 @@ class Trace:
         _check_times(arrays["t"])
         force = arrays["force"]
         drive = arrays.get("drive")
-        # A load cell may count pull as negative: then the force alone tells the
-        # direction, unless its sign was turned. A force with its zero well within its
-        # range is without its mean: what is left does not tell it.
+        # A load cell may count pull as negative: then the sign of the force shows the
+        # direction, unless it was turned. A force that is well above and below zero
+        # has lost its mean, and does not show it.
         backwards = (
             not data.attrs.get("flipped")
             and np.mean(force) < 0
@@ -334,7 +334,7 @@ class Trace:
         ]
 
     def part(self, begin: float, end: float = math.inf) -> Self:
-        """Return the trace from a time on, up to another."""
+        """Return the trace between two times."""
         inside = slice(*np.searchsorted(self.t, [begin, end], side="left").tolist())
         known = {
             name: values[inside]
@@ -390,8 +390,8 @@ def _is_of_the_slider(velocity: Array, force: Array) -> bool:
 
 
 def without_drift(values: Array) -> Array:
-    """Even samples less their line, and what goes through fewer than four cycles:
-    too slow to be told from a drift.
+    """Even samples less their linear trend and all that has fewer than four cycles:
+    too slow to be distinguished from a drift.
     """
     count = values.size
     at = np.arange(count) - 0.5 * (count - 1)  # from the middle
@@ -432,8 +432,8 @@ def memory(rest: Array) -> float:
 
 
 def independent(rest: Array, least: float = 1.0) -> float:
-    """Return the number of independent residuals that these are worth: n (1 - r)/(1 +
-    r) of a memory r (Bartlett), and not less than some.
+    """Return the effective number of independent residuals, ``n (1 - r)/(1 + r)`` with
+    their correlation `r` from one to the next (Bartlett), at least `least`.
     """
     r = memory(rest)
     return max(rest.size * (1.0 - r) / (1.0 + r), least)

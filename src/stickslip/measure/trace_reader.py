@@ -327,7 +327,7 @@ def _dataset(
     import xarray as xr
 
     rows = pd.DataFrame(values)
-    # each test by its own noise
+    # spikes stand out of the noise of their own test
     ends = np.flatnonzero(np.diff(values.get("part", np.zeros(1)))) + 1
     spiky = np.concatenate([spikes(part) for part in np.split(values["force"], ends)])
     if count := int(np.count_nonzero(spiky)):

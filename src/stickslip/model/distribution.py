@@ -342,10 +342,9 @@ def _resolved(distribution: Distribution, left: Array, right: Array) -> Array:
     """Return where the panels begin once these are halved until halving changes
     nothing, or nothing but rounding.
 
-    Where the density is smooth, each halving divides what it changes by thousands;
-    where it bends or jumps, the panel with that place goes on. Where the change is
-    small and yet stalls, the density itself is rounded so: halving would multiply the
-    panels, not the digits.
+    Where the density is smooth, each halving reduces the change a thousandfold; where
+    it bends or jumps, only the panel there is halved again. Where the change is small
+    but shrinks no more, it is the rounding of the density itself: halving stops.
     """
 
     def integral(left: Array, right: Array) -> Array:

@@ -33,8 +33,8 @@ class MeasuredFriction(Record):
 
     @classmethod
     def of_points(cls, points: Any, place: str = "points") -> Self:
-        """Take points in any order; an error that is not given is that of rounding to
-        the last digit of any.
+        """Make a curve of points in any order. An error that is not given is the
+        rounding error of the forces.
         """
         rows = []
         for i, point in enumerate(sequence(place, points, _POINT)):
@@ -66,8 +66,8 @@ class MeasuredFriction(Record):
 
 
 def rounding_error(values: Sequence[float]) -> float:
-    """Return what rounding to the last digit of any of some numbers may be, as their
-    error.
+    """Return half a unit of the last decimal place, of the number that has the most
+    decimal places.
     """
     digits = (Decimal(repr(value)).normalize().as_tuple() for value in values)
     return float(0.5 * 10.0 ** min(int(each.exponent) for each in digits))

@@ -239,8 +239,9 @@ class Rig(Answer):
     def velocity(self) -> float:
         """Velocity of the drive at its beginning, in the rig's own units.
 
-        What is computed at it is of the load at which contacts have their strength:
-        raises `InputError` of a drive with a load, or with a force in its place.
+        Theory at one velocity is for the load at which the strength of the contacts
+        is given: raises `InputError` if the drive has a load of its own, or a force in
+        place of a velocity.
         """
         if self.drive.load:
             raise InputError(
@@ -357,7 +358,7 @@ class Rig(Answer):
         unit = self.unit_name(natural)
         if isinstance(value, str) and self.scales is None:
             try:
-                value = read_number(value)  # as a command line gives it
+                value = read_number(value)  # the command line passes numbers as texts
             except InputError:
                 refusal = (
                     f"{place} = {value!r}: must be a plain number, as the rig is in "

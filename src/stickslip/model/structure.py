@@ -55,7 +55,7 @@ class Pull(NamedTuple):
     rate: float
 
     def force(self, z: Array, place: float, velocity: float) -> float:
-        """Force in a state, with the drive at a place and a velocity."""
+        """Force on a structure in a state, at a position and velocity of the drive."""
         return float(self.state @ z + self.drive * place + self.rate * velocity)
 
 

@@ -46,11 +46,11 @@ class Frames(NamedTuple):
     # of the contacts that are shown, along the second axis; 0 of one that is not
     # attached
     stretching: Array
-    flags: NDArray[np.uint8]  # as many
-    contacts: int  # that there are
-    # the very run, not one with other contacts of the same rig, or other chances
+    flags: NDArray[np.uint8]  # in the same shape
+    contacts: int  # in the interface; fewer may be shown
+    # whether this is the run itself, and not one with other contacts or random numbers
     exact: bool
-    own: bool  # the rig's solver follows contacts itself
+    own: bool  # whether the rig's own solver follows single contacts
 
 
 def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:

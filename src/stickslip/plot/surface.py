@@ -1,4 +1,4 @@
-"""Pictures of a rough surface: its contacts, their sizes, and what they tell of a rig.
+"""Pictures of a rough surface: its contacts, their sizes, and what follows for a rig.
 
 `stickslip.surface` stands beside pictures, which take its Datasets and attributes.
 """
@@ -21,20 +21,20 @@ _MICRO = 1e6  # micrometres in a metre
 
 
 @house_style()
-def surface(found: xr.Dataset, told: Any = None, answer: Any = None) -> Figure:
+def surface(found: xr.Dataset, estimate: Any = None, answer: Any = None) -> Figure:
     """Draw the contacts of a map, as `stickslip.surface.contacts` returns them, and
-    their diameters; below, what they tell and a prediction of it, if these are given.
+    their diameters; below, an `estimate` from them and a prediction, if given.
     """
-    rows = 1 if told is None else 2
+    rows = 1 if estimate is None else 2
     figure = new_figure(PAGE, 3.0 + 1.9 * (rows - 1))
     figure.set_layout_engine("constrained", wspace=0.08)
     grid = figure.add_gridspec(rows, 2, height_ratios=[3.0, 1.6][:rows])
     surface_map(found, figure.add_subplot(grid[0, 0]))
     contact_sizes(found, figure.add_subplot(grid[0, 1]))
-    if told is not None:
+    if estimate is not None:
         below = grid[1, :].subgridspec(1, 2, width_ratios=[3, 2], wspace=0.1)
-        _draw_ranges(figure.add_subplot(below[0]), told)
-        _draw_verdict(figure.add_subplot(below[1]), told, answer)
+        _draw_ranges(figure.add_subplot(below[0]), estimate)
+        _draw_verdict(figure.add_subplot(below[1]), estimate, answer)
     return figure
 
 
@@ -113,11 +113,11 @@ def _decades(ax: Axes) -> None:
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: minus(value)))
 
 
-def _draw_ranges(ax: Axes, told: Any) -> None:
+def _draw_ranges(ax: Axes, estimate: Any) -> None:
     """The two lengths, with their ranges, over a logarithmic axis."""
     rows = (
-        ("elastic", told.elastic, told.elastic_between, BLUE),
-        ("renewal", told.renewal, told.renewal_between, GREEN),
+        ("elastic", estimate.elastic, estimate.elastic_between, BLUE),
+        ("renewal", estimate.renewal, estimate.renewal_between, GREEN),
     )
     for row, (_, value, between, colour) in enumerate(rows):
         ends = [_MICRO * end for end in between]
@@ -129,8 +129,8 @@ def _draw_ranges(ax: Axes, told: Any) -> None:
             solid_capstyle="butt",
         )
         ax.plot(_MICRO * value, row, "|", color="white", markersize=7)
-    low = _MICRO * told.elastic_between[0] / 2.0
-    high = _MICRO * told.renewal_between[1] * 2.0
+    low = _MICRO * estimate.elastic_between[0] / 2.0
+    high = _MICRO * estimate.renewal_between[1] * 2.0
     panel(
         ax,
         "which length counts, a map does not say",
@@ -143,14 +143,18 @@ def _draw_ranges(ax: Axes, told: Any) -> None:
     ax.set_yticks([0, 1], [name for name, *_ in rows])
 
 
-def _draw_verdict(ax: Axes, told: Any, answer: Any) -> None:
+def _draw_verdict(ax: Axes, estimate: Any, answer: Any) -> None:
     """The standard deviation with its range and, of a prediction, how many of the rigs
     within the ranges oscillate.
     """
     ax.plot(
-        list(told.std_between), [1, 1], color=BLACK, linewidth=7, solid_capstyle="butt"
+        list(estimate.std_between),
+        [1, 1],
+        color=BLACK,
+        linewidth=7,
+        solid_capstyle="butt",
     )
-    ax.plot(told.std["renewal"], 1, "|", color="white", markersize=7)
+    ax.plot(estimate.std["renewal"], 1, "|", color="white", markersize=7)
     names = ["std"]
     title, words = "scatter of the thresholds", "standard deviation over the mean"
     doubt = getattr(answer, "doubt", None)

@@ -123,8 +123,8 @@ class StepFit(FittedStep):
 
     @property
     def moved(self) -> str:
-        """Parameters that the trend moves by more than their quoted error, in words; or
-        nothing.
+        """Describe the parameters that change by more than their quoted error with or
+        without a linear trend; empty if none does.
         """
         how = f"with{'out' * self.with_trend} a linear trend"
         if self.other is None:

@@ -122,9 +122,9 @@ def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
 
 
 def _noise(t: Array, x: Array) -> float:
-    """Standard deviation of the displacement about lines, as independent points would
-    scatter: the largest of groups of several sizes, since what has a memory scatters
-    more in larger ones.
+    """Standard deviation of the displacement about lines, as if its points were
+    independent: the largest from groups of several sizes, as correlated noise scatters
+    more in larger groups.
     """
     resolution = np.diff(np.unique(x)).min(initial=math.inf)
     # What sums of squares leave of exact lines, and of rounding.

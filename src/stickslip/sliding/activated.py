@@ -16,7 +16,6 @@ response of `stickslip.sliding.unaged`.
 """
 
 import math
-from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
@@ -25,7 +24,7 @@ from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError
 from stickslip.kernels import lifetimes as kernel
-from stickslip.model import Bell, Delay, Interface
+from stickslip.model import Bell, Interface
 from stickslip.sliding.lifetimes import (
     growth_of,
     hazard_of,
@@ -36,19 +35,16 @@ from stickslip.sliding.response import (
     STEP,
     Array,
     ComplexArray,
-    Fluctuations,
     MeanLifetimes,
     Parts,
     Perturbed,
-    Response,
     ResponseScales,
+    Unperturbed,
     along_logarithm,
     stretched,
 )
+from stickslip.sliding.tabulated import FEW_STEPS, TabulatedResponse
 
-# steps of frequencies; of those at which lives are known from a table
-_FEW = 8_000
-_MOST = 16 * _FEW
 _TABLE = 1e-5  # relative error of the table
 # a mean life that is shorter, over the longest: few contacts outlive their attachment
 _SHORT = 1e-4
@@ -107,96 +103,47 @@ def mean_lives_of_areas(interface: Interface, velocity: float) -> MeanLifetimes:
     return MeanLifetimes(distance, work, longer, more, weight)
 
 
-@dataclass(frozen=True)
-class ActivatedResponse(Response):
+class ActivatedResponse(TabulatedResponse):
     """The linear response of contacts with temperature or with thresholds that grow
     by a fixed rule.
     """
 
-    interface: Interface
-
     accuracy: ClassVar[float] = 1e-8
-    has_denominator: ClassVar[bool] = True
-
-    def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        life = Perturbed(*self.transforms(velocity, s / velocity))
-        return self._of_life(velocity, s, life)
-
-    def along_axis(self, velocity: float, omega: Array) -> Fluctuations:
-        return self._of_life(velocity, 1j * omega, self._tabulated(velocity, omega))
-
-    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        speed, points = np.broadcast_arrays(
-            np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
-        )
-        found = np.zeros((2, *points.shape), dtype=complex)
-        for v in np.unique(speed):
-            here = (speed == v) & (points != 0)
-            life = Perturbed(*self.transforms(float(v), points[here] / v))
-            found[:, here] = self._parts_of_life(float(v), points[here], life)
-        return Parts(*found)
-
-    def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        del top  # known to where it turns no more
-        omega = self._followed(velocity, _MOST)
-        life = self._tabulated(velocity, omega)
-        return omega, self._parts_of_life(velocity, 1j * omega, life)
 
     def terms(self, velocity: float) -> float:
-        waves = self.wave_numbers(0.0, _FEW)
+        waves = self.wave_numbers(0.0, FEW_STEPS)
         lifetimes = lifetimes_of(self.interface, velocity, float(np.median(waves)))
         return float(waves.size * lifetimes.x.size)
 
-    def _of_life(
-        self, velocity: float, s: ComplexArray, answer: Perturbed
-    ) -> Fluctuations:
-        """Response and motion of contacts with such lives."""
-        delay = self.interface.delay
-        force = self.interface.sliding_force
-        q = s / velocity
-        mean = mean_lives(self.interface, velocity)
-        rest = float(mean.distance[0])
-        missing = np.asarray(delay.absence(s))
-        away = velocity * delay.moment(1)
-        life = stretched(
-            q,
-            answer.lost,
-            answer.work,
-            rest,
-            float(mean.work[0]),
-        )
-        noise = life.noise(q, missing, away, force) / velocity
-        kappa = answer.parts(q, missing, rest, away, force).kappa
-        return Fluctuations(kappa, noise)
+    def mean_distance(self, velocity: float) -> float:
+        return float(mean_lives(self.interface, velocity).distance[0])
 
-    def _parts_of_life(
-        self, velocity: float, s: ComplexArray, life: Perturbed
+    def life_table(self, velocity: float) -> "CubicSpline[np.complex128]":
+        return _life_table(self, velocity)
+
+    def life_of(
+        self, velocity: float, q: ComplexArray, transforms: ComplexArray
+    ) -> Unperturbed:
+        mean = mean_lives(self.interface, velocity)
+        lost, work, *_ = transforms
+        return stretched(q, lost, work, float(mean.distance[0]), float(mean.work[0]))
+
+    def parts_of(
+        self,
+        velocity: float,
+        q: ComplexArray,
+        missing: ComplexArray,
+        transforms: ComplexArray,
     ) -> Parts:
-        """Parts of kappa of contacts with such lives."""
-        delay = self.interface.delay
-        return life.parts(
-            s / velocity,
-            np.asarray(delay.absence(s)),
-            float(mean_lives(self.interface, velocity).distance[0]),
-            velocity * delay.moment(1),
+        return Perturbed(*transforms).parts(
+            q,
+            missing,
+            self.mean_distance(velocity),
+            velocity * self.interface.delay.moment(1),
             self.interface.sliding_force,
         )
 
-    def _tabulated(self, velocity: float, omega: Array) -> Perturbed:
-        """Lives along the axis, from a table: it knows no delay, which alone may turn
-        many times as often.
-        """
-        y = omega / velocity
-        alone = replace(self.interface, delay=Delay(0.0))
-        table = _life_table(ActivatedResponse(alone), velocity)
-        low, high = np.exp(table.x[[0, -1]])
-        inside = (y >= low) & (y <= high)
-        found = np.empty((4, y.size), dtype=complex)
-        found[:, inside] = table(np.log(y[inside]))
-        found[:, ~inside] = self.transforms(velocity, 1j * y[~inside])
-        return Perturbed(*found)
-
-    def transforms(self, v: float, q: ComplexArray) -> ComplexArray:
+    def transforms(self, velocity: float, q: ComplexArray) -> ComplexArray:
         """`Perturbed` of a life, as one array."""
         # Octaves of the wave number have panels of their own.
         octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
@@ -205,7 +152,9 @@ class ActivatedResponse(Response):
         for one in np.unique(octave):
             here = octave == one
             fast = math.isinf(one)
-            lifetimes = lifetimes_of(self.interface, v, 0.0 if fast else 2.0**one)
+            lifetimes = lifetimes_of(
+                self.interface, velocity, 0.0 if fast else 2.0**one
+            )
             found[:, here] = kernel.perturbed(lifetimes, q[here], fast)
         return found
 
@@ -226,45 +175,26 @@ class ActivatedResponse(Response):
             1e-3 * self.interface.threshold_distribution.moment(1),
         )
 
-    def frequencies(self, velocity: float, top: float) -> Array:
-        del top
-        return self._followed(velocity, _FEW)
-
-    def _followed(self, velocity: float, most: int) -> Array:
-        """Frequencies that follow contacts and their delays, in no more steps."""
-        away = velocity * self.interface.delay.longest
-        return velocity * self.wave_numbers(away, most)
-
     def wave_numbers(self, away: float, most: int) -> Array:
-        """Wave numbers that follow contacts which stay away for so long, in ``x_s``."""
         thresholds = self.interface.threshold_distribution
         # The largest stretching, but for one contact in a thousand.
         reach = float(thresholds.inverse_survival(np.array(1e-3))) + away
         top = max(12.0 / self._std, 60.0 / thresholds.moment(1))
         step = max(STEP / reach, top / most)
         slow = np.geomspace(1e-4 / reach, step, 60, endpoint=False)
-        fast = np.geomspace(top, 1e3 * top, 90 * most // _FEW)
+        fast = np.geomspace(top, 1e3 * top, 90 * most // FEW_STEPS)
         return np.concatenate([slow, np.arange(step, top, step), fast])
 
     def scales(self, velocity: float) -> ResponseScales:
-        cycle = float(
-            mean_lives(self.interface, velocity).distance[0]
-        ) / velocity + self.interface.delay.moment(1)
         longest = lifetimes_of(self.interface, velocity).x.max(initial=0.0)
         ageing = self.interface.ageing
-        if ageing is not None and velocity * cycle <= _SHORT * longest:
+        if ageing is not None and velocity * self.cycle(velocity) <= _SHORT * longest:
             raise InputError(
                 f"Interface.ageing = {ageing}: at velocity {velocity:g} x_s/time "
                 "nearly all contacts break as they attach, faster than any motion; "
                 "give them a delay, or more strength at birth"
             )
-        return ResponseScales(
-            cycle,
-            cycle,
-            cycle,
-            fastest=math.inf,
-            leftmost=-8.0 / cycle,
-        )
+        return super().scales(velocity)
 
 
 @lru_cache(maxsize=16)
@@ -276,5 +206,5 @@ def _life_table(
     def at(u: Array) -> ComplexArray:
         return response.transforms(velocity, 1j * np.exp(u))
 
-    y = response.wave_numbers(0.0, _FEW)
+    y = response.wave_numbers(0.0, FEW_STEPS)
     return along_logarithm(at, y, _TABLE, response.accuracy)[1]

@@ -1,5 +1,5 @@
-"""The linear response and the noise of contacts that draw, with each life, how they
-pull: stretched or larger ones.
+"""The linear response and the noise of contacts that draw, for each life, the
+stretching at which they attach, or their area.
 
 While it holds such a contact pulls with ``f = a + b x`` at the distance ``x`` from its
 attachment: newborns stretched by ``a``, or contacts of the area ``b**2``. Without
@@ -14,40 +14,32 @@ contacts, and of their `a`, `b`, ``a f`` and ``b f``, at their nodes.
 """
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stickslip.errors import InputError
-from stickslip.model import Delay, Interface
+from stickslip.model import Interface
 from stickslip.model.distribution import Distribution, nodes_between
 from stickslip.model.newborn import stretching_nodes
 from stickslip.sliding.response import (
     STEP,
     Array,
     ComplexArray,
-    Fluctuations,
     Parts,
-    Response,
-    ResponseScales,
     Unperturbed,
     along_logarithm,
 )
+from stickslip.sliding.tabulated import FEW_STEPS, TabulatedResponse
 
-# wave number, over one over the standard deviation, up to which anything of a life is
-# remembered
+# wave number times the standard deviation, beyond which a life leaves no memory
 _FINEST = 25.0
 # longest life over the standard deviation: seconds to compute, once for an interface
 _NARROWEST = 150.0
 _NODES = 16  # of a panel
 _PHASE = 10.0  # that a wave may turn on one
-_TABULATED = 4  # numbers of a life at a wave
-# steps of frequencies; of those at which lives are known from a table
-_FEW = 8_000
-_MOST = 16 * _FEW
 _TABLE = 1e-6  # relative error of their table, below that of a scan
 
 
@@ -138,8 +130,10 @@ def lives_of(interface: Interface) -> Lives:
 
 
 def _transforms(lives: Lives, q: ComplexArray | Array) -> ComplexArray:
-    """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6); of waves that turn
-    often where none breaks and forces rise evenly, by the integral of that.
+    """Sums of ``exp(-q x)`` over the nodes, shape (q.size, 6).
+
+    Until the first contact breaks the force rises linearly: short waves are integrated
+    there in closed form.
     """
     first = _NODES * lives.unbroken
     end = float(lives.x[first - 1] + lives.x[0]) if first else 0.0
@@ -196,100 +190,57 @@ def response_of_areas(interface: Interface) -> "DrawnResponse":
     return DrawnResponse(interface)
 
 
-@dataclass(frozen=True)
-class DrawnResponse(Response):
+class DrawnResponse(TabulatedResponse):
     """The linear response of contacts that draw their areas, or their stretchings at
     birth.
     """
 
-    interface: Interface
-
     accuracy: ClassVar[float] = 1e-5
-    has_denominator: ClassVar[bool] = True
 
     @property
     def inert(self) -> bool:
-        """Whether contacts come back at once."""
+        """Whether contacts re-attach at once."""
         return self.interface.delay.moment(1) == 0
 
-    @cached_property
-    def _alone(self) -> Interface:
-        """Contacts that come back at once: their lives are the same."""
-        return replace(self.interface, delay=Delay(0.0))
+    @property
+    def _lives(self) -> Lives:
+        return lives_of(self.without_delay.interface)
 
-    def fluctuations(self, velocity: float, s: ComplexArray) -> Fluctuations:
-        return self._of_lives(velocity, s, self._life(s / velocity))
+    def mean_distance(self, velocity: float) -> float:
+        del velocity
+        return float(self._lives.held[:, 0].sum())
 
-    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
-        if self.inert:
-            return super().parts(velocity, s)
-        speed, points = np.broadcast_arrays(
-            np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
-        )
-        here = points != 0
-        found = np.zeros((2, *points.shape), dtype=complex)
-        life = self._life(points[here] / speed[here])
-        found[:, here] = life.broken, life.whole
-        broken, whole = found
-        return self._parts_of_lives(speed, points, broken, whole, life.rest)
+    def life_table(self, velocity: float) -> "CubicSpline[np.complex128]":
+        # Without ageing and temperature, lives are the same waves at all speeds.
+        # Without the table a scan takes up to 3 s, not .4.
+        del velocity
+        return _life_table(self)
 
-    def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
-        del top  # known to where it turns no more
-        omega = self._followed(velocity, _MOST)
-        life = self._tabulated(velocity, omega)
-        return omega, self._parts_of_lives(
-            velocity, 1j * omega, life.broken, life.whole, life.rest
+    def life_of(
+        self, velocity: float, q: ComplexArray, transforms: ComplexArray
+    ) -> Unperturbed:
+        del q
+        broken, until, whole, each = transforms
+        return Unperturbed(
+            broken, until, whole, each.real, self.mean_distance(velocity)
         )
 
-    def along_axis(self, velocity: float, omega: Array) -> Fluctuations:
-        life = self._tabulated(velocity, omega)
-        return self._of_lives(velocity, 1j * omega, life)
-
-    def _tabulated(self, velocity: float, omega: Array) -> Unperturbed:
-        """Lives along the axis."""
-        # Only the delays follow the time: lives are the same waves at all speeds, so
-        # that a table does for all. Without it a look takes up to 3 s, not .4.
-        y = omega / velocity
-        table = _life_table(DrawnResponse(self._alone))
-        low, high = np.exp(table.x[[0, -1]])
-        inside = (y >= low) & (y <= high)
-        known = np.empty((_TABULATED, y.size), dtype=complex)
-        known[:, inside] = table(np.log(y[inside]))
-        *rows, rest = self._life(1j * y[~inside])
-        known[:, ~inside] = rows
-        broken, until, whole, each = known
-        return Unperturbed(broken, until, whole, each.real, rest)
-
-    def _parts_of_lives(
+    def parts_of(
         self,
-        velocity: float | Array,
-        s: ComplexArray,
-        broken: ComplexArray,
-        whole: ComplexArray,
-        rest: float,
+        velocity: float,
+        q: ComplexArray,
+        missing: ComplexArray,
+        transforms: ComplexArray,
     ) -> Parts:
-        """Parts of kappa of contacts with such lives."""
-        delay = self.interface.delay
-        missing = np.asarray(delay.absence(s))
-        given_up = self.interface.sliding_force * broken - s / velocity * whole
-        path = rest + velocity * delay.moment(1)
+        broken, _, whole, _ = transforms
+        given_up = self.interface.sliding_force * broken - q * whole
+        away = velocity * self.interface.delay.moment(1)
+        path = self.mean_distance(velocity) + away
         return Parts(missing * given_up / path, missing + (1.0 - missing) * broken)
 
-    def _of_lives(
-        self, velocity: float, s: ComplexArray, life: Unperturbed
-    ) -> Fluctuations:
-        """Response and motion of contacts with such lives."""
-        delay = self.interface.delay
-        force = self.interface.sliding_force
-        q = s / velocity
-        missing = np.asarray(delay.absence(s))
-        away = velocity * delay.moment(1)
-        parts = self._parts_of_lives(velocity, s, life.broken, life.whole, life.rest)
-        noise = life.noise(q, missing, away, force) / velocity
-        return Fluctuations(parts.kappa, noise)
-
-    def _life(self, q: ComplexArray) -> Unperturbed:
-        lives = lives_of(self._alone)
+    def transforms(self, velocity: float, q: ComplexArray) -> ComplexArray:
+        del velocity
+        lives = self._lives
         size = np.abs(q)
         held = lives.held
         newborn = lives.newborn
@@ -298,52 +249,17 @@ class DrawnResponse(Response):
         found[~fast] = _transforms(lives, q[~fast])
         found[fast] = newborn[0] / q[fast, None] + newborn[1] / q[fast, None] ** 2
         survival, whole, a_left, b_left, a_pull, b_pull = found.T
-        rest, _, _, b, _, b_sum = held.sum(axis=0).tolist()
+        _, _, _, b, _, b_sum = held.sum(axis=0).tolist()
         each = 2.0 * ((b_sum - b_pull.real) / size**2 - a_pull.imag / size)
-        return Unperturbed(
-            q * survival,
-            a_left + (b - b_left) / q,
-            whole,
-            each,
-            rest,
-        )
+        return np.stack([q * survival, a_left + (b - b_left) / q, whole, each])
 
-    def tabulated(self, y: Array) -> ComplexArray:
-        """All of a life that depends on the wave number, shape (4, y.size)."""
-        *rows, _ = self._life(1j * y)
-        return np.stack(rows)
-
-    def frequencies(self, velocity: float, top: float) -> Array:
-        del top
-        return self._followed(velocity, _FEW)
-
-    def _followed(self, velocity: float, most: int) -> Array:
-        """Frequencies that follow contacts and their delays, in no more steps."""
-        lives = lives_of(self._alone)
-        step = max(
-            STEP / (lives.x[-1] + velocity * self.interface.delay.longest),
-            lives.highest / most,
-        )
+    def wave_numbers(self, away: float, most: int) -> Array:
+        lives = self._lives
+        top = lives.highest
+        step = max(STEP / (lives.x[-1] + away), top / most)
         slow = np.geomspace(1e-4 * step, step, 60, endpoint=False)
-        fast = np.geomspace(lives.highest, 1e3 * lives.highest, 90 * most // _FEW)
-        return np.asarray(
-            velocity
-            * np.concatenate(
-                [slow, np.arange(step, lives.highest - 0.5 * step, step), fast]
-            )
-        )
-
-    def scales(self, velocity: float) -> ResponseScales:
-        cycle = float(
-            lives_of(self._alone).held[:, 0].sum()
-        ) / velocity + self.interface.delay.moment(1)
-        return ResponseScales(
-            cycle,
-            cycle,
-            cycle,
-            fastest=math.inf,
-            leftmost=-8.0 / cycle,
-        )
+        fast = np.geomspace(top, 1e3 * top, 90 * most // FEW_STEPS)
+        return np.concatenate([slow, np.arange(step, top - 0.5 * step, step), fast])
 
 
 @lru_cache(maxsize=32)
@@ -355,5 +271,8 @@ def _life_table(response: DrawnResponse) -> "CubicSpline[np.complex128]":
     lives = lives_of(response.interface)
     step = STEP / float(lives.x[-1])
     y = np.arange(0.5 * step, lives.highest, step)
-    _, table = along_logarithm(lambda u: response.tabulated(np.exp(u)), y, _TABLE)
-    return table
+
+    def at(u: Array) -> ComplexArray:
+        return response.transforms(1.0, 1j * np.exp(u))
+
+    return along_logarithm(at, y, _TABLE)[1]

@@ -21,7 +21,8 @@ from stickslip.errors import InputError
 from stickslip.loops import bounded
 
 SCAN_LIMIT = 1 << 21  # largest number of frequencies in a scan
-# frequencies of a scan, first known, a fourth of a turn; of values, that none asks for
+# Of a spline: steps between its first points, a fourth of a turn in all; and its
+# largest relative error: no result needs less
 _APART = 8
 _LOST = 1e-5
 # phase (rad) that the fastest part of a response may turn between neighbours of a scan;
@@ -240,11 +241,11 @@ def splined(
     most: float,
     least: float = 0.0,
 ) -> "CubicSpline[np.complex128]":
-    """A function as a spline, from its values along the last axis at every so many of
-    some points, and halfway.
+    """A function, along its last axis, as a spline through some of the points `u`.
 
-    Further ones are asked beside those that a spline misses by more than `most` of
-    them: in the end it errs by less.
+    It begins with every `apart`-th point and checks the spline halfway between them.
+    Where it misses a value by more than the fraction `most`, points on both sides are
+    added, until it misses none.
     """
     known = np.append(np.arange(0, u.size - 1, apart), u.size - 1)
     found = at(u[known])

@@ -71,7 +71,7 @@ class UnagedResponse(Response):
 
     @property
     def inert(self) -> bool:
-        """Whether contacts come back at once."""
+        """Whether contacts re-attach at once."""
         return self._means[1] == 0
 
     def _path(self, velocity: float | Array) -> Array:
@@ -237,8 +237,8 @@ def response(interface: Interface) -> Response:
 
 
 def _steps(reach: float, top: float) -> tuple[float, int]:
-    """Step and number of wave numbers that follow contacts with a memory of so many
-    ``x_s`` up to a `top`.
+    """Step and number of wave numbers up to `top` that resolve contacts with a memory
+    of `reach`, in ``x_s``.
     """
     # powers of 2, so that neighbouring speeds share a table
     step = 2.0 ** math.floor(math.log2(STEP / reach))
@@ -262,8 +262,8 @@ def _discs(
     step: float,
     count: int,
 ) -> tuple[Array, ComplexArray]:
-    """Wave numbers, and the centres of discs there, for contacts that come back at
-    once.
+    """Wave numbers, and the centres of discs there, for contacts that
+    re-attach at once.
     """
     y, complement, shape = axis_table(distribution, step, count)
     lost = np.abs(complement) ** 2

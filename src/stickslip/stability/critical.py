@@ -28,7 +28,7 @@ from stickslip.stability.neutral import Neutral, neutral_frequencies
 from stickslip.stability.scan import SmoothSliding
 from stickslip.words import engineering
 
-# how often points about a hidden pair of crossings are set eight times as close
+# times that a search for a hidden pair of crossings divides its step by eight
 _DEPTH = 6
 _EIGHTHS = np.arange(1, 8) / 8
 Item = TypeVar("Item")

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 Window = tuple[Ends, Ends]
 Over = tuple[Parameter | str, Parameter | str]
 
-# lines across the window in each direction, where a line costs next to nothing
+# lines across the window in each direction, where a line is cheap
 LINES = 65
-FEW_LINES = 33  # the same where each point on a line has a response of its own
+FEW_LINES = 33  # where each point on a line needs a response of its own
 
 
 def boundary(

@@ -2,10 +2,10 @@
 then moves.
 
 Contacts that strengthen with rest let an axis stick, the integral of the controller
-pulls it off, and it slips past its place: it hunts. The slip of one slow pull by the
-proportional and derivative gains tells how far, and must be longer than the break-away
-displacement. Whether it happens depends on the move: up to a fold of the gain the axis
-may stand still, too.
+pulls it off, and it slips past its place: it hunts. One slow pull, with the
+proportional and derivative gains alone, shows how far: the axis can hunt only if that
+slip is longer than the break-away displacement. Whether it does depends on the move: up
+to a fold of the gain the axis may stand still, too.
 """
 
 import math
@@ -28,7 +28,7 @@ from stickslip.structures.runs import SteppedStructure
 
 MOST_CONTACTS = 2000  # of a move
 MOVES = (1.5, 3.0, 5.4, 8.0)  # in x_s, where none are given
-# A move has settled after so many periods of hunting, and is judged by the last ones.
+# A move has settled after `_PERIODS` periods of hunting; the last `_JUDGED` decide.
 _PERIODS = 12
 _JUDGED = 5
 _HUNTS = 0.3  # of the break-away displacement, peak to peak: far from creeping to rest
@@ -171,8 +171,8 @@ def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Sl
 
 
 def hunting_period(axis: ControlledAxis, peak_to_peak: float) -> float:
-    """Return about the time between two slips either way: the integral turns the force
-    round twice, at half the swing.
+    """Estimate the time between two slips in the same direction: the integral
+    reverses the force twice, at half the peak-to-peak position error.
     """
     return 8.0 / (axis.ki * peak_to_peak)
 

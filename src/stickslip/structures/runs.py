@@ -145,7 +145,8 @@ class SteppedStructure(Engine):
         integral = self._z.size == _OF_INTEGRAL and not self._controller.sample_time
         if isinstance(before, ControlledAxis) and integral:
             assert isinstance(structure, ControlledAxis)
-            other._z[-1] *= before.ki / structure.ki  # that of the error
+            # the state is the integral of the error
+            other._z[-1] *= before.ki / structure.ki
         return other
 
     @property
@@ -154,7 +155,7 @@ class SteppedStructure(Engine):
         return float(self._body.pull_drive)
 
     def pull(self, place: float, velocity: float) -> float:
-        """Force that pulls the structure, with the drive at a place."""
+        """Force of the drive, at a position and velocity, on the structure."""
         body = self._body
         pull = Pull(body.pull, body.pull_drive, body.pull_rate)
         return pull.force(self._z, place, velocity)

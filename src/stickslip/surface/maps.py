@@ -132,8 +132,8 @@ def low_pass(height: xr.DataArray, length: Length) -> xr.DataArray:
 
 
 def mean_waves(height: xr.DataArray) -> tuple[float, float]:
-    """Lengths of the waves that carry the heights of a map and of its shortest ones, in
-    m: ``2 pi`` times the ratios of rms height, slope and curvature.
+    """Mean wavelengths (m) of the heights of a map, and of its short waves: ``2 pi``
+    times the ratios of rms height to slope and of rms slope to curvature.
     """
     values = height.to_numpy()
     wave = np.hypot(*wave_numbers(values.shape, spacing_of(height)))

@@ -28,9 +28,11 @@ MEASURE = (
     "distance over which friction settles after the step the renewal length), and "
     "friction at two speeds, for the delay"
 )
-_LARGE, _SMALL = 1.15, 3.0  # error of a stiffness, as a factor: the map large or small
+# error of a stiffness, as a factor: of a large map, and of a small one
+_LARGE = 1.15
+_SMALL = 3.0
 _BINS = 40  # of the distribution of areas
-_MOST = 10_000  # contacts whose noise is worth a run
+_MOST = 10_000  # contacts: with more, their noise need not be simulated
 _OURS = (
     "interface.mu_s",
     "interface.mu_k",
@@ -146,8 +148,8 @@ def estimate(found: xr.Dataset, *, friction: float = 0.4) -> Estimate:
     ...     rq="1 um", hurst=0.8, roll_off="40 um", cut_off="10 um", nodes=256
     ... )
     >>> found = ss.surface.contacts(rough, pressure="3 MPa", material="pmma")
-    >>> told = ss.surface.estimate(found)
-    >>> told.elastic < told.renewal
+    >>> expected = ss.surface.estimate(found)
+    >>> expected.elastic < expected.renewal
     True
     """
     instance("found", found, xr.Dataset, "a Dataset of surface.contacts")
@@ -253,19 +255,19 @@ def _histogram(values: Array, weights: Array | None = None) -> Empirical:
 
 
 def rig(
-    told: Estimate,
+    estimate: Estimate,
     machine: Any = "pmma_slider",
     *,
     length: Which | None = None,
     name: str = "",
 ) -> Rig:
-    """Return the rig of a machine on the interface that a map tells of, with the ranges
-    that it leaves as assumptions, over which `predict` gives its doubt.
+    """Return the rig of a machine on the measured interface. What the map leaves open
+    becomes an assumption with a range, from which `predict` computes its uncertainty.
 
     Parameters
     ----------
-    told : Estimate
-        Of `estimate`.
+    estimate : Estimate
+        As `estimate` returns it.
     machine : path, str or Rig
         A rig in SI units, or its file: of its interface breaking displacement and
         thresholds are replaced, strength, delay and ageing kept.
@@ -287,7 +289,7 @@ def rig(
     >>> made.assumed["interface.thresholds.std"].between[0] < 0.5
     True
     """
-    instance("told", told, Estimate, "a surface.Estimate")
+    instance("estimate", estimate, Estimate, "a surface.Estimate")
     instance("name", name, str, "a text")
     known = (str, os.PathLike, Rig)
     instance("machine", machine, known, "a Rig, or the file of one")
@@ -304,9 +306,9 @@ def rig(
     chosen = LENGTHS[0] if length is None else length
     _check_length(chosen)
     ranges: dict[Any, Range] = {
-        None: (told.elastic_between[0], told.renewal_between[1]),
-        "elastic": told.elastic_between,
-        "renewal": told.renewal_between,
+        None: (estimate.elastic_between[0], estimate.renewal_between[1]),
+        "elastic": estimate.elastic_between,
+        "renewal": estimate.renewal_between,
     }
     table = document["interface"]
     strength = before.scales.force * getattr(before.slider, "size", 1)
@@ -314,9 +316,9 @@ def rig(
         table.pop(key, None)
     if "friction" not in table:
         table["contact_strength"] = engineering(strength, "N", 6)
-    value = told.elastic if chosen == "elastic" else told.renewal
+    value = estimate.elastic if chosen == "elastic" else estimate.renewal
     table["breaking_displacement"] = engineering(value, "m", 3)
-    std = float(number(told.std[chosen], 3))
+    std = float(number(estimate.std[chosen], 3))
     table["thresholds"] = {"distribution": "lognormal", "std": std}
     for part in ("assumed", "fitted"):
         marked = document.get(part, {})
@@ -325,9 +327,9 @@ def rig(
         "interface.breaking_displacement": [
             engineering(end, "m", 2) for end in ranges[length]
         ],
-        "interface.thresholds.std": [float(number(e, 2)) for e in told.std_between],
+        "interface.thresholds.std": [float(number(e, 2)) for e in estimate.std_between],
     }
-    _with_contacts(document, before, told, strength)
+    _with_contacts(document, before, estimate, strength)
     document["name"] = f"{name or 'surface'}, {before.name}"
     document["source"] = f"interface from a map of heights; measure next: {MEASURE}"
     return from_document(document)
@@ -336,20 +338,20 @@ def rig(
 def _with_contacts(
     document: dict[str, Any],
     before: Rig,
-    told: Estimate,
+    estimate: Estimate,
     strength: float,
 ) -> None:
     """Put the number of contacts into the content of a file, as far as a map
     gives it and it matters.
     """
     load = before.operation.normal_load
-    newtons = before.value("normal_load") if load else strength / told.friction
-    nominal = newtons / told.pressure
+    newtons = before.value("normal_load") if load else strength / estimate.friction
+    nominal = newtons / estimate.pressure
     simulation = document.setdefault("simulation", {})
     count = int(getattr(before.method, "count", _MOST))
-    if told.density is None:
+    if estimate.density is None:
         return
-    fewest, most = (min(density * nominal, _MOST) for density in told.density)
+    fewest, most = (min(density * nominal, _MOST) for density in estimate.density)
     if not (simulation.get("method", "contacts") == "contacts" and most < _MOST):
         return
     simulation["contacts"] = max(min(count, int(most)), 1)

@@ -214,8 +214,8 @@ class Runner:
         self._report()
 
     def _renew(self, error: RuntimeError) -> None:
-        """Go on with a new executor of ours after a worker was lost; nothing goes on
-        after a shutdown.
+        """Replace our own executor after a worker was lost; raise an error for another
+        executor, or after a shutdown.
         """
         executor = self._executor
         if not (isinstance(executor, OURS) and isinstance(error, BrokenExecutor)):

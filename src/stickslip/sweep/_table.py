@@ -99,7 +99,7 @@ class Store:
         self._write(key, row)
 
     def write_head(self, **more: Any) -> None:
-        """Write the description of the sweep, with more that is known by now."""
+        """Write the description of the sweep, with additions."""
         self.head |= more
         self._write(_HEAD, json.dumps(self.head))
         self.commit()

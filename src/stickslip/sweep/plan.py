@@ -394,7 +394,7 @@ def _is_logarithmic(given: Any, values: Any) -> bool:
 
 
 def _check_keys(content: object, known: Iterable[str], place: str) -> None:
-    """Refuse what is no table, and all keys of a table that are unknown."""
+    """Raise `InputError` if it is not a table, or has unknown keys."""
     tables = Tables(natural=True)
     tables.table(content, dict.fromkeys(known, Key({})), place)
     if tables.mistakes:
