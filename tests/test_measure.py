@@ -397,6 +397,19 @@ def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, std):
 
 
 @settings(max_examples=20)
+@given(seed=st.integers(0, 10_000), falls=st.floats(0.27, 0.5))
+def test_a_force_that_climbs_at_one_rate_is_no_noise(seed, falls):
+    rng = np.random.default_rng(seed)
+    cycles = rng.lognormal(0.0, 0.6, 30)
+    ends = np.cumsum(cycles)
+    corners = np.ravel(np.column_stack([ends - falls * cycles, ends]))
+    sizes = np.ravel(np.column_stack([cycles, np.zeros(30)]))
+    t = np.arange(0.0, ends[-1], 0.02)
+    force = 5.0 + np.interp(t, [0.0, *corners], [0.0, *sizes]) + white(t.size, std=0.02)
+    assert regime(trace(t, force)).kind != "smooth sliding"
+
+
+@settings(max_examples=20)
 @given(st.floats(12.0, 48.0), st.floats(2.5, 8.0), st.floats(-1.0, 1.0))
 def test_steps_of_amplitude_and_level_are_found_where_they_are(when, factor, level):
     t = np.arange(0.0, 60.0, 0.01)
