@@ -41,7 +41,6 @@ from stickslip.advise.survey import Band, Survey, scaled, stability_along, theor
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.episodes import Episode, episodes
-from stickslip.measure.trace import ERRORS
 from stickslip.model import Delay, ElasticBody, OnArrest
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
@@ -169,8 +168,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     driven = None
     if _goes_through_speeds(rig):
         with suppress(BudgetExhausted):
-            least = max(_SMALL * forces["static_friction"], _most_noise(rig))
-            driven = _episodes(rig, budget, least)
+            driven = _episodes(rig, budget, _SMALL * forces["static_friction"])
     report(1.0)
     return Prediction(
         rig=rig,
@@ -345,12 +343,12 @@ def _goes_through_speeds(rig: Rig) -> bool:
 def _episodes(rig: Rig, budget: Budget, smallest: float) -> tuple[Episode, ...]:
     """When a rig oscillates along its own drive."""
     run = budget.record(replace(rig, method=method_of(rig)))
-    return tuple(episodes(run.dataset(), smallest))
+    return tuple(episodes(run.dataset(), smallest, _most_noise(rig)))
 
 
 def _most_noise(rig: Rig) -> float:
-    """What the noise of the contacts makes of the force at most, peak to peak, at the
-    speeds of the drive where smooth sliding is stable.
+    """What the noise of the contacts makes of the force at most, root mean square, at
+    the speeds of the drive where smooth sliding is stable.
     """
     most = 0.0
     speeds = {abs(each) for each in rig.drive.velocities} - {0.0}
@@ -358,7 +356,7 @@ def _most_noise(rig: Rig) -> float:
         with suppress(InputError, UndecidedError):  # unstable, or no theory
             there = VELOCITY.set(rig.natural, speed)
             most = max(most, contact_noise(there).spring_force)
-    return 2.0 * ERRORS * most * rig.unit("f_s")
+    return most * rig.unit("f_s")
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
-from stickslip.measure.catalogue import drops
 from stickslip.measure.periods import REGULAR
-from stickslip.measure.slips import SLIP_VELOCITY
+from stickslip.measure.slips import SLIP_VELOCITY, find_slips
+from stickslip.measure.trace import Trace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,13 +54,16 @@ class Episode:
         return "stick-slip" if is_slip else "sustained oscillation"
 
 
-def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
+def episodes(
+    run: xr.Dataset, minimum_drop: float = 0.0, noise: float = 0.0
+) -> list[Episode]:
     """Return when a run oscillates, in the order of time.
 
-    An episode ends where the drive stands, and with a wait longer than usual: than the
-    median by a factor of ``max(2, 1 + CV ln(n/.05))``, which one of `n` waits of the
-    coefficient of variation CV exceeds by chance in 5 % of the cases, if they have an
-    exponential tail.
+    An episode ends where the drive stands, and with a wait longer than usual, both in
+    time and in the way of the drive: slips come with the way, free oscillations with
+    the time. That is, than the median by a factor of ``max(2, 1 + CV ln(n/.05))``,
+    which one of `n` waits of the coefficient of variation CV exceeds by chance in 5 %
+    of the cases, if they have an exponential tail.
 
     Parameters
     ----------
@@ -67,21 +71,39 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
         A run, with `spring_force`, `velocity` and `drive_velocity` along `time`.
     minimum_drop : float
         Smaller drops of the force do not count; in the unit of the force.
+    noise : float
+        Standard deviation of the force that the noise of contacts makes. Normal noise
+        of a narrow band drops farther than `x` with the probability ``exp(-x^2/8)``, in
+        standard deviations: no drop counts that one of so many reaches by chance in 5 %
+        of the cases.
     """
-    table = drops(run).to_dataframe()
-    table = table[table["drop"] >= minimum_drop]
-    if len(table) < _FEWEST:
+    # slow to load
+    import pandas as pd
+
+    trace = Trace.of(run)
+    found = find_slips(trace)
+    chance = noise * math.sqrt(8.0 * math.log(max(found.size, 1) / _CHANCE))
+    found = found.only(found.drops >= max(minimum_drop, chance))
+    if found.size < _FEWEST:
         return []
-    drive = np.abs(run["drive_velocity"])
-    table["drive"] = np.interp(table["start"], run["time"], drive)
-    waits = table["start"].diff()
-    stands = np.cumsum(np.asarray(drive) == 0.0)
-    stood = np.interp(table["start"], run["time"], stands)
-    pauses = (waits > _longest(waits)) | (np.diff(stood, prepend=0.0) > 0)
-    episode = pauses.cumsum()
+    assert trace.drive is not None
+    drive = np.abs(trace.drive)
+    gone = cumulative_trapezoid(drive, trace.t, initial=0)
+    stands = np.cumsum(drive == 0.0)
+    first = found.start
+    columns = {
+        "start": trace.t[first],
+        "end": trace.t[found.end],
+        "drop": found.drops,
+        "peak_velocity": found.fastest,
+        "drive": drive[first],
+    }
+    table = pd.DataFrame(columns)
+    waits = pd.DataFrame({"time": columns["start"], "way": gone[first]}).diff()
+    long = (waits > waits.apply(_longest)).all(axis="columns")
+    episode = (long | (np.diff(stands[first], prepend=0) > 0)).cumsum()
     # with the drive, from first to last: where it stops, the force falls by itself
-    halted = np.interp(table["end"], run["time"], stands) - stood >= 1.0
-    moving = (table["drive"] > 0) & ~halted
+    moving = (drive[first] > 0) & (stands[found.end] == stands[first])
     table, episode = table[moving], episode[moving]
     return [
         _episode(part) for _, part in table.groupby(episode) if len(part) >= _FEWEST
@@ -89,7 +111,7 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
 
 
 def _longest(waits: pd.Series[float]) -> float:
-    """Return the longest wait that chance makes."""
+    """Return the longest wait that chance makes, in time or in way."""
     low, usual, high = waits.quantile([0.25, 0.5, 0.75])
     # the standard deviation of normal waits, which a pause does not widen
     scatter = (high - low) / 1.349 / usual
@@ -115,14 +137,12 @@ def _episode(part: pd.DataFrame) -> Episode:
 
 
 def _rings_down(part: pd.DataFrame) -> bool:
-    """Whether drops fall, each below the one before or on the whole by half, from the
-    first on, at one speed of the drive or in a few.
+    """Whether drops fall to the last, each below the one before or on the whole by
+    half, at one speed of the drive or in a few.
     """
-    first = part["drive"].iloc[0]
-    stays = (part["drive"] / first - 1.0).abs() < _ONE_SPEED
-    count = max(int(stays.cumprod().sum()), min(_DROPS, len(part)))
-    sizes = part["drop"].to_numpy()[:count]
-    if sizes.size < _FEWEST:
+    sizes = part["drop"].to_numpy()
+    stays = (part["drive"] / part["drive"].iloc[0] - 1.0).abs() < _ONE_SPEED
+    if sizes.size > _DROPS and not stays.all():
         return False
     half = sizes.size // 2
     fallen = np.median(sizes[-half:]) / np.median(sizes[:half])
