@@ -396,6 +396,10 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
         "along its drive: sustained oscillation 53 ms to 551 ms and 881 ms to 955 ms, "
         "34.8 Hz, at worst ±5.63 N at 316 ms (636 mm/s)"
     ) in answer.verdict
+    first, second = answer.driven
+    both = replace(answer, driven=(first, replace(second, peak=4.0)))
+    assert both.headline.startswith("along its drive: stick-slip 881 ms to 955 ms, ")
+    assert "); sustained oscillation 53 ms to 551 ms; if 10 mm/s " in both.verdict
     slips = Band(kind="stick-slip", low=0.1, high=2.0)
     smooth = replace(answer.regime, kind="smooth sliding")
     # where its own run was too long, as if each speed lasted
@@ -412,6 +416,9 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
         first, *_, last = found.along_drive  # up and down again, in a second
         assert (first.low, last.high) == (0.0, pytest.approx(1.0))
         assert (first.kind, last.kind) == (kind, kind)
+    # a pause is no speed at which it is to slide smoothly
+    paused = ss.constant(1.0, 1.0).then(ss.constant(0.0, 1.0)).then(ss.constant(2.0))
+    assert replace(answer, rig=make(stiffness=2.0, drive=paused)).between == (1.0, 2.0)
 
 
 def test_what_was_not_simulated_is_not_called_smooth():
