@@ -9,6 +9,7 @@ import time
 import tomllib
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -26,7 +27,6 @@ from stickslip.advise.budget import (
     survives_noise,
     trial,
 )
-from stickslip.advise.findings import SEEN
 from stickslip.advise.mitigations import Search
 from stickslip.advise.report import report
 from stickslip.advise.survey import PRECISION, Band, Survey, stability_along
@@ -107,31 +107,21 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
         assert ss.regime(run).kind == "smooth sliding", mitigation
 
 
-@pytest.mark.slow
-def test_the_noise_of_the_contacts_is_seen_before_the_limit(paper_s_rig):
-    name, value = paper_s_rig.noise_limit
-    limit = next(each.upper for each in paper_s_rig.margins if each.parameter == name)
-    assert (name, value < limit) == ("velocity", True)
-    there = paper_s_rig.rig.with_values(velocity=value)
-    assert ss.stability.contact_noise(there).relative_force == pytest.approx(
-        SEEN, rel=0.1
-    )
-    assert any(
-        "before the speed reaches its limit" in line
-        for line in sections.noise(paper_s_rig)
-    )
-
-
-@pytest.mark.parametrize(("contacts", "told"), [(3426, True), (70, False)])
+@pytest.mark.parametrize(("contacts", "told"), [(3000, False), (1500, True)])
 def test_noise_is_told_only_where_runs_are_as_noisy_as_linear_theory(contacts, told):
-    """Nearer to the limit they fluctuate by half as much, with 70 they stick-slip."""
-    rig = make(stiffness=0.8, mass=0.013, damping=7.0, contacts=contacts)
+    """Of 3000 it is seen so near to the limit that runs leave smooth sliding."""
+    rig = make(stiffness=2.0, contacts=contacts)
     margins, _ = prediction._margins(rig, Budget(math.inf))
     limit = prediction._noise_limit(rig, margins)
     assert (limit is not None) == told
     if limit is not None:
-        there = rig.with_values(**dict([limit]))
+        name, value = limit
+        end = next(each.upper for each in margins if each.parameter == name)
+        there = rig.with_values(velocity=value)
+        assert (name, value < 0.95 * end) == ("velocity", True)
         assert ss.stability.contact_noise(there).relative_velocity < 0.21
+        (line,) = sections.noise(SimpleNamespace(rig=rig, noise_limit=limit))
+        assert "before the speed reaches its limit" in line
 
 
 @pytest.mark.slow

@@ -102,7 +102,7 @@ class Findings:
     #: a machine, and its value on the way there from which on the noise of the contacts
     #: makes the force fluctuate by more than 5 % rms, or the velocity by too much for
     #: linear theory, which tells it; where the force does so now, that is the value
-    #: that it has.
+    #: that it has. None where that is within 5 % of the limit.
     noise_limit: tuple[str, float] | None = None
 
     #: Those that can be made on the machine first, in each group the smallest first.

@@ -413,7 +413,8 @@ def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
 
 def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | None:
     """The parameter of a machine with the nearest limit, and the value on the way there
-    from which on the noise of the contacts is above `SEEN`.
+    from which on the noise of the contacts is above `SEEN`, if that is farther from it
+    than `PRECISION`.
     """
     limits = [
         each.nearest
@@ -423,6 +424,9 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
     if not limits or not isinstance(rig.method, DRAWN):
         return None
     limit = min(limits, key=lambda each: each.size)
+    # nearer, noise ends smooth sliding; nor is a machine set as near
+    part = 1.0 - math.log1p(by_theory.PRECISION) / limit.size
+    nearest = (limit.to / limit.now) ** max(part, 0.0)
     change = by_theory.factor_on((parameter_named(limit.parameter), 1))
 
     def is_seen(factor: float) -> bool:
@@ -433,9 +437,9 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
         return True  # at a limit of stability
 
     with suppress(InputError, UndecidedError):  # no theory of their noise
-        if contact_noise(rig.natural).relative_velocity > SWAYS:
+        here = contact_noise(rig.natural)
+        if here.relative_velocity > SWAYS or not is_seen(nearest):
             return None
-        width = by_theory.PRECISION / 10.0
-        quiet, _ = halved(is_seen, 1.0, limit.to / limit.now, width)
+        quiet, _ = halved(is_seen, 1.0, nearest, by_theory.PRECISION / 10.0)
         return limit.parameter, quiet * limit.now
     return None
