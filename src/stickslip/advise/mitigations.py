@@ -18,6 +18,7 @@ from stickslip.advise.budget import (
     SEEDS,
     Budget,
     BudgetExhausted,
+    fluctuation,
     is_expensive,
     trial,
 )
@@ -32,6 +33,7 @@ from stickslip.advise.survey import (
 from stickslip.cycles.edges import halved
 from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
+from stickslip.measure.regimes import regime_of_run
 from stickslip.model import OnArrest, parameters
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
@@ -90,7 +92,8 @@ class Mitigation:
     to: float
 
     #: root mean square of the force over its mean there, at the rig's own speed, by the
-    #: noise of its contacts (linear theory); NaN where that is not known
+    #: noise of its contacts: by linear theory, or in a run where the velocity sways by
+    #: too much for that; NaN where neither shows any
     noise: float = math.nan
 
     @property
@@ -107,12 +110,18 @@ def _changed(rig: Rig, factor: float, turn: Turn) -> Mitigation:
 
 
 def _with_noise(rig: Rig, change: Mitigation) -> Mitigation:
-    """A change with the noise that it leaves."""
+    """A change with the noise that it leaves: by linear theory, or where that does not
+    cover it as one run more shows.
+    """
+    there = rig.with_values(**{change.parameter: change.to})
     with suppress(InputError, UndecidedError):  # no theory of it
-        there = rig.with_values(**{change.parameter: change.to})
         found = contact_noise(there)
         if found.relative_velocity <= SWAYS:
             return replace(change, noise=found.relative_force)
+    with suppress(InputError):
+        run = Budget(math.inf).record(trial(there))
+        if (seen := regime_of_run(run)).is_noise:
+            return replace(change, noise=fluctuation(run, seen))
     return change
 
 

@@ -9,6 +9,8 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
 from stickslip.advise import survey as by_theory
 from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.axis import AxisAnswer, complete_axis, judge_axis
@@ -51,7 +53,7 @@ from stickslip.model.parameters import (
     parameter_named,
 )
 from stickslip.model.rig import Ends, Rig
-from stickslip.model.structure import ControlledAxis
+from stickslip.model.structure import ControlledAxis, Structure
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
@@ -133,6 +135,8 @@ def predict(
     with reporting(progress, "predict") as report:
         if isinstance(rig.slider, ControlledAxis):
             return judge_axis(rig, fast=fast, progress=report)
+        if isinstance(rig.slider, Structure):
+            _check_structure(rig.natural.slider)
         if isinstance(rig.natural.slider, ElasticBody):
             check_body(rig)
             waves = part(report, 0.0, 1.0 if fast else 0.4)
@@ -148,6 +152,21 @@ def predict(
             thorough=thorough,
             pairs=smooth is not None,
             progress=part(report, 0.3, 1.0),
+        )
+
+
+def _check_structure(structure: Structure) -> None:
+    """Raise `InputError` if a structure cannot follow its drive: it has no steady
+    sliding.
+    """
+    system = structure.system
+    moves = system.contact @ np.linalg.solve(system.A, -system.drive) + system.track
+    if not math.isclose(moves, 1.0, rel_tol=1e-6):
+        raise InputError(
+            "Rig.slider: its own stiffness holds it, so that its contacts follow the "
+            f"drive at {moves:.2g} of its speed; leave the driving spring out, so that "
+            "the track moves, or give the mode of its rigid motion, of stiffness 0",
+            "Rig.slider",
         )
 
 

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
-from stickslip.advise.budget import OSCILLATES
+from stickslip.advise.budget import OSCILLATES, varies
 from stickslip.advise.findings import SEEN, Findings, WaveFindings, frequency_unit
 from stickslip.advise.mitigations import Mitigation, has
 from stickslip.advise.survey import PRECISION
@@ -486,7 +486,10 @@ def attempts(found: Findings | WaveFindings) -> Iterator[str]:
     rig = found.rig
     for name, ends in found.attempts.items():
         low, high = (amount(rig, name, value) for value in ends)
-        yield f"{parameter_named(name).title}: {low} to {high} does not stop it"
+        title = parameter_named(name).title
+        # as one run shows at each value that was tried
+        always = " in every run" * varies(rig)
+        yield f"{title}: {low} to {high} does not stop it{always}"
     some = found.unreliable if isinstance(found, Findings) else {}
     for name, (value, part) in some.items():
         yield (
