@@ -718,6 +718,23 @@ def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
     assert Budget(300.0).regime(trial(rig)).kind == "smooth sliding"
 
 
+def test_stick_slip_beside_a_limit_is_no_noise_though_theory_allows_as_much():
+    """It does not fade with the contacts, of which the theory of noise knows nothing
+    where the velocity sways by more than a fifth.
+    """
+    rig = make(
+        thresholds=ss.LogNormal(1.0, 0.041),
+        delay=ss.Delay(0.1174),
+        stiffness=3.745,
+        mass=0.0033,
+        damping=0.698,
+        drive=ss.constant(0.6185),
+        contacts=186,
+    )
+    assert survives_noise(rig)
+    assert Budget(300.0).regime(trial(rig)).kind == "stick-slip"
+
+
 @pytest.mark.takes(5)  # a search by runs
 def test_what_one_run_cannot_decide_is_judged_by_eight():
     rig = make(

@@ -16,6 +16,7 @@ import numpy as np
 
 from stickslip.advise.budget import (
     SEEDS,
+    SWAYS,
     Budget,
     BudgetExhausted,
     fluctuation,
@@ -40,9 +41,6 @@ from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.stability import contact_noise
 
-# Velocity off the drive's (rms), over it, up to which runs fluctuate as linear theory
-# gives near a limit: within a fifth. Beyond, by as little as a third of that.
-SWAYS = 0.2
 _WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
 # runs for two changes at once, as many as for all else: who asks for them may wait
 _FOR_PAIRS = 160.0

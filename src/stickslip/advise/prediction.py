@@ -18,6 +18,7 @@ from stickslip.advise.bars import complete_waves, predict_waves
 from stickslip.advise.budget import (
     OSCILLATES,
     SEEDS,
+    SWAYS,
     Budget,
     BudgetExhausted,
     cycle_of,
@@ -33,7 +34,6 @@ from stickslip.advise.budget import (
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.findings import SEEN, Margin
 from stickslip.advise.mitigations import (
-    SWAYS,
     Search,
     has,
     reach,

@@ -357,7 +357,7 @@ def _grid(linear: Sequence[Band]) -> Iterator[float]:
         count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
         yield from np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
     for band in linear:
-        if band.kind == "stable" and band.high > near * band.low:
+        if band.kind != "unknown" and band.high > near * band.low:
             yield band.low * near
             yield band.high / near
 
