@@ -297,6 +297,15 @@ def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
     )
     heavy = replace(case, interface=wide, scales=None)
     assert looks_of(heavy) > 5.0 * looks_of(case)
+    # runs that are followed in steps: a second, or a minute
+    ageing = {
+        "thresholds": ss.Gaussian(1.0, 0.0366, lower=0.0),
+        "delay": ss.Delay(0.0),
+        "ageing": ss.Langevin(rate=1.2),
+    }
+    stiff = {"stiffness": 11.2, "mass": 1.54e-3, "damping": 3.6, "contacts": 960}
+    slow, fast = (make(**ageing, **stiff, drive=ss.constant(v, 45.0)) for v in (1, 13))
+    assert runs_of(fast) > 100.0 * runs_of(slow)
 
 
 def test_less_friction_is_a_higher_speed_and_no_run_is_made_twice():

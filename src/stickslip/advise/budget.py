@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import product
 from typing import Any, TypeVar
@@ -18,12 +18,12 @@ from stickslip.measure import Regime
 from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, TINY
 from stickslip.measure.regimes import regime_of_run
 from stickslip.measure.trace import ERRORS, Trace
-from stickslip.model import Contacts, Langevin, OnArrest, Slider
+from stickslip.model import Contacts, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
-from stickslip.simulation import Recording, record
+from stickslip.simulation import Recording, estimate, record
 from stickslip.simulation.engines.start import lifetimes_in
 from stickslip.simulation.estimates import Course
 from stickslip.sliding.response import STEP
@@ -52,13 +52,15 @@ SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 SWAYS = 0.2
 # contacts: noise of more is below what a regime takes for nothing
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
-# Lives of contacts, from one attachment to the next, that count as one run: of most,
-# of those that `is_expensive` tells, and of those of them that are followed in steps.
-_LIVES = 4e5, 6e4, 1.5e4
-# looks at linear theory that do, by `is_expensive`: an integral over all ages
+# Lives of contacts, from one attachment to the next, that count as one run; of those
+# that `is_expensive` tells, seconds as counted from their work.
+_LIVES = 4e5
+_SECONDS = 0.08
+# looks at linear theory that do, by `is_expensive`: an integral over all ages; also
+# those at contacts of which that is known
 _LOOKS = {False: 10.0, True: 1.0}
 # terms of sums that follow the response of contacts, of which a look takes as many
-_TERMS = 2e7
+_TERMS = 2.5e6
 _WAVES = 1 << 15  # frequencies of a scan, without ageing or temperature
 # steps of a structure that last as long as one run, and lives of its contacts
 _STEPS = 4e5
@@ -165,13 +167,17 @@ def varies(rig: Rig) -> bool:
 
 def runs_of(rig: Rig) -> float:
     """Number of usual runs as which a run counts, by the lives of its contacts."""
+    if is_expensive(rig) and not isinstance(rig.natural.slider, Structure):
+        seconds = 0.0
+        with suppress(InputError):  # it cannot be simulated, which takes no time
+            seconds = estimate(rig).reference_seconds
+        return max(seconds / _SECONDS, _LEAST)
     lives = float(lifetimes_in(rig.natural, Course(0.0))[0])
     contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
     if isinstance(rig.natural.slider, Structure):
         steps = rig.natural.drive.duration / longest_step(rig.natural.slider)
         return max(contacts * lives / _LIVES_IN_STEPS + steps / _STEPS, _LEAST)
-    kind = is_expensive(rig) + isinstance(rig.interface.ageing, Langevin)
-    return max(contacts * lives / _LIVES[kind], _LEAST)
+    return max(contacts * lives / _LIVES, _LEAST)
 
 
 def looks_of(rig: Rig) -> float:
@@ -223,14 +229,19 @@ class Budget:
         self.spent += runs
 
     def theory(
-        self, ask: Callable[..., Answer], rig: Rig, *given: Any, looks: float = 1.0
+        self, ask: Callable[..., Answer], rig: Rig, *given: Any, more: float = 0.0
     ) -> Answer:
-        """Ask linear theory about a rig, at the cost of a number of looks at the
-        response of its contacts.
+        """Ask linear theory about a rig, at the cost of a look at the response of its
+        contacts, once where that is expensive, and of a number of looks more.
         """
-        key = ask, rig.interface, rig.slider, rig.natural.velocity, given
+        contacts = rig.interface, rig.natural.velocity
+        key = ask, *contacts, rig.slider, given
         if key not in self._known:
-            self.spend(looks / _LOOKS[is_expensive(rig)])
+            dear = is_expensive(rig)
+            known = not dear or contacts in self._known
+            look = 1.0 / _LOOKS[False] if known else looks_of(rig) / _LOOKS[dear]
+            self.spend(look + more / _LOOKS[dear])
+            self._known[contacts] = True
             self._known[key] = ask(rig, *given)
         found: Answer = self._known[key]
         return found
