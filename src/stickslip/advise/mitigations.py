@@ -34,7 +34,6 @@ from stickslip.advise.survey import (
 from stickslip.cycles.edges import halved
 from stickslip.cycles.oscillation_verdict import linearly_unstable
 from stickslip.errors import InputError, UndecidedError
-from stickslip.measure.regimes import regime_of_run
 from stickslip.model import OnArrest, parameters
 from stickslip.model.parameters import VELOCITY, Parameter
 from stickslip.model.rig import Rig
@@ -117,8 +116,9 @@ def _with_noise(rig: Rig, change: Mitigation) -> Mitigation:
         if found.relative_velocity <= SWAYS:
             return replace(change, noise=found.relative_force)
     with suppress(InputError):
-        run = Budget(math.inf).record(trial(there))
-        if (seen := regime_of_run(run)).is_noise:
+        budget = Budget(math.inf)
+        *_, (run, seen) = budget.looks(budget.record(trial(there)), 1.0)
+        if seen.is_noise:
             return replace(change, noise=fluctuation(run, seen))
     return change
 
@@ -345,12 +345,15 @@ class Search:
 
     def _smooth(self, change: Parameter, factor: float, seeds: int) -> bool:
         """Whether the rig slides smoothly after a change: by linear theory, at all
-        speeds, and in runs.
+        speeds and with a little more of it, and in runs.
         """
         budget = self._budget
         rigs = self._varied(change, factor)
-        if any(budget.theory(linearly_unstable, rig) for rig in rigs):
-            return False
+        # ranges of little damping that are unstable may be narrower than a look is wide
+        for more in (1.0, 1.0 + 0.5 * PRECISION, 1.0 + PRECISION):
+            varied = self._varied(change, factor * more)
+            if any(budget.theory(linearly_unstable, rig) for rig in varied):
+                return False
         if self._range > 1.0:
             bands = theory_along(budget, rigs[0], VELOCITY, 1.0, self._range)
             if any(band.kind == "unstable" for band in bands):

@@ -100,10 +100,13 @@ def episodes(
     }
     table = pd.DataFrame(columns)
     waits = pd.DataFrame({"time": columns["start"], "way": gone[first]}).diff()
-    long = (waits > waits.apply(_longest)).all(axis="columns")
+    longest = waits.apply(_longest)
+    long = (waits > longest).all(axis="columns")
     episode = (long | (np.diff(stands[first], prepend=0) > 0)).cumsum()
-    # with the drive, from first to last: where it stops, the force falls by itself
+    # with the drive, from first to last: where it stops, the force falls by itself, and
+    # where it speeds up, longer than a cycle
     moving = (drive[first] > 0) & (stands[found.end] == stands[first])
+    moving &= columns["end"] - columns["start"] <= longest["time"]
     table, episode = table[moving], episode[moving]
     return [
         _episode(part) for _, part in table.groupby(episode) if len(part) >= _FEWEST
@@ -112,8 +115,9 @@ def episodes(
 
 def _longest(waits: pd.Series[float]) -> float:
     """Return the longest wait that chance makes, in time or in way."""
-    low, usual, high = waits.quantile([0.25, 0.5, 0.75])
-    # the standard deviation of normal waits, which a pause does not widen
+    # the longest may be a pause
+    low, usual, high = waits.nsmallest(waits.count() - 1).quantile([0.25, 0.5, 0.75])
+    # the standard deviation of normal waits, which other pauses do not widen
     scatter = (high - low) / 1.349 / usual
     return float(usual * max(2.0, 1.0 + scatter * math.log(waits.count() / _CHANCE)))
 
@@ -137,13 +141,14 @@ def _episode(part: pd.DataFrame) -> Episode:
 
 
 def _rings_down(part: pd.DataFrame) -> bool:
-    """Whether drops fall to the last, each below the one before or on the whole by
-    half, at one speed of the drive or in a few.
+    """Whether drops fall to the last: each below the one before or on the whole by
+    half, at one speed of the drive or if they are few, else by half in a few.
     """
     sizes = part["drop"].to_numpy()
     stays = (part["drive"] / part["drive"].iloc[0] - 1.0).abs() < _ONE_SPEED
     if sizes.size > _DROPS and not stays.all():
-        return False
+        later = sizes[_DROPS - 1 :]
+        return bool((later < 0.5 * sizes[: later.size]).all())
     half = sizes.size // 2
     fallen = np.median(sizes[-half:]) / np.median(sizes[:half])
     each = bool((np.diff(sizes) < 0).all())
