@@ -742,6 +742,19 @@ def test_stick_slip_beside_a_limit_is_no_noise_though_theory_allows_as_much():
     )
     assert survives_noise(rig)
     assert Budget(300.0).regime(trial(rig)).kind == "stick-slip"
+    small = make(
+        thresholds=ss.LogNormal(1.0, 0.0187),
+        delay=ss.Delay(0.0378),
+        newborn=ss.Gaussian(-0.218, 0.05),
+        initial=ss.Gaussian(0.0, 0.05),
+        stiffness=0.537,
+        mass=2.7e-4,
+        damping=6.78,
+        drive=ss.constant(0.8),
+        contacts=2000,
+    )
+    assert ss.regime(ss.simulate(trial(small))).kind == "smooth sliding"
+    assert Budget(300.0).regime(trial(small)).kind == "undecided"
 
 
 @pytest.mark.takes(5)  # a search by runs

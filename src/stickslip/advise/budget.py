@@ -325,6 +325,8 @@ class Budget:
         not slip must be seen not to decay as that does.
         """
         case = run.rig
+        if seen.is_noise and not self._covered(case) and not self._fades(run, seen):
+            return _doubtful(seen), 0.0
         oscillates = seen.kind in OSCILLATES
         if not oscillates or self.theory(linearly_unstable, case) is not False:
             return seen, 0.0
@@ -339,7 +341,7 @@ class Budget:
         repeats = REPEATS in tests and tests[REPEATS].passed
         small = survives_noise(case)
         told = noise.is_noise and not repeats
-        if told and (survives_noise(case, SWAYS) or self._fades(run, seen)):
+        if told and (self._covered(case) or self._fades(run, seen)):
             return noise, lasts
         if small and seen.kind != "stick-slip" and CHANGE in tests and until:
             half = 0.5 * (1.0 - seen.window[0] / seen.window[1])
@@ -349,17 +351,27 @@ class Budget:
                 return _doubtful(seen), lasts
         return seen, lasts
 
+    def _covered(self, rig: Rig) -> bool:
+        """Whether linear theory covers the noise of the contacts of a rig."""
+        count = getattr(rig.method, "count", 0)
+        key = "covered", rig.interface, rig.slider, rig.natural.velocity, count
+        if key not in self._known:
+            self._known[key] = survives_noise(rig, SWAYS)
+        found: bool = self._known[key]
+        return found
+
     def _fades(self, run: Recording, seen: Regime) -> bool:
         """Whether the force of four times as many contacts fluctuates half as much, as
         noise does, or as much.
 
         It decides where the velocity fluctuates by more than the linear theory of noise
-        covers. Of a run that is made longer they are asked
+        covers. Of a run that is made longer, or with other contacts, they are asked
         once.
         """
         rig = run.rig
         assert isinstance(rig.method, DRAWN)
-        key = "fades", replace(rig, drive=constant(rig.natural.velocity))
+        drive = constant(rig.natural.velocity)
+        key = "fades", replace(rig, drive=drive, method=replace(rig.method, seed=0))
         if key not in self._known:
             method = replace(rig.method, count=4 * rig.method.count)
             many = fluctuation(self.record(replace(rig, method=method)), seen)
