@@ -68,9 +68,13 @@ def test_small_drops_make_no_episode_and_slow_changes_of_the_period_none_of_thei
 
 
 def test_slips_that_come_with_the_way_of_the_drive_are_one_episode():
-    ways = np.arange(1.0, 120.0, 1.5)
+    ways = np.append([1.0, 10.0, 19.0, 28.0], np.arange(29.5, 120.0, 1.5))
     times = (np.sqrt(1.0 + 4.0 * ways * 19.0 / 24.0) - 1.0) * 12.0 / 19.0
-    saws = [(float(a), float(b), float(b - a), 2.0) for a, b in pairwise(times)]
+    drops = np.diff(ways)  # as a held slider is loaded
+    saws = [
+        (a, b, b - a, drop)
+        for (a, b), drop in zip(pairwise(times.tolist()), drops, strict=True)
+    ]
     (episode,) = episodes(_run(*saws, speed=20.0))
     assert episode.drops == len(saws)
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from stickslip.measure.periods import REGULAR
-from stickslip.measure.slips import SLIP_VELOCITY, find_slips
+from stickslip.measure.slips import SLIP_VELOCITY, find_slips, weighted_median
 from stickslip.measure.trace import Trace
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ class Episode:
     """A time in which the force drops again and again; numbers in the units of the run.
 
     `worst` is half of the largest drop, `worst_time` when it begins, `worst_velocity`
-    the velocity of the drive there; `peak` the largest velocity of the slider in a drop
-    over that of the drive, on average; `frequency` is NaN where the waits are
+    the velocity of the drive there; `peak` the largest velocity of the slider over that
+    of the drive in a typical drop; `frequency` is NaN where the waits are
     irregular. What `rings_down` dies out by itself, as after a start.
     """
 
@@ -59,11 +59,12 @@ def episodes(
 ) -> list[Episode]:
     """Return when a run oscillates, in the order of time.
 
-    An episode ends where the drive stands, and with a wait longer than usual, both in
-    time and in the way of the drive: slips come with the way, free oscillations with
-    the time. That is, than the median by a factor of ``max(2, 1 + CV ln(n/.05))``,
-    which one of `n` waits of the coefficient of variation CV exceeds by chance in 5 %
-    of the cases, if they have an exponential tail.
+    An episode ends where the drive stands, and with a wait longer than usual, in time,
+    in the way of the drive, and in that over the next drop: free oscillations come with
+    the time, slips with the way, large ones after a longer one. That is, than the
+    median by a factor of ``max(2, 1 + CV ln(n/.05))``, which one of `n` waits of the
+    coefficient of variation CV exceeds by chance in 5 % of the cases, if they have an
+    exponential tail.
 
     Parameters
     ----------
@@ -100,6 +101,7 @@ def episodes(
     }
     table = pd.DataFrame(columns)
     waits = pd.DataFrame({"time": columns["start"], "way": gone[first]}).diff()
+    waits["load"] = waits["way"] / found.drops
     longest = waits.apply(_longest)
     long = (waits > longest).all(axis="columns")
     episode = (long | (np.diff(stands[first], prepend=0) > 0)).cumsum()
@@ -114,7 +116,7 @@ def episodes(
 
 
 def _longest(waits: pd.Series[float]) -> float:
-    """Return the longest wait that chance makes, in time or in way."""
+    """Return the longest wait that chance makes, in time or else."""
     # the longest may be a pause
     low, usual, high = waits.nsmallest(waits.count() - 1).quantile([0.25, 0.5, 0.75])
     # the standard deviation of normal waits, which other pauses do not widen
@@ -135,7 +137,7 @@ def _episode(part: pd.DataFrame) -> Episode:
         worst=float(worst["drop"] / 2.0),
         worst_time=float(worst["start"]),
         worst_velocity=float(worst["drive"]),
-        peak=float(over_drive.median()),
+        peak=weighted_median(over_drive.to_numpy(), part["drop"].to_numpy() ** 2),
         rings_down=_rings_down(part),
     )
 
