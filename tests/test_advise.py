@@ -399,6 +399,9 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
     both = replace(answer, driven=(first, replace(second, peak=4.0)))
     assert both.headline.startswith("along its drive: stick-slip 881 ms to 955 ms, ")
     assert "); sustained oscillation 53 ms to 551 ms; if 10 mm/s " in both.verdict
+    rings = replace(answer, driven=(first, replace(second, rings_down=True)))
+    assert "881 ms" not in rings.headline
+    assert rings.along_drive == answer.along_drive  # as the strip shows it
     slips = Band(kind="stick-slip", low=0.1, high=2.0)
     smooth = replace(answer.regime, kind="smooth sliding")
     # where its own run was too long, as if each speed lasted

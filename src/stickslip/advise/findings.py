@@ -295,13 +295,14 @@ class Findings:
     @property
     def along_drive(self) -> tuple[Band, ...]:
         """What it does when along a drive that goes through speeds: in its own run,
-        or else as if each speed lasted; nothing where there is one speed.
+        what rings down with the rest, or else as if each speed lasted; nothing where
+        there is one speed.
         """
         if self.driven is None:
             return self._if_each_speed_lasted() if self.between else ()
         found = list[Band]()
         now = 0.0
-        for episode in self.lasting_episodes:
+        for episode in self.driven:
             begin = episode.begin
             end = episode.end
             # no drop here that would be more than a small oscillation
