@@ -280,9 +280,10 @@ def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained()
 def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
     case = replace(trial(ss.example("brake_pad")), method=ss.Contacts(40_000))
     drive = ss.constant(case.natural.velocity, 2.0 * case.drive.duration)
-    assert runs_of(replace(case, drive=drive)) == pytest.approx(2.0 * runs_of(case))
+    longer = replace(case, drive=drive)
+    assert runs_of(longer) == pytest.approx(2.0 * runs_of(case), rel=0.1)
     fewer = replace(case, method=ss.Contacts(20_000))
-    assert runs_of(fewer) == pytest.approx(0.5 * runs_of(case))
+    assert runs_of(fewer) == pytest.approx(0.5 * runs_of(case), rel=0.1)
     budget = Budget(10.0)
     with budget.limited_to(0.3):
         budget.spend(3.0)

@@ -52,10 +52,9 @@ SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 SWAYS = 0.2
 # contacts: noise of more is below what a regime takes for nothing
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
-# Lives of contacts, from one attachment to the next, that count as one run; of those
-# that `is_expensive` tells, seconds as counted from their work.
-_LIVES = 4e5
-_SECONDS = 0.08
+# Seconds that count as one run, as an estimate counts them from its work, by
+# `is_expensive`: of most that is twice what it takes.
+_SECONDS = {False: 0.15, True: 0.08}
 # looks at linear theory that do, by `is_expensive`: an integral over all ages; also
 # those at contacts of which that is known
 _LOOKS = {False: 10.0, True: 1.0}
@@ -166,18 +165,16 @@ def varies(rig: Rig) -> bool:
 
 
 def runs_of(rig: Rig) -> float:
-    """Number of usual runs as which a run counts, by the lives of its contacts."""
-    if is_expensive(rig) and not isinstance(rig.natural.slider, Structure):
-        seconds = 0.0
-        with suppress(InputError):  # it cannot be simulated, which takes no time
-            seconds = estimate(rig).reference_seconds
-        return max(seconds / _SECONDS, _LEAST)
-    lives = float(lifetimes_in(rig.natural, Course(0.0))[0])
-    contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
+    """Number of usual runs as which a run counts, by the work that it takes."""
     if isinstance(rig.natural.slider, Structure):
+        lives = float(lifetimes_in(rig.natural, Course(0.0))[0])
+        contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
         steps = rig.natural.drive.duration / longest_step(rig.natural.slider)
         return max(contacts * lives / _LIVES_IN_STEPS + steps / _STEPS, _LEAST)
-    return max(contacts * lives / _LIVES, _LEAST)
+    seconds = 0.0
+    with suppress(InputError):  # it cannot be simulated, which takes no time
+        seconds = estimate(rig).reference_seconds
+    return max(seconds / _SECONDS[is_expensive(rig)], _LEAST)
 
 
 def looks_of(rig: Rig) -> float:
