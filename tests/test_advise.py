@@ -9,6 +9,7 @@ import time
 import tomllib
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -26,7 +27,6 @@ from stickslip.advise.budget import (
     survives_noise,
     trial,
 )
-from stickslip.advise.findings import SEEN
 from stickslip.advise.mitigations import Search
 from stickslip.advise.report import report
 from stickslip.advise.survey import PRECISION, Band, Survey, stability_along
@@ -107,31 +107,21 @@ def test_a_mitigation_leaves_the_bistable_band(paper_s_rig):
         assert ss.regime(run).kind == "smooth sliding", mitigation
 
 
-@pytest.mark.slow
-def test_the_noise_of_the_contacts_is_seen_before_the_limit(paper_s_rig):
-    name, value = paper_s_rig.noise_limit
-    limit = next(each.upper for each in paper_s_rig.margins if each.parameter == name)
-    assert (name, value < limit) == ("velocity", True)
-    there = paper_s_rig.rig.with_values(velocity=value)
-    assert ss.stability.contact_noise(there).relative_force == pytest.approx(
-        SEEN, rel=0.1
-    )
-    assert any(
-        "before the speed reaches its limit" in line
-        for line in sections.noise(paper_s_rig)
-    )
-
-
-@pytest.mark.parametrize(("contacts", "told"), [(3426, True), (70, False)])
+@pytest.mark.parametrize(("contacts", "told"), [(3000, False), (1500, True)])
 def test_noise_is_told_only_where_runs_are_as_noisy_as_linear_theory(contacts, told):
-    """Nearer to the limit they fluctuate by half as much, with 70 they stick-slip."""
-    rig = make(stiffness=0.8, mass=0.013, damping=7.0, contacts=contacts)
+    """Of 3000 it is seen so near to the limit that runs leave smooth sliding."""
+    rig = make(stiffness=2.0, contacts=contacts)
     margins, _ = prediction._margins(rig, Budget(math.inf))
     limit = prediction._noise_limit(rig, margins)
     assert (limit is not None) == told
     if limit is not None:
-        there = rig.with_values(**dict([limit]))
+        name, value = limit
+        end = next(each.upper for each in margins if each.parameter == name)
+        there = rig.with_values(velocity=value)
+        assert (name, value < 0.95 * end) == ("velocity", True)
         assert ss.stability.contact_noise(there).relative_velocity < 0.21
+        (line,) = sections.noise(SimpleNamespace(rig=rig, noise_limit=limit))
+        assert "before the speed reaches its limit" in line
 
 
 @pytest.mark.slow
@@ -290,9 +280,10 @@ def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained()
 def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
     case = replace(trial(ss.example("brake_pad")), method=ss.Contacts(40_000))
     drive = ss.constant(case.natural.velocity, 2.0 * case.drive.duration)
-    assert runs_of(replace(case, drive=drive)) == pytest.approx(2.0 * runs_of(case))
+    longer = replace(case, drive=drive)
+    assert runs_of(longer) == pytest.approx(2.0 * runs_of(case), rel=0.1)
     fewer = replace(case, method=ss.Contacts(20_000))
-    assert runs_of(fewer) == pytest.approx(0.5 * runs_of(case))
+    assert runs_of(fewer) == pytest.approx(0.5 * runs_of(case), rel=0.1)
     budget = Budget(10.0)
     with budget.limited_to(0.3):
         budget.spend(3.0)
@@ -307,6 +298,15 @@ def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
     )
     heavy = replace(case, interface=wide, scales=None)
     assert looks_of(heavy) > 5.0 * looks_of(case)
+    # runs that are followed in steps: a second, or a minute
+    ageing = {
+        "thresholds": ss.Gaussian(1.0, 0.0366, lower=0.0),
+        "delay": ss.Delay(0.0),
+        "ageing": ss.Langevin(rate=1.2),
+    }
+    stiff = {"stiffness": 11.2, "mass": 1.54e-3, "damping": 3.6, "contacts": 960}
+    slow, fast = (make(**ageing, **stiff, drive=ss.constant(v, 45.0)) for v in (1, 13))
+    assert runs_of(fast) > 100.0 * runs_of(slow)
 
 
 def test_less_friction_is_a_higher_speed_and_no_run_is_made_twice():
@@ -396,6 +396,13 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
         "along its drive: sustained oscillation 53 ms to 551 ms and 881 ms to 955 ms, "
         "34.8 Hz, at worst ±5.63 N at 316 ms (636 mm/s)"
     ) in answer.verdict
+    first, second = answer.driven
+    both = replace(answer, driven=(first, replace(second, peak=4.0)))
+    assert both.headline.startswith("along its drive: stick-slip 881 ms to 955 ms, ")
+    assert "); sustained oscillation 53 ms to 551 ms; if 10 mm/s " in both.verdict
+    rings = replace(answer, driven=(first, replace(second, rings_down=True)))
+    assert "881 ms" not in rings.headline
+    assert rings.along_drive == answer.along_drive  # as the strip shows it
     slips = Band(kind="stick-slip", low=0.1, high=2.0)
     smooth = replace(answer.regime, kind="smooth sliding")
     # where its own run was too long, as if each speed lasted
@@ -412,6 +419,9 @@ def test_a_rig_that_goes_through_speeds_is_judged_along_them():
         first, *_, last = found.along_drive  # up and down again, in a second
         assert (first.low, last.high) == (0.0, pytest.approx(1.0))
         assert (first.kind, last.kind) == (kind, kind)
+    # a pause is no speed at which it is to slide smoothly
+    paused = ss.constant(1.0, 1.0).then(ss.constant(0.0, 1.0)).then(ss.constant(2.0))
+    assert replace(answer, rig=make(stiffness=2.0, drive=paused)).between == (1.0, 2.0)
 
 
 def test_what_was_not_simulated_is_not_called_smooth():
@@ -490,6 +500,13 @@ def test_a_change_tells_the_noise_that_it_leaves():
     assert change.noise == there.relative_force
     *_, (*_, also) = sections.change_rows(rig, [replace(change, noise=0.091)])
     assert also == "the force fluctuates by 9.1 % rms, noise"
+    # where the velocity sways by more than linear theory covers, as a run shows
+    few = make(stiffness=2.0, contacts=150)
+    run = ss.regime(ss.simulate(trial(few.with_values(velocity=0.5))))
+    shown = mitigations._with_noise(few, change).noise
+    assert 0.1 < shown * run.mean_force / run.peak_to_peak < 0.4
+    (line,) = sections.attempts(SimpleNamespace(rig=few, attempts={"mass": (1.0, 2.0)}))
+    assert line.endswith(" does not stop it in every run")
 
 
 ACTUATOR = """
@@ -712,6 +729,36 @@ def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
     assert ss.regime(ss.simulate(rig)).kind == "stick-slip"
     assert not survives_noise(rig)
     assert Budget(300.0).regime(trial(rig)).kind == "smooth sliding"
+
+
+def test_stick_slip_beside_a_limit_is_no_noise_though_theory_allows_as_much():
+    """It does not fade with the contacts, of which the theory of noise knows nothing
+    where the velocity sways by more than a fifth.
+    """
+    rig = make(
+        thresholds=ss.LogNormal(1.0, 0.041),
+        delay=ss.Delay(0.1174),
+        stiffness=3.745,
+        mass=0.0033,
+        damping=0.698,
+        drive=ss.constant(0.6185),
+        contacts=186,
+    )
+    assert survives_noise(rig)
+    assert Budget(300.0).regime(trial(rig)).kind == "stick-slip"
+    small = make(
+        thresholds=ss.LogNormal(1.0, 0.0187),
+        delay=ss.Delay(0.0378),
+        newborn=ss.Gaussian(-0.218, 0.05),
+        initial=ss.Gaussian(0.0, 0.05),
+        stiffness=0.537,
+        mass=2.7e-4,
+        damping=6.78,
+        drive=ss.constant(0.8),
+        contacts=2000,
+    )
+    assert ss.regime(ss.simulate(trial(small))).kind == "smooth sliding"
+    assert Budget(300.0).regime(trial(small)).kind == "undecided"
 
 
 @pytest.mark.takes(5)  # a search by runs

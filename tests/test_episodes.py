@@ -1,6 +1,6 @@
 """Episodes in which a run oscillates whose drive goes through speeds."""
 
-import itertools
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,12 +9,15 @@ import xarray as xr
 from stickslip.measure.episodes import episodes
 
 
-def _run(*saws: tuple[float, float, float, float], peak: float = 10.0) -> xr.Dataset:
-    """A drive that speeds up from 1 to 2 while saws of a period, between two times,
-    have a drop of this size; the slider is `peak` times as fast as the drive in a drop.
+def _run(
+    *saws: tuple[float, float, float, float], peak: float = 10.0, speed: float = 2.0
+) -> xr.Dataset:
+    """A drive that speeds up from 1 to `speed` while saws of a period, between two
+    times, have a drop of this size; the slider is `peak` times as fast as the drive in
+    a drop.
     """
     time = np.arange(0.0, 12.0, 1e-3)
-    drive = 1.0 + time / 12.0
+    drive = 1.0 + (speed - 1.0) * time / 12.0
     force = np.full(time.size, 5.0)
     velocity = drive.copy()
     for begin, end, period, drop in saws:
@@ -59,12 +62,28 @@ def test_small_drops_make_no_episode_and_slow_changes_of_the_period_none_of_thei
     (episode,) = episodes(run)
     assert episode.drops == 15 + 16 + 10
     assert episodes(run, minimum_drop=2.5) == []
+    # one drop in 41, of noise: exp(-(drop/std)^2/8) < .05/41
+    assert len(episodes(run, noise=2.0 / 7.4)) == 1
+    assert episodes(run, noise=2.0 / 7.2) == []
+
+
+def test_slips_that_come_with_the_way_of_the_drive_are_one_episode():
+    ways = np.append([1.0, 10.0, 19.0, 28.0], np.arange(29.5, 120.0, 1.5))
+    times = (np.sqrt(1.0 + 4.0 * ways * 19.0 / 24.0) - 1.0) * 12.0 / 19.0
+    drops = np.diff(ways)  # as a held slider is loaded
+    saws = [
+        (a, b, b - a, drop)
+        for (a, b), drop in zip(pairwise(times.tolist()), drops, strict=True)
+    ]
+    (episode,) = episodes(_run(*saws, speed=20.0))
+    assert episode.drops == len(saws)
 
 
 def test_an_oscillation_that_falls_after_a_start_rings_down():
     sizes = [3.2, 1.75, 1.0, 0.55]
-    for drops, rings_down in ((sizes, True), (sizes[::-1], False)):
-        starts = [1.0 + 0.2 * n for n in range(4)]
+    lasts = [*sizes, *(0.5 for _ in range(20))]
+    for drops, rings_down in ((sizes, True), (sizes[::-1], False), (lasts, False)):
+        starts = [1.0 + 0.2 * n for n in range(len(drops))]
         saws = [(t, t + 0.2, 0.2, d) for t, d in zip(starts, drops, strict=True)]
         assert [one.rings_down for one in episodes(_run(*saws))] == [rings_down]
 
@@ -72,7 +91,5 @@ def test_an_oscillation_that_falls_after_a_start_rings_down():
 def test_irregular_slips_have_no_frequency():
     rng = np.random.default_rng(2)
     bounds = np.cumsum(rng.uniform(0.05, 0.6, 30))
-    saws = [
-        (float(a), float(b), float(b - a), 2.0) for a, b in itertools.pairwise(bounds)
-    ]
+    saws = [(float(a), float(b), float(b - a), 2.0) for a, b in pairwise(bounds)]
     assert all(np.isnan(one.frequency) for one in episodes(_run(*saws)))

@@ -257,6 +257,14 @@ def test_a_long_slider_pulled_at_one_end_is_unstable(coupling, side, blocks):
     assert below < 0 < above
 
 
+def test_a_length_parts_no_waves_where_softer_ones_are_stable_again():
+    rig = sliding(blocks=8, coupling=3.5, side=2.4, mass=0.1, damping=0.7)
+    rig = rig.replace(velocity=0.85, delay=0.16)
+    with pytest.raises(ss.UndecidedError, match="though stiffer ones grow"):
+        elastic.critical_length(rig)
+    assert "waves longer" not in str(ss.predict(rig))
+
+
 def test_modes_in_si_units():
     rig = sliding(blocks=8, coupling=40.0, side=40.0)
     scaled = replace(rig, scales=Scales(force=100.0, stretching=1e-6, time=0.01))

@@ -542,6 +542,15 @@ def test_ringing_is_not_counted(ringing, noise, samples):
     assert drops(data).sizes["event"] == pytest.approx(sizes.size, abs=missed)
 
 
+def test_ringing_that_goes_on_to_the_next_slip_joins_none_of_them():
+    t = np.arange(0.0, 600.0, 0.02)
+    since = t % 10.0
+    rings = 0.25 * np.exp(-0.05 * since) * np.sin(2.0 * np.pi * since)
+    load = np.where(since < 0.5, 1.0 - 2.0 * since, (since - 0.5) / 9.5)
+    data = with_motion(t, load + rings, stiffness=1.0, velocity=0.1)
+    assert drops(data).sizes["event"] == pytest.approx(60, abs=1)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 @pytest.mark.parametrize("ringing", [0.0, 0.2])
 def test_loading_that_quickens_makes_no_slip_ringing(ringing, noise):

@@ -110,6 +110,12 @@ def test_damping_that_a_structure_does_not_have_is_refused():
         rig(undamped).with_values(damping=1.0)
 
 
+def test_a_structure_that_its_own_stiffness_holds_back_is_not_judged():
+    held = Modes(masses=(1.0,), stiffnesses=(3.0,), dampings=(0.1,), stiffness=1.0)
+    with pytest.raises(InputError, match=r"follow the drive at 0.25 of its speed"):
+        ss.predict(rig(held))
+
+
 def test_a_spring_elsewhere_is_in_series_with_the_structure():
     s = np.array([3j, 40j, 1.0 + 20j])
     far = 2e-3 * s * s + 0.02 * s + 3.0 + 1.5

@@ -5,6 +5,7 @@ from rest shows, and which change of one parameter makes smooth sliding stable.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from itertools import count, takewhile
@@ -92,10 +93,11 @@ def predict_waves(
                 ),
             )
             report(len(waves) / (_WAVES + 1))
-        if isinstance(rig.slider, Chain):
-            critical = critical_length(rig)
     except UndecidedError as reason:
         return replace(found, theory_note=str(reason))
+    if isinstance(rig.slider, Chain):
+        with suppress(UndecidedError):
+            critical = critical_length(rig)
     report(1.0)
     found_waves = tuple(waves.values())
     return replace(found, growing=growing, waves=found_waves, critical=critical)

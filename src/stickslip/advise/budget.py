@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import product
 from typing import Any, TypeVar
@@ -18,12 +18,12 @@ from stickslip.measure import Regime
 from stickslip.measure.features import CHANGE, NOISE_OF_CONTACTS, REPEATS, TINY
 from stickslip.measure.regimes import regime_of_run
 from stickslip.measure.trace import ERRORS, Trace
-from stickslip.model import Contacts, Langevin, OnArrest, Slider
+from stickslip.model import Contacts, OnArrest, Slider
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
 from stickslip.model.rig import Rig
 from stickslip.model.structure import Structure
-from stickslip.simulation import Recording, record
+from stickslip.simulation import Recording, estimate, record
 from stickslip.simulation.engines.start import lifetimes_in
 from stickslip.simulation.estimates import Course
 from stickslip.sliding.response import STEP
@@ -50,15 +50,19 @@ _LONGEST = 8.0  # runs: what stays undecided is made twice as long, up to that
 # Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of
 # three of all runs do.
 SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
+# Velocity off the drive's (rms), over it, up to which runs fluctuate as linear theory
+# gives near a limit: within a fifth. Beyond, by as little as a third of that.
+SWAYS = 0.2
 # contacts: noise of more is below what a regime takes for nothing
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
-# Lives of contacts, from one attachment to the next, that count as one run: of most,
-# of those that `is_expensive` tells, and of those of them that are followed in steps.
-_LIVES = 4e5, 4e4, 1.5e4
-# looks at linear theory that do, by `is_expensive`: an integral over all ages
+# Seconds that count as one run, as an estimate counts them from its work, by
+# `is_expensive`: of most that is twice what it takes.
+_SECONDS = {False: 0.15, True: 0.08}
+# looks at linear theory that do, by `is_expensive`: an integral over all ages; also
+# those at contacts of which that is known
 _LOOKS = {False: 10.0, True: 1.0}
 # terms of sums that follow the response of contacts, of which a look takes as many
-_TERMS = 2e7
+_TERMS = 2.5e6
 _WAVES = 1 << 15  # frequencies of a scan, without ageing or temperature
 # steps of a structure that last as long as one run, and lives of its contacts
 _STEPS = 6e5
@@ -137,15 +141,15 @@ def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
     )
 
 
-def survives_noise(rig: Rig) -> bool:
+def survives_noise(rig: Rig, most: float = 1.0) -> bool:
     """Whether smooth sliding that is linearly stable stays, with the noise of the
-    contacts.
+    contacts: whether that moves the velocity by less than a part of it, rms.
     """
     if not isinstance(rig.method, DRAWN):
         return True
     try:
         return rig.method.count >= contact_noise(rig, contacts=1).contacts_for(
-            1.0, of="velocity"
+            most, of="velocity"
         )
     except (InputError, UndecidedError):  # no theory of their noise
         return True
@@ -167,14 +171,16 @@ def varies(rig: Rig) -> bool:
 
 
 def runs_of(rig: Rig) -> float:
-    """Number of usual runs as which a run counts, by the lives of its contacts."""
-    lives = float(lifetimes_in(rig.natural, Course(0.0))[0])
-    contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
+    """Number of usual runs as which a run counts, by the work that it takes."""
     if isinstance(rig.natural.slider, Structure):
+        lives = float(lifetimes_in(rig.natural, Course(0.0))[0])
+        contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
         steps = rig.natural.drive.duration / longest_step(rig.natural.slider)
         return max(contacts * lives / _LIVES_IN_STEPS + steps / _STEPS, _LEAST)
-    kind = is_expensive(rig) + isinstance(rig.interface.ageing, Langevin)
-    return max(contacts * lives / _LIVES[kind], _LEAST)
+    seconds = 0.0
+    with suppress(InputError):  # it cannot be simulated, which takes no time
+        seconds = estimate(rig).reference_seconds
+    return max(seconds / _SECONDS[is_expensive(rig)], _LEAST)
 
 
 def looks_of(rig: Rig) -> float:
@@ -226,14 +232,19 @@ class Budget:
         self.spent += runs
 
     def theory(
-        self, ask: Callable[..., Answer], rig: Rig, *given: Any, looks: float = 1.0
+        self, ask: Callable[..., Answer], rig: Rig, *given: Any, more: float = 0.0
     ) -> Answer:
-        """Ask linear theory about a rig, at the cost of a number of looks at the
-        response of its contacts.
+        """Ask linear theory about a rig, at the cost of a look at the response of its
+        contacts, once where that is expensive, and of a number of looks more.
         """
-        key = ask, rig.interface, rig.slider, rig.natural.velocity, given
+        contacts = rig.interface, rig.natural.velocity
+        key = ask, *contacts, rig.slider, given
         if key not in self._known:
-            self.spend(looks / _LOOKS[is_expensive(rig)])
+            dear = is_expensive(rig)
+            known = not dear or contacts in self._known
+            look = 1.0 / _LOOKS[False] if known else looks_of(rig) / _LOOKS[dear]
+            self.spend(look + more / _LOOKS[dear])
+            self._known[contacts] = True
             self._known[key] = ask(rig, *given)
         found: Answer = self._known[key]
         return found
@@ -317,6 +328,8 @@ class Budget:
         not slip must be seen not to decay as that does.
         """
         case = run.rig
+        if seen.is_noise and not self._covered(case) and not self._fades(run, seen):
+            return _doubtful(seen), 0.0
         oscillates = seen.kind in OSCILLATES
         if not oscillates or self.theory(linearly_unstable, case) is not False:
             return seen, 0.0
@@ -328,9 +341,10 @@ class Budget:
             kind="smooth sliding",
             reason="irregular slips, no more than the noise of the contacts makes",
         )
-        small = survives_noise(case)
         repeats = REPEATS in tests and tests[REPEATS].passed
-        if not repeats and noise.is_noise and (small or self._fades(run, seen)):
+        small = survives_noise(case)
+        told = noise.is_noise and not repeats
+        if told and (self._covered(case) or self._fades(run, seen)):
             return noise, lasts
         if small and seen.kind != "stick-slip" and CHANGE in tests and until:
             half = 0.5 * (1.0 - seen.window[0] / seen.window[1])
@@ -340,17 +354,27 @@ class Budget:
                 return _doubtful(seen), lasts
         return seen, lasts
 
+    def _covered(self, rig: Rig) -> bool:
+        """Whether linear theory covers the noise of the contacts of a rig."""
+        count = getattr(rig.method, "count", 0)
+        key = "covered", rig.interface, rig.slider, rig.natural.velocity, count
+        if key not in self._known:
+            self._known[key] = survives_noise(rig, SWAYS)
+        found: bool = self._known[key]
+        return found
+
     def _fades(self, run: Recording, seen: Regime) -> bool:
         """Whether the force of four times as many contacts fluctuates half as much, as
         noise does, or as much.
 
-        It decides where the velocity fluctuates by more than its mean, which the linear
-        theory of noise does not cover. Of a run that is made longer they are asked
+        It decides where the velocity fluctuates by more than the linear theory of noise
+        covers. Of a run that is made longer, or with other contacts, they are asked
         once.
         """
         rig = run.rig
         assert isinstance(rig.method, DRAWN)
-        key = "fades", replace(rig, drive=constant(rig.natural.velocity))
+        drive = constant(rig.natural.velocity)
+        key = "fades", replace(rig, drive=drive, method=replace(rig.method, seed=0))
         if key not in self._known:
             method = replace(rig.method, count=4 * rig.method.count)
             many = fluctuation(self.record(replace(rig, method=method)), seen)

@@ -102,7 +102,7 @@ class Findings:
     #: a machine, and its value on the way there from which on the noise of the contacts
     #: makes the force fluctuate by more than 5 % rms, or the velocity by too much for
     #: linear theory, which tells it; where the force does so now, that is the value
-    #: that it has.
+    #: that it has. None where that is within 5 % of the limit.
     noise_limit: tuple[str, float] | None = None
 
     #: Those that can be made on the machine first, in each group the smallest first.
@@ -275,9 +275,14 @@ class Findings:
     @property
     def between(self) -> tuple[float, float] | None:
         """The range of speeds at which the rig works, in its own units: as given, or
-        those its drive goes through.
+        those its drive goes through while it moves.
         """
-        through = [abs(velocity) for velocity in self.rig.drive.velocities]
+        through = [
+            abs(velocity)
+            for piece in self.rig.drive.pieces
+            for velocity in (piece.start, piece.end)
+            if piece.start or piece.end
+        ]
         ends = self.rig.operation.between or through
         low, high = (end(ends) * self.rig.unit("velocity") for end in (min, max))
         return None if low == high else (max(low, self.speeds_searched[0]), high)
@@ -290,15 +295,14 @@ class Findings:
     @property
     def along_drive(self) -> tuple[Band, ...]:
         """What it does when along a drive that goes through speeds: in its own run,
-        or else as if each speed lasted; nothing where there is one speed.
+        what rings down with the rest, or else as if each speed lasted; nothing where
+        there is one speed.
         """
-        if self.between is None:
-            return ()
         if self.driven is None:
-            return self._if_each_speed_lasted()
+            return self._if_each_speed_lasted() if self.between else ()
         found = list[Band]()
         now = 0.0
-        for episode in self.lasting_episodes:
+        for episode in self.driven:
             begin = episode.begin
             end = episode.end
             # no drop here that would be more than a small oscillation

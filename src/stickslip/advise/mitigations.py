@@ -16,8 +16,10 @@ import numpy as np
 
 from stickslip.advise.budget import (
     SEEDS,
+    SWAYS,
     Budget,
     BudgetExhausted,
+    fluctuation,
     is_expensive,
     trial,
 )
@@ -38,9 +40,6 @@ from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.stability import contact_noise
 
-# Velocity off the drive's (rms), over it, up to which runs fluctuate as linear theory
-# gives near a limit: within a fifth. Beyond, by as little as a third of that.
-SWAYS = 0.2
 _WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
 # runs for two changes at once, as many as for all else: who asks for them may wait
 _FOR_PAIRS = 160.0
@@ -90,7 +89,8 @@ class Mitigation:
     to: float
 
     #: root mean square of the force over its mean there, at the rig's own speed, by the
-    #: noise of its contacts (linear theory); NaN where that is not known
+    #: noise of its contacts: by linear theory, or in a run where the velocity sways by
+    #: too much for that; NaN where neither shows any
     noise: float = math.nan
 
     @property
@@ -107,12 +107,19 @@ def _changed(rig: Rig, factor: float, turn: Turn) -> Mitigation:
 
 
 def _with_noise(rig: Rig, change: Mitigation) -> Mitigation:
-    """A change with the noise that it leaves."""
+    """A change with the noise that it leaves: by linear theory, or where that does not
+    cover it as one run more shows.
+    """
+    there = rig.with_values(**{change.parameter: change.to})
     with suppress(InputError, UndecidedError):  # no theory of it
-        there = rig.with_values(**{change.parameter: change.to})
         found = contact_noise(there)
         if found.relative_velocity <= SWAYS:
             return replace(change, noise=found.relative_force)
+    with suppress(InputError):
+        budget = Budget(math.inf)
+        *_, (run, seen) = budget.looks(budget.record(trial(there)), 1.0)
+        if seen.is_noise:
+            return replace(change, noise=fluctuation(run, seen))
     return change
 
 
@@ -338,12 +345,15 @@ class Search:
 
     def _smooth(self, change: Parameter, factor: float, seeds: int) -> bool:
         """Whether the rig slides smoothly after a change: by linear theory, at all
-        speeds, and in runs.
+        speeds and with a little more of it, and in runs.
         """
         budget = self._budget
         rigs = self._varied(change, factor)
-        if any(budget.theory(linearly_unstable, rig) for rig in rigs):
-            return False
+        # ranges of little damping that are unstable may be narrower than a look is wide
+        for more in (1.0, 1.0 + 0.5 * PRECISION, 1.0 + PRECISION):
+            varied = self._varied(change, factor * more)
+            if any(budget.theory(linearly_unstable, rig) for rig in varied):
+                return False
         if self._range > 1.0:
             bands = theory_along(budget, rigs[0], VELOCITY, 1.0, self._range)
             if any(band.kind == "unstable" for band in bands):

@@ -9,6 +9,8 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
 from stickslip.advise import survey as by_theory
 from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.axis import AxisAnswer, complete_axis, judge_axis
@@ -16,6 +18,7 @@ from stickslip.advise.bars import complete_waves, predict_waves
 from stickslip.advise.budget import (
     OSCILLATES,
     SEEDS,
+    SWAYS,
     Budget,
     BudgetExhausted,
     cycle_of,
@@ -31,7 +34,6 @@ from stickslip.advise.budget import (
 from stickslip.advise.doubt import Doubt
 from stickslip.advise.findings import SEEN, Margin
 from stickslip.advise.mitigations import (
-    SWAYS,
     Search,
     has,
     reach,
@@ -41,7 +43,6 @@ from stickslip.advise.survey import Band, Survey, scaled, stability_along, theor
 from stickslip.cycles.edges import halved
 from stickslip.errors import InputError, UndecidedError, instance, number
 from stickslip.measure.episodes import Episode, episodes
-from stickslip.measure.trace import ERRORS
 from stickslip.model import Delay, ElasticBody, OnArrest
 from stickslip.model.drive import constant
 from stickslip.model.methods import DRAWN
@@ -52,7 +53,7 @@ from stickslip.model.parameters import (
     parameter_named,
 )
 from stickslip.model.rig import Ends, Rig
-from stickslip.model.structure import ControlledAxis
+from stickslip.model.structure import ControlledAxis, Structure
 from stickslip.progress import Progress, part, reporting
 from stickslip.rigid import critical_stiffness, static_friction
 from stickslip.simulation import Recording, record
@@ -134,6 +135,8 @@ def predict(
     with reporting(progress, "predict") as report:
         if isinstance(rig.slider, ControlledAxis):
             return judge_axis(rig, fast=fast, progress=report)
+        if isinstance(rig.slider, Structure):
+            _check_structure(rig.natural.slider)
         if isinstance(rig.natural.slider, ElasticBody):
             check_body(rig)
             waves = part(report, 0.0, 1.0 if fast else 0.4)
@@ -149,6 +152,21 @@ def predict(
             thorough=thorough,
             pairs=smooth is not None,
             progress=part(report, 0.3, 1.0),
+        )
+
+
+def _check_structure(structure: Structure) -> None:
+    """Raise `InputError` if a structure cannot follow its drive: it has no steady
+    sliding.
+    """
+    system = structure.system
+    moves = system.contact @ np.linalg.solve(system.A, -system.drive) + system.track
+    if not math.isclose(moves, 1.0, rel_tol=1e-6):
+        raise InputError(
+            "Rig.slider: its own stiffness holds it, so that its contacts follow the "
+            f"drive at {moves:.2g} of its speed; leave the driving spring out, so that "
+            "the track moves, or give the mode of its rigid motion, of stiffness 0",
+            "Rig.slider",
         )
 
 
@@ -169,8 +187,7 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
     driven = None
     if _goes_through_speeds(rig):
         with suppress(BudgetExhausted):
-            least = max(_SMALL * forces["static_friction"], _most_noise(rig))
-            driven = _episodes(rig, budget, least)
+            driven = _episodes(rig, budget, _SMALL * forces["static_friction"])
     report(1.0)
     return Prediction(
         rig=rig,
@@ -345,12 +362,12 @@ def _goes_through_speeds(rig: Rig) -> bool:
 def _episodes(rig: Rig, budget: Budget, smallest: float) -> tuple[Episode, ...]:
     """When a rig oscillates along its own drive."""
     run = budget.record(replace(rig, method=method_of(rig)))
-    return tuple(episodes(run.dataset(), smallest))
+    return tuple(episodes(run.dataset(), smallest, _most_noise(rig)))
 
 
 def _most_noise(rig: Rig) -> float:
-    """What the noise of the contacts makes of the force at most, peak to peak, at the
-    speeds of the drive where smooth sliding is stable.
+    """What the noise of the contacts makes of the force at most, root mean square, at
+    the speeds of the drive where smooth sliding is stable.
     """
     most = 0.0
     speeds = {abs(each) for each in rig.drive.velocities} - {0.0}
@@ -358,7 +375,7 @@ def _most_noise(rig: Rig) -> float:
         with suppress(InputError, UndecidedError):  # unstable, or no theory
             there = VELOCITY.set(rig.natural, speed)
             most = max(most, contact_noise(there).spring_force)
-    return 2.0 * ERRORS * most * rig.unit("f_s")
+    return most * rig.unit("f_s")
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:
@@ -415,7 +432,8 @@ def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
 
 def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | None:
     """The parameter of a machine with the nearest limit, and the value on the way there
-    from which on the noise of the contacts is above `SEEN`.
+    from which on the noise of the contacts is above `SEEN`, if that is farther from it
+    than `PRECISION`.
     """
     limits = [
         each.nearest
@@ -425,6 +443,9 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
     if not limits or not isinstance(rig.method, DRAWN):
         return None
     limit = min(limits, key=lambda each: each.size)
+    # nearer, noise ends smooth sliding; nor is a machine set as near
+    part = 1.0 - math.log1p(by_theory.PRECISION) / limit.size
+    nearest = (limit.to / limit.now) ** max(part, 0.0)
     change = by_theory.factor_on((parameter_named(limit.parameter), 1))
 
     def is_seen(factor: float) -> bool:
@@ -435,9 +456,9 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
         return True  # at a limit of stability
 
     with suppress(InputError, UndecidedError):  # no theory of their noise
-        if contact_noise(rig.natural).relative_velocity > SWAYS:
+        here = contact_noise(rig.natural)
+        if here.relative_velocity > SWAYS or not is_seen(nearest):
             return None
-        width = by_theory.PRECISION / 10.0
-        quiet, _ = halved(is_seen, 1.0, limit.to / limit.now, width)
+        quiet, _ = halved(is_seen, 1.0, nearest, by_theory.PRECISION / 10.0)
         return limit.parameter, quiet * limit.now
     return None

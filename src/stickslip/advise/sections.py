@@ -10,12 +10,13 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
-from stickslip.advise.budget import OSCILLATES
+from stickslip.advise.budget import OSCILLATES, varies
 from stickslip.advise.findings import SEEN, Findings, WaveFindings, frequency_unit
 from stickslip.advise.mitigations import Mitigation, has
 from stickslip.advise.survey import PRECISION
 from stickslip.elastic.precursors import distance_to_the_first_break
 from stickslip.errors import UndecidedError
+from stickslip.measure.episodes import Episode
 from stickslip.measure.fronts import blocks_in_words
 from stickslip.model.newborn import half_distance
 from stickslip.model.parameters import DELAY, parameter_named
@@ -167,23 +168,33 @@ def _driven(found: Findings, more: str) -> Motion:
             when = quantity(rig, worst.worst_time, "time", 3)
             rest = f", but rings down by ±{force} from {when} on"
         return Motion("smooth sliding", rest, more, _ALONG)
-    kinds = {each.kind for each in episodes}
-    kind = next(each for each in OSCILLATES if each in kinds)
-    spells = list[str]()
-    for each in episodes[:_SPELLS]:
-        begin = quantity(rig, each.begin, "time", 3)
-        spells.append(f"{begin} to {quantity(rig, each.end, 'time', 3)}")
-    if left := len(episodes) - len(spells):
-        spells.append(f"{left} times more")
-    worst = max(episodes, key=lambda each: each.worst)
+    by_kind = {
+        kind: [each for each in episodes if each.kind == kind] for kind in OSCILLATES
+    }
+    kind, *others = (each for each in OSCILLATES if by_kind[each])
+    worst = max(by_kind[kind], key=lambda each: each.worst)
     often = "irregular"
     if math.isfinite(worst.frequency):
         often = engineering(worst.frequency, frequency_unit(rig), 3)
     force = quantity(rig, worst.worst, "force", 3)
     when = quantity(rig, worst.worst_time, "time", 3)
     speed = _speed(rig, worst.worst_velocity)
-    rest = f" {listed(spells)}, {often}, at worst ±{force} at {when} ({speed})"
+    spells = _spells(rig, by_kind[kind])
+    rest = f" {spells}, {often}, at worst ±{force} at {when} ({speed})"
+    for other in others:
+        rest += f"; {other} {_spells(rig, by_kind[other])}"
     return Motion(kind, rest, more, _ALONG)
+
+
+def _spells(rig: Rig, episodes: Sequence[Episode]) -> str:
+    """From when to when episodes last, the first of them."""
+    spells = list[str]()
+    for each in episodes[:_SPELLS]:
+        begin = quantity(rig, each.begin, "time", 3)
+        spells.append(f"{begin} to {quantity(rig, each.end, 'time', 3)}")
+    if left := len(episodes) - len(spells):
+        spells.append(f"{left} times more")
+    return listed(spells)
 
 
 def _own_motion(found: Findings) -> tuple[str, str, str]:
@@ -475,7 +486,10 @@ def attempts(found: Findings | WaveFindings) -> Iterator[str]:
     rig = found.rig
     for name, ends in found.attempts.items():
         low, high = (amount(rig, name, value) for value in ends)
-        yield f"{parameter_named(name).title}: {low} to {high} does not stop it"
+        title = parameter_named(name).title
+        # as one run shows at each value that was tried
+        always = " in every run" * varies(rig)
+        yield f"{title}: {low} to {high} does not stop it{always}"
     some = found.unreliable if isinstance(found, Findings) else {}
     for name, (value, part) in some.items():
         yield (

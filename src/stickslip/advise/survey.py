@@ -174,16 +174,21 @@ def stability_along(
 def theory_along(
     budget: Budget, rig: Rig, parameter: Parameter, low: float, high: float
 ) -> tuple[Band, ...]:
-    """`stability_along` within a budget: with a look at each point, or at one for a
-    parameter of the slider, which changes no response.
+    """`stability_along` within a budget: with a look at each point, as dear as those at
+    the ends and at the rig, or none more for a parameter of the slider, which changes
+    no response.
     """
     factor = factor_on((parameter, 1))
     first, last = (factor.set(rig.natural, end) for end in (low, high))
-    looks = 1.0
+    points = 0.0
+    here = [rig]
     if (first.interface, first.velocity) != (last.interface, last.velocity):
-        looks += _PER_DECADE[is_expensive(rig)] * math.log10(high / low)
-    looks *= looks_of(rig)
-    return budget.theory(stability_along, rig, parameter, low, high, looks=looks)
+        points = _PER_DECADE[is_expensive(rig)] * math.log10(high / low)
+        here += [first, last]
+    looks = float(np.mean([looks_of(each) for each in here]))
+    # those of the rig's own contacts, where that is dear, are counted once
+    more = points * looks + (0.0 if is_expensive(rig) else looks - 1.0)
+    return budget.theory(stability_along, rig, parameter, low, high, more=more)
 
 
 def works_at(rig: Rig) -> list[float]:
@@ -357,7 +362,7 @@ def _grid(linear: Sequence[Band]) -> Iterator[float]:
         count = max(math.ceil(math.log(band.high / band.low) / math.log(_APART)), 1)
         yield from np.geomspace(band.low, band.high, 2 * count + 1)[1::2].tolist()
     for band in linear:
-        if band.kind == "stable" and band.high > near * band.low:
+        if band.kind != "unknown" and band.high > near * band.low:
             yield band.low * near
             yield band.high / near
 

@@ -25,13 +25,13 @@ from stickslip.answers import Answer
 from stickslip.arrays import Array
 from stickslip.elastic.precursors import elastic_body
 from stickslip.elastic.threshold_front import rising
-from stickslip.errors import InputError, whole
+from stickslip.errors import InputError, UndecidedError, whole
 from stickslip.model import Chain, ElasticBody, Rig, Sheet, Slider
 from stickslip.model.body import coupling_matrix
 from stickslip.progress import in_time
 from stickslip.simulation.estimates import LARGEST, LONGEST
 from stickslip.stability.critical import critical_spring
-from stickslip.stability.modes import growth_rate
+from stickslip.stability.modes import count_unstable, growth_rate
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 _ROOT = 0.01
 _SOFTEST = 2e-7
 _SHAPE = 8.0
+_SOFTER = 9  # waves that are softer than the critical one, and must grow
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -239,7 +240,8 @@ def critical_length(rig: Rig) -> CriticalLength:
     InputError
         If the slider is no chain, or there is no steady sliding.
     UndecidedError
-        If there is no critical spring as far as one can see.
+        If there is no critical spring as far as one can see, or softer ones are stable
+        again, as the mass of light damping makes them.
 
     Examples
     --------
@@ -277,6 +279,15 @@ def critical_length(rig: Rig) -> CriticalLength:
     if reach <= 0:
         sentence = "smooth sliding is stable at every wavelength"
         return CriticalLength(stiffness=stiffness, sentence=sentence)
+    stiffest = min(reach, 4.0 * body.coupling)  # of the waves between blocks
+    for coupling in stiffest * np.geomspace(1e-3, 0.97, _SOFTER):
+        softer = _mode(body, body.leaf + float(coupling), float(coupling))
+        if not count_unstable(replace(natural, slider=softer)):
+            spring = rig.in_units(softer.stiffness, "stiffness")
+            raise UndecidedError(
+                f"waves of the stiffness {spring} are stable at this speed, though "
+                "stiffer ones grow: no length parts them; see modes()"
+            )
     sine = math.sqrt(reach / (4.0 * body.coupling))
     wavelength = math.pi / math.asin(sine) if sine < 1 else 2.0
     sentence = f"waves longer than {length_in_words(rig, wavelength)} grow"

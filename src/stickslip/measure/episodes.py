@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
-from stickslip.measure.catalogue import drops
 from stickslip.measure.periods import REGULAR
-from stickslip.measure.slips import SLIP_VELOCITY
+from stickslip.measure.slips import SLIP_VELOCITY, find_slips, weighted_median
+from stickslip.measure.trace import Trace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,9 +33,9 @@ class Episode:
     """A time in which the force drops again and again; numbers in the units of the run.
 
     `worst` is half of the largest drop, `worst_time` when it begins, `worst_velocity`
-    the velocity of the drive there; `peak` the largest velocity of the slider in a drop
-    over that of the drive, on average; `frequency` is NaN where the waits are
-    irregular. `rings_down`: it decays by itself, as after a start.
+    the velocity of the drive there; `peak` the largest velocity of the slider over that
+    of the drive in a typical drop; `frequency` is NaN where the waits are
+    irregular. What `rings_down` dies out by itself, as after a start.
     """
 
     begin: float
@@ -54,10 +55,14 @@ class Episode:
         return "stick-slip" if is_slip else "sustained oscillation"
 
 
-def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
+def episodes(
+    run: xr.Dataset, minimum_drop: float = 0.0, noise: float = 0.0
+) -> list[Episode]:
     """Return when a run oscillates, in the order of time.
 
-    An episode ends where the drive stands, and with a wait longer than usual: than the
+    An episode ends where the drive stands, and with a wait longer than usual, in time,
+    in the way of the drive, and in that over the next drop: free oscillations come with
+    the time, slips with the way, large ones after a longer one. That is, than the
     median by a factor of ``max(2, 1 + CV ln(n/.05))``, which one of `n` waits of the
     coefficient of variation CV exceeds by chance in 5 % of the cases, if they have an
     exponential tail.
@@ -68,21 +73,43 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
         A run, with `spring_force`, `velocity` and `drive_velocity` along `time`.
     minimum_drop : float
         Smaller drops of the force do not count; in the unit of the force.
+    noise : float
+        Standard deviation of the force that the noise of contacts makes. Normal noise
+        of a narrow band drops farther than `x` with the probability ``exp(-x^2/8)``, in
+        standard deviations: no drop counts that one of so many reaches by chance in 5 %
+        of the cases.
     """
-    table = drops(run).to_dataframe()
-    table = table[table["drop"] >= minimum_drop]
-    if len(table) < _FEWEST:
+    # slow to load
+    import pandas as pd
+
+    trace = Trace.of(run)
+    found = find_slips(trace)
+    chance = noise * math.sqrt(8.0 * math.log(max(found.size, 1) / _CHANCE))
+    found = found.only(found.drops >= max(minimum_drop, chance))
+    if found.size < _FEWEST:
         return []
-    drive = np.abs(run["drive_velocity"])
-    table["drive"] = np.interp(table["start"], run["time"], drive)
-    waits = table["start"].diff()
-    stands = np.cumsum(np.asarray(drive) == 0.0)
-    stood = np.interp(table["start"], run["time"], stands)
-    pauses = (waits > _longest(waits)) | (np.diff(stood, prepend=0.0) > 0)
-    episode = pauses.cumsum()
-    # with the drive, from first to last: where it stops, the force falls by itself
-    halted = np.interp(table["end"], run["time"], stands) - stood >= 1.0
-    moving = (table["drive"] > 0) & ~halted
+    assert trace.drive is not None
+    drive = np.abs(trace.drive)
+    gone = cumulative_trapezoid(drive, trace.t, initial=0)
+    stands = np.cumsum(drive == 0.0)
+    first = found.start
+    columns = {
+        "start": trace.t[first],
+        "end": trace.t[found.end],
+        "drop": found.drops,
+        "peak_velocity": found.fastest,
+        "drive": drive[first],
+    }
+    table = pd.DataFrame(columns)
+    waits = pd.DataFrame({"time": columns["start"], "way": gone[first]}).diff()
+    waits["load"] = waits["way"] / found.drops
+    longest = waits.apply(_longest)
+    long = (waits > longest).all(axis="columns")
+    episode = (long | (np.diff(stands[first], prepend=0) > 0)).cumsum()
+    # with the drive, from first to last: where it stops, the force falls by itself, and
+    # where it speeds up, longer than a cycle
+    moving = (drive[first] > 0) & (stands[found.end] == stands[first])
+    moving &= columns["end"] - columns["start"] <= longest["time"]
     table, episode = table[moving], episode[moving]
     return [
         _episode(part) for _, part in table.groupby(episode) if len(part) >= _FEWEST
@@ -90,9 +117,10 @@ def episodes(run: xr.Dataset, minimum_drop: float = 0.0) -> list[Episode]:
 
 
 def _longest(waits: pd.Series[float]) -> float:
-    """Return the longest wait that chance makes."""
-    low, usual, high = waits.quantile([0.25, 0.5, 0.75])
-    # the standard deviation of normal waits, which a pause does not widen
+    """Return the longest wait that chance makes, in time or else."""
+    # the longest may be a pause
+    low, usual, high = waits.nsmallest(waits.count() - 1).quantile([0.25, 0.5, 0.75])
+    # the standard deviation of normal waits, which other pauses do not widen
     scatter = (high - low) / 1.349 / usual
     return float(usual * max(2.0, 1.0 + scatter * math.log(waits.count() / _CHANCE)))
 
@@ -110,21 +138,20 @@ def _episode(part: pd.DataFrame) -> Episode:
         worst=float(worst["drop"] / 2.0),
         worst_time=float(worst["start"]),
         worst_velocity=float(worst["drive"]),
-        peak=float(over_drive.median()),
+        peak=weighted_median(over_drive.to_numpy(), part["drop"].to_numpy() ** 2),
         rings_down=_rings_down(part),
     )
 
 
 def _rings_down(part: pd.DataFrame) -> bool:
-    """Whether drops fall, each below the one before or on the whole by half, from the
-    first on, at one speed of the drive or in a few.
+    """Whether drops fall to the last: each below the one before or on the whole by
+    half, at one speed of the drive or if they are few, else by half in a few.
     """
-    first = part["drive"].iloc[0]
-    stays = (part["drive"] / first - 1.0).abs() < _ONE_SPEED
-    count = max(int(stays.cumprod().sum()), min(_DROPS, len(part)))
-    sizes = part["drop"].to_numpy()[:count]
-    if sizes.size < _FEWEST:
-        return False
+    sizes = part["drop"].to_numpy()
+    stays = (part["drive"] / part["drive"].iloc[0] - 1.0).abs() < _ONE_SPEED
+    if sizes.size > _DROPS and not stays.all():
+        later = sizes[_DROPS - 1 :]
+        return bool((later < 0.5 * sizes[: later.size]).all())
     half = sizes.size // 2
     fallen = np.median(sizes[-half:]) / np.median(sizes[:half])
     each = bool((np.diff(sizes) < 0).all())

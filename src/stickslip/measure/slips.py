@@ -274,6 +274,7 @@ def pick(
     back, by `back`, makes more of it than the way of the drive; else where it is twice
     as fast as the force usually rises, and takes at most twice the samples of the drop
     before it, as far as that is resolved: a swing back takes as long as a swing.
+    Ringing decays: a drop of twice the one before it is another slip.
     """
     peaks, troughs = turning_points(force, drop, least)
     if peaks.size < 2:
@@ -281,12 +282,15 @@ def pick(
     begins = troughs[:-1]
     ends = peaks[1:]
     rises = force[ends] - force[begins]
-    took = t[ends] - t[begins]
-    fell = np.maximum(troughs - peaks, FEWEST_IN_A_DROP)[:-1]
-    swings = rises > RINGING * weighted_median(rises / took, took) * took
-    swings &= ends - begins <= RINGING * fell
-    if back is not None:
+    drops = force[peaks] - force[troughs]
+    if back is None:
+        took = t[ends] - t[begins]
+        swings = rises > RINGING * weighted_median(rises / took, took) * took
+        fell = np.maximum(troughs - peaks, FEWEST_IN_A_DROP)[:-1]
+        swings &= ends - begins <= RINGING * fell
+    else:
         swings = back[ends] >= back[begins]
+    swings &= drops[1:] < RINGING * drops[:-1]
     joined = [[int(peaks[0]), int(troughs[0])]]
     for i, (rise, swing) in enumerate(zip(rises, swings, strict=True), 1):
         first, lowest = joined[-1]
