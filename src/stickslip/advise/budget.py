@@ -57,16 +57,16 @@ SWAYS = 0.2
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
 # Seconds that count as one run, as an estimate counts them from its work, by
 # `is_expensive`: of most that is twice what it takes.
-_SECONDS = {False: 0.15, True: 0.08}
+_SECONDS = {False: 0.15, True: 0.05}
 # looks at linear theory that do, by `is_expensive`: an integral over all ages; also
 # those at contacts of which that is known
 _LOOKS = {False: 10.0, True: 1.0}
 # terms of sums that follow the response of contacts, of which a look takes as many
-_TERMS = 2.5e6
+_TERMS = 1.6e6
 _WAVES = 1 << 15  # frequencies of a scan, without ageing or temperature
 # steps of a structure that last as long as one run, and lives of its contacts
-_STEPS = 6e5
-_LIVES_IN_STEPS = 8e5
+_STEPS = 4e5
+_LIVES_IN_STEPS = 1e6
 _LEAST = 0.5  # what the shortest run counts, as its regime is to be found
 # contacts that are few: where one run of them decides little, by convention
 _FEW = 300
