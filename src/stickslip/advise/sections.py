@@ -488,7 +488,7 @@ def attempts(found: Findings | WaveFindings) -> Iterator[str]:
         low, high = (amount(rig, name, value) for value in ends)
         title = parameter_named(name).title
         # as one run shows at each value that was tried; theory judges bars
-        by_runs = isinstance(found, Findings) and varies(rig)
+        by_runs = not isinstance(found, WaveFindings) and varies(rig)
         always = " in every run" if by_runs else ""
         yield f"{title}: {low} to {high} does not stop it{always}"
     some = found.unreliable if isinstance(found, Findings) else {}
