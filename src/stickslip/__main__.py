@@ -1,10 +1,13 @@
 """The command line, as ``stickslip`` and as ``python -m stickslip``."""
 
+import os
 import sys
 
 
 def main() -> int:
     """Run the command line; an interrupt while libraries load is no error."""
+    # Our matrices are small: threads would spend more time in waiting for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from stickslip import cli
     except KeyboardInterrupt:
