@@ -38,8 +38,6 @@ OSCILLATES = ("stick-slip", "sustained oscillation")
 # this far in mean thresholds, and until the free slider has rung out, in units of
 # 1/eta, if that takes no more cycles than `_RINGS`.
 _CYCLES = 12.0
-# of them, those of the first look, which is enough where faster ones repeat
-_FIRST_CYCLES = 6.0
 _SHORTEST = 60.0
 _RINGING = 10.0
 _RINGS = 60.0
@@ -93,16 +91,14 @@ def _slowest(rig: Rig) -> Slider:
     return found
 
 
-def length_of(rig: Rig, cycles: float = _CYCLES) -> float:
-    """Travel of the drive after which the regime of a run can be decided, or of so many
-    of its cycles.
-    """
+def length_of(rig: Rig) -> float:
+    """Travel of the drive after which the regime of a run can be decided."""
     damping = _slowest(rig).damping
     cycle = cycle_of(rig)
     ringing = rig.natural.velocity * _RINGING / damping if damping > 0 else 0.0
     return max(
         _SHORTEST * rig.interface.threshold_distribution.moment(1),
-        cycles * cycle,
+        _CYCLES * cycle,
         min(ringing, _RINGS * cycle),
     )
 
@@ -136,8 +132,7 @@ def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
         rig.interface, rig.slider, constant(speed), method=method_of(rig, other)
     )
     return replace(
-        there,
-        drive=constant(speed, max(length_of(there, _FIRST_CYCLES), distance) / speed),
+        there, drive=constant(speed, max(length_of(there), distance) / speed)
     )
 
 
