@@ -337,11 +337,11 @@ class Budget:
             reason="irregular slips, no more than the noise of the contacts makes",
         )
         repeats = REPEATS in tests and tests[REPEATS].passed
-        small = survives_noise(case)
-        told = noise.is_noise and not repeats
-        if told and (self._covered(case) or self._fades(run, seen)):
+        irregular = noise.is_noise and not repeats
+        if irregular and (self._covered(case) or self._fades(run, seen)):
             return noise, lasts
-        if small and seen.kind != "stick-slip" and CHANGE in tests and until:
+        slips = seen.kind == "stick-slip"
+        if not slips and CHANGE in tests and until and survives_noise(case):
             half = 0.5 * (1.0 - seen.window[0] / seen.window[1])
             # change of the amplitude beyond that of the slowest mode in half a window
             beyond = math.log(seen.trend) + _DECAYS * half * travel / until

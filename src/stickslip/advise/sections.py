@@ -144,8 +144,7 @@ def motion(found: Findings) -> Motion:
     speed = quantity(rig, rig.velocity, "velocity")
     here = Motion(kind, rest, more, f"at {speed}: ")
     if found.driven is None and len(rig.drive.pieces) > 1:
-        own = f"; if {speed} lasted"
-        here = Motion(kind, f"{rest}{own}", more, here.at)
+        here = here._replace(rest=f"{rest}; if {speed} lasted")
     if found.driven is not None:
         return _driven(found, f"if {speed} lasted: {kind}{rest}")
     along = {band.kind: band for band in reversed(found.along_drive)}

@@ -223,17 +223,17 @@ class Survey:
         Where most is in doubt for what a run counts comes first.
         """
         looked = set[float]()
-        case = cache(self._case)
+        price = cache(lambda speed: runs_of(self._case(speed)))
         # speeds looked at are PRECISION apart, and there are no decades enough for more
         turns = bounded("Survey.look", HALVINGS)
         while doubt := self._doubts(looked):
             next(turns)
-            speed = max(doubt, key=lambda v: doubt[v] / runs_of(case(v)))
+            speed = max(doubt, key=lambda v: doubt[v] / price(v))
             looked.add(speed)
             # at other speeds runs may be shorter than what is left
             with suppress(BudgetExhausted):
                 try:
-                    self.known[speed] = budget.regime(case(speed)).kind
+                    self.known[speed] = budget.regime(self._case(speed)).kind
                 except InputError:
                     self.known[speed] = "undecided"
         for speeds in self._contradicted():
