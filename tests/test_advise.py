@@ -277,6 +277,16 @@ def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained()
     assert Budget(500.0).regime(trial(rig)).kind == "undecided"
 
 
+@pytest.mark.parametrize(
+    ("speed", "kind"), [(150, "sustained oscillation"), (186, "undecided")]
+)
+def test_what_decays_to_an_oscillation_that_lasts_is_not_smooth(speed, kind):
+    slider = {"stiffness": 1.68, "mass": 1.83e-3, "damping": 1.35, "contacts": 373}
+    random = {"thresholds": ss.Gaussian(1.0, 0.148), "delay": ss.Delay(0.41)}
+    rig = make(**slider, **random, seed=204, drive=ss.constant(speed, 1.0))
+    assert Budget(1000.0).regime(trial(rig)).kind == kind
+
+
 def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
     case = replace(trial(ss.example("brake_pad")), method=ss.Contacts(40_000))
     drive = ss.constant(case.natural.velocity, 2.0 * case.drive.duration)

@@ -320,15 +320,19 @@ class Budget:
         must last.
 
         An oscillation of a linearly stable rig must outlast its slowest mode; what does
-        not slip must be seen not to decay as that does.
+        not slip must be seen not to decay as that does, and what decays to do so as
+        fast: else it may decay to a smaller oscillation that lasts.
         """
         case = run.rig
         if seen.is_noise and not self._covered(case) and not self._fades(run, seen):
             return _doubtful(seen), 0.0
-        oscillates = seen.kind in OSCILLATES
-        if not oscillates or self.theory(linearly_unstable, case) is not False:
-            return seen, 0.0
         tests = {test.name: test for test in seen.table}
+        decays = _is_smooth_by_decay(seen)
+        unstable = self.theory(linearly_unstable, case)
+        if decays and unstable:
+            return _doubtful(seen), 0.0
+        if unstable is not False or not (decays or seen.kind in OSCILLATES):
+            return seen, 0.0
         until = self.theory(until_decayed, case)
         lasts = min(_PATIENCE * length_of(case), until)
         noise = replace(
@@ -345,7 +349,7 @@ class Budget:
             half = 0.5 * (1.0 - seen.window[0] / seen.window[1])
             # change of the amplitude beyond that of the slowest mode in half a window
             beyond = math.log(seen.trend) + _DECAYS * half * travel / until
-            if beyond <= ERRORS * tests[CHANGE].error:
+            if decays is (beyond > ERRORS * tests[CHANGE].error):
                 return _doubtful(seen), lasts
         return seen, lasts
 
@@ -384,6 +388,14 @@ def _doubtful(seen: Regime) -> Regime:
     if seen.kind == "undecided":
         reason = seen.reason
     return replace(seen, kind="undecided", reason=reason)
+
+
+def _is_smooth_by_decay(seen: Regime) -> bool:
+    """Whether sliding counts as smooth because an oscillation that is seen decays."""
+    error = next((test.error for test in seen.table if test.name == CHANGE), math.nan)
+    swings = seen.peak_to_peak >= TINY * seen.static_friction
+    smooth = seen.kind == "smooth sliding" and swings and not seen.is_noise
+    return smooth and math.log(seen.trend) < -ERRORS * error
 
 
 def fluctuation(run: Recording, seen: Regime) -> float:
