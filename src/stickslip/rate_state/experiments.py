@@ -271,11 +271,10 @@ def step_near(
         hint="time of the step",
     )
     given = [
-        None if value is None else Estimate(number(name, value, above=0, hint=hint))
-        for name, value, hint in (
-            ("before", before, "velocity before the step"),
-            ("after", after, "velocity after the step"),
-        )
+        None
+        if value is None
+        else Estimate(number(name, value, above=0, hint=f"velocity {name} the step"))
+        for name, value in (("before", before), ("after", after))
     ]
     if before is not None and before == after:
         raise InputError(
