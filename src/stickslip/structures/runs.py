@@ -130,7 +130,7 @@ class SteppedStructure(Engine):
         kick = self._body.kick
         self._z[:] = state + kick * faster / float(self._body.moving @ kick)
 
-    def turned(self, interface: Interface | None, structure: Structure) -> Self:
+    def turned(self, interface: Interface, structure: Structure) -> Self:
         """Return a copy that goes on with another structure of the same kind, the
         integral of whose controller keeps its force, and with contacts that will draw
         as those of another interface.
@@ -139,9 +139,8 @@ class SteppedStructure(Engine):
         other = self.copy()
         other.slider = structure
         other._system, other._body, other._controller = _parts(structure)
-        if interface is not None:
-            draws = draws_of(hashable(interface))
-            other._element = self._element._replace(draws=draws)
+        draws = draws_of(hashable(interface))
+        other._element = other._element._replace(draws=draws)
         integral = self._z.size == _OF_INTEGRAL and not self._controller.sample_time
         if isinstance(before, ControlledAxis) and integral:
             assert isinstance(structure, ControlledAxis)
