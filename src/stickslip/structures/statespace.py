@@ -140,7 +140,8 @@ def state_space(rig: Rig, *, poles: int = 6) -> StateSpace:
     fitted = 1j * omega * (_transfers(A, B, 1j * omega) @ residues)
     k = rig.unit("stiffness")
     rate = renewal * rig.unit("rate")
-    names = {"friction": "force", "band": "rate", "velocity": "velocity"}
+    quantities = {"friction": "force", "band": "rate"}
+    quantities |= {"velocity": "velocity", "stiffness": "stiffness"}
     return StateSpace(
         A=rate * A,
         B=rate * B[:, None],
@@ -150,10 +151,7 @@ def state_space(rig: Rig, *, poles: int = 6) -> StateSpace:
         friction=kinetic_friction(interface, velocity) * rig.unit("force"),
         band=(0.0, band * rate),
         error=float(np.abs(fitted - kappa).max() / np.abs(kappa).max()),
-        units={
-            name: rig.unit_name(quantity)
-            for name, quantity in (names | {"stiffness": "stiffness"}).items()
-        },
+        units={name: rig.unit_name(each) for name, each in quantities.items()},
     )
 
 
