@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from scipy import fft
 
 from stickslip.arrays import Array
@@ -46,8 +47,10 @@ def length_of(place: str, value: Length) -> float:
     return read_value(place, value, "m", "0.5 um")
 
 
-def as_map(height: Array, spacing: float | tuple[float, float]) -> xr.DataArray:
-    """Return heights in m as a map with coordinates; refuse what is no map."""
+def as_map(height: Array, spacing: ArrayLike) -> xr.DataArray:
+    """Return heights in m as a map with coordinates; refuse what is no map. There may
+    be several spacings, which must be one.
+    """
     try:
         given = np.asarray(height)
     except ValueError:  # rows of different lengths
@@ -65,17 +68,17 @@ def as_map(height: Array, spacing: float | tuple[float, float]) -> xr.DataArray:
             f"height: {holes} nodes ({percent(holes / values.size)}) have no height; "
             "fill these holes where the map was made, or cut out a part without"
         )
-    steps = np.atleast_1d(np.asarray(spacing, dtype=float))
-    if steps.max() > (1.0 + _ALIKE) * steps.min():
+    step, longest = float(np.min(spacing)), float(np.max(spacing))
+    if longest > (1.0 + _ALIKE) * step:
         raise InputError(
-            f"spacing: {' and '.join(engineering(s, 'm') for s in steps)}: pixels must "
-            "be square; resample the map to one spacing"
+            f"spacing: {engineering(step, 'm')} and {engineering(longest, 'm')}: "
+            "pixels must be square; resample the map to one spacing"
         )
     if np.ptp(values) < SMALLEST:
         raise InputError("height: is the same everywhere; a rough surface is needed")
     found = xr.DataArray(values, dims=("x", "y"), name="height")
     for name, size in zip("xy", values.shape, strict=True):
-        along = float(steps[0]) * np.arange(size)
+        along = step * np.arange(size)
         found[name] = (name, along, {"units": "m", "long_name": name})
     return found.assign_attrs(units="m", long_name="height", note="")
 
