@@ -600,6 +600,12 @@ fit_rate_and_state(FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip")
     ^at = 0: 12 samples after the step; there must be at least 30
 fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip")
     ^not identified: .*swapped
+fit_rate_and_state(FAST, **GIVEN, span=(5.0,))
+    ^span = \(5\.0,\): must be displacements before and after
+fit_rate_and_state(FAST[{"time": slice(None, None, -1)}], **GIVEN)
+    ^data: its times do not rise
+ss.rate_state.healing(FAST, 1.0)
+    ^healing: run: has no hold, relaxation, peak and slip_to_peak
 fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN)
     the friction is 0\.6 throughout
 """
@@ -628,11 +634,7 @@ def test_temperature_in_a_rig_file(warm):
     kelvin = 'temperature = "293 K"'
     bell = 'kind = "bell"'
     for here, instead, message in (
-        (
-            kelvin,
-            'temperature = "20 m"',
-            "temperature = '20 m': is not in a unit of 'K'",
-        ),
+        (kelvin, 'temperature = "20 m"', "= '20 m': is not in a unit of 'K'"),
         ('shear_strength = "1 GPa"\n', "", "interface.activation.shear_strength"),
         (bell, 'kind = "arrhenius"', "must be one of the known kinds"),
         (bell, 'kind = "bell"\nwidth = "20 nm"', "not both"),

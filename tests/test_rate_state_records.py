@@ -166,8 +166,7 @@ def test_steps_by_decades_are_found_where_the_fast_ones_are_short():
     place += np.random.default_rng(2).normal(0.0, 0.05, t.size)
     values = {"mu": ("time", 0.0 * t), "measured_displacement": ("time", place)}
     steps = Record.of(xr.Dataset(values, coords={"time": t})).steps()
-    found = [after.begin for _, after in steps]
-    assert found == pytest.approx(time[1:-1], abs=0.05)
+    assert [after.begin for _, after in steps] == pytest.approx(time[1:-1], abs=0.05)
     assert [after.velocity for _, after in steps] == pytest.approx(speeds[1:], rel=0.01)
 
 
@@ -184,9 +183,8 @@ def test_what_is_no_step_is_none():
 
 
 def test_swapped_velocities_are_told_by_the_displacement():
-    how = {"at": 150.0, "before": 10.0, "after": 3.0}
     with pytest.raises(InputError, match=r"swapped\? .* steps from 3 to 10"):
-        fit_rate_and_state(steps_of(), **how)
+        fit_rate_and_state(steps_of(), at=150.0, before=10.0, after=3.0)
 
 
 def test_a_step_that_is_not_identified_has_its_line():

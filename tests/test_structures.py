@@ -185,8 +185,7 @@ def test_too_slow_samples_unsettle_tracking_as_the_roots_say(every, modes):
     assert count_unstable(rig(axis)) == modes
     start = ss.FromSliding()
     seen = run_of(axis, 0.002, 4.0, start=start, contacts=10_000)
-    late = float(seen.velocity[1000:].std())
-    assert (late > 0.6) is bool(modes)
+    assert (float(seen.velocity[1000:].std()) > 0.6) is bool(modes)
 
 
 @pytest.mark.takes(4)  # of long moves, or of many steps
@@ -194,8 +193,7 @@ def test_without_friction_the_limit_is_that_of_routh():
     # M s^3 + Kd s^2 + Kp s + Ki: very slow sliding has no more than that
     axis = rig(replace(AXIS, ki=1.0), 0.02)
     first, *_ = ss.critical(axis, "ki", between=(70.0, 100.0)).edges
-    routh = AXIS.kd * AXIS.kp / AXIS.mass
-    assert first.value == pytest.approx(routh, rel=0.01)
+    assert first.value == pytest.approx(AXIS.kd * AXIS.kp / AXIS.mass, rel=0.01)
 
 
 def test_a_cascade_is_a_pid():
@@ -447,8 +445,7 @@ def test_a_run_of_a_structure_is_saved_made_again_and_judged(tmp_path):
     assert ss.rerun(ss.load(tmp_path / "run.nc")).identical(seen)
     assert ss.regime(seen).kind
     assert seen.state.sizes["coordinate"] == 4
-    table = ss.sweep(found, {"velocity": ["1 mm/s"]})
-    assert table.sizes["velocity"] == 1
+    assert ss.sweep(found, {"velocity": ["1 mm/s"]}).sizes["velocity"] == 1
 
 
 GROWING = replace(INTERFACE, ageing=ss.LogarithmicGrowth(slope=0.1, time=1.0))
@@ -513,8 +510,7 @@ def test_a_structure_is_bistable_where_the_slider_is():
 def test_a_run_stays_as_it_is_where_another_goes_on_from_it():
     engine = SteppedStructure(Beginning(INTERFACE, AXIS, 1.0), ss.Contacts(50))
     before = engine.stretchings().stretching
-    other = engine.turned(INTERFACE, AXIS)
-    follow(other, ss.constant(1.0, 0.1), 0.0, np.array([0.1]))
+    follow(engine.turned(INTERFACE, AXIS), ss.constant(1.0, 0.1), 0.0, np.array([0.1]))
     assert np.array_equal(engine.stretchings().stretching, before)
 
 
@@ -579,8 +575,7 @@ def test_how_far_an_axis_hunts(kp, width):
 @pytest.mark.takes(6)  # of long moves, or of many steps
 def test_an_axis_that_hunts_is_bistable_up_to_a_fold():
     hunt = Hunt(axis_with(0.3))
-    seen = {hunt.move(distance).hunts for distance in hunt.moves}
-    assert seen == {True, False}
+    assert {hunt.move(distance).hunts for distance in hunt.moves} == {True, False}
     assert hunt.fold() == pytest.approx(0.6, abs=0.06)
 
 
@@ -633,5 +628,4 @@ def test_the_shipped_axis_is_answered_in_its_units(capsys):
 @pytest.mark.takes(5)  # of long moves, or of many steps
 @pytest.mark.parametrize("name", ["caliper", "drill_string"])
 def test_the_shipped_structures_stick_slip_at_their_speed(name):
-    answer = ss.predict(ss.example(name), fast=True)
-    assert answer.regime.kind == "stick-slip"
+    assert ss.predict(ss.example(name), fast=True).regime.kind == "stick-slip"

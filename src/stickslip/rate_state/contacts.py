@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from stickslip.arrays import Array, ComplexArray
-from stickslip.errors import instance
+from stickslip.errors import instance, number, numbers
 from stickslip.model import Delay, Interface, Langevin, MasterEquation
 from stickslip.model.records import hashable
 from stickslip.simulation.steps_and_holds import velocity_step
@@ -42,12 +42,14 @@ def small_step(
     `stiffness` per contact; a rigid slider an infinite one. A grid of frequencies that
     is not `coarse` gives an error of 1e-4.
     """
-    y, kappa = _answer(hashable(interface), velocity, coarse)
+    instance("small_step: interface", interface, Interface, "an Interface")
+    v = number("small_step: velocity", velocity, above=0, hint="in x_s per time")
+    x = np.atleast_1d(numbers("small_step: slip", slip, above=0))[:, None]
+    y, kappa = _answer(hashable(interface), v, coarse)
     factor = (kappa / (1.0 + kappa / stiffness)).imag / y
     # Below the first frequency the factor is dF/dln v.
     y = np.append(0.0, y)
     factor = np.append(factor[0], factor)
-    x = slip[:, None]
     inner = special.sici(y * x)[0]
     steep = np.diff(factor) / np.diff(y)
     level = factor[:-1] - steep * y[:-1]

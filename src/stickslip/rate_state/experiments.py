@@ -14,11 +14,12 @@ from scipy.integrate import cumulative_trapezoid
 
 from stickslip.answers import Answer
 from stickslip.arrays import Range, units_of
-from stickslip.errors import InputError, instance, number, whole
+from stickslip.errors import InputError, instance, number, pair, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.trace import ERRORS, Array
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.pieces import SteadyPiece, find_pieces
+from stickslip.words import listed
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 """Variables that may hold the friction, in the order in which they are looked for."""
@@ -106,13 +107,14 @@ class Record(NamedTuple):
         friction.
         """
         instance("data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
-        name = next((one for one in _FRICTIONS if one in data), None)
+        there = [one for one in data if data[one].dims == ("time",)]
+        name = next((one for one in _FRICTIONS if one in there), None)
         if name is None or "time" not in data.coords:
             raise InputError(
                 "data: holds no friction along a time; it must have one of "
                 f"{', '.join(_FRICTIONS)}"
             )
-        along = next((one for one in _PLACES if one in data), None)
+        along = next((one for one in _PLACES if one in there), None)
         rows = pd.DataFrame(
             {one: data[one].values.astype(float) for one in (name, along) if one},
             index=data["time"].values.astype(float),
@@ -123,6 +125,8 @@ class Record(NamedTuple):
                 f"data: {len(rows)} samples; there must be at least {_FEWEST}"
             )
         time = rows.index.to_numpy()
+        if np.any(np.diff(time) < 0):
+            raise InputError("data: its times do not rise; sort it by time")
         names = (along, "time", name)
         length, clock, unit = (units_of(data[one] if one else None) for one in names)
         place = None
@@ -250,7 +254,16 @@ def velocity_step_in(
     """
     record = Record.of(data)
     whole("bins", bins, at_least=_FEWEST, at_most=100_000)
-    return record.cut(*step_near(record, at, before, after), span, bins)
+    pieces = step_near(record, at, before, after)
+    return record.cut(*pieces, checked_span(span), bins)
+
+
+def checked_span(span: Range | None) -> Range | None:
+    """Displacements before and after a step; None where none are given."""
+    if span is None:
+        return None
+    before, after = pair("span", span, "displacements before and after each step")
+    return number("span[0]", before, at_least=0), number("span[1]", after, above=0)
 
 
 def step_near(
@@ -367,18 +380,22 @@ def healing(run: xr.Dataset, b: float) -> Healing:
     instance(
         "healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it"
     )
+    names = ("hold", "relaxation", "peak", "slip_to_peak")
+    if missing := [name for name in names if name not in run]:
+        raise InputError(
+            f"healing: run: has no {listed(missing)}; give what slide_hold_slide() "
+            "returned"
+        )
+    effect = number("b", b, above=0, hint="evolution effect")
     run = run.sortby("hold")
     if np.any(np.diff(run["hold"]) <= 0):
         raise InputError("holds: two are the same; give each once")
     return Healing(
-        **{
-            name: tuple(run[name].values.tolist())
-            for name in ("hold", "relaxation", "peak", "slip_to_peak")
-        },
+        **{name: tuple(run[name].values.tolist()) for name in names},
         per_decade=tuple(
             (np.diff(run["peak"]) / np.diff(np.log10(run["hold"]))).tolist()
         ),
-        by_rate_and_state=b * math.log(10.0),
+        by_rate_and_state=effect * math.log(10.0),
         time_unit=units_of(run["hold"]),
         force_unit=units_of(run["peak"]),
         length_unit=units_of(run["slip_to_peak"]),

@@ -21,7 +21,7 @@ from stickslip.measure.trace import Array, independent
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import ROUGH, finite_step, small_step
-from stickslip.rate_state.experiments import Record, Step, step_near
+from stickslip.rate_state.experiments import Record, Step, checked_span, step_near
 from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.rate_state.pieces import SteadyPiece
@@ -347,6 +347,7 @@ def fit_rate_and_state(
     if isinstance(data, Step):
         return best_law(fit_laws(data, laws, spring, trend=trend))
     record = Record.of(data)
+    span = checked_span(span)
     step = nearby(record, *step_near(record, at, before, after), span)
     try:
         return best_law(fit_laws(step, laws, spring, trend=trend))

@@ -18,7 +18,7 @@ from stickslip.errors import InputError, UndecidedError, number
 from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import RESTS, Array, independent
 from stickslip.progress import Progress, reporting
-from stickslip.rate_state.experiments import Record
+from stickslip.rate_state.experiments import Record, checked_span
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.laws import LAWS, Law
 from stickslip.rate_state.measured import StepFit, fit_laws, nearby
@@ -187,6 +187,7 @@ def fit_record(
             "velocities (at=, before= and after=; --step-at, --from and --to)"
         )
     spring = stiffness and number("stiffness", stiffness, above=0)
+    span = checked_span(span)
     pieces = record.pieces
     steps = record.steps()
     holds = [
