@@ -82,8 +82,7 @@ def test_the_limit_of_smooth_sliding_follows_from_the_fit(poles, delay, off):
     def growth(v):
         return fastest_growth(rig.replace(velocity=v), poles)
 
-    found = brentq(growth, *ends, xtol=1e-7)
-    assert found == pytest.approx(exact, abs=off)
+    assert brentq(growth, *ends, xtol=1e-7) == pytest.approx(exact, abs=off)
 
 
 PAD = ss.read_rig("brake_pad")
@@ -212,8 +211,7 @@ def test_a_unit_is_valid_and_brakes_like_the_rig(pad_file, tmp_path):
         last, pull = pull, stiffness * (PAD.velocity * i * dt - x)
         v += (0.5 * dt * (last + pull) - dt * natural_drag * v - impulse) / mass
         pulls.append(pull)
-    run = ss.simulate(PAD)
-    spring = run["spring_force"]
+    spring = ss.simulate(PAD)["spring_force"]
     wanted = float(spring.where(spring["time"] > 0.05, drop=True).mean())
     assert np.mean(pulls[5000:]) == pytest.approx(wanted, rel=0.01)
 

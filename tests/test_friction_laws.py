@@ -103,8 +103,7 @@ fitted = lru_cache(ss.rate_and_state)
 )
 def test_force_in_steady_sliding_and_its_slope(interface, velocity, force, slope):
     value, error = force
-    found = ss.kinetic_friction(interface, velocity)
-    assert found == pytest.approx(value, abs=error)
+    assert ss.kinetic_friction(interface, velocity) == pytest.approx(value, abs=error)
     if slope is not None:
         value, error = slope
         assert friction_slope(interface, velocity) == pytest.approx(value, abs=error)

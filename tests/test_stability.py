@@ -724,8 +724,7 @@ def test_a_map_and_a_boundary_of_ageing_contacts():
 @pytest.mark.parametrize("half", [0.126, 0.2])
 def test_a_mode_on_the_stability_boundary_grows_by_rounding_or_not(half):
     """At a critical mass, where the count of growing modes may go either way."""
-    interface = case(RaisedCosine(half), Delay(0.1))
-    with_mass = rig(on=interface, mass=3e-3, damping=3.0)
+    with_mass = rig(on=case(RaisedCosine(half), Delay(0.1)), mass=3e-3, damping=3.0)
     crossings = critical(with_mass, "mass", between=(1e-4, 1e-1))
     assert crossings.edges
     for edge in crossings.edges:

@@ -100,6 +100,12 @@ def test_damping_that_a_structure_needs_is_that_of_the_slider(body, name):
     assert factors[0] == pytest.approx(factors[1], rel=2 * PRECISION)
 
 
+def test_a_natural_frequency_to_the_last_bit_has_an_impedance():
+    known = ss.growth_rate(rig(replace(HEAVY, damping=30.0)))
+    found = ss.growth_rate(rig(replace(ONE_ROW, C=((0.3,),))))
+    assert found == pytest.approx(known, rel=1e-8)
+
+
 def test_damping_that_a_structure_does_not_have_is_refused():
     with pytest.raises(InputError, match=r"has 1 modes, none with the number 2"):
         rig(PULLED).with_values(damping_2=1.0)

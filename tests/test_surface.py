@@ -40,8 +40,7 @@ def test_a_sphere_touches_as_hertz_says(n, error):
     height, pressure = sphere(n, radius, curvature)
     p = press(height, 1.0, pressure, 1.0)
     assert np.count_nonzero(p) / (np.pi * radius**2) == pytest.approx(1.0, abs=error)
-    highest = 2.0 / np.pi * radius / curvature
-    assert p.max() == pytest.approx(highest, rel=1e-3)
+    assert p.max() == pytest.approx(2.0 / np.pi * radius / curvature, rel=1e-3)
 
 
 @pytest.mark.slow  # 5 s

@@ -59,7 +59,7 @@ class _Line(NamedTuple):
     slope: Estimate
 
     def at(self, time: float) -> float:
-        return self.place + self.slope * (time - self.time)
+        return float(self.place + self.slope * (time - self.time))
 
 
 _Run = list[_Line]  # of one speed
