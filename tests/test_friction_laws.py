@@ -604,7 +604,7 @@ fit_rate_and_state(FAST, **GIVEN, span=(5.0,))
 fit_rate_and_state(FAST[{"time": slice(None, None, -1)}], **GIVEN)
     ^data: its times do not rise
 ss.rate_state.healing(FAST, 1.0)
-    ^healing: run: has no hold, relaxation, peak and slip_to_peak
+    ^healing: run: has no holds
 fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN)
     the friction is 0\.6 throughout
 """

@@ -19,7 +19,6 @@ from stickslip.measure.headings import ratio
 from stickslip.measure.trace import ERRORS, Array
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.pieces import SteadyPiece, find_pieces
-from stickslip.words import listed
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
 """Variables that may hold the friction, in the order in which they are looked for."""
@@ -380,18 +379,17 @@ def healing(run: xr.Dataset, b: float) -> Healing:
     instance(
         "healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it"
     )
-    names = ("hold", "relaxation", "peak", "slip_to_peak")
-    if missing := [name for name in names if name not in run]:
-        raise InputError(
-            f"healing: run: has no {listed(missing)}; give what slide_hold_slide() "
-            "returned"
-        )
+    if "slip_to_peak" not in run:
+        raise InputError("healing: run: has no holds; give one of slide_hold_slide()")
     effect = number("b", b, above=0, hint="evolution effect")
     run = run.sortby("hold")
     if np.any(np.diff(run["hold"]) <= 0):
         raise InputError("holds: two are the same; give each once")
     return Healing(
-        **{name: tuple(run[name].values.tolist()) for name in names},
+        **{
+            name: tuple(run[name].values.tolist())
+            for name in ("hold", "relaxation", "peak", "slip_to_peak")
+        },
         per_decade=tuple(
             (np.diff(run["peak"]) / np.diff(np.log10(run["hold"]))).tolist()
         ),

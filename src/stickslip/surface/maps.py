@@ -68,17 +68,18 @@ def as_map(height: Array, spacing: ArrayLike) -> xr.DataArray:
             f"height: {holes} nodes ({percent(holes / values.size)}) have no height; "
             "fill these holes where the map was made, or cut out a part without"
         )
-    step, longest = float(np.min(spacing)), float(np.max(spacing))
-    if longest > (1.0 + _ALIKE) * step:
+    steps = np.ravel(spacing).astype(float)
+    shortest, longest = float(steps.min()), float(steps.max())
+    if longest > (1.0 + _ALIKE) * shortest:
         raise InputError(
-            f"spacing: {engineering(step, 'm')} and {engineering(longest, 'm')}: "
+            f"spacing: {engineering(shortest, 'm')} and {engineering(longest, 'm')}: "
             "pixels must be square; resample the map to one spacing"
         )
     if np.ptp(values) < SMALLEST:
         raise InputError("height: is the same everywhere; a rough surface is needed")
     found = xr.DataArray(values, dims=("x", "y"), name="height")
     for name, size in zip("xy", values.shape, strict=True):
-        along = step * np.arange(size)
+        along = float(steps[0]) * np.arange(size)
         found[name] = (name, along, {"units": "m", "long_name": name})
     return found.assign_attrs(units="m", long_name="height", note="")
 
