@@ -366,8 +366,7 @@ def test_a_prediction_of_narrow_or_wide_scatter_ends(part, std):
         "delay": scattered(0.1, 0.1 * std),
     }
     begun = time.process_time()
-    found = advise.predict(make(stiffness=0.5, **{part: scattered_parts[part]}))
-    assert found.complete
+    assert advise.predict(make(stiffness=0.5, **{part: scattered_parts[part]})).complete
     assert time.process_time() - begun < 120.0
 
 

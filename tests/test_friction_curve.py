@@ -149,8 +149,7 @@ def test_a_rise_after_the_fall_is_a_viscous_force():
     exact = ss.friction_curve(zip(speeds, force, strict=True))
     assert exact.viscosity == pytest.approx(0.02, rel=1e-3)
     np.testing.assert_allclose(exact.friction(speeds), force, rtol=1e-6)
-    points = zip(speeds, rough, [0.003] * 7, strict=True)
-    found = ss.friction_curve(points)
+    found = ss.friction_curve(zip(speeds, rough, [0.003] * 7, strict=True))
     # the least within a standard error of the best, which is within four of the truth
     error = 0.003 * 2.0**0.5 / (speeds[-1] - speeds[-2])
     assert found.viscosity == pytest.approx(0.02, abs=5.0 * error)
@@ -258,8 +257,7 @@ def test_forces_in_a_file_beside_it_and_a_rise(tmp_path):
         "# of a bench\nspeed (mm/s),friction force (N),std (N)\n"
         "0.1,30,0.1\n1,27,0.1\n10,20.5,0.1\n30,21.5,0.1\n100,25,0.1\n"
     )
-    text = to_toml(stage(), own=False)
-    document = tomllib.loads(text)
+    document = tomllib.loads(to_toml(stage(), own=False))
     document["interface"] = STAGE["interface"] | {"friction": "mu.csv"}
     (tmp_path / "rig.toml").write_text(tomli_w.dumps(document))
     rig = ss.read_rig(tmp_path / "rig.toml")

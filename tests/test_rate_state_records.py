@@ -99,6 +99,14 @@ def test_a_time_that_is_a_minute_off_is_a_hint(at):
     assert np.all(np.abs(pulls(found)) < 4.0)
 
 
+def test_dates_become_seconds():
+    data = steps_of()
+    since = (1e9 * data["time"].values).astype("m8[ns]")
+    dated = data.assign_coords(time=np.datetime64("2026-07-01") + since)
+    found = fit_rate_and_state(dated, at=150.0, law="ageing")
+    assert abs(found.at - 150.0) < 4.0 * found.at.error
+
+
 @pytest.mark.slow
 def test_a_wrong_time_without_a_displacement_is_refused_soon(monkeypatch):
     """Counted in curves: some 2 ms each."""

@@ -16,7 +16,7 @@ from stickslip.answers import Answer
 from stickslip.arrays import Range, units_of
 from stickslip.errors import InputError, instance, number, pair, whole
 from stickslip.measure.headings import ratio
-from stickslip.measure.trace import ERRORS, Array
+from stickslip.measure.trace import ERRORS, Array, dataset_of
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.pieces import SteadyPiece, find_pieces
 
@@ -106,6 +106,8 @@ class Record(NamedTuple):
         friction.
         """
         instance("data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
+        if "time" in data.coords and data["time"].dtype.kind in "mM":
+            data = dataset_of(data)  # dates become seconds
         there = [one for one in data if data[one].dims == ("time",)]
         name = next((one for one in _FRICTIONS if one in there), None)
         if name is None or "time" not in data.coords:
