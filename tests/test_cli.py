@@ -158,7 +158,7 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("measure trace.csv --step '4 kg'", "not in a unit of 's'"),
         ("measure trace.csv --minimum-drop 0x10", "cannot be read as"),
         ("measure trace.csv --load '-20 N'", IS_NO_OPTION),
-        ("map rig.toml --over stiffness", "two parameters"),
+        *((f"map rig.toml --over mass{s}", " parameters") for s in ("", ",mass")),
         ("map rig.toml --over stiffness,colour", "'colour'"),
         ("map rig.toml --points 1", "points"),
         ("map rig.toml --points 10.5", "whole number"),
