@@ -231,8 +231,7 @@ def test_what_one_run_of_eight_denies_is_told_as_that():
             return 3 not in others
 
     found = ss.predict(ss.example("brake_pad"), fast=True)
-    fated = Fated(math.inf)
-    changes = Search(found.rig, None, fated).changes(lambda _done: None)
+    changes = Search(found.rig, None, Fated(math.inf)).changes(lambda _done: None)
     found = replace(found, **changes)
     assert found.unreliable["damping"] == (
         pytest.approx(30 * found.rig.value("damping")),
@@ -296,8 +295,7 @@ def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
         delay=ss.Delay(0.3),
         activation=ss.Barrier(height=50.0, attempts=6000.0),
     )
-    heavy = replace(case, interface=wide, scales=None)
-    assert looks_of(heavy) > 5.0 * looks_of(case)
+    assert looks_of(replace(case, interface=wide, scales=None)) > 5.0 * looks_of(case)
     # runs that are followed in steps: a second, or a minute
     ageing = {
         "thresholds": ss.Gaussian(1.0, 0.0366, lower=0.0),

@@ -4,6 +4,7 @@ import io
 import json
 import re
 import zipfile
+from dataclasses import replace
 
 import fmpy
 import numpy as np
@@ -63,6 +64,7 @@ def test_a_fit_has_stable_poles_no_static_stiffness_and_its_error():
         (FIG, 5, "poles = 5: must be even"),
         (FIG, 2, "poles = 2: must be a finite number at least 4 and at most 24"),
         (FIG.replace(delay=0.0), 6, "contacts re-attach at once, so"),
+        (replace(FIG, drive=ss.constant(0.0, 1.0)), 6, "drive.velocity = 0: must be"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(rig, poles, words):

@@ -40,8 +40,7 @@ def test_friction_is_the_work_of_a_life_over_its_length():
     s = interface.threshold_distribution.inverse_survival((np.arange(4000) + 0.5) / 4e3)
     age = np.geomspace(1e-3, 100.0, 200_001)
     at = np.log([growth.ages, growth.strengths])
-    nodes = np.clip(np.log(age), at[0, 0], at[0, -1])
-    strength = np.exp(PchipInterpolator(*at)(nodes))
+    strength = np.exp(PchipInterpolator(*at)(np.clip(np.log(age), at[0, 0], at[0, -1])))
     for velocity in (0.2, 1.0, 4.0):
         life = np.interp(s, velocity * age / strength, age)
         force = velocity * np.mean(life**2) / (2.0 * np.mean(life))
@@ -276,8 +275,7 @@ def test_friction_without_weakening():
 
 def test_viscosity_is_a_damping_of_its_own():
     plain, viscous = stage(), stage(viscosity="30 N*s/m")
-    more = viscous.value("damping") - plain.value("damping")
-    assert more == pytest.approx(10.0)
+    assert viscous.value("damping") - plain.value("damping") == pytest.approx(10.0)
     # and is taken off the curve
     assert friction_of(viscous, 1e-2)[0] == pytest.approx(20.2)
 

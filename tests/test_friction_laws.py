@@ -585,6 +585,8 @@ ss.rate_and_state(contacts(width=None))
     does not change with the velocity
 ss.kinetic_friction(LANGEVIN, 1.0)
     Langevin\.newborn = 0 with Interface\.activation: .*; give newborn > 0
+ss.rate_and_state(replace(THERMAL, delay=ss.Delay(0.1)), 1e5)
+    ^velocity = 1e\+05: contacts stay detached over
 ss.kinetic_friction(THERMAL, 0.0)
     there is no slow limit
 exported(THERMAL, "tandem")

@@ -16,7 +16,7 @@ import numpy as np
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.errors import UndecidedError, instance
+from stickslip.errors import UndecidedError, instance, number
 from stickslip.loops import bounded
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
@@ -387,10 +387,10 @@ class Line(NamedTuple):
         found: list[Neutral] = []
         for interface, group in groupby(there, key=lambda here: here.interface):
             response = respond(interface)
-            rigs = [
-                SmoothSliding(response, impedance(here.slider), here.velocity)
-                for here in group
-            ]
+            rigs = []
+            for here in group:
+                speed = number("velocity", here.velocity, above=0)
+                rigs.append(SmoothSliding(response, impedance(here.slider), speed))
             found += neutral_frequencies(rigs, softest=softest)
         return found
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.errors import InputError, whole
+from stickslip.errors import InputError, instance, number, whole
 from stickslip.model.rig import Rig
 from stickslip.model.units import engineering
 from stickslip.sliding import kinetic_friction, respond
@@ -119,8 +119,9 @@ def state_space(rig: Rig, *, poles: int = 6) -> StateSpace:
         raise InputError(
             f"poles = {count}: must be even, a pair for each resonance", "poles"
         )
+    instance("state_space: rig", rig, Rig, "a Rig")
     interface = rig.interface
-    velocity = rig.natural.velocity
+    velocity = number("drive.velocity", rig.natural.velocity, above=0)
     response = respond(interface)
     if response.inert:
         raise InputError(
