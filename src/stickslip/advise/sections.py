@@ -32,16 +32,16 @@ class Section(NamedTuple):
     name: str
     rows: Sequence[str] | Sequence[tuple[str, ...]]
     title: str = ""
-    note: str = ""  #: what stands behind the title in its line
+    note: str = ""  #: behind the title in its line
 
 
 class Motion(NamedTuple):
-    """A motion, and what is said of it."""
+    """A motion, and the words about it."""
 
     kind: str
-    rest: str = ""  #: what follows it in its line
+    rest: str = ""  #: follows it in its line
     more: str = ""  #: a sentence beside it
-    at: str = ""  #: what stands before it in its line
+    at: str = ""  #: stands before it in its line
 
     @property
     def line(self) -> str:
@@ -61,7 +61,7 @@ _ALONG = "along its drive: "
 _BY_THEORY = ", each alone, that make smooth sliding stable (linear stability)"
 _SPELLS = 3  # times of oscillation along a drive that are listed
 _BISTABLE = "from this start, although smooth sliding, once reached, is linearly stable"
-# what is said of a range beside its motion
+# words about a range beside its motion
 _NOTES = {
     "stable": ", starts from rest not judged",
     "unknown": ": linear theory cannot decide, or not within its budget",
@@ -332,7 +332,7 @@ def _changes(found: Findings | WaveFindings) -> list[tuple[str, ...]]:
 
 
 def _origins(rig: Rig) -> list[Section]:
-    """What of a rig was assumed, and what was fitted."""
+    """Parameters of a rig that were assumed, and those that were fitted."""
     assumed, fitted = (
         [f"{key}: {item}" for key, item in each.items()]
         for each in (rig.assumed, rig.fitted)
@@ -422,8 +422,8 @@ def noise(found: Findings) -> Iterator[str]:
 
 
 def rewritten(rig: Rig, changes: Sequence[Mitigation]) -> list[tuple[str, str, str]]:
-    """What a file has to say anew for changes made together, as people call it, now
-    and then: the parameters first.
+    """Values that a file has to give anew for changes made together, as people call
+    them, now and then: the parameters first.
     """
     names = [each.parameter for each in changes]
     there = rig.with_values(**{each.parameter: each.to for each in changes})
@@ -436,7 +436,7 @@ def rewritten(rig: Rig, changes: Sequence[Mitigation]) -> list[tuple[str, str, s
 
 
 def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
-    """Values that a file gives of parameters, and what others may change with them."""
+    """Values that a file gives of parameters, and of others that change with them."""
     ratio = {}
     if (damping := getattr(rig.slider, "damping_ratio", 0.0)) > 0:
         ratio = {"damping ratio": number(damping, 3)}
@@ -460,7 +460,7 @@ def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
 
 
 def changes_in_words(found: Findings, *changes: Mitigation) -> str:
-    """Changes made together in words, with all that a file has to say anew."""
+    """Changes made together in words, with all values that a file has to give anew."""
     rows = rewritten(found.rig, changes)
     return ", ".join(f"{label} from {now} to {then}" for label, now, then in rows)
 
@@ -468,8 +468,8 @@ def changes_in_words(found: Findings, *changes: Mitigation) -> str:
 def change_rows(
     rig: Rig, changes: Sequence[Mitigation], signs: Signs = ASCII
 ) -> Iterator[tuple[str, ...]]:
-    """Changes, each alone: parameter, from, to, factor, and what else a file has to
-    say anew.
+    """Changes, each alone: parameter, from, to, factor, and other values that a file
+    has to give anew.
     """
     arrow, times, over = signs
     for change in changes:
@@ -477,7 +477,7 @@ def change_rows(
         sign = times if change.to > change.now else over
         size = f"{sign} {number(math.exp(change.size), 2)}" if change.now else ""
         also = ", ".join(f"{label} {value}" for label, _, value in others)
-        if change.noise > SEEN:  # what then is smooth sliding may swing as much
+        if change.noise > SEEN:  # smooth sliding may then fluctuate as much
             noise = f"the force fluctuates by {percent(change.noise)} rms, noise"
             also = f"{also}, {noise}" if also else noise
         yield label, now, arrow, then, size, also

@@ -230,7 +230,7 @@ def velocity_step_in(
         Velocities of the load point, in displacement per time of the data; by default
         those of its displacement.
     span : (float, float), optional
-        How much displacement before and after the step, no farther than the next ones;
+        Displacements before and after the step, no farther than the next steps;
         by default all there is after it, and half of what is before, or a tenth of that
         after it without a displacement.
     bins : int

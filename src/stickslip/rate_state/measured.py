@@ -216,7 +216,7 @@ def _fitted(
     **how: Any,
 ) -> tuple[AnyFit, Array]:
     """Fit a step of some kind beside a line, and when it came; and the covariance of
-    what was fitted.
+    the fitted values.
 
     Fields of the kind are given, or fitted within their `ranges` from each of `starts`.
     """
@@ -583,7 +583,7 @@ def fit_contacts(
         step,
         ranges=ranges,
         trend=trend,
-        # no finer than what is fitted
+        # no finer than the data
         tolerance=1e-4 if linear else ROUGH.rtol,
     )
     given = {"thresholds": thresholds, "linear": True}

@@ -130,8 +130,8 @@ def _kind(interface: Interface) -> Sliding:
 
 
 def sliding_of(interface: Interface, who: str = "") -> Sliding:
-    """Return what is known of steady sliding of an interface; raises `InputError` if
-    nothing is.
+    """Return force, slope and response of an interface in steady sliding; raises
+    `InputError` if they are not known.
     """
     instance(f"{who}interface", interface, Interface, "an Interface")
     found = _kind(interface)

@@ -303,7 +303,7 @@ def axis_table(
     )
     if count == _FEWEST:
         return y, *transforms(distribution, 1j * y)
-    # a table that is made longer keeps what it holds
+    # a longer table keeps the values of a shorter one
     known = axis_table(distribution, step, count // 2)
     new = 1j * y[known[0].size :]
     # where nothing is left of P^ in half of a table, nothing is beyond it

@@ -321,8 +321,7 @@ def search(
     """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to
     the first edge of stability.
 
-    With `edges_only`, what happens where smooth sliding is unstable on both sides is
-    not looked into.
+    With `edges_only`, ranges with instability on both sides are not looked into.
     """
     count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
@@ -339,7 +338,7 @@ def search(
             begin=len(points) - len(ahead),
             edges_only=edges_only,
         )
-        # what is found first, from a stable point on, is an edge
+        # the first crossing after a stable point is an edge
         if first and (points[0].unstable > 0 or found):
             break
     return Crossings(

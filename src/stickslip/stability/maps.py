@@ -228,7 +228,7 @@ class _MapGrid(NamedTuple):
         line = self.values[1 - outer].tolist()
         if free is None:
             found = [self.line(1 - outer, value).neutral(line) for value in rows]
-        else:  # what a softer spring lacks, a stiffer one lacks by so much less
+        else:  # a stiffer spring lacks less by its difference
             softest = min(rows)
             known = self.line(1 - outer, softest).neutral(line, softest=softest)
             found = [

@@ -70,7 +70,7 @@ def engine_for(interface: Interface, method: object) -> type[Engine]:
 class SteppedStructure(Engine):
     """A linear structure on contacts that break at thresholds of their own.
 
-    Steps are a hundredth of a radian of what moves fastest, or the time between two
+    Steps are a hundredth of a radian of the fastest motion, or the time between two
     samples if that is shorter.
     """
 
@@ -253,8 +253,9 @@ def longest_step(structure: Structure) -> float:
 
 
 def propagator(system: LinearSystem, h: float) -> kernel.Propagator:
-    """Return what a step does: of the state, and of friction force, position, velocity
-    and acceleration of the drive, which are constant or follow each other.
+    """Return the change of the state in a step by itself, and by friction force,
+    position, velocity and acceleration of the drive, which are constant or follow each
+    other.
     """
     A, force, drive, rate, _, _ = system
     n = len(A)

@@ -174,7 +174,7 @@ def _blocks(poles: ComplexArray) -> Array:
 
 
 def _input(A: Array) -> Array:
-    """Return what an input does to states of blocks: pairs have it on their first."""
+    """Return how an input acts on states of blocks: on the first of each pair."""
     below = np.append(0.0, np.diag(A, -1))
     return np.where(below == 0.0, 1.0, 0.0)
 

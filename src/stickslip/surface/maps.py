@@ -1,7 +1,7 @@
 """Maps of heights: read from files, drawn from a spectrum, levelled and smoothed.
 
 A map is an `xarray.DataArray` of heights in m over ``x`` and ``y``; its attribute
-``note`` says what was done to it.
+``note`` holds its history.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def length_of(place: str, value: Length) -> float:
 
 
 def as_map(height: Array, spacing: ArrayLike) -> xr.DataArray:
-    """Return heights in m as a map with coordinates; refuse what is no map. There may
-    be several spacings, which must be one.
+    """Return heights in m as a map with coordinates, or refuse them. There may be
+    several spacings, all the same.
     """
     try:
         given = np.asarray(height)
@@ -369,7 +369,7 @@ def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
 
 
 def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
-    """Rows of numbers, and what the lines of a header before them say."""
+    """Rows of numbers, and the values in a header before them."""
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     about: dict[str, Any] = {}
     begin = 0
