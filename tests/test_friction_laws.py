@@ -276,6 +276,15 @@ def test_critical_spring(std, width, stiffness, frequency):
     assert edge.regains_stability
 
 
+def test_iterates_that_overflow_do_not_end_the_search_for_roots():
+    heavy = ss.LogNormal(mean=1.0, std=0.8)
+    held = bench(contacts(width=None, ageing=0.1, thresholds=heavy), 0.5, 3.0)
+    held = held.replace(mass=1e-4, damping=10.0)
+    s = ss.growth_rate(held)
+    kappa = complex(dynamic_stiffness(held.interface, 3.0, s))
+    assert abs(held.slider(s) + kappa) < 1e-5
+
+
 def test_contacts_that_give_way_at_once_have_a_real_mode_without_mass_and_damping():
     rig = bench(contacts(width=None, ageing=0.02), stiffness=0.01)
     assert ss.stability.count_unstable(rig) == 1
