@@ -231,8 +231,7 @@ def test_what_one_run_of_eight_denies_is_told_as_that():
             return 3 not in others
 
     found = ss.predict(ss.example("brake_pad"), fast=True)
-    fated = Fated(math.inf)
-    changes = Search(found.rig, None, fated).changes(lambda _done: None)
+    changes = Search(found.rig, None, Fated(math.inf)).changes(lambda _done: None)
     found = replace(found, **changes)
     assert found.unreliable["damping"] == (
         pytest.approx(30 * found.rig.value("damping")),
@@ -306,8 +305,7 @@ def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
         delay=ss.Delay(0.3),
         activation=ss.Barrier(height=50.0, attempts=6000.0),
     )
-    heavy = replace(case, interface=wide, scales=None)
-    assert looks_of(heavy) > 5.0 * looks_of(case)
+    assert looks_of(replace(case, interface=wide, scales=None)) > 5.0 * looks_of(case)
     # runs that are followed in steps: a second, or a minute
     ageing = {
         "thresholds": ss.Gaussian(1.0, 0.0366, lower=0.0),
@@ -376,8 +374,7 @@ def test_a_prediction_of_narrow_or_wide_scatter_ends(part, std):
         "delay": scattered(0.1, 0.1 * std),
     }
     begun = time.process_time()
-    found = advise.predict(make(stiffness=0.5, **{part: scattered_parts[part]}))
-    assert found.complete
+    assert advise.predict(make(stiffness=0.5, **{part: scattered_parts[part]})).complete
     assert time.process_time() - begun < 120.0
 
 

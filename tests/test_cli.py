@@ -110,8 +110,9 @@ def test_paper_makes_a_figure_with_its_claims(tmp_path, capsys):
     begins = [Path(name).read_bytes()[:4] for name in figure["pictures"]]
     assert begins == [b"%PDF", b"<?xm"]
     (tmp_path / "fig11.png").mkdir()
-    line = refused(capsys, "paper", "all", "-o", tmp_path)
-    assert "fig11.png: is a directory" in line
+    assert "fig11.png: is a directory" in refused(
+        capsys, "paper", "all", "-o", tmp_path
+    )
     assert sorted(os.listdir(tmp_path)) == ["fig11.png", "new"]
 
 
@@ -157,7 +158,7 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("measure trace.csv --step '4 kg'", "not in a unit of 's'"),
         ("measure trace.csv --minimum-drop 0x10", "cannot be read as"),
         ("measure trace.csv --load '-20 N'", IS_NO_OPTION),
-        ("map rig.toml --over stiffness", "two parameters"),
+        *((f"map rig.toml --over mass{s}", " parameters") for s in ("", ",mass")),
         ("map rig.toml --over stiffness,colour", "'colour'"),
         ("map rig.toml --points 1", "points"),
         ("map rig.toml --points 10.5", "whole number"),
@@ -167,6 +168,7 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("rsf warm.toml --area '1 cm^2'", "--area 1 cm^2: needs --export"),
         ("rsf warm.toml --export qdyn", "--export qdyn: needs --load"),
         ("rsf rig.toml", "; add [interface.activation]"),
+        ("rsf rig.toml --velocity '1 um/s'", "is not in a unit of '1'"),
         *((f"rsf trace.csv{given}", "--step-at") for given in ("", " --from 3um/s")),
         ("rsf trace.csv --step-at 9", "must both be given (--from, --to)"),
         (f"rsf trace.csv --step-at '9 s' {HOLDS}", "--holds: is for a rig"),

@@ -78,8 +78,7 @@ def test_a_perturbation_grows_into_the_cycle_or_smooth_sliding_persists(delay, g
 def test_the_verdict_agrees_with_the_regime_of_a_run_of_contacts(delay):
     rig = replace(pulled(delay), drive=ss.constant(1.0, 120))
     how = {"method": ss.Contacts(10_000, seed=3), "output": ss.Output(interval=0.01)}
-    run = ss.simulate(rig, **how)
-    assert is_sustained(rig).kind == ss.regime(run).kind
+    assert is_sustained(rig).kind == ss.regime(ss.simulate(rig, **how)).kind
 
 
 @pytest.mark.slow
@@ -110,8 +109,7 @@ def test_an_oscillation_that_has_not_settled_is_undecided(monkeypatch):
 
 
 def test_tau_star_of_fig_6():
-    rig = pulled(0.2)
-    (window,) = ss.sustained(rig, "delay", between=(0.04, 0.14), tolerance=2e-3)
+    (window,) = ss.sustained(pulled(0.2), "delay", between=(0.04, 0.14), tolerance=2e-3)
     edge = window.low
     assert edge.value == pytest.approx(0.0755, abs=0.003)
     # ours, from runs of 600 x_s and an error of 1e-4
@@ -129,11 +127,9 @@ def test_the_branch_ends_in_a_fold_at_v1_prime():
     assert branch.velocity[-1] == 2.0
     # It comes in to the fold as a square root, and from a finite amplitude.
     near = branch.isel(velocity=slice(0, 6))
-    fold = branch.attrs["low_decays_at"]
-    beyond = np.log(near.velocity[1:] - fold)
+    beyond = np.log(near.velocity[1:] - branch.attrs["low_decays_at"])
     rise = np.log(near.amplitude[1:] - near.amplitude[0] + 0.02)
-    power = np.polyfit(beyond, rise, 1)[0]
-    assert 0.25 < power < 0.9
+    assert 0.25 < np.polyfit(beyond, rise, 1)[0] < 0.9
     assert branch.amplitude[0] > 0.5
     assert set(branch.linearly_unstable.values[branch.velocity < 1.38]) == {0.0}
     assert set(branch.linearly_unstable.values[branch.velocity > 1.39]) == {1.0}

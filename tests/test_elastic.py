@@ -54,8 +54,7 @@ def test_front_speed(groups: dict[str, float], tau: float) -> None:
 def test_a_prestress_below_the_threshold_of_fronts_stops_the_front() -> None:
     # of the coupling: Griffith's prestress is sqrt(K/(K + kappa)) = .41
     K = 0.05
-    kappa = 0.25
-    rig = pushed(bar(kappa, K, 0.3), 0.35, 400.0)
+    rig = pushed(bar(0.25, K, 0.3), 0.35, 400.0)
     run = ss.simulate(rig, output=ss.Output(interval=5.0))
     assert int(ss.measure.fronts(run).last_block[0]) < 20
     assert np.isnan(run.first_break[-1])

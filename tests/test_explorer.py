@@ -115,8 +115,7 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
         document = deepcopy(dict(document))
         time = 0.5 if "units" in document else "0.5 s"
         document["interface"]["ageing"] = {"model": "langevin", "time": time}
-    rig = documents.rig_of(document)
-    before = documents.values_of(rig)
+    before = documents.values_of(documents.rig_of(document))
     turned = {parameter: 1.5 * before[parameter]}
     after = documents.rig_of(documents.with_parameters(document, turned))
     assert documents.values_of(after) == pytest.approx(before | turned, rel=1e-3)
@@ -180,8 +179,7 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
     run, friction = simulate.run(request, silent)
     force = numbers(run["force"]["values"])
     assert force.size < 1_600
-    rig = documents.rig_of(document)
-    full = simulated(rig)["spring_force"].to_numpy()
+    full = simulated(documents.rig_of(document))["spring_force"].to_numpy()
     assert force.max() == pytest.approx(full.max(), rel=1e-6)
     assert force.min() == pytest.approx(full.min(), rel=1e-6)
     assert run["regime"]["kind"] == "stick-slip"

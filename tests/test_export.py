@@ -4,6 +4,7 @@ import io
 import json
 import re
 import zipfile
+from dataclasses import replace
 
 import fmpy
 import numpy as np
@@ -63,6 +64,7 @@ def test_a_fit_has_stable_poles_no_static_stiffness_and_its_error():
         (FIG, 5, "poles = 5: must be even"),
         (FIG, 2, "poles = 2: must be a finite number at least 4 and at most 24"),
         (FIG.replace(delay=0.0), 6, "contacts re-attach at once, so"),
+        (replace(FIG, drive=ss.constant(0.0, 1.0)), 6, "drive.velocity = 0: must be"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(rig, poles, words):
@@ -82,8 +84,7 @@ def test_the_limit_of_smooth_sliding_follows_from_the_fit(poles, delay, off):
     def growth(v):
         return fastest_growth(rig.replace(velocity=v), poles)
 
-    found = brentq(growth, *ends, xtol=1e-7)
-    assert found == pytest.approx(exact, abs=off)
+    assert brentq(growth, *ends, xtol=1e-7) == pytest.approx(exact, abs=off)
 
 
 PAD = ss.read_rig("brake_pad")
@@ -212,8 +213,7 @@ def test_a_unit_is_valid_and_brakes_like_the_rig(pad_file, tmp_path):
         last, pull = pull, stiffness * (PAD.velocity * i * dt - x)
         v += (0.5 * dt * (last + pull) - dt * natural_drag * v - impulse) / mass
         pulls.append(pull)
-    run = ss.simulate(PAD)
-    spring = run["spring_force"]
+    spring = ss.simulate(PAD)["spring_force"]
     wanted = float(spring.where(spring["time"] > 0.05, drop=True).mean())
     assert np.mean(pulls[5000:]) == pytest.approx(wanted, rel=0.01)
 

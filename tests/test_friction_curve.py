@@ -40,8 +40,7 @@ def test_friction_is_the_work_of_a_life_over_its_length():
     s = interface.threshold_distribution.inverse_survival((np.arange(4000) + 0.5) / 4e3)
     age = np.geomspace(1e-3, 100.0, 200_001)
     at = np.log([growth.ages, growth.strengths])
-    nodes = np.clip(np.log(age), at[0, 0], at[0, -1])
-    strength = np.exp(PchipInterpolator(*at)(nodes))
+    strength = np.exp(PchipInterpolator(*at)(np.clip(np.log(age), at[0, 0], at[0, -1])))
     for velocity in (0.2, 1.0, 4.0):
         life = np.interp(s, velocity * age / strength, age)
         force = velocity * np.mean(life**2) / (2.0 * np.mean(life))
@@ -149,8 +148,7 @@ def test_a_rise_after_the_fall_is_a_viscous_force():
     exact = ss.friction_curve(zip(speeds, force, strict=True))
     assert exact.viscosity == pytest.approx(0.02, rel=1e-3)
     np.testing.assert_allclose(exact.friction(speeds), force, rtol=1e-6)
-    points = zip(speeds, rough, [0.003] * 7, strict=True)
-    found = ss.friction_curve(points)
+    found = ss.friction_curve(zip(speeds, rough, [0.003] * 7, strict=True))
     # the least within a standard error of the best, which is within four of the truth
     error = 0.003 * 2.0**0.5 / (speeds[-1] - speeds[-2])
     assert found.viscosity == pytest.approx(0.02, abs=5.0 * error)
@@ -258,8 +256,7 @@ def test_forces_in_a_file_beside_it_and_a_rise(tmp_path):
         "# of a bench\nspeed (mm/s),friction force (N),std (N)\n"
         "0.1,30,0.1\n1,27,0.1\n10,20.5,0.1\n30,21.5,0.1\n100,25,0.1\n"
     )
-    text = to_toml(stage(), own=False)
-    document = tomllib.loads(text)
+    document = tomllib.loads(to_toml(stage(), own=False))
     document["interface"] = STAGE["interface"] | {"friction": "mu.csv"}
     (tmp_path / "rig.toml").write_text(tomli_w.dumps(document))
     rig = ss.read_rig(tmp_path / "rig.toml")
@@ -278,8 +275,7 @@ def test_friction_without_weakening():
 
 def test_viscosity_is_a_damping_of_its_own():
     plain, viscous = stage(), stage(viscosity="30 N*s/m")
-    more = viscous.value("damping") - plain.value("damping")
-    assert more == pytest.approx(10.0)
+    assert viscous.value("damping") - plain.value("damping") == pytest.approx(10.0)
     # and is taken off the curve
     assert friction_of(viscous, 1e-2)[0] == pytest.approx(20.2)
 

@@ -103,8 +103,7 @@ fitted = lru_cache(ss.rate_and_state)
 )
 def test_force_in_steady_sliding_and_its_slope(interface, velocity, force, slope):
     value, error = force
-    found = ss.kinetic_friction(interface, velocity)
-    assert found == pytest.approx(value, abs=error)
+    assert ss.kinetic_friction(interface, velocity) == pytest.approx(value, abs=error)
     if slope is not None:
         value, error = slope
         assert friction_slope(interface, velocity) == pytest.approx(value, abs=error)
@@ -275,6 +274,15 @@ def test_critical_spring(std, width, stiffness, frequency):
     assert edge.value == pytest.approx(stiffness, rel=0.01)
     assert edge.frequency == pytest.approx(frequency, rel=0.01)
     assert edge.regains_stability
+
+
+def test_iterates_that_overflow_do_not_end_the_search_for_roots():
+    heavy = ss.LogNormal(mean=1.0, std=0.8)
+    held = bench(contacts(width=None, ageing=0.1, thresholds=heavy), 0.5, 3.0)
+    held = held.replace(mass=1e-4, damping=10.0)
+    s = ss.growth_rate(held)
+    kappa = complex(dynamic_stiffness(held.interface, 3.0, s))
+    assert abs(held.slider(s) + kappa) < 1e-5
 
 
 def test_contacts_that_give_way_at_once_have_a_real_mode_without_mass_and_damping():
@@ -586,6 +594,8 @@ ss.rate_and_state(contacts(width=None))
     does not change with the velocity
 ss.kinetic_friction(LANGEVIN, 1.0)
     Langevin\.newborn = 0 with Interface\.activation: .*; give newborn > 0
+ss.rate_and_state(replace(THERMAL, delay=ss.Delay(0.1)), 1e5)
+    ^velocity = 1e\+05: contacts stay detached over
 ss.kinetic_friction(THERMAL, 0.0)
     there is no slow limit
 exported(THERMAL, "tandem")
@@ -600,6 +610,12 @@ fit_rate_and_state(FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip")
     ^at = 0: 12 samples after the step; there must be at least 30
 fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip")
     ^not identified: .*swapped
+fit_rate_and_state(FAST, **GIVEN, span=(5.0,))
+    ^span = \(5\.0,\): must be displacements before and after
+fit_rate_and_state(FAST[{"time": slice(None, None, -1)}], **GIVEN)
+    ^data: its times do not rise
+ss.rate_state.healing(FAST, 1.0)
+    ^healing: run: has no holds
 fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN)
     the friction is 0\.6 throughout
 """
@@ -628,11 +644,7 @@ def test_temperature_in_a_rig_file(warm):
     kelvin = 'temperature = "293 K"'
     bell = 'kind = "bell"'
     for here, instead, message in (
-        (
-            kelvin,
-            'temperature = "20 m"',
-            "temperature = '20 m': is not in a unit of 'K'",
-        ),
+        (kelvin, 'temperature = "20 m"', "= '20 m': is not in a unit of 'K'"),
         ('shear_strength = "1 GPa"\n', "", "interface.activation.shear_strength"),
         (bell, 'kind = "arrhenius"', "must be one of the known kinds"),
         (bell, 'kind = "bell"\nwidth = "20 nm"', "not both"),

@@ -181,8 +181,7 @@ def test_contacts_that_share_a_clock_break_as_those_in_boxes(fields, bell):
         forces = [run["friction_force"].mean() for run in runs]
         attached = [run["attached"].mean() for run in runs]
         energies = [run["broken_energy"][-1] for run in runs]
-        means = np.transpose([forces, attached, energies])
-        found.append(means)
+        found.append(np.transpose([forces, attached, energies]))
     error = np.sqrt(sum(means.var(axis=0, ddof=1) for means in found) / 20)
     apart = np.abs(found[0].mean(axis=0) - found[1].mean(axis=0))
     assert np.all(apart <= 4 * error + 1e-12)

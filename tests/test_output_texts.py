@@ -124,8 +124,7 @@ MARKS = dict.fromkeys(DEAR, pytest.mark.slow)
     "name", [pytest.param(name, marks=MARKS.get(name, ())) for name in CASES]
 )
 def test_commands_say_what_they_said(name, bench, tmp_path, monkeypatch, capsys):
-    folder = shutil.copytree(bench, tmp_path / "bench")
-    monkeypatch.chdir(folder)
+    monkeypatch.chdir(shutil.copytree(bench, tmp_path / "bench"))
     monkeypatch.setenv("COLUMNS", "100")
     assert cli.main(CASES[name]) == 0
     kept = name.replace(",", "").replace(" ", "_")

@@ -99,6 +99,14 @@ def test_a_time_that_is_a_minute_off_is_a_hint(at):
     assert np.all(np.abs(pulls(found)) < 4.0)
 
 
+def test_dates_become_seconds():
+    data = steps_of()
+    since = (1e9 * data["time"].values).astype("m8[ns]")
+    dated = data.assign_coords(time=np.datetime64("2026-07-01") + since)
+    found = fit_rate_and_state(dated, at=150.0, law="ageing")
+    assert abs(found.at - 150.0) < 4.0 * found.at.error
+
+
 @pytest.mark.slow
 def test_a_wrong_time_without_a_displacement_is_refused_soon(monkeypatch):
     """Counted in curves: some 2 ms each."""
@@ -166,8 +174,7 @@ def test_steps_by_decades_are_found_where_the_fast_ones_are_short():
     place += np.random.default_rng(2).normal(0.0, 0.05, t.size)
     values = {"mu": ("time", 0.0 * t), "measured_displacement": ("time", place)}
     steps = Record.of(xr.Dataset(values, coords={"time": t})).steps()
-    found = [after.begin for _, after in steps]
-    assert found == pytest.approx(time[1:-1], abs=0.05)
+    assert [after.begin for _, after in steps] == pytest.approx(time[1:-1], abs=0.05)
     assert [after.velocity for _, after in steps] == pytest.approx(speeds[1:], rel=0.01)
 
 
@@ -184,9 +191,8 @@ def test_what_is_no_step_is_none():
 
 
 def test_swapped_velocities_are_told_by_the_displacement():
-    how = {"at": 150.0, "before": 10.0, "after": 3.0}
     with pytest.raises(InputError, match=r"swapped\? .* steps from 3 to 10"):
-        fit_rate_and_state(steps_of(), **how)
+        fit_rate_and_state(steps_of(), at=150.0, before=10.0, after=3.0)
 
 
 def test_a_step_that_is_not_identified_has_its_line():

@@ -135,8 +135,7 @@ def test_a_band_narrower_than_a_mark_is_on_the_strip(found):
     wide, *_ = bands_of(found, "smooth sliding")
     narrow = Band(kind="stick-slip", low=0.3, high=0.301)
     bands = replace(wide, high=0.3), narrow, replace(wide, low=0.301)
-    strip = screen.strip(replace(found, bands=bands), 60)
-    assert strip.count("stick-slip") == 1
+    assert screen.strip(replace(found, bands=bands), 60).count("stick-slip") == 1
 
 
 def test_speeds_that_no_band_tells_of_are_not_known(found):
@@ -263,8 +262,7 @@ ALL = "32 were decided: all oscillate"
     ],
 )
 def test_how_sure_it_is_is_the_fraction_of_the_doubt(fields, said, found):
-    words = " ".join(str(replace(found, doubt=doubted(**fields))).split())
-    assert said in words
+    assert said in " ".join(str(replace(found, doubt=doubted(**fields))).split())
 
 
 def test_without_an_assumption_nothing_is_said_of_how_sure_it_is(found):

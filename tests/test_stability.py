@@ -266,8 +266,7 @@ def test_counts_and_growth_rates_by_hand(velocity, delay, stiffness, mass, dampi
 )
 def test_two_counts_and_the_growth_rate_agree(distribution, seed):
     rng = np.random.default_rng([seed, DISTRIBUTIONS.index(distribution)])
-    delay = DELAYS[rng.integers(len(DELAYS))]
-    interface = case(distribution, delay)
+    interface = case(distribution, DELAYS[rng.integers(len(DELAYS))])
     v = 10 ** rng.uniform(-1, 1.3)
     stiffness = 10 ** rng.uniform(-1.5, 1)
     mass = 10 ** rng.uniform(-5, 0)
@@ -423,6 +422,9 @@ dynamic_stiffness(case(ss.LogNormal(mean=1.0, std=0.3)), 1.0, -0.1 + 1j)
     no transform
 dynamic_stiffness(INTERFACE, 1.0, -1e6)
     overflows
+critical(rig(-1.0), "delay")
+critical_spring(rig(-1.0))
+    ^velocity = -1: must be a finite number above 0
 critical(rig(), "speed", between=(1, 2))
     must be one of stiffness
 critical(rig(body=lambda s: 2.0 + 0 * s), "mass", between=(1e-3, 1))
@@ -724,8 +726,7 @@ def test_a_map_and_a_boundary_of_ageing_contacts():
 @pytest.mark.parametrize("half", [0.126, 0.2])
 def test_a_mode_on_the_stability_boundary_grows_by_rounding_or_not(half):
     """At a critical mass, where the count of growing modes may go either way."""
-    interface = case(RaisedCosine(half), Delay(0.1))
-    with_mass = rig(on=interface, mass=3e-3, damping=3.0)
+    with_mass = rig(on=case(RaisedCosine(half), Delay(0.1)), mass=3e-3, damping=3.0)
     crossings = critical(with_mass, "mass", between=(1e-4, 1e-1))
     assert crossings.edges
     for edge in crossings.edges:

@@ -40,8 +40,7 @@ def test_a_sphere_touches_as_hertz_says(n, error):
     height, pressure = sphere(n, radius, curvature)
     p = press(height, 1.0, pressure, 1.0)
     assert np.count_nonzero(p) / (np.pi * radius**2) == pytest.approx(1.0, abs=error)
-    highest = 2.0 / np.pi * radius / curvature
-    assert p.max() == pytest.approx(highest, rel=1e-3)
+    assert p.max() == pytest.approx(2.0 / np.pi * radius / curvature, rel=1e-3)
 
 
 @pytest.mark.slow  # 5 s
@@ -155,8 +154,7 @@ def test_contacts_carry_the_load_and_have_the_stiffness_of_all(found):
 
 
 def test_a_contact_across_the_edges_of_a_map_is_one(rough, found):
-    moved = rough.roll(x=56, y=100)
-    again = SURFACE.contacts(moved, pressure="2 MPa", material="pmma")
+    again = SURFACE.contacts(rough.roll(x=56, y=100), pressure="2 MPa", material="pmma")
     assert again["number"].to_numpy().tolist() == found["number"].to_numpy().tolist()
 
 
@@ -235,9 +233,14 @@ def test_a_map_that_shows_no_contacts_is_refused(name):
         SURFACE.contacts(height, "1 um", **(PMMA | given))
 
 
-def test_heights_of_unknown_unit_are_refused(rough):
-    with pytest.raises(ss.InputError, match=r"units is None; give heights in m"):
-        SURFACE.contacts(rough.drop_attrs(deep=False), **PMMA)
+def test_heights_of_unknown_unit_or_places_are_refused(rough):
+    for height, words in (
+        (rough.drop_attrs(deep=False), r"units is None; give heights in m"),
+        (rough.drop_vars("y"), "give it coordinates x and y"),
+        (rough.assign_coords(y=2.0 * rough["y"]), "pixels must be square"),
+    ):
+        with pytest.raises(ss.InputError, match=words):
+            SURFACE.contacts(height, **PMMA)
 
 
 def test_few_contacts_make_no_interface():
@@ -419,8 +422,7 @@ def test_a_command_writes_a_rig_and_says_what_to_measure(heights, capsys):
     assert "Measure next: one slow pull with a velocity step" in said
     assert "give yours by --rig" in said
     assert picture.stat().st_size > 10_000
-    made = ss.read_rig(rig)
-    assert made.assumed["interface.breaking_displacement"].factors[0] < 0.2
+    assert ss.read_rig(rig).assumed["interface.breaking_displacement"].factors[0] < 0.2
 
 
 def test_a_command_takes_numbers_of_a_material_and_prints_json(heights, capsys):

@@ -95,8 +95,7 @@ def test_friction_of_growing_thresholds_has_the_limits_of_its_distributions():
         assert found == pytest.approx(aged, rel=1e-3)
     # Equal strengths: f(t) = t, held while v t < 1 - exp(-t).
     alike = Uniform(low=1 - 1e-6, high=1 + 1e-6)
-    growth = ExponentialGrowth(rate=1.0)
-    equal = replace(interface, thresholds=alike, ageing=growth)
+    equal = replace(interface, thresholds=alike, ageing=ExponentialGrowth(rate=1.0))
     # a contact breaks when 0.5 t = 1 - exp(-t)
     life = 2.0 + float(lambertw(-2.0 * math.exp(-2.0)).real)
     expected = 0.25 * life**2 / (life + 0.2)

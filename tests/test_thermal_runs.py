@@ -186,8 +186,7 @@ def test_thresholds_with_little_noise_grow_by_a_rule(name):
         ageing=ss.ExponentialGrowth(rate=1.5**2, newborn=0.3),
     )
     exact = ss.kinetic_friction(growing, 1.0)
-    barrier = BARRIERS[name]
-    few = (noisy(barrier, std=std) for std in (0.04, 0.02))
+    few = (noisy(BARRIERS[name], std=std) for std in (0.04, 0.02))
     off = [abs(ss.kinetic_friction(interface, 1.0) - exact) for interface in few]
     assert off[1] < 4e-3
     # second order in the noise; the equation is solved to 1e-4
@@ -304,8 +303,7 @@ def test_slide_hold_slide(name):
 )
 def test_a_spring_decides_whether_a_small_step_grows(stiffness, growth, frequency):
     step = {"before": 1.0, "after": 1.003, "distance": 25.0}
-    run = ss.velocity_step(LT, **step, stiffness=stiffness)
-    late = run.sel(time=slice(6.0, None))
+    late = ss.velocity_step(LT, **step, stiffness=stiffness).sel(time=slice(6.0, None))
     interval = float(late.time[1] - late.time[0])
     found = oscillations(late.friction_force.to_numpy(), interval)
     # on a unit of the way
@@ -335,8 +333,7 @@ def test_a_rig_has_its_own_units():
 
 def test_a_slider_that_flies_far_from_all_its_contacts_comes_down_again():
     """All are detached for hundreds of widths: the clocks have to come along."""
-    heat = ss.Bell(width=0.01, attempts=1e4)
-    fields = {"delay": ss.Delay(0.5), "activation": heat}
+    fields = {"delay": ss.Delay(0.5), "activation": ss.Bell(width=0.01, attempts=1e4)}
     interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1), **fields)
     slider = ss.Slider(stiffness=0.01, mass=2.6e-5, damping=4.0)
     drive = ss.constant(-1.0, 200.0)

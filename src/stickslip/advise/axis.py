@@ -17,8 +17,6 @@ from stickslip.structures.hunting import (
     Move,
     Slip,
     Tracking,
-    axis_of,
-    hunting_period,
     strengthens,
     tracking,
     with_gain,
@@ -37,12 +35,21 @@ class AxisAnswer(Answer):
 
     rig: Rig
     tracking: Tracking | None  #: None for an axis that only holds a place
-    slip: Slip
-    possible: bool  #: whether hunting at rest is possible at all
+    _hunt: Hunt = field(compare=False)  #: makes the moves
     moves: tuple[Move, ...] = ()  #: what was tried; nothing where it is not possible
     #: gain above which hunting ends, damping ratio and time of the integral as they are
     gain: float = math.nan
     complete: bool = field(default=False, compare=False)
+
+    @property
+    def slip(self) -> Slip:
+        """One slip of the axis, pulled slowly."""
+        return self._hunt.slip
+
+    @property
+    def possible(self) -> bool:
+        """Whether hunting at rest is possible at all."""
+        return self._hunt.possible
 
     @property
     def hunts(self) -> bool:
@@ -51,9 +58,9 @@ class AxisAnswer(Answer):
 
     @property
     def peak_to_peak(self) -> float:
-        """Width of hunting: of the largest that was seen, else what one slip tells."""
+        """Width of hunting: of the largest that was seen, else by one slip."""
         seen = [move.peak_to_peak for move in self.moves if move.hunts]
-        return max(seen) if seen else self.slip.length + self.slip.break_away
+        return max(seen, default=self.slip.peak_to_peak)
 
     @property
     def headline(self) -> str:
@@ -108,16 +115,15 @@ class AxisAnswer(Answer):
         return f"may hunt, by about {width} peak to peak"
 
     def __str__(self) -> str:
-        axis = axis_of(self.rig)
-        speed, rest = self._at_speed, self._at_rest
-        lines = [self.rig.name, f"  at speed   {speed}"]
+        axis = self._hunt.axis
+        lines = [self.rig.name, f"  at speed   {self._at_speed}"]
         found = self.tracking
         if found is not None and math.isfinite(found.frequency):
             per = "Hz" if self.rig.scales else "cycles per time unit"
             rate = found.frequency * self.rig.unit("1/time")
             lines.append(f"             beyond it oscillates at {rate:.3g} {per}")
             lines.append(f"             Ki now: {self._integral(axis.ki)}")
-        lines.append(f"  at rest    {rest}")
+        lines.append(f"  at rest    {self._at_rest}")
         lines += [f"             {line}" for line in self._evidence()]
         if self.hunts and math.isfinite(self.gain):
             kp = self.rig.in_units(self.gain, "k", 3)
@@ -131,10 +137,9 @@ class AxisAnswer(Answer):
 
     def _evidence(self) -> list[str]:
         """Reasons, from roots to moves."""
-        axis = axis_of(self.rig)
         if not strengthens(self.rig.interface):
             return ["contacts do not strengthen with rest: no delay, no ageing"]
-        if axis.ki == 0.0:
+        if self._hunt.axis.ki == 0.0:
             return ["without an integral (Ki = 0) nothing pulls it off its place"]
         if not self.slip.length:
             return ["pulled slowly it slides off without a slip"]
@@ -193,11 +198,10 @@ class AxisAnswer(Answer):
         from stickslip.plot.palette import BLUE, GREEN
         from stickslip.simulation import simulate
 
-        hunt = Hunt(self.rig)
+        hunt = self._hunt
         order = sorted(self.moves, key=lambda move: not move.hunts)
         distance = order[0].distance if order else hunt.moves[0]
-        swing = self.slip.length + self.slip.break_away
-        hold = 12.0 * hunting_period(hunt.axis, swing) if hunt.axis.ki else 100.0
+        hold = 12.0 * hunt.period if hunt.axis.ki else 100.0
         go = constant(hunt.speed, distance / hunt.speed)
         drive = go.then(constant(0.0, hold))
         moved = replace(self.rig, drive=drive, method=hunt.method)
@@ -224,15 +228,13 @@ def judge_axis(rig: Rig, *, fast: bool, progress: Progress) -> AxisAnswer:
     roots = tracking(rig) if moving else None
     progress(0.2)
     hunt = Hunt(rig)
-    found = AxisAnswer(rig=rig, tracking=roots, slip=hunt.slip, possible=hunt.possible)
-    return found if fast else complete_axis(found, part(progress, 0.3, 1.0), hunt)
+    found = AxisAnswer(rig=rig, tracking=roots, _hunt=hunt)
+    return found if fast else complete_axis(found, part(progress, 0.3, 1.0))
 
 
-def complete_axis(
-    found: AxisAnswer, progress: Progress, hunt: Hunt | None = None
-) -> AxisAnswer:
+def complete_axis(found: AxisAnswer, progress: Progress) -> AxisAnswer:
     """Return the answer with what the axis does after moves, and what ends hunting."""
-    hunt = hunt or Hunt(found.rig)
+    hunt = found._hunt
     if not hunt.possible:
         return replace(found, complete=True)
     moves = []

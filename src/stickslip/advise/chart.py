@@ -49,11 +49,10 @@ def chart(
     points = whole("map: points", points, at_least=4, at_most=2_000)
     report = progress or (lambda _done: None)
     natural = rig.natural
-    here = {
-        p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0)
-        for p in map(parameter_named, over)
-    }
-    one, other = here
+    parameters = [parameter_named(each) for each in over]
+    here = [
+        number(f"map: {p.name} of the rig", p.get(natural), above=0) for p in parameters
+    ]
     if bistable:
         check_rig(natural, FromRest(), METHOD)
         if rig.interface.ageing is not None and rig.interface.activation is not None:
@@ -63,31 +62,30 @@ def chart(
                 "bistable_range() over the velocity for one value of the other "
                 "parameter"
             )
-        if units := [p.name for p in map(parameter_named, over) if p.rescales]:
+        if units := [p.name for p in parameters if p.rescales]:
             raise InputError(
                 f"map: over = {units[0]}: stick-slip is not followed along a unit of "
                 "the rig; leave out --bistable"
             )
     ends = [
-        (v / around, v * min(around, highest(natural, parameter_named(name))))
-        for name, v in here.items()
+        (v / around, v * min(around, highest(natural, p)))
+        for p, v in zip(parameters, here, strict=True)
     ]
     low, high = (np.geomspace(*each, max(points // 2, 4)) for each in ends)
-    found = stability.stability_map(
-        natural, over=(one, other), values=(low, high), growth=True
-    )
+    found = stability.stability_map(natural, over=over, values=(low, high), growth=True)
     report(0.7)
-    edge = stability.boundary(natural, over=(one, other), between=(ends[0], ends[1]))
+    edge = stability.boundary(natural, over=over, between=(ends[0], ends[1]))
+    one, other = (p.name for p in parameters)
     edges = {name: f"edge_{name}" for name in (one, other, "frequency")}
     found = found.merge(edge.rename(edges), combine_attrs="override")
     if bistable:
         watch = part(report, 0.7, 1.0)
         bands = bistable_region(
-            natural, over=(one, other), edge=edge, between=ends[1], progress=watch
+            natural, over=over, edge=edge, between=ends[1], progress=watch
         )
         found = found.merge(bands, combine_attrs="override")
     report(1.0)
-    for name, value in here.items():
+    for name, value in zip((one, other), here, strict=True):
         found[f"here_{name}"] = ((), value, dict(found[name].attrs))
     modes = stability.count_unstable(natural)
     curves = len(set(edge["curve"].to_numpy().tolist()))

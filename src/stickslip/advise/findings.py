@@ -101,7 +101,7 @@ class Findings:
     #: Of a stable rig, the parameter with the nearest limit among those that are set on
     #: a machine, and its value on the way there from which on the noise of the contacts
     #: makes the force fluctuate by more than 5 % rms, or the velocity by too much for
-    #: linear theory, which tells it; where the force does so now, that is the value
+    #: linear theory, by which it is known; where the force does so now, it is the value
     #: that it has. None where that is within 5 % of the limit.
     noise_limit: tuple[str, float] | None = None
 

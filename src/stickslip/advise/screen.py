@@ -57,7 +57,7 @@ def place(found: Findings | WaveFindings, speed: float) -> float:
 
 
 def strip(found: Findings | WaveFindings, count: int) -> list[str]:
-    """Kinds of motion, as in `MARKS`, in so many cells of the strip of speeds, and
+    """Kinds of motion, as in `MARKS`, in a number of cells of the strip of speeds, and
     "now" between them; nothing where nothing is known.
     """
     if _is_in_time(found):
@@ -65,7 +65,7 @@ def strip(found: Findings | WaveFindings, count: int) -> list[str]:
     if found.theory_note and {band.kind for band in found.bands} <= {"unknown"}:
         return []
     cells = ["unknown" if isinstance(found, Findings) else "stable"] * count
-    # the narrow ones last, so that each is seen
+    # narrow bands last, so that each is seen
     for band in sorted(found.bands, key=lambda band: band.low / band.high):
         kind = "bistable" if band.bistable else band.kind
         places = [place(found, end) for end in band.ends]

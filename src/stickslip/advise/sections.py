@@ -32,16 +32,16 @@ class Section(NamedTuple):
     name: str
     rows: Sequence[str] | Sequence[tuple[str, ...]]
     title: str = ""
-    note: str = ""  #: what stands behind the title in its line
+    note: str = ""  #: behind the title in its line
 
 
 class Motion(NamedTuple):
-    """A motion, and what is said of it."""
+    """A motion, and the words about it."""
 
     kind: str
-    rest: str = ""  #: what follows it in its line
+    rest: str = ""  #: follows it in its line
     more: str = ""  #: a sentence beside it
-    at: str = ""  #: what stands before it in its line
+    at: str = ""  #: stands before it in its line
 
     @property
     def line(self) -> str:
@@ -61,7 +61,7 @@ _ALONG = "along its drive: "
 _BY_THEORY = ", each alone, that make smooth sliding stable (linear stability)"
 _SPELLS = 3  # times of oscillation along a drive that are listed
 _BISTABLE = "from this start, although smooth sliding, once reached, is linearly stable"
-# what is said of a range beside its motion
+# words about a range beside its motion
 _NOTES = {
     "stable": ", starts from rest not judged",
     "unknown": ": linear theory cannot decide, or not within its budget",
@@ -140,19 +140,19 @@ def motion(found: Findings) -> Motion:
             would.append(f"{band.motion} from {low} to {high}")
         with_delay = "with a delay of re-attachment it would be, at this speed, "
         return Motion("cannot be judged", reason, with_delay + ", ".join(would))
-    kind, rest, more = _own_motion(found)
+    here = _own_motion(found)
     speed = quantity(rig, rig.velocity, "velocity")
-    here = Motion(kind, rest, more, f"at {speed}: ")
-    if found.driven is None and len(rig.drive.pieces) > 1:
-        here = here._replace(rest=f"{rest}; if {speed} lasted")
     if found.driven is not None:
-        return _driven(found, f"if {speed} lasted: {kind}{rest}")
+        return _driven(found, f"if {speed} lasted: {here.line}")
+    here = here._replace(at=f"at {speed}: ")
+    if len(rig.drive.pieces) > 1:
+        here = here._replace(rest=f"{here.rest}; if {speed} lasted")
     along = {band.kind: band for band in reversed(found.along_drive)}
     later = next((along[kind] for kind in OSCILLATES if kind in along), None)
     if later is None or found.oscillates:
         return here
     begin = quantity(rig, later.low, "time", 3)
-    return Motion(later.kind, f" from {begin} on; {here.line}", more)
+    return Motion(later.kind, f" from {begin} on; {here.line}", here.more)
 
 
 def _driven(found: Findings, more: str) -> Motion:
@@ -167,21 +167,21 @@ def _driven(found: Findings, more: str) -> Motion:
             when = quantity(rig, worst.worst_time, "time", 3)
             rest = f", but rings down by ±{force} from {when} on"
         return Motion("smooth sliding", rest, more, _ALONG)
-    by_kind = {
-        kind: [each for each in episodes if each.kind == kind] for kind in OSCILLATES
-    }
-    kind, *others = (each for each in OSCILLATES if by_kind[each])
-    worst = max(by_kind[kind], key=lambda each: each.worst)
+    seen = {each.kind for each in episodes}
+    kind, *others = (kind for kind in OSCILLATES if kind in seen)
+    its = [each for each in episodes if each.kind == kind]
+    worst = max(its, key=lambda each: each.worst)
     often = "irregular"
     if math.isfinite(worst.frequency):
         often = engineering(worst.frequency, frequency_unit(rig), 3)
     force = quantity(rig, worst.worst, "force", 3)
     when = quantity(rig, worst.worst_time, "time", 3)
     speed = _speed(rig, worst.worst_velocity)
-    spells = _spells(rig, by_kind[kind])
+    spells = _spells(rig, its)
     rest = f" {spells}, {often}, at worst ±{force} at {when} ({speed})"
     for other in others:
-        rest += f"; {other} {_spells(rig, by_kind[other])}"
+        its = [each for each in episodes if each.kind == other]
+        rest += f"; {other} {_spells(rig, its)}"
     return Motion(kind, rest, more, _ALONG)
 
 
@@ -189,15 +189,15 @@ def _spells(rig: Rig, episodes: Sequence[Episode]) -> str:
     """From when to when episodes last, the first of them."""
     spells = list[str]()
     for each in episodes[:_SPELLS]:
-        begin = quantity(rig, each.begin, "time", 3)
-        spells.append(f"{begin} to {quantity(rig, each.end, 'time', 3)}")
+        begin, end = (quantity(rig, time, "time", 3) for time in (each.begin, each.end))
+        spells.append(f"{begin} to {end}")
     if left := len(episodes) - len(spells):
         spells.append(f"{left} times more")
     return listed(spells)
 
 
-def _own_motion(found: Findings) -> tuple[str, str, str]:
-    """The motion at the rig's own speed, as the first fields of a `Motion`."""
+def _own_motion(found: Findings) -> Motion:
+    """The motion at the rig's own speed."""
     kind = str(found.regime.kind)
     modes = found.unstable_modes
     count = getattr(found.recording.rig.method, "count", None)
@@ -210,19 +210,19 @@ def _own_motion(found: Findings) -> tuple[str, str, str]:
             enough = number(count * (found.noise / SEEN) ** 2, 2)  # its variance: 1/N
             more = f"below {percent(SEEN)} from {enough} contacts on"
         rms = f"{percent(found.noise)} rms, noise of {contacts}"
-        return kind, f"; the force fluctuates by {rms}", more
+        return Motion(kind, f"; the force fluctuates by {rms}", more)
     if kind == "undecided":
         theory = f"; smooth sliding is linearly {'unstable' if modes else 'stable'}"
-        return kind, theory * (modes is not None), found.regime.reason
+        return Motion(kind, theory * (modes is not None), found.regime.reason)
     if kind == "smooth sliding" and modes:
-        return "linearly unstable", ", but smooth in this run", more
+        return Motion("linearly unstable", ", but smooth in this run", more)
     often = ""
     if found.lasting is not None:
         often = "{} in {} of {} runs".format(
             "lasts" if found.oscillates else "an oscillation lasts", *found.lasting
         )
     if kind == "smooth sliding":
-        return kind, "", often * (found.smooth is False)
+        return Motion(kind, "", often * (found.smooth is False))
     rest = f", force ±{quantity(found.rig, found.amplitude, 'force', 3)}"
     rest = f", {_how_often(found)}{rest}" if found.cycles_per_time else rest
     if kind == "sustained oscillation":
@@ -230,9 +230,9 @@ def _own_motion(found: Findings) -> tuple[str, str, str]:
         rest += f" ({part} of static friction)"
     rest += f"; {often}" * bool(often)
     if found.bistable:
-        return kind, f"{rest}; bistable", _BISTABLE
+        return Motion(kind, f"{rest}; bistable", _BISTABLE)
     left = f"no mode grows, but {contacts} leave smooth sliding by their noise"
-    return kind, rest, left if modes == 0 else ""
+    return Motion(kind, rest, left if modes == 0 else "")
 
 
 def _how_often(found: Findings) -> str:
@@ -304,8 +304,6 @@ def sections(found: Findings) -> list[Section]:
     )
     within = f" (runs from rest; limits within {percent(PRECISION)})" * found.complete
     of_changes = ", each alone (8 of 8 runs slide smoothly, even from rest)"
-    changes = [*change_rows(rig, found.mitigations)]
-    head = [("parameter", "now", "", "to", "factor", "and")] if changes else []
     return [
         Section("here", [more] if more else [], "At this speed"),
         Section("speeds", [*speeds(found)], "Speeds", within),
@@ -313,7 +311,7 @@ def sections(found: Findings) -> list[Section]:
         Section("numbers", [*numbers(found)]),
         Section("margins", [*margins(found)], "Margins", of_margins),
         Section("noise", [*noise(found)], "Noise"),
-        Section("mitigations", head + changes, "Mitigations", of_changes),
+        Section("mitigations", _changes(found), "Mitigations", of_changes),
         Section(
             "combined", rewritten(rig, found.combined), "The smallest two together"
         ),
@@ -326,8 +324,15 @@ def sections(found: Findings) -> list[Section]:
     ]
 
 
+def _changes(found: Findings | WaveFindings) -> list[tuple[str, ...]]:
+    """The table of mitigations, with its head."""
+    head = ("parameter", "now", "", "to", "factor", "and")
+    rows = change_rows(found.rig, found.mitigations)
+    return [head, *rows] if found.mitigations else []
+
+
 def _origins(rig: Rig) -> list[Section]:
-    """What of a rig was assumed, and what was fitted."""
+    """Parameters of a rig that were assumed, and those that were fitted."""
     assumed, fitted = (
         [f"{key}: {item}" for key, item in each.items()]
         for each in (rig.assumed, rig.fitted)
@@ -417,8 +422,8 @@ def noise(found: Findings) -> Iterator[str]:
 
 
 def rewritten(rig: Rig, changes: Sequence[Mitigation]) -> list[tuple[str, str, str]]:
-    """What a file has to say anew for changes made together, as people call it, now
-    and then: the parameters first.
+    """Values that a file has to give anew for changes made together, as people call
+    them, now and then: the parameters first.
     """
     names = [each.parameter for each in changes]
     there = rig.with_values(**{each.parameter: each.to for each in changes})
@@ -431,7 +436,7 @@ def rewritten(rig: Rig, changes: Sequence[Mitigation]) -> list[tuple[str, str, s
 
 
 def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
-    """Values that a file gives of parameters, and what others may change with them."""
+    """Values that a file gives of parameters, and of others that change with them."""
     ratio = {}
     if (damping := getattr(rig.slider, "damping_ratio", 0.0)) > 0:
         ratio = {"damping ratio": number(damping, 3)}
@@ -455,7 +460,7 @@ def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
 
 
 def changes_in_words(found: Findings, *changes: Mitigation) -> str:
-    """Changes made together in words, with all that a file has to say anew."""
+    """Changes made together in words, with all values that a file has to give anew."""
     rows = rewritten(found.rig, changes)
     return ", ".join(f"{label} from {now} to {then}" for label, now, then in rows)
 
@@ -463,8 +468,8 @@ def changes_in_words(found: Findings, *changes: Mitigation) -> str:
 def change_rows(
     rig: Rig, changes: Sequence[Mitigation], signs: Signs = ASCII
 ) -> Iterator[tuple[str, ...]]:
-    """Changes, each alone: parameter, from, to, factor, and what else a file has to
-    say anew.
+    """Changes, each alone: parameter, from, to, factor, and other values that a file
+    has to give anew.
     """
     arrow, times, over = signs
     for change in changes:
@@ -472,7 +477,7 @@ def change_rows(
         sign = times if change.to > change.now else over
         size = f"{sign} {number(math.exp(change.size), 2)}" if change.now else ""
         also = ", ".join(f"{label} {value}" for label, _, value in others)
-        if change.noise > SEEN:  # what then is smooth sliding may swing as much
+        if change.noise > SEEN:  # smooth sliding may then fluctuate as much
             noise = f"the force fluctuates by {percent(change.noise)} rms, noise"
             also = f"{also}, {noise}" if also else noise
         yield label, now, arrow, then, size, also
@@ -571,15 +576,13 @@ def sections_of_waves(found: WaveFindings) -> list[Section]:
         waves.append((wave.name, stiffness, rate, _unstable(found, wave.speeds)))
     about = ", the softest first (linear stability)"
     more = motion_of_waves(found).more
-    changes = [*change_rows(rig, found.mitigations)]
-    head = [("parameter", "now", "", "to", "factor", "and")] if changes else []
     return [
         Section("here", [more] if more else [], "At this speed"),
         Section("slips", [*slips(found)], "From rest"),
         Section("speeds", unstable, "Speeds"),
         Section("waves", waves, "By wavelength", about),
         Section("lengths", [*lengths(found)], "Lengths"),
-        Section("mitigations", head + changes, "Changes", _BY_THEORY),
+        Section("mitigations", _changes(found), "Changes", _BY_THEORY),
         Section("attempts", [*attempts(found)], "Tried", ", in doublings"),
         *_origins(rig),
     ]

@@ -139,7 +139,11 @@ class Structure(Record):
         right = np.broadcast_to(
             system.force[:, None].astype(complex), (*points.shape, len(system.A), 1)
         )
-        receptance = -(system.contact @ np.linalg.solve(shifted, right))[..., 0]
+        try:
+            states = np.linalg.solve(shifted, right)
+        except np.linalg.LinAlgError:  # a natural frequency to the last bit
+            return self(points + 1e-15 * np.linalg.norm(system.A))
+        receptance = -(system.contact @ states)[..., 0]
         found = np.full(points.shape, complex(np.inf, 0.0))
         np.divide(1.0, receptance, out=found, where=receptance != 0)
         return found

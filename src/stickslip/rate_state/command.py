@@ -13,6 +13,7 @@ from stickslip.arrays import units_of
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_files
 from stickslip.measure import read_trace
+from stickslip.model import Rig
 from stickslip.model.quantities import read_value
 from stickslip.progress import Progress, bar
 from stickslip.rate_state.equivalent_law import rate_and_state
@@ -109,6 +110,15 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
             found = _fitted(data, given, report)
         content = found.to_dict()
         words = f"{found}\n"
+        if given.plot is not None:
+            from stickslip import plot
+
+            if isinstance(found, RecordFit):
+                picture = plot.steps_and_holds(found)
+            else:
+                length = found.step.length_unit
+                picture = plot.velocity_step(found.step, [found], length=length)
+            plot.save(picture, given.plot)
     else:
         raise InputError("--holds: is for a rig; a measured trace has its own")
     print(
@@ -120,6 +130,59 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
 def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
     """Return the verdict on a rig as numbers and words; an export has words alone."""
     rig = rig_files.read_rig(path)
+    _check(path, rig, given)
+    speed = rig.velocity
+    if given.velocity is not None:
+        speed = _read("--velocity", given.velocity, rig, "m/s", "1 um/s")
+    fit = rate_and_state(
+        rig.natural.interface,
+        speed / rig.unit("x_s/time"),
+        step=read_value("--step", given.step, "1", "10", bare=True),
+        law=given.law,
+    )
+    if not fit.holds:
+        raise InputError(f"{path}: not rate-and-state: {fit.reason}")
+    scaled = fit.in_units(rig)
+    if given.export and given.load and rig.scales:
+        text = export_rate_and_state(
+            scaled,
+            given.export,
+            scales=rig.scales,
+            load=given.load,
+            area=given.area,
+            path=given.output,
+        )
+        return {}, text if given.output is None else f"{given.export}: {given.output}\n"
+    content = scaled.to_dict()
+    words = f"{scaled}\n"
+    if given.load:
+        weight = read_value("--load", given.load, "N", "2 kN")
+        mu, a, b = (
+            value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b)
+        )
+        content["coefficients"] = {"load": weight, "mu": mu, "a": a, "b": b}
+        words += (
+            f"coefficients under {given.load}: mu = {mu:.4g} at this speed, a = "
+            f"{a:.4g}, b = {b:.4g}, a - b = {a - b:.3g}\n"
+        )
+    if given.holds is not None:
+        times = [
+            _read("--holds", one.strip(), rig, "s", "10 s")
+            for one in given.holds.split(",")
+        ]
+        run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
+        healed = healing(run, float(scaled.b))
+        content["holds"] = healed.to_dict()
+        words += f"\n{healed}\n"
+        if given.plot is not None:
+            from stickslip import plot
+
+            plot.save(plot.peaks_after_holds(run, healed.by_rate_and_state), given.plot)
+    return content, words
+
+
+def _check(path: Path, rig: Rig, given: Options) -> None:
+    """Refuse options for a rig without what they need."""
     for option, needed in {
         "plot": "holds",
         "area": "export",
@@ -137,62 +200,15 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
             f"--load {given.load}: {path} is in natural units; a load needs a rig file "
             "in SI units"
         )
-    speed = (
-        rig.velocity
-        if given.velocity is None
-        else read_value("--velocity", given.velocity, "m/s", "1 um/s")
-    )
-    ratio = read_value("--step", given.step, "1", "10", bare=True)
-    fit = rate_and_state(
-        rig.natural.interface,
-        speed / rig.unit("x_s/time"),
-        step=ratio,
-        law=given.law,
-    )
-    if not fit.holds:
-        raise InputError(f"{path}: not rate-and-state: {fit.reason}")
-    scaled = fit.in_units(rig)
-    if given.export and rig.scales:
-        how: dict[str, Any] = {
-            "load": given.load,
-            "area": given.area,
-            "path": given.output,
-        }
-        text = export_rate_and_state(scaled, given.export, scales=rig.scales, **how)
-        return {}, text if given.output is None else f"{given.export}: {given.output}\n"
-    content = scaled.to_dict()
-    words = f"{scaled}\n"
-    if given.load:
-        weight = read_value("--load", given.load, "N", "2 kN")
-        mu, a, b = (
-            value / weight for value in (scaled.kinetic_friction, scaled.a, scaled.b)
-        )
-        content["coefficients"] = {"load": weight, "mu": mu, "a": a, "b": b}
-        words += (
-            f"coefficients under {given.load}: mu = {mu:.4g} at this speed, a = "
-            f"{a:.4g}, b = {b:.4g}, a - b = {a - b:.3g}\n"
-        )
-    if given.holds is not None:
-        unit, example = ("s", "10 s") if rig.scales else ("1", "10")
-        times = [
-            read_value(
-                "--holds",
-                one.strip(),
-                unit,
-                example,
-                bare=not rig.scales,
-            )
-            for one in given.holds.split(",")
-        ]
-        run = slide_hold_slide(rig, velocity=scaled.velocity, holds=times)
-        healed = healing(run, float(scaled.b))
-        content["holds"] = healed.to_dict()
-        words += f"\n{healed}\n"
-        if given.plot is not None:
-            from stickslip import plot
 
-            plot.save(plot.peaks_after_holds(run, healed.by_rate_and_state), given.plot)
-    return content, words
+
+def _read(option: str, text: str, rig: Rig, unit: str, example: str) -> float:
+    """An option with its unit; of a rig in natural units a plain number."""
+    natural = rig.scales is None
+    if natural:
+        unit = "1"
+        example, *_ = example.split()
+    return read_value(option, text, unit, example, bare=natural)
 
 
 def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit:
@@ -204,61 +220,34 @@ def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit
     )
     along = along or units_of(trace.get("measured_velocity"))
     length = along.partition("/")[0] or "m"
-    span = None
+    how: dict[str, Any] = {"law": given.law, "trend": given.trend}
     if given.span is not None:
-        ends = [
+        how["span"] = tuple(
             read_value("--span", end, length, "5 um, 120 um")
             for end in given.span.split(",")
-        ]
-        if len(ends) != 2:
+        )
+        if len(how["span"]) != 2:
             raise InputError(
                 f"--span {shown(given.span)}: must be two displacements, as in '5 um, "
                 "120 um'"
             )
-        span = (ends[0], ends[1])
-    spring = None
     if given.stiffness is not None:
         unit = f"{1 if 'mu' in trace else force}/{length}"
-        spring = read_value("--stiffness", given.stiffness, unit, f"0.006 {unit}")
-    how: dict[str, Any] = {
-        "law": given.law,
-        "stiffness": spring,
-        "span": span,
-        "trend": given.trend,
-    }
+        how["stiffness"] = read_value(
+            "--stiffness", given.stiffness, unit, f"0.006 {unit}"
+        )
     if given.step_at is None:
         if given.from_ or given.to:
             raise InputError("--from, --to: need --step-at, about when the step came")
-        record = fit_record(trace, progress=report, **how)
-        if given.plot is not None:
-            from stickslip import plot
-
-            plot.save(plot.steps_and_holds(record), given.plot)
-        return record
-    speeds = [
-        None
-        if value is None
-        else read_value(option, value, f"{length}/{clock}", "3 um/s")
-        for option, value in (("--from", given.from_), ("--to", given.to))
-    ]
-    at = read_value(
-        "--step-at",
-        given.step_at,
-        clock,
-        "68.7 s",
-        bare=True,
-        above=None,
+        return fit_record(trace, progress=report, **how)
+    how["at"] = read_value(
+        "--step-at", given.step_at, clock, "68.7 s", bare=True, above=None
     )
-    fit = fit_rate_and_state(
-        trace,
-        at=at,
-        before=speeds[0],
-        after=speeds[1],
-        **how,
-    )
-    fit = replace(fit, step=replace(fit.step, length_unit=length))
-    if given.plot is not None:
-        from stickslip import plot
-
-        plot.save(plot.velocity_step(fit.step, [fit], length=length), given.plot)
-    return fit
+    for name, option, text in (
+        ("before", "--from", given.from_),
+        ("after", "--to", given.to),
+    ):
+        if text is not None:
+            how[name] = read_value(option, text, f"{length}/{clock}", "3 um/s")
+    fit = fit_rate_and_state(trace, **how)
+    return replace(fit, step=replace(fit.step, length_unit=length))

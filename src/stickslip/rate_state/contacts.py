@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from stickslip.arrays import Array, ComplexArray
-from stickslip.errors import instance
+from stickslip.errors import InputError, instance, number, numbers
 from stickslip.model import Delay, Interface, Langevin, MasterEquation
 from stickslip.model.records import hashable
 from stickslip.simulation.steps_and_holds import velocity_step
@@ -20,6 +20,7 @@ from stickslip.sliding.response import splined
 # for a step that is fitted: errs by .1 % of its range, laws by several
 ROUGH = MasterEquation(rtol=1e-3)
 _FINEST = 2e-3  # step of the wave numbers, at least: a grid of ten thousand
+_CLOSEST = 3e-4  # and of those that follow a delay: a grid of a hundred thousand
 # of the response, by a spline of fourth order before it knows a middle: an error of
 # 1e-4 with it
 _MISSED = 1.6e-3
@@ -42,12 +43,14 @@ def small_step(
     `stiffness` per contact; a rigid slider an infinite one. A grid of frequencies that
     is not `coarse` gives an error of 1e-4.
     """
-    y, kappa = _answer(hashable(interface), velocity, coarse)
+    instance("small_step: interface", interface, Interface, "an Interface")
+    v = number("small_step: velocity", velocity, above=0, hint="in x_s per time")
+    x = np.atleast_1d(numbers("small_step: slip", slip, above=0))[:, None]
+    y, kappa = _answer(hashable(interface), v, coarse)
     factor = (kappa / (1.0 + kappa / stiffness)).imag / y
     # Below the first frequency the factor is dF/dln v.
     y = np.append(0.0, y)
     factor = np.append(factor[0], factor)
-    x = slip[:, None]
     inner = special.sici(y * x)[0]
     steep = np.diff(factor) / np.diff(y)
     level = factor[:-1] - steep * y[:-1]
@@ -71,6 +74,12 @@ def _answer(
     cv = thresholds.standard_deviation() / mean
     sharp = 2.0 * (math.pi * cv) ** 2 / (1.0 + away) ** 3
     fine = coarse * min(0.1 / max(1.0, away), max(sharp / 4.0, _FINEST))
+    if fine < _CLOSEST:
+        raise InputError(
+            f"velocity = {velocity:.4g}: contacts stay detached over {away:.3g} times "
+            "the distance to a break, too far for the response to a step; give a lower "
+            "velocity or a shorter delay"
+        )
     few = math.ceil(60 / coarse)
     many = math.ceil(250 / coarse)
     # its table has no more

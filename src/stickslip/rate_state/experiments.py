@@ -14,9 +14,9 @@ from scipy.integrate import cumulative_trapezoid
 
 from stickslip.answers import Answer
 from stickslip.arrays import Range, units_of
-from stickslip.errors import InputError, instance, number, whole
+from stickslip.errors import InputError, instance, number, pair, whole
 from stickslip.measure.headings import ratio
-from stickslip.measure.trace import ERRORS, Array
+from stickslip.measure.trace import ERRORS, Array, dataset_of
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.pieces import SteadyPiece, find_pieces
 
@@ -106,13 +106,16 @@ class Record(NamedTuple):
         friction.
         """
         instance("data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
-        name = next((one for one in _FRICTIONS if one in data), None)
+        if "time" in data.coords and data["time"].dtype.kind in "mM":
+            data = dataset_of(data)  # dates become seconds
+        there = [one for one in data if data[one].dims == ("time",)]
+        name = next((one for one in _FRICTIONS if one in there), None)
         if name is None or "time" not in data.coords:
             raise InputError(
                 "data: holds no friction along a time; it must have one of "
                 f"{', '.join(_FRICTIONS)}"
             )
-        along = next((one for one in _PLACES if one in data), None)
+        along = next((one for one in _PLACES if one in there), None)
         rows = pd.DataFrame(
             {one: data[one].values.astype(float) for one in (name, along) if one},
             index=data["time"].values.astype(float),
@@ -123,6 +126,8 @@ class Record(NamedTuple):
                 f"data: {len(rows)} samples; there must be at least {_FEWEST}"
             )
         time = rows.index.to_numpy()
+        if np.any(np.diff(time) < 0):
+            raise InputError("data: its times do not rise; sort it by time")
         names = (along, "time", name)
         length, clock, unit = (units_of(data[one] if one else None) for one in names)
         place = None
@@ -225,7 +230,7 @@ def velocity_step_in(
         Velocities of the load point, in displacement per time of the data; by default
         those of its displacement.
     span : (float, float), optional
-        How much displacement before and after the step, no farther than the next ones;
+        Displacements before and after the step, no farther than the next steps;
         by default all there is after it, and half of what is before, or a tenth of that
         after it without a displacement.
     bins : int
@@ -250,7 +255,16 @@ def velocity_step_in(
     """
     record = Record.of(data)
     whole("bins", bins, at_least=_FEWEST, at_most=100_000)
-    return record.cut(*step_near(record, at, before, after), span, bins)
+    pieces = step_near(record, at, before, after)
+    return record.cut(*pieces, checked_span(span), bins)
+
+
+def checked_span(span: Range | None) -> Range | None:
+    """Displacements before and after a step; None where none are given."""
+    if span is None:
+        return None
+    before, after = pair("span", span, "displacements before and after each step")
+    return number("span[0]", before, at_least=0), number("span[1]", after, above=0)
 
 
 def step_near(
@@ -271,11 +285,10 @@ def step_near(
         hint="time of the step",
     )
     given = [
-        None if value is None else Estimate(number(name, value, above=0, hint=hint))
-        for name, value, hint in (
-            ("before", before, "velocity before the step"),
-            ("after", after, "velocity after the step"),
-        )
+        None
+        if value is None
+        else Estimate(number(name, value, above=0, hint=f"velocity {name} the step"))
+        for name, value in (("before", before), ("after", after))
     ]
     if before is not None and before == after:
         raise InputError(
@@ -368,6 +381,9 @@ def healing(run: xr.Dataset, b: float) -> Healing:
     instance(
         "healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it"
     )
+    if "slip_to_peak" not in run:
+        raise InputError("healing: run: has no holds; give one of slide_hold_slide()")
+    effect = number("b", b, above=0, hint="evolution effect")
     run = run.sortby("hold")
     if np.any(np.diff(run["hold"]) <= 0):
         raise InputError("holds: two are the same; give each once")
@@ -379,7 +395,7 @@ def healing(run: xr.Dataset, b: float) -> Healing:
         per_decade=tuple(
             (np.diff(run["peak"]) / np.diff(np.log10(run["hold"]))).tolist()
         ),
-        by_rate_and_state=b * math.log(10.0),
+        by_rate_and_state=effect * math.log(10.0),
         time_unit=units_of(run["hold"]),
         force_unit=units_of(run["peak"]),
         length_unit=units_of(run["slip_to_peak"]),

@@ -21,7 +21,7 @@ from stickslip.measure.trace import Array, independent
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
 from stickslip.model.distribution import Distribution
 from stickslip.rate_state.contacts import ROUGH, finite_step, small_step
-from stickslip.rate_state.experiments import Record, Step, step_near
+from stickslip.rate_state.experiments import Record, Step, checked_span, step_near
 from stickslip.rate_state.fitting import Estimate, least_squares
 from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.rate_state.pieces import SteadyPiece
@@ -66,8 +66,8 @@ class FittedStep(Answer, ABC):
             for name in ("before", "after", "length_unit", "time_unit", "friction_unit")
         }
 
-    def _words(self, estimates: Mapping[str, tuple[Estimate, str]]) -> str:
-        """Estimates in their units, stiffness, time of the step and residuals."""
+    def _rest_in_words(self) -> str:
+        """Stiffness, time of the step and residuals."""
         spring = "not identified"
         length = self.step.length_unit
         friction = self.step.friction_unit
@@ -75,13 +75,9 @@ class FittedStep(Answer, ABC):
             spring = self.stiffness.words(
                 f"{friction or 1}/{length}" if length else friction
             )
-        values = ", ".join(
-            f"{name} = {value.words(unit)}" for name, (value, unit) in estimates.items()
-        )
-        rms = f"rms {self.rms:.3g} ({100 * self.misfit:.2g} % of the range)"
         return (
-            f"{values}, stiffness {spring}; step at "
-            f"{self.at.words(self.step.time_unit)}; {rms}"
+            f"stiffness {spring}; step at {self.at.words(self.step.time_unit)}; rms "
+            f"{self.rms:.3g} ({100 * self.misfit:.2g} % of the range)"
         )
 
 
@@ -143,10 +139,13 @@ class StepFit(FittedStep):
 
     def __str__(self) -> str:
         moved = f"\n{self.moved}" if self.moved else ""
-        units = dict.fromkeys(self.values, self.step.friction_unit)
-        units["D"] = self.step.length_unit
-        estimates = {name: (one, units[name]) for name, one in self.values.items()}
-        return f"{self.law} law: {self._words(estimates)}{moved}"
+        unit = self.step.friction_unit
+        return (
+            f"{self.law} law: a = {self.a.words(unit)}, b = {self.b.words(unit)}, "
+            f"a - b = {self.a_minus_b.words(unit)}, "
+            f"D = {self.distance.words(self.step.length_unit)}, "
+            f"{self._rest_in_words()}{moved}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -185,29 +184,25 @@ class ContactsFit(FittedStep):
         x = since[since > 0] / x_s
         spring = self.stiffness * x_s / unit
         if self.linear:
-            force = math.log(ratio) * small_step(
-                interface, 1.0, x, stiffness=spring, coarse=3.0
-            )
+            of_ratio = small_step(interface, 1.0, x, stiffness=spring, coarse=3.0)
+            force = math.log(ratio) * of_ratio
         else:
             reach = float(since.max()) / x_s + 1.0
-            force = np.interp(
-                x,
-                *finite_step(
-                    interface, 1.0, ratio, reach, stiffness=spring, method=ROUGH
-                ),
+            run = finite_step(
+                interface, 1.0, ratio, reach, stiffness=spring, method=ROUGH
             )
+            force = np.interp(x, *run)
         found[since > 0] = unit * force
         return found
 
     def __str__(self) -> str:
         cv = self.thresholds.standard_deviation() / self.thresholds.moment(1)
-        length = self.step.length_unit
-        estimates = {
-            "A": (self.width, ""),
-            "c": (self.ageing, ""),
-            "breaking displacement": (self.breaking_displacement, length),
-        }
-        return f"contacts, thresholds with CV {cv:.2g}: {self._words(estimates)}"
+        length = self.breaking_displacement.words(self.step.length_unit)
+        return (
+            f"contacts, thresholds with CV {cv:.2g}: A = {self.width.words()}, "
+            f"c = {self.ageing.words()}, breaking displacement = {length}, "
+            f"{self._rest_in_words()}"
+        )
 
 
 def _fitted(
@@ -221,7 +216,7 @@ def _fitted(
     **how: Any,
 ) -> tuple[AnyFit, Array]:
     """Fit a step of some kind beside a line, and when it came; and the covariance of
-    what was fitted.
+    the fitted values.
 
     Fields of the kind are given, or fitted within their `ranges` from each of `starts`.
     """
@@ -352,23 +347,15 @@ def fit_rate_and_state(
     if isinstance(data, Step):
         return best_law(fit_laws(data, laws, spring, trend=trend))
     record = Record.of(data)
-    early, late = step_near(record, at, before, after)
-    step = record.cut(early, late, span) if span else nearby(record, early, late)
+    span = checked_span(span)
+    step = nearby(record, *step_near(record, at, before, after), span)
     try:
         return best_law(fit_laws(step, laws, spring, trend=trend))
     except UndecidedError as error:
         if step.at_error:  # the displacement shows both velocities
             raise
-        early, late = (
-            one._replace(velocity=other.velocity)
-            for one, other in ((early, late), (late, early))
-        )
-        swapped = fit_laws(
-            record.cut(early, late, span),
-            laws,
-            spring,
-            trend=trend,
-        )
+        other = record.cut(*step_near(record, at, after, before), span)
+        swapped = fit_laws(other, laws, spring, trend=trend)
         if not any(isinstance(one, StepFit) for one in swapped.values()):
             raise
         raise UndecidedError(
@@ -377,11 +364,15 @@ def fit_rate_and_state(
         ) from None
 
 
-def nearby(record: Record, before: SteadyPiece, after: SteadyPiece) -> Step:
-    """Cut out of a step what its state remembers: farther off, friction is hardly a
-    line.
+def nearby(
+    record: Record, before: SteadyPiece, after: SteadyPiece, span: Range | None
+) -> Step:
+    """Cut out a step within a span, or without one as far as its state remembers:
+    farther off, friction is hardly a line.
     """
-    step = record.cut(before, after)
+    step = record.cut(before, after, span)
+    if span:
+        return step
     back = -float(step.displacement[0])
     turns = bounded("parts of a step", HALVINGS)  # each at most half as long
     while True:
@@ -426,7 +417,7 @@ def _rough(step: Step, law: Law) -> Array:
     came: those of a rigid slider behind a lag, by linear least squares on a grid.
     """
     x = step.displacement
-    fine = float(np.median(np.diff(x)))
+    fine = _bin_width(step)
     size = math.log(step.ratio)
     lates = [0.0]
     if not step.at_error:
@@ -456,57 +447,26 @@ def _rough(step: Step, law: Law) -> Array:
     return best[1:]
 
 
-def _fit_law(
-    step: Step,
-    law: Law,
-    stiffness: float | None,
-    *,
-    trend: bool,
-    start: Mapping[str, float] | None = None,
-) -> StepFit:
+def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> StepFit:
+    """Fit a law, to a rigid machine where that does as well, and once more with or
+    without the trend.
+    """
     # means of bins round
     if not np.ptp(step.friction) > 1e-12 * np.abs(step.friction).max():
         raise UndecidedError(
             f"the friction is {step.friction[0]:g} throughout: there is no step in it"
         )
-    alone = start is not None
-    if start is None:
-        a, b, D, lag, late = _rough(step, law)
-        start = {"a": a, "b": b, "distance": D, "stiffness": a / lag, "late": late}
-    a = float(start["a"])
-    reach = float(step.displacement.max())
-    fine = float(np.median(np.diff(step.displacement)))
-    # A rise that takes less than a tenth of a bin cannot be distinguished from a sudden
-    # one, and would take as many more steps of the integrator.
-    ranges = {
-        "a": (1e-3 * a, 1e2 * a),
-        "b": (1e-3 * a, 1e2 * a),
-        "distance": (0.1 * fine, 10.0 * reach),
-    }
-    stiffest = 10.0 * a / fine
-    given: dict[str, Any] = {"law": law}
-    if stiffness is None:
-        ranges["stiffness"] = (1e-3 * a / reach, stiffest)
-    else:
-        given["stiffness"] = Estimate(stiffness, getattr(stiffness, "error", 0.0))
-    if not step.at_error:
-        ranges["late"] = (-step.near, step.near)
-    found, covariance = _fitted(StepFit, step, given, ranges, [start], trend=trend)
-    apart = math.sqrt(
-        max(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1], 0.0)
-    )
-    found = replace(
-        found, a_minus_b=Estimate(found.a - found.b, apart), with_trend=trend
-    )
-    if alone:
-        return found
-    again = partial(_fit_law, step, law, start=vars(found))
+    a, b, D, lag, late = _rough(step, law)
+    start = {"a": a, "b": b, "distance": D, "stiffness": a / lag, "late": late}
+    fit = partial(_fit_from, step, law)
+    found = fit(start, stiffness, trend=trend)
+    start = vars(found)
     if not found.stiffness.error < found.stiffness:
         # A machine as stiff as can be resolved is rigid, where that is within an error,
         # and by how much it lags behind, too.
         with suppress(UndecidedError):
-            limit = Estimate(10.0 * stiffest, math.inf)
-            rigid = again(limit, trend=trend)
+            limit = Estimate(10.0 * _stiffest(step, a), math.inf)
+            rigid = fit(start, limit, trend=trend)
             lag = a * abs(math.log(step.ratio)) / limit
             is_small = float(rigid.b) * lag < rigid.a.error * float(rigid.distance)
             worse = step.friction.size * ((rigid.rms / found.rms) ** 2 - 1.0)
@@ -514,10 +474,53 @@ def _fit_law(
                 found = rigid
                 stiffness = limit
     with suppress(UndecidedError):
-        other = again(stiffness, trend=not trend)
+        other = fit(start, stiffness, trend=not trend)
         a, b = float(other.a), float(other.b)
         return replace(found, other=(a, b, a - b, float(other.distance)))
     return found
+
+
+def _fit_from(
+    step: Step,
+    law: Law,
+    start: Mapping[str, float],
+    stiffness: float | None,
+    *,
+    trend: bool,
+) -> StepFit:
+    """Fit a law from a start, with or without a trend."""
+    a = float(start["a"])
+    reach = float(step.displacement.max())
+    ranges = {
+        "a": (1e-3 * a, 1e2 * a),
+        "b": (1e-3 * a, 1e2 * a),
+        "distance": (0.1 * _bin_width(step), 10.0 * reach),
+    }
+    given: dict[str, Any] = {"law": law, "with_trend": trend}
+    if stiffness is None:
+        ranges["stiffness"] = (1e-3 * a / reach, _stiffest(step, a))
+    else:
+        given["stiffness"] = Estimate(stiffness, getattr(stiffness, "error", 0.0))
+    if not step.at_error:
+        ranges["late"] = (-step.near, step.near)
+    found, covariance = _fitted(StepFit, step, given, ranges, [start], trend=trend)
+    (aa, ab), (_, bb) = covariance[:2, :2].tolist()
+    apart = math.sqrt(max(aa + bb - 2.0 * ab, 0.0))
+    return replace(found, a_minus_b=Estimate(found.a - found.b, apart))
+
+
+def _bin_width(step: Step) -> float:
+    """Displacement from bin to bin."""
+    return float(np.median(np.diff(step.displacement)))
+
+
+def _stiffest(step: Step, a: float) -> float:
+    """Stiffness that is looked for, at most.
+
+    A rise that takes less than a tenth of a bin cannot be distinguished from a sudden
+    one, and would take as many more steps of the integrator.
+    """
+    return 10.0 * a / _bin_width(step)
 
 
 def fit_contacts(
@@ -580,7 +583,7 @@ def fit_contacts(
         step,
         ranges=ranges,
         trend=trend,
-        # no finer than what is fitted
+        # no finer than the data
         tolerance=1e-4 if linear else ROUGH.rtol,
     )
     given = {"thresholds": thresholds, "linear": True}

@@ -58,8 +58,108 @@ class _Line(NamedTuple):
     place: float
     slope: Estimate
 
-    def at(self, time: Array | float) -> Array:
-        return np.asarray(self.place + self.slope * (np.asarray(time) - self.time))
+    def at(self, time: float) -> float:
+        return float(self.place + self.slope * (time - self.time))
+
+
+_Run = list[_Line]  # of one speed
+
+
+class _Points(NamedTuple):
+    """Displacement over time: means of neighbouring readings, and their noise."""
+
+    t: Array
+    x: Array
+    noise: float
+
+    def edges(self) -> list[int]:
+        """Return the begins of the lines that leave least squares, each at a price, and
+        the end of the last one: optimal partitioning, pruned (Killick, Fearnhead and
+        Eckley 2012).
+        """
+        t, x, noise = self
+        # A line that is none takes off so much by chance (chi squared with two
+        # degrees).
+        price = 2.0 * noise**2 * math.log(t.size / CHANCE)
+        least = np.full(t.size + 1, -price)
+        begin = np.zeros(t.size + 1, dtype=int)
+        # Sums over the points from each begin that is tried, about its first one: of
+        # all points, they would lose the digits of a short piece.
+        tried = np.array([0])
+        sums = np.zeros((5, 1))
+        for end in range(1, t.size + 1):
+            u = t[end - 1] - t[tried]
+            w = x[end - 1] - x[tried]
+            sums += [u, w, u * u, u * w, w * w]
+            u1, w1, uu, uw, ww = sums
+            n = end - tried
+            spread = np.maximum(uu - u1 * u1 / n, 1e-300)
+            along = uw - u1 * w1 / n
+            rest = ww - w1 * w1 / n - along**2 / spread
+            rest = np.maximum(rest, 0.0)
+            rest[n < _FEWEST_POINTS] = 0.0
+            costs = least[tried] + rest + price
+            best = int(np.argmin(costs))
+            least[end] = costs[best]
+            begin[end] = tried[best]
+            # What a later end could not take off either is not tried again.
+            kept = costs - price <= least[end]
+            tried = np.append(tried[kept], min(end, t.size - 1))
+            sums = np.append(sums[:, kept], np.zeros((5, 1)), axis=1)
+        edges = [t.size]
+        turns = bounded("edges of pieces", t.size + 1)
+        while next(turns) and edges[-1] > 0:
+            edges.append(int(begin[edges[-1]]))
+        return edges[::-1]
+
+    def line(self, first: int, end: int) -> _Line:
+        """Line through some points."""
+        when = self.t[first:end]
+        where = self.x[first:end]
+        middle = float(when.mean())
+        level = float(where.mean())
+        away = when - middle
+        square = float(away @ away)
+        slope = Estimate(0.0, math.inf)
+        if square > 0.0:
+            rise = float(away @ (where - level)) / square
+            slope = Estimate(rise, self.noise / math.sqrt(square))
+        return _Line(first, end, middle, level, slope)
+
+    def speed(self, run: _Run) -> Estimate:
+        """Slope of one line through all points of a run."""
+        return self.line(run[0].first, run[-1].end).slope
+
+    def alike(self, lines: list[_Line]) -> list[_Run]:
+        """Join neighbours of the same speed, those that differ least first."""
+        runs = [[line] for line in lines]
+        turns = bounded("pieces of one speed", len(runs) + 1)
+        while next(turns) and len(runs) > 1:
+            apart = [_difference(a, b) for a, b in pairwise(map(self.speed, runs))]
+            k = int(np.argmin(apart))
+            if apart[k] >= math.log1p(RESTS):
+                break
+            runs[k : k + 2] = [runs[k] + runs[k + 1]]
+        return runs
+
+    def crossing(self, before: _Line, after: _Line) -> Estimate:
+        """Return the time at which two lines cross, or the middle between them if they
+        cross elsewhere.
+        """
+        t, _, noise = self
+        last = float(t[before.end - 1])
+        first = float(t[after.first])
+        steeper = float(after.slope - before.slope)
+        # Until the lines are that far apart, noise may shift where they part.
+        apart = ERRORS * noise / abs(steeper) if steeper else 0.0
+        beyond = max(first - last, float(t[1] - t[0]) * _FEWEST_POINTS, apart)
+        gap = float(before.at(0.0) - after.at(0.0))
+        crossing = gap / steeper if steeper else math.nan
+        if not last - beyond <= crossing <= first + beyond:
+            return Estimate(0.5 * (last + first), beyond)
+        # The end of a line through n points errs by 2/sqrt(n) of their noise.
+        parts = [4.0 / (line.end - line.first) for line in (before, after)]
+        return Estimate(crossing, noise * math.sqrt(sum(parts)) / abs(steeper))
 
 
 def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
@@ -71,54 +171,42 @@ def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
     are one piece: so much a drive fluctuates by itself.
     """
     size = -(-time.size // _MOST_POINTS)
-    t = _means(time - time[0], size)
+    when = time - time[0]
+    t = _means(when, size)
     x = _means(place - place[0], size)
-    noise = _noise(t, x)
-    lines = [
-        _line(t, x, first, end, noise) for first, end in pairwise(_edges(t, x, noise))
-    ]
+    points = _Points(t, x, _noise(t, x))
+    lines = [points.line(*ends) for ends in pairwise(points.edges())]
     parts = {b.first: 0.5 * (t[a.end - 1] + t[b.first]) for a, b in pairwise(lines)}
-    long = [line for line in lines if line.end - line.first >= _FEWEST_POINTS]
-    runs = _alike(
-        t,
-        x,
-        [[line] for line in long],
-        noise,
-    )
-    crossings = [_crossing(a[-1], b[0], t, noise) for a, b in pairwise(runs)]
+    runs = points.alike([one for one in lines if one.end - one.first >= _FEWEST_POINTS])
+    crossings = [points.crossing(a[-1], b[0]) for a, b in pairwise(runs)]
     for crossing, (a, b) in zip(crossings, pairwise(runs), strict=True):
         if a[-1].end == b[0].first:
             # Noise shifts where the lines part by some points, not where they cross.
             parts[b[0].first] = float(crossing)
-    when = time - time[0]
     which = np.searchsorted([*parts.values()], when)
     values = np.array([(line.place, line.slope, line.time) for line in lines], float)
     level, slope, middle = values[which].T
     clean = place[0] + level + slope * (when - middle)
     # What is alike from reading to reading is no noise: the load point moved so.
     rest = place - clean
-    smooth = clean + memory(rest) * rest
-    if not runs:
-        return [], smooth
     found = list[SteadyPiece]()
     fastest = 0.0
-    for begin, end, run in zip(
-        (Estimate(0.0), *crossings), (*crossings, t[-1]), runs, strict=True
-    ):
-        velocity = _joined(t, x, run, noise).slope
+    ends = [Estimate(0.0), *crossings, Estimate(t[-1])]
+    for (begin, end), run in zip(pairwise(ends), runs, strict=False):
+        velocity = points.speed(run)
         slowest = max(ERRORS * velocity.error, CONSTANT_DRIVE * fastest)
         fastest = abs(velocity)
         if fastest < slowest:
             velocity = Estimate(0.0, velocity.error)
         piece = SteadyPiece(
-            begin=float(time[0]) + float(begin),
-            end=float(time[0]) + float(end),
+            begin=float(time[0] + begin),
+            end=float(time[0] + end),
             velocity=velocity,
-            place=float(place[0] + run[0].at(float(begin))),
+            place=float(place[0] + run[0].at(begin)),
             begin_error=begin.error,
         )
         found.append(piece)
-    return found, smooth
+    return found, clean + memory(rest) * rest
 
 
 def _noise(t: Array, x: Array) -> float:
@@ -150,96 +238,8 @@ def _noise(t: Array, x: Array) -> float:
 def _means(values: Array, size: int) -> Array:
     """Means of groups of neighbours."""
     count = values.size // size
-    return np.asarray(values[: count * size].reshape(count, size).mean(axis=1))
-
-
-def _edges(t: Array, x: Array, noise: float) -> list[int]:
-    """Return the begins of the lines that leave least squares, each at a price, and the
-    end of the last one: optimal partitioning, pruned (Killick, Fearnhead and Eckley
-    2012).
-    """
-    # A line that is none takes off so much by chance (chi squared with two degrees).
-    price = 2.0 * noise**2 * math.log(t.size / CHANCE)
-    least = np.full(t.size + 1, -price)
-    begin = np.zeros(t.size + 1, dtype=int)
-    # Sums over the points from each begin that is tried, about its first one: of all
-    # points, they would lose the digits of a short piece.
-    tried = np.array([0])
-    sums = np.zeros((5, 1))
-    for end in range(1, t.size + 1):
-        u = t[end - 1] - t[tried]
-        w = x[end - 1] - x[tried]
-        sums += [u, w, u * u, u * w, w * w]
-        u1, w1, uu, uw, ww = sums
-        n = end - tried
-        spread = np.maximum(uu - u1 * u1 / n, 1e-300)
-        along = uw - u1 * w1 / n
-        rest = ww - w1 * w1 / n - along**2 / spread
-        rest = np.maximum(rest, 0.0)
-        rest[n < _FEWEST_POINTS] = 0.0
-        costs = least[tried] + rest + price
-        best = int(np.argmin(costs))
-        least[end] = costs[best]
-        begin[end] = tried[best]
-        # What a later end could not take off either is not tried again.
-        kept = costs - price <= least[end]
-        tried = np.append(tried[kept], min(end, t.size - 1))
-        sums = np.append(sums[:, kept], np.zeros((5, 1)), axis=1)
-    edges = [t.size]
-    turns = bounded("edges of pieces", t.size + 1)
-    while next(turns) and edges[-1] > 0:
-        edges.append(int(begin[edges[-1]]))
-    return edges[::-1]
-
-
-def _line(t: Array, x: Array, first: int, end: int, noise: float) -> _Line:
-    when = t[first:end]
-    where = x[first:end]
-    middle = float(when.mean())
-    level = float(where.mean())
-    away = when - middle
-    square = float(away @ away)
-    error = math.inf
-    slope = 0.0
-    if square > 0.0:
-        slope = float(away @ (where - level)) / square
-        error = noise / math.sqrt(square)
-    return _Line(
-        first,
-        end,
-        middle,
-        level,
-        Estimate(slope, error),
-    )
-
-
-def _joined(t: Array, x: Array, run: list[_Line], noise: float) -> _Line:
-    return _line(
-        t,
-        x,
-        run[0].first,
-        run[-1].end,
-        noise,
-    )
-
-
-def _alike(
-    t: Array, x: Array, runs: list[list[_Line]], noise: float
-) -> list[list[_Line]]:
-    """Join neighbours of the same speed, those that differ least first."""
-    turns = bounded("pieces of one speed", len(runs) + 1)
-    while next(turns) and len(runs) > 1:
-        slopes = [_joined(t, x, run, noise).slope for run in runs]
-        apart = [_difference(a, b) for a, b in pairwise(slopes)]
-        k = int(np.argmin(apart))
-        if apart[k] >= math.log1p(RESTS):
-            break
-        runs = [
-            *runs[:k],
-            runs[k] + runs[k + 1],
-            *runs[k + 2 :],
-        ]
-    return runs
+    mean: Array = values[: count * size].reshape(count, size).mean(axis=1)
+    return mean
 
 
 def _difference(one: Estimate, other: Estimate) -> float:
@@ -249,22 +249,3 @@ def _difference(one: Estimate, other: Estimate) -> float:
     if abs(one - other) < ERRORS * math.hypot(one.error, other.error):
         return 0.0
     return abs(math.log(one / other)) if one * other > 0.0 else math.inf
-
-
-def _crossing(before: _Line, after: _Line, t: Array, noise: float) -> Estimate:
-    """Return the time at which two lines cross, or the middle between them if they
-    cross elsewhere.
-    """
-    last = float(t[before.end - 1])
-    first = float(t[after.first])
-    steeper = float(after.slope - before.slope)
-    # Until the lines are that far apart, noise may shift where they part.
-    apart = ERRORS * noise / abs(steeper) if steeper else 0.0
-    beyond = max(first - last, float(t[1] - t[0]) * _FEWEST_POINTS, apart)
-    gap = float(before.at(0.0) - after.at(0.0))
-    crossing = gap / steeper if steeper else math.nan
-    if not last - beyond <= crossing <= first + beyond:
-        return Estimate(0.5 * (last + first), beyond)
-    # The end of a line through n points errs by 2/sqrt(n) of their noise.
-    parts = [4.0 / (line.end - line.first) for line in (before, after)]
-    return Estimate(crossing, noise * math.sqrt(sum(parts)) / abs(steeper))

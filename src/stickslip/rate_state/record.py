@@ -18,7 +18,7 @@ from stickslip.errors import InputError, UndecidedError, number
 from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import RESTS, Array, independent
 from stickslip.progress import Progress, reporting
-from stickslip.rate_state.experiments import Record
+from stickslip.rate_state.experiments import Record, checked_span
 from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.laws import LAWS, Law
 from stickslip.rate_state.measured import StepFit, fit_laws, nearby
@@ -95,37 +95,33 @@ class RecordFit(Answer):
         length, clock, unit = self.record.units
         if self.steps:
             speed = f"{length}/{clock}".strip("/")
-            columns = {
-                ("time", clock): [one.at.words() for one in self.steps],
-                ("from", speed): [f"{one.step.before:.4g}" for one in self.steps],
-                ("to", speed): [f"{one.step.after:.4g}" for one in self.steps],
-            }
-            for name in self.steps[0].values:
-                cells = [one.values[name].words() for one in self.steps]
-                columns[name, length if name == "D" else unit] = cells
+            heads = {"time": clock, "from": speed, "to": speed}
+            heads |= {"a": unit, "b": unit, "a - b": unit, "D": length}
+            rows = list[list[str]]()
+            for one in self.steps:
+                speeds = f"{one.step.before:.4g}", f"{one.step.after:.4g}"
+                values = map(Estimate.words, one.values.values())
+                rows.append([one.at.words(), *speeds, *values])
             if self.mean:
-                ends = [
-                    "mean ± spread",
-                    "",
-                    "",
-                    *map(Estimate.words, self.mean.values()),
-                ]
-                for cells, end in zip(columns.values(), ends, strict=True):
-                    cells.append(end)
-            lines += ["", _table(columns)]
+                means = map(Estimate.words, self.mean.values())
+                rows.append(["mean ± spread", "", "", *means])
+            lines += ["", _table(heads, rows)]
         moved = [(one.at, one.moved) for one in self.steps if one.moved]
         lines += [f"step at {at:.7g}: {how}" for at, how in (*self.refused, *moved)]
         if self.holds:
-            columns = {
-                ("hold at", clock): [f"{one.at:.7g}" for one in self.holds],
-                ("lasts", clock): [f"{one.hold:.4g}" for one in self.holds],
-                ("relaxation", unit): [one.relaxation.words() for one in self.holds],
-                ("peak", unit): [one.peak.words() for one in self.holds],
-                ("slip to peak", length): [
-                    f"{one.slip_to_peak:.3g}" for one in self.holds
-                ],
-            }
-            lines += ["", _table(columns), self._healing_words(unit)]
+            heads = {"hold at": clock, "lasts": clock, "relaxation": unit}
+            heads |= {"peak": unit, "slip to peak": length}
+            rows = [
+                [
+                    f"{one.at:.7g}",
+                    f"{one.hold:.4g}",
+                    one.relaxation.words(),
+                    one.peak.words(),
+                    f"{one.slip_to_peak:.3g}",
+                ]
+                for one in self.holds
+            ]
+            lines += ["", _table(heads, rows), self._healing_words(unit)]
         return "\n".join(lines)
 
     def _healing_words(self, unit: str) -> str:
@@ -191,6 +187,7 @@ def fit_record(
             "velocities (at=, before= and after=; --step-at, --from and --to)"
         )
     spring = stiffness and number("stiffness", stiffness, above=0)
+    span = checked_span(span)
     pieces = record.pieces
     steps = record.steps()
     holds = [
@@ -206,20 +203,19 @@ def fit_record(
             "after=; --step-at, --from and --to)"
         )
     laws = LAWS if law == "best" else (law,)
-    fits: dict[Law, list[StepFit | UndecidedError]] = {one: [] for one in laws}
+    fits = list[dict[Law, StepFit | UndecidedError]]()  # of each step
     with reporting(progress, "fit_record") as report:
         for k, pair in enumerate(steps):
+            report(k / len(steps))
             try:
-                step = record.cut(*pair, span) if span else nearby(record, *pair)
+                step = nearby(record, *pair, span)
             except InputError as error:  # too short a piece
-                for one in laws:
-                    fits[one].append(UndecidedError(str(error)))
-                continue
-            for j, one in enumerate(laws):
-                report((k + j / len(laws)) / len(steps))
-                fits[one] += fit_laws(step, (one,), spring, trend=trend).values()
-    best = min(laws, key=lambda one: _unlikely(fits[one]))
-    identified = tuple(fit for fit in fits[best] if isinstance(fit, StepFit))
+                fits.append(dict.fromkeys(laws, UndecidedError(str(error))))
+            else:
+                fits.append(fit_laws(step, laws, spring, trend=trend))
+    best = min(laws, key=lambda law: _unlikely([each[law] for each in fits]))
+    chosen = [each[best] for each in fits]
+    identified = tuple(fit for fit in chosen if isinstance(fit, StepFit))
     return RecordFit(
         record=record,
         source=str(data.attrs.get("source", "")),
@@ -231,7 +227,7 @@ def fit_record(
                 after.begin,
                 f"{before.velocity:.4g} to {after.velocity:.4g}: {fit}",
             )
-            for (before, after), fit in zip(steps, fits[best], strict=True)
+            for (before, after), fit in zip(steps, chosen, strict=True)
             if not isinstance(fit, StepFit)
         ),
         holds=tuple(holds),
@@ -319,27 +315,18 @@ def _healing(holds: Sequence[Hold]) -> Estimate | None:
         return None
     peaks = [float(one.peak) for one in holds]
     weights = [1.0 / max(one.peak.error, 1e-9 * abs(one.peak)) for one in holds]
-    (slope, _), by_errors = np.polyfit(
-        decades,
-        peaks,
-        1,
-        w=weights,
-        cov="unscaled",
+    by_errors, by_scatter = (
+        np.polyfit(decades, peaks, 1, w=weights, cov=of) for of in ("unscaled", True)
     )
-    _, by_scatter = np.polyfit(
-        decades,
-        peaks,
-        1,
-        w=weights,
-        cov=True,
-    )
-    return Estimate(slope, math.sqrt(max(by_errors[0, 0], by_scatter[0, 0])))
+    (slope, _), _ = by_errors
+    variances = [covariance[0, 0] for _, covariance in (by_errors, by_scatter)]
+    return Estimate(slope, math.sqrt(max(variances)))
 
 
-def _table(columns: dict[tuple[str, str], list[str]]) -> str:
+def _table(heads: dict[str, str], rows: list[list[str]]) -> str:
     """A table of cells under names with their units."""
-    named = {}
-    for (name, unit), cells in columns.items():
-        head = f" {name} ({unit})" if unit else f" {name}"
-        named[head] = [f" {cell}" for cell in cells]
-    return str(pd.DataFrame(named).to_string(index=False))
+    names = [
+        f" {name} ({unit})" if unit else f" {name}" for name, unit in heads.items()
+    ]
+    cells = " " + pd.DataFrame(rows, columns=names)
+    return str(cells.to_string(index=False))

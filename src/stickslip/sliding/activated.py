@@ -37,10 +37,10 @@ from stickslip.sliding.response import (
     ComplexArray,
     MeanLifetimes,
     Parts,
-    Perturbed,
     ResponseScales,
     Unperturbed,
     along_logarithm,
+    perturbed,
     stretched,
 )
 from stickslip.sliding.tabulated import FEW_STEPS, TabulatedResponse
@@ -135,7 +135,8 @@ class ActivatedResponse(TabulatedResponse):
         missing: ComplexArray,
         transforms: ComplexArray,
     ) -> Parts:
-        return Perturbed(*transforms).parts(
+        return perturbed(
+            transforms,
             q,
             missing,
             self.mean_distance(velocity),
@@ -144,7 +145,7 @@ class ActivatedResponse(TabulatedResponse):
         )
 
     def transforms(self, velocity: float, q: ComplexArray) -> ComplexArray:
-        """`Perturbed` of a life, as one array."""
+        """Transforms of a perturbed life, as `perturbed` takes them."""
         # Octaves of the wave number have panels of their own.
         octave = np.ceil(np.log2(np.maximum(np.abs(q), 4.0)))
         octave[(np.abs(q) > self._fastest) & (q.real > -0.1 * np.abs(q))] = math.inf

@@ -248,17 +248,21 @@ def _growth(
     age = strength + np.log(m1 / m2 * (2.0 * m3 / m2 - m2 / m1) / v)[::-1]
     age, strength, whole = _nodes(age, strength, positive.standard_deviation() / m1)
 
-    def growth() -> TabulatedGrowth:
-        return TabulatedGrowth(
-            tuple(np.exp(age).tolist()), tuple(np.exp(whole @ strength).tolist())
-        )
+    def moved(start: Array, step: Array) -> tuple[TabulatedGrowth, Array]:
+        """Growth with strengths a step below a start, and these; a part of the step
+        where that would be too steep.
+        """
+        for _ in range(_HALVINGS):
+            with suppress(InputError):
+                there = start - step
+                strengths = np.exp(whole @ there).tolist()
+                return TabulatedGrowth(ages, tuple(strengths)), there
+            step = 0.5 * step
+        return found, start
 
-    oldest = strength[-1]
-    for _ in range(_HALVINGS):
-        with suppress(InputError):  # growth that is too steep
-            found = growth()
-            break
-        strength = oldest + 0.5 * (strength - oldest)
+    ages = tuple(np.exp(age).tolist())
+    oldest = np.full_like(strength, strength[-1])
+    found, strength = moved(oldest, oldest - strength)
     for _ in range(_MOST_STEPS):
         contacts = Interface(thresholds=thresholds, ageing=found)
         off = np.log(kinetic_friction(contacts, v) / force)
@@ -266,14 +270,7 @@ def _growth(
         step = np.linalg.lstsq(slopes, off * force / error)[0]
         if min(np.abs(off).max(), np.abs(step).max()) <= _EXACT:
             break
-        step = step / max(1.0, np.abs(step).max())
-        strength = strength - step
-        for _ in range(_HALVINGS):
-            with suppress(InputError):
-                found = growth()
-                break
-            step = 0.5 * step
-            strength = strength + step
+        found, strength = moved(strength, step / max(1.0, np.abs(step).max()))
     worst = np.abs(off) - 4.0 * error / force
     at = int(np.argmax(worst))
     if worst[at] > _CLOSE:
@@ -343,7 +340,7 @@ def delay_of(
     """Contacts with a delay that give a curve within its errors, if some do, and their
     strength.
     """
-    from scipy.optimize import minimize_scalar
+    from scipy.optimize import minimize_scalar, nnls
 
     v, force, error = np.array([measured.velocities, measured.forces, measured.errors])
     error = np.maximum(error, _SMALLEST * force)
@@ -352,11 +349,8 @@ def delay_of(
         """Force of detached contacts and what slow friction has above it; residual."""
         shape = 1.0 / (1.0 + v / np.exp(log_half))
         columns = np.stack([np.ones_like(v), shape], axis=1) / error[:, None]
-        both = np.asarray(np.linalg.lstsq(columns, force / error)[0], dtype=float)
-        if both[0] < 0.0:
-            only = columns[:, 1]
-            both = np.array([0.0, only @ (force / error) / (only @ only)])
-        return both, np.asarray(columns @ both - force / error)
+        both, _ = nnls(columns, force / error)
+        return both, columns @ both - force / error
 
     def misfit(log_half: float) -> float:
         return float(np.sum(parts(log_half)[1] ** 2))

@@ -28,9 +28,9 @@ from stickslip.sliding.response import (
     Array,
     ComplexArray,
     Fluctuations,
-    Perturbed,
     Response,
     ResponseScales,
+    perturbed,
     stretched,
 )
 
@@ -61,20 +61,10 @@ class AgedResponse(Response):
         (life, work, less, lost), (rest, done) = _life(u, *self._shape, points)
         missing = np.asarray(self.delay.absence(points * self._square))
         away = self.delay.moment(1) * self._square
-        answer = Perturbed(rest - life, work, -less, -lost)
-        found = answer.parts(points, missing, rest, away, force=0.0).kappa
-        noise = stretched(
-            points,
-            rest - life,
-            work / u,
-            rest,
-            done / u,
-        ).noise(
-            points,
-            missing,
-            away,
-            force=0.0,
-        )
+        transforms = rest - life, work, -less, -lost
+        found = perturbed(transforms, points, missing, rest, away, force=0.0).kappa
+        free = stretched(points, rest - life, work / u, rest, done / u)
+        noise = free.noise(points, missing, away, force=0.0)
         noise *= (u * self.constants.mean) ** 2 / self._square
         # A fast perturbation finds the attached contacts as springs, but for those next
         # to their thresholds, which diffuse: kappa falls short by C/sqrt(p) + D/p, with

@@ -86,12 +86,8 @@ def kinetic_friction(
         if slowly
         else "; with ageing, a temperature or an infinite delay there is no slow limit"
     )
-    speed = numbers(
-        "velocity",
-        velocity,
-        hint=hint,
-        **{"at_least" if slowly else "above": 0.0},
-    )
+    least, above = (0.0, None) if slowly else (None, 0.0)
+    speed = numbers("velocity", velocity, at_least=least, above=above, hint=hint)
     return at_each(sliding.force, speed)
 
 

@@ -7,7 +7,7 @@ what holds the slider: with a rig the response makes the modes of `stickslip.sta
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
@@ -146,11 +146,17 @@ class Response(ABC):
         speed, points = np.broadcast_arrays(
             np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
         )
-        found = np.zeros(points.shape, dtype=complex)
-        for v in np.unique(speed):
+        found = np.zeros((2, *points.shape), dtype=complex)
+        found[1] = not self.origin
+        for v in np.unique(speed).tolist():
             here = (speed == v) & (points != 0)
-            found[here] = self.kappa(float(v), points[here])
-        return Parts(found, np.ones_like(found))
+            found[:, here] = self.parts_at(v, points[here])
+        return Parts(*found)
+
+    def parts_at(self, velocity: float, s: ComplexArray) -> Parts:
+        """`parts` at one speed and `s` that are not 0."""
+        kappa = self.kappa(velocity, s)
+        return Parts(kappa, np.ones_like(kappa))
 
     def discs(self, velocity: float, top: float) -> tuple[Array, ComplexArray] | None:
         """Frequencies up to `top` and far beyond, and centres of discs through 0
@@ -334,34 +340,26 @@ def stretched(
     )
 
 
-class Perturbed(NamedTuple):
-    """Transforms of a life under a perturbation ``exp(q x)`` of what moves by ``x``.
+def perturbed(
+    transforms: Iterable[ComplexArray],
+    q: ComplexArray,
+    missing: ComplexArray,
+    rest: float,
+    away: float,
+    force: float,
+) -> Parts:
+    """Parts of kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest` and
+    the mean delay `away`, in ``x``.
 
-    What the survival loses, ``M_0 - S^``; ``W``, the transform of ``x`` times it; and
-    what the perturbation breaks, ``L`` and, with the stretching, ``Y``; see
+    Transforms of a life under a perturbation ``exp(q x)`` of what moves by ``x``: what
+    the survival loses, ``M_0 - S^``; ``W``, the transform of ``x`` times it; and what
+    the perturbation breaks, ``L`` and, with the stretching, ``Y``; see
     `stickslip.sliding.activated`.
     """
-
-    lost: ComplexArray
-    work: ComplexArray
-    breaks: ComplexArray
-    yields: ComplexArray
-
-    def parts(
-        self,
-        q: ComplexArray,
-        missing: ComplexArray,
-        rest: float,
-        away: float,
-        force: float,
-    ) -> Parts:
-        """Parts of kappa at ``q != 0``: ``1 - E`` is `missing`, the mean life `rest`
-        and the mean delay `away`, in ``x``.
-        """
-        lost, work, breaks, yields = self
-        back = 1.0 - missing
-        held = rest - lost
-        denominator = missing + back * q * held
-        given_up = (lost - yields + force * breaks) * denominator
-        taken_up = q * back * breaks * (work - force * held)
-        return Parts((given_up + taken_up) / (rest + away), denominator)
+    lost, work, breaks, yields = transforms
+    back = 1.0 - missing
+    held = rest - lost
+    denominator = missing + back * q * held
+    given_up = (lost - yields + force * breaks) * denominator
+    taken_up = q * back * breaks * (work - force * held)
+    return Parts((given_up + taken_up) / (rest + away), denominator)

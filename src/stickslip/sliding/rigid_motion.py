@@ -27,8 +27,8 @@ _MOST_WORK = 5e7  # nodes of the start times positions: some ten seconds
 
 
 def check_renewal(interface: Interface, who: str) -> None:
-    """Raise `InputError` for what the renewal equation cannot take: ageing, and
-    thresholds without a density.
+    """Raise `InputError` for ageing and for thresholds without a density, which the
+    renewal equation cannot take.
     """
     instance(f"{who}: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force", "newborn"), who)

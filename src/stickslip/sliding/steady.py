@@ -80,63 +80,58 @@ def _kind(interface: Interface) -> Sliding:
     """
     who = "smooth sliding"
     ageing = interface.ageing
-    if interface.areas is None and ageing is None and interface.activation is None:
-        laws = _by_lifetimes(interface, unaged.mean_lives)
+    if interface.areas is not None:
+        from stickslip.sliding import activated, drawn
+
+        return Sliding(
+            f"{who} of areas",
+            ("areas", "activation", "sliding_force"),
+            *_by_lifetimes(interface, activated.mean_lives_of_areas),
+            lambda: drawn.response_of_areas(interface),
+        )
+    if ageing is None and interface.activation is None:
         return Sliding(
             who,
             ("sliding_force", "newborn"),
-            *laws,
+            *_by_lifetimes(interface, unaged.mean_lives),
             lambda: unaged.response(interface),
         )
-    if interface.areas is None and isinstance(ageing, Langevin):
+    if isinstance(ageing, Langevin):
         from stickslip.sliding import langevin
 
-        who = f"{who} of thresholds that age by Langevin"
-        laws = _by_force(lambda v: langevin.force(interface, v))
         return Sliding(
-            who,
+            f"{who} of thresholds that age by Langevin",
             ("ageing", "activation"),
-            *laws,
+            *_by_force(lambda v: langevin.force(interface, v)),
             lambda: langevin.response(interface),
         )
-    if (
-        interface.areas is None
-        and ageing is not None
-        and not isinstance(ageing, FixedGrowth)
-    ):
+    if ageing is not None and not isinstance(ageing, FixedGrowth):
         own = ageing
         contacts = (interface.threshold_distribution, interface.delay)
-        laws = _by_force(
-            lambda velocity: np.array(
-                [own.friction(*contacts, v) for v in velocity.tolist()]
-            )
-        )
-        who = f"{who} of thresholds that age by a rule of your own"
-        return Sliding(who, ("ageing",), *laws, lambda: own.response(*contacts))
-    from stickslip.sliding import activated, drawn
 
-    if interface.areas is not None:
-        takes = ("areas", "activation", "sliding_force")
-        laws = _by_lifetimes(interface, activated.mean_lives_of_areas)
+        def force(velocity: Array) -> Array:
+            return np.array([own.friction(*contacts, v) for v in velocity.tolist()])
+
         return Sliding(
-            f"{who} of areas",
-            takes,
-            *laws,
-            lambda: drawn.response_of_areas(interface),
+            f"{who} of thresholds that age by a rule of your own",
+            ("ageing",),
+            *_by_force(force),
+            lambda: own.response(*contacts),
         )
-    who += (
-        " of thresholds that grow"
-        if interface.activation is None
-        else " with temperature"
+    from stickslip.sliding import activated
+
+    heated = interface.activation is not None
+    return Sliding(
+        f"{who} {'with temperature' if heated else 'of thresholds that grow'}",
+        ("ageing", "activation", "sliding_force"),
+        *_by_lifetimes(interface, activated.mean_lives),
+        lambda: activated.ActivatedResponse(interface),
     )
-    takes = ("ageing", "activation", "sliding_force")
-    laws = _by_lifetimes(interface, activated.mean_lives)
-    return Sliding(who, takes, *laws, lambda: activated.ActivatedResponse(interface))
 
 
 def sliding_of(interface: Interface, who: str = "") -> Sliding:
-    """Return what is known of steady sliding of an interface; raises `InputError` if
-    nothing is.
+    """Return force, slope and response of an interface in steady sliding; raises
+    `InputError` if they are not known.
     """
     instance(f"{who}interface", interface, Interface, "an Interface")
     found = _kind(interface)

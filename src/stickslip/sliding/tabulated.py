@@ -87,18 +87,10 @@ class TabulatedResponse(Response):
         found = self._tabulated(velocity, omega)
         return self._fluctuations(velocity, 1j * omega, found)
 
-    def parts(self, velocity: float | Array, s: ComplexArray) -> Parts:
+    def parts_at(self, velocity: float, s: ComplexArray) -> Parts:
         if self.inert:
-            return super().parts(velocity, s)
-        speed, points = np.broadcast_arrays(
-            np.asarray(velocity, dtype=float), np.asarray(s, dtype=complex)
-        )
-        found = np.zeros((2, *points.shape), dtype=complex)
-        for v in np.unique(speed).tolist():
-            here = (speed == v) & (points != 0)
-            some = points[here]
-            found[:, here] = self._parts(v, some, self.transforms(v, some / v))
-        return Parts(*found)
+            return super().parts_at(velocity, s)
+        return self._parts(velocity, s, self.transforms(velocity, s / velocity))
 
     def sampled(self, velocity: float, top: float) -> tuple[Array, Parts]:
         del top  # known to where it turns no more

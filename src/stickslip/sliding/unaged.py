@@ -303,7 +303,7 @@ def axis_table(
     )
     if count == _FEWEST:
         return y, *transforms(distribution, 1j * y)
-    # a table that is made longer keeps what it holds
+    # a longer table keeps the values of a shorter one
     known = axis_table(distribution, step, count // 2)
     new = 1j * y[known[0].size :]
     # where nothing is left of P^ in half of a table, nothing is beyond it
@@ -346,16 +346,11 @@ def _series(distribution: Distribution) -> tuple[float, Array, Array]:
     signs = (-1.0) ** n
     first = signs * moments[1:20] / factorial[1:20]
     second = signs * moments[2:21] / (factorial[:19] * (n + 2))
-    best = 0.0
-    terms = 2
     with np.errstate(all="ignore"):
-        for count in range(3, 19):
-            ratio = max(abs(first[count] / first[0]), abs(second[count] / second[0]))
-            radius = (
-                float((1e-15 / ratio) ** (1.0 / count)) if math.isfinite(ratio) else 0.0
-            )
-            if radius > best:
-                best = radius
-                terms = count
+        ratio = np.maximum(np.abs(first / first[0]), np.abs(second / second[0]))
+        radius = (1e-15 / ratio[3:]) ** (1.0 / n[3:])
+    radius[~np.isfinite(radius)] = 0.0
+    terms = 3 + int(np.argmax(radius))
     # A tenth of the width of the distribution: beyond it the closed form loses nothing.
-    return min(best, 0.5 / moments[1]), first[:terms], second[:terms]
+    best = min(float(radius.max()), 0.5 / moments[1])
+    return best, first[:terms], second[:terms]

@@ -16,7 +16,7 @@ import numpy as np
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.errors import UndecidedError, instance
+from stickslip.errors import UndecidedError, instance, number
 from stickslip.loops import bounded
 from stickslip.model.parameters import Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
@@ -301,7 +301,11 @@ class LinePoint(NamedTuple):
 
     value: float
     neutral: Neutral
-    unstable: int
+
+    @property
+    def unstable(self) -> int:
+        """Number of growing modes."""
+        return self.neutral.unstable()
 
 
 def search(
@@ -317,8 +321,7 @@ def search(
     """Crossings from `low` to `high`, on `density` points a decade; with `first`, up to
     the first edge of stability.
 
-    With `edges_only`, what happens where smooth sliding is unstable on both sides is
-    not looked into.
+    With `edges_only`, ranges with instability on both sides are not looked into.
     """
     count = 1 + max(density - 4, math.ceil(density * math.log10(high / low)))
     values = np.geomspace(low, high, count).tolist()
@@ -335,7 +338,7 @@ def search(
             begin=len(points) - len(ahead),
             edges_only=edges_only,
         )
-        # what is found first, from a stable point on, is an edge
+        # the first crossing after a stable point is an edge
         if first and (points[0].unstable > 0 or found):
             break
     return Crossings(
@@ -383,20 +386,16 @@ class Line(NamedTuple):
         found: list[Neutral] = []
         for interface, group in groupby(there, key=lambda here: here.interface):
             response = respond(interface)
-            rigs = [
-                SmoothSliding(response, impedance(here.slider), here.velocity)
-                for here in group
-            ]
+            rigs = []
+            for here in group:
+                speed = number("velocity", here.velocity, above=0)
+                rigs.append(SmoothSliding(response, impedance(here.slider), speed))
             found += neutral_frequencies(rigs, softest=softest)
         return found
 
     def look(self, values: Sequence[float]) -> list[LinePoint]:
         """Points at values."""
-        along = self.neutral(values)
-        return [
-            LinePoint(value, neutral, neutral.unstable())
-            for value, neutral in zip(values, along, strict=True)
-        ]
+        return [*map(LinePoint, values, self.neutral(values))]
 
     def finer(self, left: LinePoint, right: LinePoint, cuts: Array) -> list[LinePoint]:
         """Two points, and those at some parts of the way between them."""
@@ -436,10 +435,10 @@ class Line(NamedTuple):
         """Crossings between two points, by quartering until a part holds one branch
         that changes sign.
         """
+        below = left.unstable
+        above = right.unstable
 
         def crossing(value: float, frequency: float) -> list[Crossing]:
-            below = left.unstable
-            above = right.unstable
             return [
                 Crossing(
                     value=value,
@@ -450,38 +449,27 @@ class Line(NamedTuple):
             ]
 
         changing = [
-            branch
-            for branch in _matched(left, right)
-            if (branch[1] > 0) != (branch[3] > 0)
+            (w, e, u, f) for w, e, u, f in _matched(left, right) if (e > 0) != (f > 0)
         ]
-        if left.unstable == right.unstable and not changing:
+        if below == above and not changing:
             return []
         width = math.log(right.value / left.value)
         cuts = _EIGHTHS[1::2]
-        slack = self.slack
-        if abs(left.unstable - right.unstable) == 2 and len(changing) <= 1:
+        if abs(below - above) == 2 and len(changing) <= 1:
             starts = [(e / (e - f), w, u) for w, e, u, f in changing]
             if width < 1e-3:
-                starts += [
-                    (0.5, w, w)
-                    for side in (left, right)
-                    for w in _nearest(side.neutral)[:4]
-                ]
+                near = _nearest(left.neutral)[:4] + _nearest(right.neutral)[:4]
+                starts += [(0.5, w, w) for w in near]
+            more = 1 + self.slack
             for t, w, u in starts:
                 log_omega = (1 - t) * math.log(w) + t * math.log(u)
                 at = self.polish(math.log(left.value) + t * width, log_omega, 2 * width)
-                if (
-                    at
-                    and left.value <= at[0] * (1 + slack)
-                    and at[0] <= right.value * (1 + slack)
-                ):
+                if at and left.value / more <= at[0] <= right.value * more:
                     return crossing(*at)
         if width <= 1e-12:
-            return (
-                []
-                if left.unstable == right.unstable
-                else crossing(left.value, _nearest(left.neutral)[0])
-            )
+            if below == above:
+                return []
+            return crossing(left.value, _nearest(left.neutral)[0])
         # nothing to polish: close in on where it is to change
         if len(changing) == 1 and math.isinf(changing[0][0]):
             _, e, _, f = changing[0]
@@ -495,6 +483,13 @@ class Line(NamedTuple):
             for pair in pairwise(self.finer(left, right, cuts))
             for found in self.between(*pair)
         ]
+
+    def _total(self, log_value: float, log_omega: Array) -> ComplexArray:
+        """``Z + kappa`` on the axis at a value."""
+        rig = self.parameter.set(self.rig, math.exp(log_value))
+        s = 1j * np.exp(log_omega)
+        kappa = respond(rig.interface).stiffness(rig.velocity, s)
+        return impedance(rig.slider)(s) + kappa
 
     def polish(
         self,
@@ -514,17 +509,10 @@ class Line(NamedTuple):
         # where a difference of logarithms is least in error
         d = 1e-6 if response.certain else 1e-4
         for _ in range(12):
-            here = self.parameter.set(self.rig, math.exp(x))
-            s = np.array([1j * math.exp(y)])
-            along = _total(here, s * np.exp([d, -d]))
-            across = np.concatenate(
-                [
-                    _total(self.parameter.set(self.rig, math.exp(x + e)), s)
-                    for e in (d, -d)
-                ]
-            )
-            f = complex(_total(here, s)[0])
-            fx, fy = (complex(a[0] - a[1]) / (2 * d) for a in (across, along))
+            f, after, before = self._total(x, y + np.array([0.0, d, -d])).tolist()
+            (right,), (left,) = (self._total(x + e, np.array([y])) for e in (d, -d))
+            fx = complex(right - left) / (2 * d)
+            fy = (after - before) / (2 * d)
             det = (fx.conjugate() * fy).imag
             if det == 0 or not math.isfinite(det):
                 return None
@@ -539,11 +527,6 @@ class Line(NamedTuple):
                 return math.exp(x), math.exp(y)
             last = step
         return None
-
-
-def _total(rig: Rig, s: ComplexArray) -> ComplexArray:
-    """``Z + kappa`` on the axis."""
-    return impedance(rig.slider)(s) + respond(rig.interface).stiffness(rig.velocity, s)
 
 
 def _nearest(neutral: Neutral) -> list[float]:

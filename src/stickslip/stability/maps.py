@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import is_dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, Labelled, labelled
 from stickslip.errors import (
     InputError,
     UndecidedError,
@@ -93,15 +93,12 @@ def boundary(
     points = np.concatenate([np.empty((0, 3)), *curves]).T
     which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
     columns = {
-        p.name: ("point", points[k], p.unit, p.name) for k, p in enumerate(parameters)
+        p.name: labelled(p.name, "point", points[k], p.unit)
+        for k, p in enumerate(parameters)
     }
-    columns["frequency"] = (
-        "point",
-        points[2],
-        "1/time",
-        "angular frequency of the neutral mode",
-    )
-    columns["curve"] = "point", which, "1", "number of the curve"
+    title = "angular frequency of the neutral mode"
+    columns["frequency"] = labelled(title, "point", points[2], "1/time")
+    columns["curve"] = labelled("number of the curve", "point", which, "1")
     return rig.in_its_units(
         grid.dataset("boundary", columns, within=[list(ends) for ends in window])
     )
@@ -169,20 +166,20 @@ def stability_map(
         [[neutral.unstable() for neutral in row] for row in grid.neutral()],
         dtype=np.int64,
     )
-    names = tuple(parameter.name for parameter in parameters)
-    columns: dict[str, Any] = {
-        p.name: (p.name, grids[k], p.unit, p.name) for k, p in enumerate(parameters)
+    columns = {
+        p.name: labelled(p.name, p.name, grids[k], p.unit)
+        for k, p in enumerate(parameters)
     }
-    columns["unstable_modes"] = names, counts, "1", "growing modes of smooth sliding"
+    names = tuple(columns)
+    title = "growing modes of smooth sliding"
+    columns["unstable_modes"] = labelled(title, names, counts, "1")
     if growth:
         fastest = grid.fastest(counts)
-        columns["growth_rate"] = (
-            names,
-            fastest.real,
-            "1/time",
-            "growth rate of the fastest mode",
-        )
-        columns["frequency"] = names, fastest.imag, "1/time", "its angular frequency"
+        for name, title, value in (
+            ("growth_rate", "growth rate of the fastest mode", fastest.real),
+            ("frequency", "its angular frequency", fastest.imag),
+        ):
+            columns[name] = labelled(title, names, value, "1/time")
     plain = [each.tolist() for each in grids]
     return rig.in_its_units(
         grid.dataset("stability_map", columns, values=plain, growth=growth)
@@ -221,19 +218,17 @@ class _MapGrid(NamedTuple):
         """Neutral frequencies at each point, by the first parameter and then by the
         second.
         """
-        free = next(
-            (k for k in range(2) if _is_free(self.parameters[k], self.rig)), None
-        )
         # the spring is another in units that change
-        if any(parameter.rescales for parameter in self.parameters):
-            free = None
+        rescaled = any(parameter.rescales for parameter in self.parameters)
+        frees = [not rescaled and _is_free(each, self.rig) for each in self.parameters]
+        free = frees.index(True) if any(frees) else None
         # Along the velocity, points share a response.
         outer = free if free is not None else int(self.parameters[0] is VELOCITY)
         rows = self.values[outer].tolist()
         line = self.values[1 - outer].tolist()
         if free is None:
             found = [self.line(1 - outer, value).neutral(line) for value in rows]
-        else:  # what a softer spring lacks, a stiffer one lacks by so much less
+        else:  # a stiffer spring lacks less by its difference
             softest = min(rows)
             known = self.line(1 - outer, softest).neutral(line, softest=softest)
             found = [
@@ -300,17 +295,13 @@ class _MapGrid(NamedTuple):
         ):
             # Each point of the contour lies half way between a stable and an unstable
             # point of the grid.
-            sides = [(i, j) for j, i in np.asarray(line).tolist()]
-            crossed.update(
-                {
-                    side: self.on_side(points, *side)
-                    for side in sides
-                    if side not in crossed
-                }
-            )
-            if found := [
-                point for side in sides if (point := crossed[side]) is not None
-            ]:
+            found = []
+            for j, i in np.asarray(line).tolist():
+                if (i, j) not in crossed:
+                    crossed[i, j] = self.on_side(points, i, j)
+                if (point := crossed[i, j]) is not None:
+                    found.append(point)
+            if found:
                 curves.append(np.array(found))
         return curves
 
@@ -326,38 +317,28 @@ class _MapGrid(NamedTuple):
         ends = (math.floor(i), math.floor(j)), (math.ceil(i), math.ceil(j))
         k = 0 if ends[1][0] > ends[0][0] else 1
         other = float(self.values[1 - k][ends[0][1 - k]])
-        line = self.line(k, other)
-        sides = [
-            (float(self.values[k][end[k]]), points[end[0]][end[1]]) for end in ends
-        ]
-        for crossing in line.between(
-            *(LinePoint(value, neutral, neutral.unstable()) for value, neutral in sides)
-        ):
+        left, right = (
+            LinePoint(float(self.values[k][end[k]]), points[end[0]][end[1]])
+            for end in ends
+        )
+        for crossing in self.line(k, other).between(left, right):
             if crossing.loses_stability or crossing.regains_stability:
                 place = (crossing.value, other) if k == 0 else (other, crossing.value)
                 return *place, crossing.frequency
         return None
 
     def dataset(
-        self, call: str, columns: dict[str, tuple[Any, Any, str, str]], **more: object
+        self, call: str, columns: dict[str, Labelled], **more: object
     ) -> xr.Dataset:
-        """Columns by name: dimensions, values, unit and title; with what made them,
-        where a function is but named.
-        """
+        """Columns with what made them; a slider that is a function is but named."""
         import xarray as xr
 
         rig = self.rig
-        over = [parameter.name for parameter in self.parameters]
-        slider = rig.slider if is_dataclass(rig.slider) else repr(rig.slider)
         made = {
             "interface": rig.interface,
-            "slider": slider,
+            "slider": rig.slider if is_dataclass(rig.slider) else repr(rig.slider),
             "drive": rig.drive,
-            "over": over,
+            "over": [parameter.name for parameter in self.parameters],
             **more,
         }
-        data = {
-            name: (dims, values, {"units": unit, "long_name": title})
-            for name, (dims, values, unit, title) in columns.items()
-        }
-        return xr.Dataset(data, attrs={"provenance": store.provenance(call, made)})
+        return xr.Dataset(columns, attrs={"provenance": store.provenance(call, made)})

@@ -156,7 +156,7 @@ class ContactNoise(Answer):
             If the fraction is not above 0, or `of` is neither.
         """
         relative = {"force": self.relative_force, "velocity": self.relative_velocity}
-        if of not in relative:
+        if of not in list(relative):
             raise InputError(
                 f"contacts_for: of = {of!r}: must be 'force' or 'velocity'"
             )

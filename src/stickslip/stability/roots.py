@@ -241,10 +241,10 @@ def _polished(sliding: SmoothSliding, starts: ComplexArray) -> ComplexArray:
                 ~finished & np.isfinite(s[active]) & (s[active].real > furthest)
             ]
         settled |= last < 1e-11 * (np.abs(s) + longest)
-        # where kappa is one rounding over another
+        s = s[settled & np.isfinite(s) & (s.real > limit)]
+        # else kappa is one rounding over another
         known = sliding.response.parts(sliding.velocity, s).denominator
-        settled &= np.abs(known) > sliding.response.accuracy
-    return _distinct(s[settled & np.isfinite(s) & (s.real > limit)], cycle)
+        return _distinct(s[np.abs(known) > sliding.response.accuracy], cycle)
 
 
 def _distinct(s: ComplexArray, cycle: float) -> ComplexArray:

@@ -1,4 +1,4 @@
-"""Contacts as an element: drawn as those of a run, and what they draw thereafter."""
+"""Contacts as an element: drawn as those of a run, with their later draws."""
 
 import math
 from collections.abc import Callable
@@ -40,7 +40,7 @@ def element_of(beginning: Beginning, method: Contacts) -> kernel.ElementState:
 
 @lru_cache(maxsize=32)
 def draws_of(interface: Interface) -> kernel.Draws:
-    """Return what contacts of an interface draw."""
+    """Return the distributions from which contacts of an interface draw."""
     thresholds = interface.threshold_distribution
     delay = interface.delay
     newborn = interface.newborn

@@ -1,14 +1,20 @@
 """The interface as an element of another simulator."""
 
+from __future__ import annotations
+
 import hashlib
 import math
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stickslip.errors import LARGEST, InputError, instance, number, refused
 from stickslip.model import Contacts, FromRest, Interface, Rig
 from stickslip.model.methods import DRAWN, Method
 from stickslip.simulation.engines.base import Beginning, engine_of
+
+if TYPE_CHECKING:
+    from stickslip.structures.contacts import ContactByContact
+    from stickslip.structures.engines import DrivenEngine
 
 _FARTHEST = 1e4  # way of a step, in x_s: each contact breaks as often
 
@@ -44,45 +50,6 @@ class State:
 
     element: str  #: which elements can load it: equal of all with the same contacts
     content: Any  #: bytes of contacts one by one, else an engine of the method
-
-
-class Carrier(Protocol):
-    """Protocol of the methods of an element, in natural units."""
-
-    @property
-    def here(self) -> tuple[float, float]:
-        """Time, and displacement of the slider."""
-        ...
-
-    @property
-    def force(self) -> float:
-        """Friction force now."""
-        ...
-
-    def step(
-        self,
-        dt: float,
-        velocity: float,
-        displacement: float,
-    ) -> tuple[float, float, float]:
-        """Move the slider; see `stickslip.kernels.element.step`."""
-        ...
-
-    def energies(self) -> tuple[float, float]:
-        """Energy stored, and lost since the beginning."""
-        ...
-
-    def next_event(self) -> tuple[float, float, float]:
-        """Fields of `NextEvent`."""
-        ...
-
-    def save(self) -> object:
-        """Return the state."""
-        ...
-
-    def load(self, content: Any) -> None:
-        """Take a state that `save` returned."""
-        ...
 
 
 class Element:
@@ -258,7 +225,7 @@ def _number(name: str, value: object) -> float:
     return number(f"Element.step: {name}", value)
 
 
-def _carrier(beginning: Beginning, method: Method) -> Carrier:
+def _carrier(beginning: Beginning, method: Method) -> ContactByContact | DrivenEngine:
     """Return the contacts by a method."""
     # Compiled kernels are not for those who only read a signature.
     from stickslip.structures.contacts import ContactByContact

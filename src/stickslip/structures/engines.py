@@ -15,7 +15,7 @@ _SHORT = 1e-6
 
 
 class _Content(NamedTuple):
-    """State of an engine, and what was last read off it."""
+    """State of an engine, with its last force and energies."""
 
     engine: Engine
     force: float

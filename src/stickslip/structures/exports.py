@@ -101,7 +101,7 @@ def _check(
     speeds: Any,
     poles: Any,
 ) -> None:
-    """Refuse, before any work, what cannot be exported."""
+    """Refuse, before any work, a rig or options that cannot be exported."""
     if to not in get_args(Target):
         raise refused("to", to, f"must be one of {', '.join(get_args(Target))}")
     if rig.scales is None and to != "statespace":
@@ -149,7 +149,7 @@ def _static(rig: Rig) -> float:
 
 
 def _notes(rig: Rig, program: str, speeds: Array | None = None) -> list[str]:
-    """Return what stands at the top: where it holds, and what it cannot do."""
+    """Return the lines at the top: where it holds, and where it fails."""
     ends = [rig.velocity] if speeds is None else speeds[[0, -1]] * rig.unit("velocity")
     range_of = " to ".join(engineering(float(v), "m/s") for v in ends)
     # a comment of XML has no two dashes

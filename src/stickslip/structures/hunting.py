@@ -55,6 +55,11 @@ class Slip(NamedTuple):
     break_away: float  #: displacement at which it begins
     length: float  #: 0 where the axis does not slip
 
+    @property
+    def peak_to_peak(self) -> float:
+        """Width of hunting: the slip and the break-away displacement together."""
+        return self.length + self.break_away
+
 
 @dataclass(frozen=True)
 class Move:
@@ -134,10 +139,8 @@ def strengthens(interface: Interface) -> bool:
 
 def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Slip:
     """Return the slip of an axis that is pulled slowly, from a rest at which all
-    contacts are unstretched.
-
-    Peak to peak, hunting is the slip and the break-away displacement together; no axis
-    hunts whose slip is not longer than that.
+    contacts are unstretched. No axis hunts whose slip is not longer than the break-away
+    displacement.
     """
     slider = Slider(
         stiffness=axis.kp,
@@ -168,13 +171,6 @@ def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Sl
     rests = fallen[0] + np.flatnonzero(velocity[fallen[0] :] <= 2.0 * slow)
     end = int(rests[0]) if rests.size else -1
     return Slip(float(position[begin]), float(position[end] - position[begin]))
-
-
-def hunting_period(axis: ControlledAxis, peak_to_peak: float) -> float:
-    """Estimate the time between two slips in the same direction: the integral
-    reverses the force twice, at half the peak-to-peak position error.
-    """
-    return 8.0 / (axis.ki * peak_to_peak)
 
 
 class Hunt:
@@ -212,31 +208,31 @@ class Hunt:
         )
 
     @property
+    def period(self) -> float:
+        """Time between two slips in the same direction, about: the integral reverses
+        the force twice, at half the peak-to-peak position error.
+        """
+        return 8.0 / (self.axis.ki * self.slip.peak_to_peak)
+
+    @property
     def moves(self) -> tuple[float, ...]:
         """Distances that are tried."""
         return self.axis.moves or tuple(self.mean * each for each in MOVES)
 
     def move(self, distance: float) -> Move:
         """Make a move, hold, and judge whether the axis hunts."""
-        found, _ = self._move(distance)
-        return found
+        return self._move(distance)[0]
 
     def _move(self, distance: float) -> tuple[Move, SteppedStructure]:
         beginning = Beginning(self.interface, self.axis, self.speed)
         engine = SteppedStructure(beginning, self.method)
         go = constant(self.speed, distance / self.speed)
         follow(engine, go, 0.0, np.array([go.duration]))
-        return self._hold(engine, self.axis, distance), engine
+        return self._hold(engine, distance), engine
 
-    def _hold(
-        self,
-        engine: SteppedStructure,
-        axis: ControlledAxis,
-        place: float,
-    ) -> Move:
+    def _hold(self, engine: SteppedStructure, place: float) -> Move:
         """Let an axis stand at a place for some periods of hunting."""
-        swing = self.slip.length + self.slip.break_away
-        period = hunting_period(axis, swing) + 2.0 * self.interface.delay.moment(1)
+        period = self.period + 2.0 * self.interface.delay.moment(1)
         hold = constant(0.0, _PERIODS * period)
         begin, _ = engine.here()
         times = begin + np.linspace(0.0, hold.duration, 100 * _PERIODS)
@@ -244,7 +240,7 @@ class Hunt:
         track = follow(engine, hold, place, times[:-1])
         late = track["displacement"][-100 * _JUDGED :]
         width = float(np.ptp(late))
-        hunts = width > max(_HUNTS * self.slip.break_away, 2.5 * axis.encoder_step)
+        hunts = width > max(_HUNTS * self.slip.break_away, 2.5 * self.axis.encoder_step)
         every = _period(track.times[-late.size :], late) if hunts else math.nan
         return Move(place, width, every, hunts)
 
@@ -268,18 +264,25 @@ class Hunt:
         turns = bounded("gains that hunt", HALVINGS)
         while high < _LARGEST * self.axis.kp:
             next(turns)
-            raised = engine.turned(None, with_gain(self.axis, high))
-            if not self._hold(raised, with_gain(self.axis, high), distance).hunts:
+            raised = self._raised(engine, high, distance)
+            if raised is None:
                 break
             engine, low, high = raised, high, high * _RISE
         for _ in range(_HALVINGS):
             middle = math.sqrt(low * high)
-            raised = engine.turned(None, with_gain(self.axis, middle))
-            if self._hold(raised, with_gain(self.axis, middle), distance).hunts:
-                engine, low = raised, middle
-            else:
+            raised = self._raised(engine, middle, distance)
+            if raised is None:
                 high = middle
+            else:
+                engine, low = raised, middle
         return high
+
+    def _raised(
+        self, engine: SteppedStructure, kp: float, place: float
+    ) -> SteppedStructure | None:
+        """The motion at a place with a higher gain, if it still hunts."""
+        raised = engine.turned(self.interface, with_gain(self.axis, kp))
+        return raised if self._hold(raised, place).hunts else None
 
 
 def _period(t: Array, x: Array) -> float:

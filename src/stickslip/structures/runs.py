@@ -70,7 +70,7 @@ def engine_for(interface: Interface, method: object) -> type[Engine]:
 class SteppedStructure(Engine):
     """A linear structure on contacts that break at thresholds of their own.
 
-    Steps are a hundredth of a radian of what moves fastest, or the time between two
+    Steps are a hundredth of a radian of the fastest motion, or the time between two
     samples if that is shorter.
     """
 
@@ -130,7 +130,7 @@ class SteppedStructure(Engine):
         kick = self._body.kick
         self._z[:] = state + kick * faster / float(self._body.moving @ kick)
 
-    def turned(self, interface: Interface | None, structure: Structure) -> Self:
+    def turned(self, interface: Interface, structure: Structure) -> Self:
         """Return a copy that goes on with another structure of the same kind, the
         integral of whose controller keeps its force, and with contacts that will draw
         as those of another interface.
@@ -139,9 +139,8 @@ class SteppedStructure(Engine):
         other = self.copy()
         other.slider = structure
         other._system, other._body, other._controller = _parts(structure)
-        if interface is not None:
-            draws = draws_of(hashable(interface))
-            other._element = self._element._replace(draws=draws)
+        draws = draws_of(hashable(interface))
+        other._element = other._element._replace(draws=draws)
         integral = self._z.size == _OF_INTEGRAL and not self._controller.sample_time
         if isinstance(before, ControlledAxis) and integral:
             assert isinstance(structure, ControlledAxis)
@@ -254,8 +253,9 @@ def longest_step(structure: Structure) -> float:
 
 
 def propagator(system: LinearSystem, h: float) -> kernel.Propagator:
-    """Return what a step does: of the state, and of friction force, position, velocity
-    and acceleration of the drive, which are constant or follow each other.
+    """Return the change of the state in a step by itself, and by friction force,
+    position, velocity and acceleration of the drive, which are constant or follow each
+    other.
     """
     A, force, drive, rate, _, _ = system
     n = len(A)

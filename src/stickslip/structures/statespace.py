@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.answers import Answer
 from stickslip.arrays import Array
-from stickslip.errors import InputError, whole
+from stickslip.errors import InputError, instance, number, whole
 from stickslip.model.rig import Rig
 from stickslip.model.units import engineering
 from stickslip.sliding import kinetic_friction, respond
@@ -119,8 +119,9 @@ def state_space(rig: Rig, *, poles: int = 6) -> StateSpace:
         raise InputError(
             f"poles = {count}: must be even, a pair for each resonance", "poles"
         )
+    instance("state_space: rig", rig, Rig, "a Rig")
     interface = rig.interface
-    velocity = rig.natural.velocity
+    velocity = number("drive.velocity", rig.natural.velocity, above=0)
     response = respond(interface)
     if response.inert:
         raise InputError(
@@ -140,7 +141,8 @@ def state_space(rig: Rig, *, poles: int = 6) -> StateSpace:
     fitted = 1j * omega * (_transfers(A, B, 1j * omega) @ residues)
     k = rig.unit("stiffness")
     rate = renewal * rig.unit("rate")
-    names = {"friction": "force", "band": "rate", "velocity": "velocity"}
+    quantities = {"friction": "force", "band": "rate"}
+    quantities |= {"velocity": "velocity", "stiffness": "stiffness"}
     return StateSpace(
         A=rate * A,
         B=rate * B[:, None],
@@ -150,10 +152,7 @@ def state_space(rig: Rig, *, poles: int = 6) -> StateSpace:
         friction=kinetic_friction(interface, velocity) * rig.unit("force"),
         band=(0.0, band * rate),
         error=float(np.abs(fitted - kappa).max() / np.abs(kappa).max()),
-        units={
-            name: rig.unit_name(quantity)
-            for name, quantity in (names | {"stiffness": "stiffness"}).items()
-        },
+        units={name: rig.unit_name(each) for name, each in quantities.items()},
     )
 
 
@@ -175,7 +174,7 @@ def _blocks(poles: ComplexArray) -> Array:
 
 
 def _input(A: Array) -> Array:
-    """Return what an input does to states of blocks: pairs have it on their first."""
+    """Return how an input acts on states of blocks: on the first of each pair."""
     below = np.append(0.0, np.diag(A, -1))
     return np.where(below == 0.0, 1.0, 0.0)
 

@@ -11,10 +11,10 @@ import math
 
 import numpy as np
 from scipy import fft
+from scipy.sparse import linalg
 
 from stickslip.arrays import Array
 from stickslip.errors import InputError, number, numbers, refused
-from stickslip.loops import bounded
 from stickslip.progress import Progress
 from stickslip.words import engineering
 
@@ -195,21 +195,15 @@ def tangential_stiffness(
     wave[0, 0] = np.inf
     softer = (1.0 - poisson * (qx / wave) ** 2) / (1.0 - poisson)
     compliance = _compliance(inside.shape, spacing, modulus) * softer
-    at = np.flatnonzero(inside)
-    traction = np.zeros(at.size)
-    left = np.ones(at.size)
-    along = left
     field = np.zeros(inside.shape)
-    size = norm = _dot(left, left)
-    # As many turns as unknowns in exact arithmetic; rounding takes some more.
-    turns = bounded("conjugate gradients", 10 * at.size)
-    while norm > _RESIDUAL**2 * size:
-        next(turns)
-        field.ravel()[at] = along
-        moved = _deformed(compliance, field).ravel()[at]
-        step = norm / _dot(along, moved)
-        traction += step * along
-        left = left - step * moved
-        before, norm = norm, _dot(left, left)
-        along = left + norm / before * along
+
+    def moved(traction: Array) -> Array:
+        """Displacement of the nodes in contact."""
+        field[inside] = traction
+        return _deformed(compliance, field)[inside]
+
+    count = np.count_nonzero(inside)
+    response = linalg.LinearOperator((count, count), matvec=moved, dtype=float)
+    # As many steps as unknowns in exact arithmetic; rounding takes some more.
+    traction, _ = linalg.cg(response, np.ones(count), rtol=_RESIDUAL)
     return float(traction.sum()) / inside.size

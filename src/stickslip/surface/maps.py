@@ -1,7 +1,7 @@
 """Maps of heights: read from files, drawn from a spectrum, levelled and smoothed.
 
 A map is an `xarray.DataArray` of heights in m over ``x`` and ``y``; its attribute
-``note`` says what was done to it.
+``note`` holds its history.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from scipy import fft
 
 from stickslip.arrays import Array
@@ -46,8 +47,10 @@ def length_of(place: str, value: Length) -> float:
     return read_value(place, value, "m", "0.5 um")
 
 
-def as_map(height: Array, spacing: float | tuple[float, float]) -> xr.DataArray:
-    """Return heights in m as a map with coordinates; refuse what is no map."""
+def as_map(height: Array, spacing: ArrayLike) -> xr.DataArray:
+    """Return heights in m as a map with coordinates, or refuse them. There may be
+    several spacings, all the same.
+    """
     try:
         given = np.asarray(height)
     except ValueError:  # rows of different lengths
@@ -65,11 +68,12 @@ def as_map(height: Array, spacing: float | tuple[float, float]) -> xr.DataArray:
             f"height: {holes} nodes ({percent(holes / values.size)}) have no height; "
             "fill these holes where the map was made, or cut out a part without"
         )
-    steps = np.atleast_1d(np.asarray(spacing, dtype=float))
-    if steps.max() > (1.0 + _ALIKE) * steps.min():
+    steps = np.ravel(spacing).astype(float)
+    shortest, longest = float(steps.min()), float(steps.max())
+    if longest > (1.0 + _ALIKE) * shortest:
         raise InputError(
-            f"spacing: {' and '.join(engineering(s, 'm') for s in steps)}: pixels must "
-            "be square; resample the map to one spacing"
+            f"spacing: {engineering(shortest, 'm')} and {engineering(longest, 'm')}: "
+            "pixels must be square; resample the map to one spacing"
         )
     if np.ptp(values) < SMALLEST:
         raise InputError("height: is the same everywhere; a rough surface is needed")
@@ -365,7 +369,7 @@ def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
 
 
 def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
-    """Rows of numbers, and what the lines of a header before them say."""
+    """Rows of numbers, and the values in a header before them."""
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     about: dict[str, Any] = {}
     begin = 0

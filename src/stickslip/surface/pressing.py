@@ -171,7 +171,10 @@ def contacts(
             f"height: its attribute units is {shown(unit)}; give heights in m and say "
             "so: height.assign_attrs(units='m')"
         )
-    checked = as_map(height.transpose("x", "y").to_numpy(), spacing_of(height))
+    elif not {"x", "y"} <= set(height.coords):
+        raise InputError("height: has no places; give it coordinates x and y in m")
+    steps = np.abs(np.concatenate([np.diff(height[name]) for name in ("x", "y")]))
+    checked = as_map(height.transpose("x", "y").to_numpy(), steps)
     surface = levelled(checked.assign_attrs(height.attrs))
     if shortest is not None:
         surface = low_pass(surface, shortest)

@@ -7,13 +7,13 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import xarray as xr
 
 from stickslip.answers import Answer
-from stickslip.arrays import Array
+from stickslip.arrays import Array, Range
 from stickslip.errors import InputError, instance, refused
 from stickslip.io.rig_files import content_of, from_document, to_document
 from stickslip.model import Areas, Empirical, Interface, Rig
@@ -22,7 +22,7 @@ from stickslip.surface.pressing import FEWEST, SPANS, level
 from stickslip.words import engineering, number, percent
 
 Which = Literal["renewal", "elastic"]
-LENGTHS: tuple[Which, ...] = ("renewal", "elastic")
+LENGTHS: tuple[Which, ...] = get_args(Which)
 MEASURE = (
     "one slow pull with a velocity step (its first slope gives the elastic length, the "
     "distance over which friction settles after the step the renewal length), and "
@@ -41,7 +41,6 @@ _OURS = (
     "interface.breaking_displacement",
     "simulation.contacts",
 )
-Range = tuple[float, float]
 
 
 def stretchings(
@@ -100,14 +99,15 @@ class Estimate(Answer):
 
     def lines(self) -> Iterator[str]:
         """The estimate in words."""
-        deviations = (self.std["renewal"], *self.std_between)
-        std, *ends = (number(each, 2) for each in deviations)
+        std, low, high = (
+            number(each, 2) for each in (self.std["renewal"], *self.std_between)
+        )
         yield (
             f"contact on {percent(self.contact_area)} of the map at "
             f"{engineering(self.pressure, 'Pa')}, {number(self.effective_number, 2)} "
             "effective contacts"
         )
-        yield f"{'standard deviation of thresholds':<34}{std} ({' to '.join(ends)})"
+        yield f"{'standard deviation of thresholds':<34}{std} ({low} to {high})"
         rows = (
             ("elastic length", self.elastic, self.elastic_between),
             ("renewal length", self.renewal, self.renewal_between),

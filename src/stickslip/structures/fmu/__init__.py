@@ -35,7 +35,7 @@ _PLACES = {"linux": "linux64/stickslip.so", "darwin": "darwin64/stickslip.dylib"
 
 
 def check(rig: Rig) -> None:
-    """Raise `InputError` for what a unit cannot have, and without a compiler."""
+    """Raise `InputError` for a mechanism that no unit has, and without a compiler."""
     who = "an FMU"
     rig.interface.allow(rig.interface.mechanisms - {"ageing", "activation"}, who)
     method = _method(rig)
