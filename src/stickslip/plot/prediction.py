@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from stickslip.answers import COLOURS, with_micro
 from stickslip.model.parameters import parameter_named
@@ -244,7 +244,7 @@ def _margins(ax: Axes, answer: Prediction) -> None:
     ax.set(xscale="log", xlim=(1 / widest, widest))
     ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"× {v:.3g}"))
+    ax.xaxis.set_major_formatter(lambda v, _: f"× {v:.3g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.invert_yaxis()
     ax.tick_params(axis="y", length=0)

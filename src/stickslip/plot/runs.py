@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from stickslip.arrays import Range, units_of
 from stickslip.errors import printable
@@ -108,11 +107,7 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
             # decades within the linear part would crowd around 0
             ax.set_yscale("symlog", linthresh=usual)
             ax.yaxis.set_major_formatter(
-                FuncFormatter(
-                    lambda value, _: (
-                        "" if 0 < abs(value) < usual else style.minus(value)
-                    )
-                )
+                lambda value, _: "" if 0 < abs(value) < usual else style.minus(value)
             )
         dress(ax.yaxis, speed)
         legend_above(ax)
