@@ -118,9 +118,9 @@ class Window:
     found: Slips
 
     @classmethod
-    def of(cls, trace: Trace, found: Slips | None = None) -> Self:
+    def of(cls, trace: Trace) -> Self:
         """A window, with its drops."""
-        return cls(trace, found or find_slips(trace))
+        return cls(trace, find_slips(trace))
 
     @cached_property
     def largest(self) -> float:
@@ -278,7 +278,7 @@ class Window:
         scatter = (
             max(scatter**2 - weighted_median(noise, waits) ** 2, 0.0) ** 0.5 / rate
         )
-        gain = rate * float(waits.sum()) / float(self.found.drops[1:][long].sum())
+        gain = float(rate * waits.sum() / self.found.drops[1:][long].sum())
         return Loading(
             rate,
             scatter,
@@ -365,10 +365,10 @@ class Window:
         at = at - at.mean()
         rate = slope(sizes, at)
         rest = sizes - sizes.mean() - rate * at
-        square = float((rest**2).sum())
-        power = square / float((at**2).sum()) / (sizes.size - 2)
+        square = (rest**2).sum()
+        power = square / (at**2).sum() / (sizes.size - 2)
         # Alternating large and small cycles determine a mean better (Bartlett).
-        turn = float((rest[1:] * rest[:-1]).sum()) / (square or 1.0)
+        turn = (rest[1:] * rest[:-1]).sum() / (square or 1.0)
         turn = min(max(turn, 1.0 / sizes.size - 1.0), 0.0)
         power *= (1.0 + turn) / (1.0 - turn)
         return Feature(0.5 * rate, 0.5 * math.sqrt(power))

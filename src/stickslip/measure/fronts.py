@@ -124,7 +124,7 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
     rows = list[Row]()
     for i in range(1, waits.size):
         before = np.abs(waits[max(starts[-1], i - _BEFORE) : i])
-        if before.size >= _FEWEST and waits[i] > _WAIT * float(np.median(before)):
+        if before.size >= _FEWEST and waits[i] > _WAIT * np.median(before):
             starts.append(i + 1)
     for start, beyond in itertools.pairwise([*starts, line.size]):
         end = beyond - 1

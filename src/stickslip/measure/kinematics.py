@@ -71,7 +71,7 @@ def _full_rate(force: Array, step: float, noise: float) -> float:
     for _ in range(20):
         before = rate
         found = _slopes(force, step, noise, rate)
-        rate = float(np.quantile(found, 0.9)) if found.size else 0.0
+        rate = np.quantile(found, 0.9) if found.size else 0.0
         if not rate > 0:
             return math.nan
         if abs(rate - before) <= _STEADY * rate:

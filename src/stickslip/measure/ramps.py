@@ -161,7 +161,7 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
     width = _WINDOW * (rig.unit("x_s") if rig else 1.0) * np.ones_like(travel)
     if rig and isinstance(rig.slider, Slider):
-        swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
+        swing = max(np.ptp(trace.force), level) / rig.unit("f_s")
         loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
         period = (
             2
@@ -214,7 +214,7 @@ def _turning_time(t: Array, drive: Array) -> float:
     """Time at which the drive is fastest: its start if it only slows down, its end
     if it only speeds up.
     """
-    top = float(drive.max())
+    top = drive.max()
     loops = len(turning_points(np.pad(drive, 1), 1e-3 * top)[0])
     if loops > 1 or np.ptp(drive) <= CONSTANT_DRIVE * top:
         seen = (

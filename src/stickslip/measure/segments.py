@@ -77,7 +77,7 @@ def _steps(trace: Trace, count: int) -> list[float]:
 def _levels_and_amplitudes(blocks: Array) -> Array:
     """Means of blocks, in their usual scatter, and the logarithms of their scatter."""
     scatter = blocks.std(axis=1)
-    scale = float(np.median(scatter)) or float(scatter.max())
+    scale = np.median(scatter) or scatter.max()
     amplitudes = np.log(np.maximum(scatter / scale, 1e-6))
     return np.array(
         [
@@ -179,7 +179,7 @@ def _likeliest(force: Array) -> int:
     """
     count = np.arange(2, force.size - 1)
     rest = force - force.mean()
-    floor = 1e-12 * float((rest**2).sum()) + 1e-300
+    floor = 1e-12 * (rest**2).sum() + 1e-300
     likely = np.zeros(count.size)
     for direction in (1, -1):
         mean = rest[::direction].cumsum()[1:-2] / count

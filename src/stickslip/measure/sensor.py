@@ -124,8 +124,8 @@ def spikes(force: Array) -> Mask:
     beyond = np.maximum(lowest - values, values - highest)
     apart = beyond > highest - lowest
     # not less those that slips spoil: these are no spikes
-    noise = 1.4826 * float(np.median(_bends(values))) / math.sqrt(6.0)
-    noise = max(noise, resolution(values) / math.sqrt(12.0))
+    usual = 1.4826 * np.median(_bends(values)) / math.sqrt(6.0)
+    noise = max(usual, resolution(values) / math.sqrt(12.0))
     off = np.abs(values - median_filter(values, 5))
     apart &= off > SIGMAS * noise
     # At an end it is not seen whether a force comes back as a spike does: there it must
@@ -154,5 +154,5 @@ def _is_flat(force: Array) -> bool:
         return False
     near = force[~at & (force > top - 0.2 * np.ptp(force))]
     _, counts = np.unique(near, return_counts=True)
-    usual = float(np.median(counts)) if near.size else 1.0
+    usual = np.median(counts) if near.size else 1.0
     return bool(FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size)

@@ -314,7 +314,7 @@ def _edges(
     end = troughs.copy()
     for i, peak in enumerate(peaks):
         slip = force[peak : troughs[i] + 1]
-        drop = float(slip[0] - slip[-1])
+        drop = slip[0] - slip[-1]
         margin = min(max(EDGE * drop, 2.5 * noise), 0.4 * drop)
         low = int(np.argmax(slip <= slip[-1] + margin))
         high = np.flatnonzero(slip[:low] >= slip[0] - margin)[-1]

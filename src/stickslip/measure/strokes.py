@@ -62,7 +62,7 @@ def _reversals(trace: Trace) -> list[int]:
     """
     size = trace.t.size
     if (way := trace.displacement) is not None:
-        least = LEAST_WAY * float(np.ptp(way))
+        least = LEAST_WAY * np.ptp(way)
         peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
         return [
             0,
@@ -103,5 +103,5 @@ def _plateaus(force: Array) -> Range | None:
         low = float(force[~above].mean())
         high = float(force[above].mean())
     rest = force - np.where(above, high, low)
-    explained = float((rest**2).mean()) <= (1.0 - PLATEAUS) * float(force.var())
+    explained = (rest**2).mean() <= (1.0 - PLATEAUS) * force.var()
     return (low, high) if explained else None
