@@ -253,26 +253,18 @@ class CycleRun:
         cycles = completed if self.begun is None else _cycles(rows)[0]
         _, force, speed, _ = rows
         fastest = float(speed.max()) / velocity
-        if cycles.shape[1] == 0:
-            oscillation = float(np.ptp(force))
+        if cycles.size:
+            oscillation = np.median(cycles[0])
+            period = np.mean(cycles[1])
+            mean = np.average(cycles[2], weights=cycles[1])
+        else:
+            oscillation = np.ptp(force)
+            period = math.nan
+            mean = force.mean()
             if oscillation > TINY:  # cycles longer than expected
                 run = replace(run, cycle=2.0 * run.cycle)
-            return run, Look(
-                oscillation,
-                math.nan,
-                fastest,
-                float(force.mean()),
-                completed[0],
-            )
-        oscillation = np.median(cycles[0])
-        period = np.mean(cycles[1])
-        mean = np.average(cycles[2], weights=cycles[1])
         return run, Look(
-            float(oscillation),
-            float(period),
-            fastest,
-            float(mean),
-            completed[0],
+            float(oscillation), float(period), fastest, float(mean), completed[0]
         )
 
     def _samples(self, engine: CycleEngine, duration: float) -> Array:

@@ -54,13 +54,7 @@ class Edge(Answer):
         persists_at: float | None = None,
     ) -> Self:
         """Return an edge at a value, or bracketed by runs at two."""
-        if persists_at is None:
-            return cls(
-                value=decays_at,
-                kind=kind,
-                decays_at=decays_at,
-                persists_at=decays_at,
-            )
+        persists_at = decays_at if persists_at is None else persists_at
         return cls(
             value=math.sqrt(decays_at * persists_at),
             kind=kind,
