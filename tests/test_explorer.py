@@ -195,7 +195,8 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
 
 
 def test_answers_are_json():
-    for answer in simulate.run({"document": small(interface__delay="never")}, silent):
+    request = {"document": small(interface__delay="never"), "cursor": 7}  # of 0 to 1
+    for answer in simulate.run(request, silent):
         json.dumps(answer, allow_nan=False)
 
 

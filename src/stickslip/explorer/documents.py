@@ -151,15 +151,15 @@ def extended(rig: Rig, seconds: float) -> Rig | None:
     return longer if estimate(longer).reference_seconds <= seconds else None
 
 
-def with_duration(rig: Rig, duration: object) -> Rig:
-    """Return the rig with the duration, in its own units, that its run on the page
-    had; without one, as it is.
+def rig_asked_for(request: Mapping[str, Any]) -> Rig:
+    """Make the rig of a request, with the duration, in its own units, that its run on
+    the page had, if that is given.
     """
-    return (
-        rig
-        if duration is None
-        else lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
-    )
+    rig = rig_of(request.get("document"))
+    duration = request.get("duration")
+    if duration is None:
+        return rig
+    return lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
 
 
 def check_size(rig: Rig, seconds: float = LONGEST) -> None:

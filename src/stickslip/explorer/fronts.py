@@ -92,7 +92,6 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
         "events": [
             {
                 "start": event["start"] / times["factor"],
-                "end": event["end"] / times["factor"],
                 "drop": event["drop"] / force["factor"],
                 "blocks": event["blocks"],
                 "from": event["first_block"] + 1,
