@@ -20,9 +20,9 @@ from stickslip.measure.slips import (
     Slips,
     fast_slips,
     find_slips,
+    fitted_locally,
     speeds,
     weighted_median,
-    without_waves,
 )
 from stickslip.measure.trace import (
     CHANCE,
@@ -547,7 +547,7 @@ def look_past_waves(seen: Window) -> Window:
         width = trace.t.size // part
         if width < 2 * FEWEST_READINGS:
             break
-        wave = trace.force - without_waves(trace.force, width)
+        wave = fitted_locally(trace.force, width, 2)
         wave -= np.median(wave)
         shown = Window.of(replace(trace, force=trace.force - wave))
         found = shown.found

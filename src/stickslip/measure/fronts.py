@@ -134,19 +134,9 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
             # leave out the first fifth, in which the front accelerates
             under_way = line[start + (count - 1) // 5 : beyond]
             speed = _speed(under_way) if count >= _FEWEST else np.nan
-            ends = (
-                origin + way * start,
-                origin + way * end,
-            )
-            rows.append(
-                (
-                    *ends,
-                    count,
-                    line[start],
-                    line[end],
-                    speed,
-                )
-            )
+            first = origin + way * start
+            last = origin + way * end
+            rows.append((first, last, count, line[start], line[end], speed))
     return rows
 
 

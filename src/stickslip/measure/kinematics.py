@@ -16,7 +16,7 @@ from stickslip.errors import InputError, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.periods import REGULAR, find_cycles
 from stickslip.measure.sensor import white_noise
-from stickslip.measure.slips import EDGE, find_slips
+from stickslip.measure.slips import EDGE, find_slips, fitted_locally
 from stickslip.measure.trace import (
     FEWEST_CYCLES,
     RESTS,
@@ -45,22 +45,11 @@ def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
     """Return slopes by least squares over as many samples as give the loading rate to
     a tenth; none if that takes more than a twelfth of all.
     """
-    # slow to load, and not needed where the motion is known
-    from scipy.signal import oaconvolve, savgol_coeffs
-
     narrowest = (12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)
     width = max(math.ceil(narrowest) | 1, 3)
     if 12 * width > force.size:
         return np.empty(0)
-    # odd reflection continues a straight line as one
-    padded = np.pad(
-        force - force.mean(),
-        width // 2,
-        "reflect",
-        reflect_type="odd",
-    )
-    line = savgol_coeffs(width, 1, deriv=1, delta=step)
-    return np.asarray(oaconvolve(padded, line, "valid"))
+    return fitted_locally(force, width, 1, 1, step)
 
 
 def _full_rate(force: Array, step: float, noise: float) -> float:

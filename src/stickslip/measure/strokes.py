@@ -26,11 +26,8 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     edges = _reversals(trace)
     if len(edges) < 3:
         return [], math.nan, math.nan
-    last = trace.t.size
-    parts = [
-        trace.part(trace.t[begin], trace.t[end] if end < last else np.inf)
-        for begin, end in itertools.pairwise(edges)
-    ]
+    times = np.append(trace.t, np.inf)[edges]
+    parts = [trace.part(*ends) for ends in itertools.pairwise(times)]
     levels = np.array([_plateau(part.force) for part in parts])
     even = float(np.median(levels[::2]))
     odd = float(np.median(levels[1::2]))
