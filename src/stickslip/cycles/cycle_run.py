@@ -163,7 +163,7 @@ class _Meter:
 
     def __call__(self, _: float) -> None:
         """Raise `UndecidedError` once a look has taken longer than the run by estimate:
-        what it waits for is not in reach.
+        the end of a cycle is not in reach.
         """
         self.spent += self.engine.seconds
         if self.spent > self.most:
@@ -234,13 +234,13 @@ class CycleRun:
         return cls(rig, engine, Quadratic(0.0, place, velocity, 0.0), cycle)
 
     def look(self) -> tuple[Self, Look]:
-        """Go on for a few cycles and say what they show; stretches of the drive too
+        """Go on for a few cycles and measure them; stretches of the drive too
         short for that are doubled.
         """
         velocity = self.drive.velocity
         engine = self.engine.copy()
         rows = self._samples(engine, LOOK * self.cycle / velocity)
-        # One by one cycles go on from look to look; what the look shows is its own.
+        # One by one cycles go on from look to look; its own are those of the look.
         joined = (
             rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
         )

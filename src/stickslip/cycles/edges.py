@@ -1,4 +1,4 @@
-"""Where to look along a parameter, what is found there, and the edges between."""
+"""The scan along a parameter, its points, and the edges between them."""
 
 import math
 from collections.abc import Callable
@@ -82,7 +82,7 @@ _KINDS = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Interval(Answer):
-    """An interval of a parameter, and what its ends are."""
+    """An interval of a parameter, and the kinds of its ends."""
 
     low: Edge
     high: Edge

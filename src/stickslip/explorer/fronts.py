@@ -1,4 +1,4 @@
-"""Runs of an elastic slider for the page Fronts: its force, what happens along the
+"""Runs of an elastic slider for the page Fronts: its force, the motion along the
 bar, and each event closer.
 """
 

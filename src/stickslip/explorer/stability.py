@@ -1,5 +1,5 @@
-"""The pages Map and Stop: linear stability over two parameters, and what would stop
-stick-slip.
+"""The pages Map and Stop: linear stability over two parameters, and changes that
+stop stick-slip.
 """
 
 import math

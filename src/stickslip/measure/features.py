@@ -41,13 +41,13 @@ from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.stability import contact_noise, count_unstable
 
-# Conventions: what the words mean.
+# Conventions: the meaning of the words.
 TINY = 0.02  # an oscillation below this part of the largest force is smooth sliding ...
 SMALL = 0.10  # ... and one that decays, or noise that may hide another, below this
 MOST = 0.5  # of the time, or of a force
 STEADY = 0.05  # change of the logarithm of the amplitude that is none
-# change of the logarithm of the amplitude from half to half that what persists
-# excludes; what is seen of it is at most half of that
+# change of the logarithm of the amplitude from half to half that persistence excludes;
+# the change that is seen is at most half of it
 LASTING = math.log(2.0)
 # part of a drop that the loading before it makes up, at least; and the other way round
 CLIMBS = 0.25
@@ -94,10 +94,10 @@ class Loading(NamedTuple):
 class Criterion:
     """One test of a regime."""
 
-    name: str  #: what is asked
-    statistic: float  #: what was found
+    name: str  #: of the statistic
+    statistic: float  #: its value
     error: float  #: its standard error; 0 where it is not known
-    limit: float  #: what it is compared with
+    limit: float  #: value with which it is compared
     source: Source  #: where the limit comes from: theory, statistics or a convention
     passed: bool  #: the answer
 
@@ -447,7 +447,7 @@ class Window:
 
     @property
     def tests(self) -> tuple[Criterion, ...]:
-        """The tests of a regime, but for those of what is not known."""
+        """The tests of a regime, except those of unknown features."""
         value, error = self.change
         change = Feature(abs(value), error * self.errors(CHANCE) / ERRORS)
         gain = self.loading.gain

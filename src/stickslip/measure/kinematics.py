@@ -84,7 +84,7 @@ def motion(
     With a drive at velocity ``V`` and a spring of stiffness ``K`` the slider is at
     ``X = V t - F/K`` (`displacement`, in m), its velocity ``V - (dF/dt)/K``
     (`velocity`, beside `drive_velocity`, in m/s). Slopes are read by least squares over
-    as many samples as tell the velocity to a tenth of the drive's, so that faster
+    as many samples as give the velocity to a tenth of the drive's, so that faster
     motion is smoothed. `regime`, `drops` and pictures then know how fast the slider
     moves, as they do of a run. Raises `InputError` if the data know the motion already,
     or the force is no force, or its noise hides the motion.
@@ -98,7 +98,7 @@ def motion(
         sensor, contacts that are held), and of the drive: in N/m and m/s, or texts with
         a unit.
     contacts : int, optional
-        How many there are: what is no more than their noise is no oscillation.
+        Their number: motion within their noise is no oscillation.
 
     Examples
     --------
@@ -185,7 +185,7 @@ def rms_velocity_deviation(trace: Trace) -> float:
 class Kinematics(Answer):
     """Motion of a slider, in units of its drive and in SI units."""
 
-    mass: float  #: what is given, in kg; NaN if nothing is
+    mass: float  #: the given one, in kg; NaN without
     motion: str  #: in words
     #: fraction of the time in which the slider is slower than a quarter of the drive
     stuck: float
@@ -203,7 +203,7 @@ class Kinematics(Answer):
     #: full rate of the force over stiffness times velocity: 1 of a slider that sticks,
     #: .2 if never
     loading: float
-    #: in kg: what this spring moves as quickly as slips or oscillation go; NaN if
+    #: in kg: that this spring moves as quickly as slips or oscillation go; NaN if
     #: unresolved
     effective_mass: float
     noise: float  #: of the sensor, in m of the spring
@@ -239,8 +239,8 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     """Return how a slider moves, from a trace with the motion that `motion` found, or a
     part of it; else `InputError`.
 
-    The `mass` of the slider, in kg, or a text with a unit, is what the effective mass
-    is compared with.
+    The effective mass is compared with the `mass` of the slider, in kg, or a text with
+    a unit.
 
     Examples
     --------

@@ -58,7 +58,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
 
     The drive speeds up, or slows down, or first speeds up and then slows down; it may
     keep its velocity for a while. Raises `InputError` if it turns back or is not known,
-    or the run is in SI units and does not say what rig it was made of; `UndecidedError`
+    or the run is in SI units and does not hold the rig it was made of; `UndecidedError`
     if the drive does not change, goes up and down more than once, or travels less than
     two windows, or there are too few samples in a window.
 

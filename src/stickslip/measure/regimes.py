@@ -69,7 +69,7 @@ class Regime(Answer):
     #: reason says whether the slider sticks. *Smooth sliding*: no oscillation, or noise
     #: of the contacts or distributed as noise, or an oscillation below 2 % of the
     #: largest force, or one that decays and is below 10 %. *Undecided*: the evidence
-    #: does not suffice; the reason says what would decide it.
+    #: does not suffice; the reason names the data that would decide it.
     kind: Kind
 
     reason: str  #: why, in plain words
@@ -77,7 +77,7 @@ class Regime(Answer):
     window: Range
     peak_to_peak: float  #: of the force of the driving spring in the window
     mean_force: float  #: of the driving spring in the window
-    #: largest force in all of the data: what amplitudes are compared with
+    #: largest force in all of the data, with which amplitudes are compared
     static_friction: float
     #: second half over first, by a line through the logarithms of drops, or of the
     #: scatter in eight parts
@@ -108,16 +108,16 @@ class Regime(Answer):
     #: with a normal load: the coefficient of friction, on average in the window
     mean_mu: float | None = None
     static_mu: float | None = None  #: the largest in all of the data
-    quantity: str = "force"  #: what the force is: or "coefficient of friction"
+    quantity: str = "force"  #: or "coefficient of friction", "torque"
     time_unit: str = ""  #: of the times above; empty where the data do not say
     force_unit: str = ""  #: of the forces above
     velocity_unit: str = ""  #: of a measured speed
-    #: what a reader should know of the data: a saturated sensor, gaps, a drift
+    #: remarks on the data: a saturated sensor, gaps, a drift
     notes: tuple[str, ...] = ()
     #: of a reciprocating test: half the difference of the two plateaus of its strokes
     half_width: float | None = None
     offset: float | None = None  #: and their middle
-    #: what lies between gaps, steps of level or amplitude, and reversals, each judged
+    #: stretches between gaps, steps of level or amplitude, and reversals, each judged
     #: by itself; empty where there are none
     segments: tuple[Regime, ...] = ()
     table: tuple[Criterion, ...] = ()  #: the tests that kind and reason are read off
@@ -248,7 +248,7 @@ def regime(
         A run, a measured trace, or the force alone over its times: coordinate or index,
         which may be dates.
     after : float, optional
-        Judge what comes after this time, in the unit of the times. By default the last
+        Judge the data after this time, in the unit of the times. By default the last
         40 % of the last stretch of constant driving, or 80 % if that holds fewer than
         five drops; of a force alone, all after the first loading.
 
@@ -263,14 +263,14 @@ def regime(
 
 
 def regime_of_run(run: Recording) -> Regime:
-    """Return the regime of a run with a drive, as its engine left it: what `regime`
-    says of its Dataset.
+    """Return the regime of a run with a drive, as its engine left it: the same as
+    `regime` of its Dataset.
     """
     return _combine_parts(_judge_parts(_late_window(Trace.of_run(run))))
 
 
 def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
-    """The trace that data hold, or what comes after a time, and its regime; a
+    """The trace that data hold, or the part after a time, and its regime; a
     coefficient of friction by its size.
     """
     trace = Trace.of(data)
@@ -380,7 +380,7 @@ def _doubt_oscillation(stroke: Regime) -> Regime:
 
 
 def _skip_loading(trace: Trace) -> Window:
-    """What comes behind the first loading of a force, and behind its breakaway: a few
+    """The part behind the first loading of a force, and behind its breakaway: a few
     drops after which it does not climb again.
     """
     usual = np.median(trace.force[trace.force.size // 2 :])
@@ -406,7 +406,7 @@ def _drift_rate(trace: Trace) -> float:
 
 
 def _judge_parts(seen: Window) -> list[Regime]:
-    """Judge what lies between steps of level or amplitude by itself."""
+    """Judge the parts between steps of level or amplitude by themselves."""
     parts = segments(seen.trace, seen.found)
     if not parts:
         return [_judge(seen)]
@@ -426,7 +426,7 @@ def _judge_parts(seen: Window) -> list[Regime]:
 
 def _judge_part(part: Trace) -> list[tuple[Trace, Regime]]:
     """A part and its regime; where that is open, as drops end that are small beside
-    those of other parts, what lies before and after, each with its own.
+    those of other parts, the parts before and after, each with its own.
     """
     window = Window.of(part)
     seen = _judge(window)

@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
 from stickslip.measure.trace import FEWEST_READINGS, Array
 
-SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
+SIGMAS = 6.0  # standard deviations: a sample farther off is no noise
 Mask = NDArray[np.bool_]
 FEW = 0.05  # largest part of the samples that may be faults of the sensor
 # samples, consecutive samples and peaks that make a saturated sensor
@@ -129,7 +129,7 @@ def spikes(force: Array) -> Mask:
     off = np.abs(values - median_filter(values, 5))
     apart &= off > SIGMAS * noise
     # At an end it is not seen whether a force comes back as a spike does: there it must
-    # exceed what slips make of four, and be no bench without load.
+    # exceed the range of four samples in a slip, and be no bench without load.
     for end, beside in ((0, 1), (-1, -2)):
         if apart[end]:
             inner = values[1:-1][~apart[1:-1]]

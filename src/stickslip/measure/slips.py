@@ -35,8 +35,8 @@ FEWEST_IN_A_DROP = FEWEST_CYCLES
 # noise over drop above which peaks and troughs are taken from lines through their
 # neighbours
 CORRECTED = 0.005
-# over the root of the samples: what a force that is noise may exceed its scatter by, by
-# chance
+# over the root of the samples: excess of the scatter of a force that is noise over that
+# noise, by chance
 WHITE = 5.0
 
 

@@ -230,7 +230,7 @@ class Trace:
 
     @classmethod
     def of_run(cls, run: Recording) -> Self:
-        """Take them from a run with a drive, as its engine left it: what `of` takes
+        """Take them from a run with a drive, as its engine left it: as `of` does
         from its Dataset.
         """
         series = run.series(_VARIABLES.values())
@@ -370,7 +370,7 @@ def _contacts_of(rig: Rig) -> int | None:
 
 def _is_of_the_slider(velocity: Array, force: Array) -> bool:
     """Whether a velocity is that of the slider rather than of the drive: then what
-    the spring loses is most of what varies in it.
+    the loss of the spring is most of its variation.
     """
     count = (velocity.size - 1) // FEWEST_READINGS
     if count < FEWEST_READINGS:

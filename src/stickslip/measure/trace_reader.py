@@ -322,7 +322,7 @@ def _dataset(
     flip: bool,
     is_torque: bool,
 ) -> xr.Dataset:
-    """Fill the gaps, and label what was read."""
+    """Fill the gaps, and label the columns."""
     import pandas as pd
     import xarray as xr
 

@@ -41,8 +41,8 @@ REGIMES: dict[str, tuple[str, str, str]] = {
     "failed": ("#FFFFFF", "x", "xxxxxxx"),
     "not run": ("#FFFFFF", "", ""),
 }
-"""Colour, mark and hatching of what a case of a sweep can be; light to dark in print
-without colour, too.
+"""Colour, mark and hatching of each outcome of a case of a sweep; light to dark in
+print without colour, too.
 """
 _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]

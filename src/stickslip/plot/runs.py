@@ -135,7 +135,7 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the spring force against the velocity of the slider: a point for smooth
     sliding, a loop for stick-slip.
 
-    Select of a run what comes after the transient: ``run.sel(time=slice(10, None))``.
+    Select the part of a run after the transient: ``run.sel(time=slice(10, None))``.
     """
     speed = variable(run, "velocity")
     force = variable(run, "spring_force")

@@ -53,8 +53,8 @@ MOST_POINTS = 6_000
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw in the style of the house within this context; what is set outside it stays
-    as it is.
+    """Draw in the style of the house within this context; settings outside it stay
+    as they are.
 
     To set it for good: ``matplotlib.style.use("stickslip.plot.house")``.
     """
@@ -222,7 +222,7 @@ def variable(data: xr.Dataset, name: str) -> xr.DataArray:
     if name not in data:
         there = ", ".join(map(str, data.data_vars)) or "none"
         raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")
-    # of an elastic slider, what its blocks do on average
+    # of an elastic slider, the mean over its blocks
     if data[name].dims == ("time", "block"):
         return data[name].mean("block", keep_attrs=True)
     if data[name].dims != ("time",):

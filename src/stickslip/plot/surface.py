@@ -1,4 +1,4 @@
-"""Pictures of a rough surface: its contacts, their sizes, and what follows for a rig.
+"""Pictures of a rough surface: its contacts, their sizes, and a rig that follows.
 
 `stickslip.surface` stands beside pictures, which take its Datasets and attributes.
 """
