@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip import advise, io, plot, rigid, sliding
+from stickslip import io, plot, rigid, sliding
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.explorer import documents
 from stickslip.explorer.plain import (
@@ -63,10 +63,8 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     for step in range(_EXTENSIONS + 1):
         made = _run(rig, watch, seconds, snapshots=(_cursor_time(request, rig),))
         answer = force_trace(made, width_of(request))
-        regime = answer["regime"]
-        undecided = regime["kind"] == "undecided" and step < _EXTENSIONS
+        undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
         longer = documents.extended(rig, seconds) if undecided else None
-        period = regime["kind"] != "smooth sliding" and regime["period"]
         yield {
             **answer,
             "phase": _phase(made),
@@ -75,9 +73,6 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
             "notes": notes,
             "going_on": longer is not None,
             "parameters": documents.values_of(rig),
-            "period": f"{1.0 / period:.3g} {advise.frequency_unit(rig)}"
-            if period
-            else "",
         }
         if longer is None:
             break

@@ -27,6 +27,7 @@ from stickslip.measure.features import (
     Window,
     look_past_waves,
 )
+from stickslip.measure.headings import ratio
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
 from stickslip.measure.part_table import part_table
 from stickslip.measure.segments import parts_between_pauses, segments
@@ -132,6 +133,12 @@ class Regime(Answer):
                 "slips" if self.stuck is not None and self.stuck >= RESTS else "cycles"
             )
         return "slips" if self.kind == "stick-slip" else "drops"
+
+    @property
+    def frequency(self) -> float:
+        """Cycles per second; NaN where the period or its unit is not known."""
+        seconds = ratio(self.time_unit, "s")
+        return 1.0 / (seconds * self.period) if seconds else math.nan
 
     @property
     def is_in_turn(self) -> bool:

@@ -13,7 +13,6 @@ from stickslip.arrays import Range, units_of
 from stickslip.errors import printable
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.fronts import is_of_a_chain
-from stickslip.measure.headings import ratio
 from stickslip.plot import style
 from stickslip.plot.elastic import elastic_overview
 from stickslip.plot.palette import (
@@ -402,14 +401,11 @@ def _title(run: xr.Dataset, seen: Regime) -> str:
         return f"friction loop, ±{engineering(seen.half_width, seen.force_unit, 3)}"
     if seen.drops_are == "drops" or not math.isfinite(seen.period):
         return seen.kind
-    seconds = ratio(seen.time_unit, "s")
-    period = f"period {engineering(seen.period, seen.time_unit, 3)}"
-    how_often = (
-        engineering(1.0 / (seconds * seen.period), "Hz", 3) if seconds else period
-    )
-    return (
-        f"{seen.kind}, {how_often}, drop {engineering(seen.drop, seen.force_unit, 3)}"
-    )
+    how_often = f"period {engineering(seen.period, seen.time_unit, 3)}"
+    if math.isfinite(seen.frequency):
+        how_often = engineering(seen.frequency, "Hz", 3)
+    drop = engineering(seen.drop, seen.force_unit, 3)
+    return f"{seen.kind}, {how_often}, drop {drop}"
 
 
 def _speed(value: float, run: xr.Dataset) -> str:
