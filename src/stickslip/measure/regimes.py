@@ -30,7 +30,7 @@ from stickslip.measure.features import (
 from stickslip.measure.headings import ratio
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
 from stickslip.measure.part_table import part_table
-from stickslip.measure.segments import parts_between_pauses, segments
+from stickslip.measure.segments import parts_between_pauses, pulls, segments
 from stickslip.measure.sensor import note_saturation, spikes
 from stickslip.measure.slips import Slips, fast_slips
 from stickslip.measure.strokes import find_strokes
@@ -341,16 +341,21 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     strokes, each by itself; with notes.
     """
     stretches = trace.stretches
-    notes = [*note_saturation(trace.force), *_note_gaps(stretches)]
+    loaded = [pull for each in stretches for pull in pulls(each)]
+    notes = [
+        *note_saturation(trace.force),
+        *_note_gaps(stretches),
+        *_note_unloaded(stretches, loaded),
+    ]
     parts = list[Regime]()
     strokes = 0
     loops = list[tuple[float, float]]()
-    long = [each for each in stretches if each.t.size >= FEWEST_READINGS]
+    long = [each for each in loaded if each.t.size >= FEWEST_READINGS]
     for stretch in long or [trace]:
         found, friction, offset = find_strokes(stretch)
         if not found:
-            loaded = _skip_loading(stretch) if whole else Window.of(stretch)
-            parts += _judge_parts(loaded)
+            window = _skip_loading(stretch) if whole else Window.of(stretch)
+            parts += _judge_parts(window)
             continue
         parts += [_doubt_oscillation(_judge(Window.of(stroke))) for stroke in found]
         strokes += len(found)
@@ -376,6 +381,17 @@ def _note_gaps(stretches: Sequence[Trace]) -> list[str]:
     begin, end = map(words.number, gaps[0])
     many = f" and in {len(gaps) - 1} more" if len(gaps) > 1 else ""
     return [f"no readings in a gap from t = {begin} to {end}{many}"]
+
+
+def _note_unloaded(stretches: Sequence[Trace], loaded: Sequence[Trace]) -> list[str]:
+    """Note the time in which the bench is unloaded."""
+    all_time = sum(each.length for each in stretches)
+    rests = all_time - sum(each.length for each in loaded)
+    if rests <= 0.5 * TINY * all_time:
+        return []
+    unit = stretches[0].time_unit
+    time = words.engineering(rests, unit, 2)
+    return [f"the bench is unloaded for {time}, which is left out"]
 
 
 def _doubt_oscillation(stroke: Regime) -> Regime:

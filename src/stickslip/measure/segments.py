@@ -6,9 +6,10 @@ import math
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.special import stdtrit
 
-from stickslip.measure.features import STEADY, longest_wait
+from stickslip.measure.features import STEADY, TINY, longest_wait
 from stickslip.measure.slips import Slips, weighted_median
 from stickslip.measure.trace import (
     CHANCE,
@@ -19,6 +20,7 @@ from stickslip.measure.trace import (
 )
 
 _MOST_BLOCKS = 64
+_SMOOTHED = 5  # samples of a median, which noise and single spikes do not move
 AT_ONCE = 0.75  # of a change comes from two blocks to the next two: else it is a drift
 # steps of the level by the scatter about it, of the amplitude by half or twice
 LARGE = np.array([1.0, math.log(2.0)])
@@ -36,6 +38,40 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     if count >= 2 * FEWEST_CYCLES and np.ptp(trace.force):
         times += _steps(trace, count)
     return _between(trace, times)
+
+
+def pulls(trace: Trace) -> list[Trace]:
+    """The parts of a trace in which its bench is loaded, all in one direction; the
+    trace itself where its force does not rest near zero.
+
+    An even climb to the largest force spends the part `TINY` of its time near zero:
+    where a force stays there five times as long, the bench is unloaded.
+    """
+    smooth = median_filter(trace.force, _SMOOTHED, mode="nearest")
+    near = np.abs(smooth) <= TINY * np.abs(smooth).max()
+    edges = np.flatnonzero(np.diff(near)) + 1
+    runs = [*pairwise([0, *edges.tolist(), near.size])]
+    lasts = [trace.t[end - 1] - trace.t[begin] for begin, end in runs]
+    ends = []
+    for i, (begin, end) in enumerate(runs):
+        beside = max(lasts[i - 1 : i] + lasts[i + 1 : i + 2], default=math.inf)
+        rests = near[begin] and lasts[i] >= 5.0 * TINY * beside
+        if rests and end - begin >= FEWEST_READINGS:
+            ends += [begin, end]
+    if not ends:
+        return [trace]
+    parts = []
+    for begin, end in [*pairwise([0, *ends, near.size])][::2]:
+        if begin < end < near.size:  # less the unloading
+            late = np.abs(smooth[(begin + end) // 2 : end])
+            high = np.flatnonzero(np.abs(smooth[begin:end]) >= np.median(late))
+            end = begin + int(high[-1]) + 1
+        if end - begin >= FEWEST_READINGS:
+            parts.append(
+                trace.part(trace.t[begin], np.nextafter(trace.t[end - 1], np.inf))
+            )
+    signs = {math.copysign(1.0, np.median(part.force)) for part in parts}
+    return parts if len(signs) == 1 else [trace]
 
 
 def parts_between_pauses(trace: Trace, found: Slips) -> list[Trace]:

@@ -38,13 +38,25 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
         there = part.t[side * part.force >= side * level]
         loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
         if loaded.t.size >= FEWEST_READINGS:
-            force = side * (loaded.force - offset)
-            largest = float(force.max())
-            sign = side * trace.sign
-            strokes.append(replace(loaded, force=force, sign=sign, largest=largest))
+            strokes.append(_along(loaded, side, offset))
     if len(strokes) < 2:
         return [], math.nan, math.nan
     return strokes, 0.5 * abs(even - odd), offset
+
+
+def _along(trace: Trace, side: float, offset: float) -> Trace:
+    """A stroke along its own direction, ahead or back (`side` -1), less an offset."""
+    force = side * (trace.force - offset)
+    velocity = trace.velocity
+    if velocity is not None and trace.drive is not None:
+        velocity = trace.drive - side * (trace.drive - velocity)
+    return replace(
+        trace,
+        force=force,
+        velocity=velocity,
+        sign=side * trace.sign,
+        largest=float(force.max()),
+    )
 
 
 def _plateau(force: Array) -> float:
@@ -80,9 +92,14 @@ def _reversals(trace: Trace) -> list[int]:
         *sorted(itertools.chain(*crossed)),
         size,
     ]
-    whole = np.diff(edges)[1:-1]
-    enough = whole.size >= FEWEST_CYCLES - 2 and whole.min() >= FEWEST_READINGS
-    return edges if enough else []
+    lengths = np.diff(edges)
+    whole = lengths[1:-1]
+    if whole.size < FEWEST_CYCLES - 2:
+        # few turns are reversals only where the force changes its sign
+        smaller, larger = sorted((abs(low), abs(high)))
+        turns = low < 0.0 < high and smaller >= LEAST_WAY * larger
+        whole = lengths if turns else np.zeros(1)
+    return edges if whole.min() >= FEWEST_READINGS else []
 
 
 def _plateaus(force: Array) -> Range | None:
