@@ -14,7 +14,7 @@ import headless
 import numpy as np
 import pytest
 
-from stickslip import cli, fitting, quick_fit
+from stickslip import cli, example, fitting, quick_fit
 from stickslip import simulate as simulated
 from stickslip.errors import InputError
 from stickslip.explorer import documents, fronts, simulate, stability, traces
@@ -193,8 +193,11 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
 
 
 def test_answers_are_json():
-    for answer in simulate.run({"document": small(interface__delay="never")}, silent):
-        json.dumps(answer, allow_nan=False)
+    structures = (rigs.to_document(example(name)) for name in ("caliper", "axis"))
+    for document in (small(interface__delay="never"), *structures):
+        request = {"document": document, "cursor": 7, "seconds": 0.1}  # of 0 to 1
+        for answer in simulate.run(request, silent):
+            json.dumps(answer, allow_nan=False)
 
 
 @pytest.mark.slow
@@ -316,6 +319,14 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
 
 
 # ---------------------------------------------------------------- fit
+
+
+def test_a_trace_in_milliseconds_shows_its_frequency_in_hertz():
+    rows = [f"{10 * i},{5 + i % 150}" for i in range(3000)]
+    content = "\n".join(["time (ms),force (N)", *rows]).encode()
+    *_, found = traces.trace({"content": content}, silent)
+    value, unit = found["regime"]["frequency"].split()
+    assert (float(value), unit) == (pytest.approx(1 / 1.5, rel=0.01), "Hz")
 
 
 BENCH = {"stiffness": "350 N/m", "speed": "1.5 mm/s", "mass": "75.6 g"}

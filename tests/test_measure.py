@@ -299,6 +299,22 @@ that stop late: undecided | parts=["stick-slip", "smooth sliding"]
     stops(35.0, 0.0)
 smaller ones: stick-slip | parts=["stick-slip", "stick-slip"]
     alone(60.0, 0.01, "2 + np.where(t < 30, 1, 0.4) * (t % 1)", 0.01)
+that hum: stick-slip | drop=1.0
+    alone(60.0, 0.001, "3 + t % 1 + tone(0.15, 50 * t)")
+in pulls: stick-slip | note="unloaded for 20"
+    alone(80.0, 0.01, "np.where(t % 20 < 15, 3 + t % 1, 0)", 0.003)
+smooth pulls: smooth sliding | note="unloaded for 20"
+    alone(80.0, 0.01, "np.where(t % 20 < 15, 5, 0)", 0.02)
+two strokes: smooth sliding | half_width=5.0
+    alone(40.0, 0.01, "np.where(t < 20, 5, -5)", 0.02)
+in one half: undecided | enough="one half"
+    alone(50.0, 0.01, "3 + np.where(t < 25, tone(0.4, t), 0.8 * (t % 1) - 0.4)")
+under a wavy load: undecided | enough="a steady load"
+    alone(60.0, 0.01, "(3 + t % 1.02) * (1 + tone(0.3, t / 30))")
+pulses: sustained oscillation | periodic=True
+    alone(60.0, 0.01, "3 + np.exp(-(((t % 1 - 0.5) / 0.05) ** 2))")
+a sine and a half: undecided | enough="too short"
+    alone(1.5, 0.01, "3 + tone(0.3, t)", 0.003)
 paper, K 168, V 42: stick-slip | periodic=False
     paper("k168_v42")
 paper, K 168, V 1100: stick-slip | periodic=False
@@ -394,6 +410,15 @@ def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, std):
     result = regime(trace(t, force))
     assert result.kind == "stick-slip"
     assert result.period == pytest.approx(drawn.mean(), rel=0.3)
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 10_000), size=st.sampled_from([200, 500, 2000]))
+def test_noise_with_a_memory_is_no_stick_slip(seed, size):
+    memory = np.random.default_rng(seed).uniform(0.5, 0.98)
+    force = 5.0 + 0.3 * slow(size, memory=memory, seed=seed)
+    seen = regime(trace(0.01 * np.arange(size), force))
+    assert "stick-slip" not in [seen.kind, *(part.kind for part in seen.segments)]
 
 
 @settings(max_examples=20)

@@ -1,5 +1,5 @@
-"""The pages Map and Stop: linear stability over two parameters, and what would stop
-stick-slip.
+"""The pages Map and Stop: linear stability over two parameters, and changes that
+stop stick-slip.
 """
 
 import math
@@ -13,6 +13,7 @@ from stickslip.arrays import units_of
 from stickslip.errors import InputError, shown
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
+from stickslip.model import ControlledAxis
 
 _POINTS = 72  # of the map along each parameter, twice over
 # each point takes a hundred times as long, and theory ends at some speeds
@@ -22,7 +23,7 @@ _POINTS_AGED = 24
 
 def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The stability map over two parameters, in the rig's units."""
-    rig = documents.rig_of(request.get("document"))
+    rig = documents.rig_asked_for(request)
     documents.check_thresholds(rig)
     over = request.get("over")
     known = documents.NAMES
@@ -47,7 +48,6 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.values
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
-    shade = _shade(values / largest)
     levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
     curve_of = found["curve"].values
     x, y = (found[f"edge_{name}"].values for name in over)
@@ -56,7 +56,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "x": _map_axis(found[over[0]]),
         "y": _map_axis(found[over[1]]),
         "over": over,
-        "shade": [floats(row) for row in shade],
+        "shade": [floats(row) for row in _shade(values / largest)],
         "rate": [[f"{value:.3g}" for value in row] for row in values],
         "rate_unit": units_of(rate),
         "levels": {
@@ -93,11 +93,16 @@ def _shade(fraction: Array) -> Array:
 
 def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Verdict, numbers, margins and mitigations."""
-    rig = documents.shortened(
-        documents.rig_of(request.get("document")), documents.seconds_of(request)
-    )
-    documents.check_size(rig, documents.seconds_of(request))
+    seconds = documents.seconds_of(request)
+    rig = documents.shortened(documents.rig_asked_for(request), seconds)
+    documents.check_size(rig, seconds)
     documents.check_thresholds(rig)
+    if isinstance(rig.slider, ControlledAxis):
+        raise InputError(
+            "controller: this page is about a slider on a spring; `stickslip predict` "
+            "says whether an axis with a controller tracks steadily, and hunts at rest",
+            "controller",
+        )
     found = advise.predict(rig, progress=watch)
     # elastic sliders have a page of their own
     assert isinstance(found, advise.Prediction)

@@ -8,6 +8,8 @@ from functools import cached_property, lru_cache
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
+from scipy import fft
+from scipy.ndimage import uniform_filter1d
 from scipy.special import stdtrit
 
 from stickslip.errors import InputError, UndecidedError
@@ -20,9 +22,9 @@ from stickslip.measure.slips import (
     Slips,
     fast_slips,
     find_slips,
+    fitted_locally,
     speeds,
     weighted_median,
-    without_waves,
 )
 from stickslip.measure.trace import (
     CHANCE,
@@ -41,13 +43,13 @@ from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.stability import contact_noise, count_unstable
 
-# Conventions: what the words mean.
+# Conventions: the meaning of the words.
 TINY = 0.02  # an oscillation below this part of the largest force is smooth sliding ...
 SMALL = 0.10  # ... and one that decays, or noise that may hide another, below this
 MOST = 0.5  # of the time, or of a force
 STEADY = 0.05  # change of the logarithm of the amplitude that is none
-# change of the logarithm of the amplitude from half to half that what persists
-# excludes; what is seen of it is at most half of that
+# change of the logarithm of the amplitude from half to half that persistence excludes;
+# the change that is seen is at most half of it
 LASTING = math.log(2.0)
 # part of a drop that the loading before it makes up, at least; and the other way round
 CLIMBS = 0.25
@@ -56,12 +58,15 @@ ONE_IN_TWENTY = 0.05  # how often chance passes a limit of one side ...
 ONE_SIDED = 1.645  # ... which is this number of errors off
 ROUNDING = 1e-9  # of the largest force: noise below that is of numbers
 WAVES = (4, 8, 16)  # parts of a record: waves slower than these are looked past
+_BESIDE = 101  # frequencies about a line of a spectrum, with which it is compared
 # Theory.
 # independent contacts, evenly stretched: times static friction over the root of their
 # number
 NOISE_OF_CONTACTS = 0.5
 # kurtosis of three waves of a size, 3 - 3/(2 n): noise has at least as many
 NORMAL = 2.5
+# coefficient of variation of the amplitudes of noise of a narrow band
+RAYLEIGH = math.sqrt(4.0 / math.pi - 1.0)
 # held for the rest of the time, a slider slips at four times the drive on average
 SLIP_PHASE = 0.25
 # usual waits: a wait so long is that of one drop that is missing
@@ -94,10 +99,10 @@ class Loading(NamedTuple):
 class Criterion:
     """One test of a regime."""
 
-    name: str  #: what is asked
-    statistic: float  #: what was found
+    name: str  #: of the statistic
+    statistic: float  #: its value
     error: float  #: its standard error; 0 where it is not known
-    limit: float  #: what it is compared with
+    limit: float  #: value with which it is compared
     source: Source  #: where the limit comes from: theory, statistics or a convention
     passed: bool  #: the answer
 
@@ -118,9 +123,9 @@ class Window:
     found: Slips
 
     @classmethod
-    def of(cls, trace: Trace, found: Slips | None = None) -> Self:
+    def of(cls, trace: Trace) -> Self:
         """A window, with its drops."""
-        return cls(trace, found or find_slips(trace))
+        return cls(trace, find_slips(trace))
 
     @cached_property
     def largest(self) -> float:
@@ -167,10 +172,13 @@ class Window:
     @property
     def is_level(self) -> bool:
         """Whether the force drifts by no more than that of a slider that slides: one
-        that climbs by more may be that of a slider that is held. Under a constant drive
-        a held slider makes no force fall.
+        that climbs by more, from anywhere on, may be that of a slider that is held.
+        Under a constant drive a held slider makes no force fall.
         """
-        return -MOST * self.largest <= self.trace.rise <= SMALL * self.largest
+        slow = self.trace.force - self.rest
+        climb = np.max(slow - np.minimum.accumulate(slow))
+        fall = np.max(np.maximum.accumulate(slow) - slow)
+        return bool(fall <= MOST * self.largest and climb <= SMALL * self.largest)
 
     @cached_property
     def kurtosis(self) -> Feature:
@@ -272,13 +280,18 @@ class Window:
         rate = weighted_median(rates, waits)
         if not rate > 0:
             return Loading(rate, math.inf, Feature(0.0))
-        scatter = 1.4826 * weighted_median(np.abs(rates - rate), waits)
-        # the noise of the sensor makes the rates scatter, too
-        noise = self.found.noise * np.sqrt(2.0 / (last - middle + 1)) / took
-        scatter = (
-            max(scatter**2 - weighted_median(noise, waits) ** 2, 0.0) ** 0.5 / rate
-        )
-        gain = rate * float(waits.sum()) / float(self.found.drops[1:][long].sum())
+        # less the median itself, whose weight may be more than half of that of a few
+        others = np.arange(rates.size) != np.argmin(np.abs(rates - rate))
+        away = np.abs(rates - rate)[others]
+        scatter = 1.4826 * weighted_median(away, waits[others])
+        # The noise of the sensor makes the rates scatter, too; where it hides whether
+        # they are one, that is not known.
+        noises = self.found.noise * np.sqrt(2.0 / (last - middle + 1)) / took
+        noise = weighted_median(noises, waits)
+        if noise < ONE_RATE * rate:
+            scatter = max(scatter**2 - noise**2, 0.0) ** 0.5
+        scatter /= rate
+        gain = float(rate * waits.sum() / self.found.drops[1:][long].sum())
         return Loading(
             rate,
             scatter,
@@ -305,12 +318,21 @@ class Window:
     @cached_property
     def slip_velocity(self) -> float:
         """Velocity of a slip over the drive's: as it is seen, or by the rates of the
-        force, 1 + falling over loading, where it climbs as that of a slider that is
-        held between drops; else NaN.
+        force, where it climbs at one rate between drops; else NaN.
         """
         if not math.isnan(self.seen_velocity):
             return self.seen_velocity
-        return 1.0 + self.falling_rate / self.loading.rate if self.climbs else math.nan
+        return self.velocity_by_rates if self.climbs else math.nan
+
+    @property
+    def velocity_by_rates(self) -> float:
+        """Velocity of a drop over the drive's by the rates of the force: 1 + falling
+        over loading, if the slider is held between drops; on a bench of known stiffness
+        and velocity by as much as it is held.
+        """
+        pace = self.trace.pace if self.trace.measured else None
+        held = 1.0 if pace is None else 1.0 - float(np.median(pace))
+        return 1.0 + held * self.falling_rate / self.loading.rate
 
     @property
     def climbs(self) -> bool:
@@ -318,6 +340,44 @@ class Window:
         gain = self.loading.gain
         enough = gain.value - ONE_SIDED * gain.error > CLIMBS
         return enough and CLIMBS * gain.value < 1 and self.loading.scatter < ONE_RATE
+
+    @property
+    def slips_throughout(self) -> bool:
+        """Whether the typical drops of either half are as fast as slips."""
+        found = self.found
+        if not self.trace.measured or found.size < 2 * FEWEST_CYCLES:
+            return True
+        first = np.arange(found.size) < found.size // 2
+        halves = (replace(self, found=found.only(half)) for half in (first, ~first))
+        return all(half.falls_fast or half.are_slips for half in halves)
+
+    @property
+    def shows_cycles(self) -> bool:
+        """Whether drops make most of the scatter, with a climb to each or after it."""
+        found = self.found
+        if not found.size:
+            return False
+        peaks = np.append(found.before[1:], self.trace.force[found.end[-1] :].max())
+        climbs = peaks - found.after
+        large = found.drops > MOST * math.sqrt(12.0) * self.scatter
+        return bool(np.any(large & (climbs >= CLIMBS * found.drops)))
+
+    @property
+    def is_even(self) -> bool:
+        """Whether cycles are more alike than those of noise of a narrow band: their
+        sizes scatter by less than half as much as Rayleigh's distribution.
+        """
+        enough = self.cycles is not None and self.found.size >= 2 * FEWEST_CYCLES
+        return enough and mean_and_std(self.found.drops)[2] < 0.5 * RAYLEIGH
+
+    @property
+    def falls_fast(self) -> bool:
+        """Whether the force falls as fast beside its climb as in slips, at whatever
+        rates it climbs.
+        """
+        climbs = self.loading.gain.value > CLIMBS
+        known = climbs and math.isnan(self.seen_velocity)
+        return known and self.velocity_by_rates >= 1.0 / SLIP_PHASE
 
     @property
     def slip_limit(self) -> float:
@@ -365,10 +425,10 @@ class Window:
         at = at - at.mean()
         rate = slope(sizes, at)
         rest = sizes - sizes.mean() - rate * at
-        square = float((rest**2).sum())
-        power = square / float((at**2).sum()) / (sizes.size - 2)
+        square = (rest**2).sum()
+        power = square / (at**2).sum() / (sizes.size - 2)
         # Alternating large and small cycles determine a mean better (Bartlett).
-        turn = float((rest[1:] * rest[:-1]).sum()) / (square or 1.0)
+        turn = (rest[1:] * rest[:-1]).sum() / (square or 1.0)
         turn = min(max(turn, 1.0 / sizes.size - 1.0), 0.0)
         power *= (1.0 + turn) / (1.0 - turn)
         return Feature(0.5 * rate, 0.5 * math.sqrt(power))
@@ -447,7 +507,7 @@ class Window:
 
     @property
     def tests(self) -> tuple[Criterion, ...]:
-        """The tests of a regime, but for those of what is not known."""
+        """The tests of a regime, except those of unknown features."""
         value, error = self.change
         change = Feature(abs(value), error * self.errors(CHANCE) / ERRORS)
         gain = self.loading.gain
@@ -536,18 +596,22 @@ def _test(
 
 
 def look_past_waves(seen: Window) -> Window:
-    """The window without a slow wave, where it then slips, and would not if the force
-    were negated; else as it is.
+    """The window without a slow wave, or averaged over the period of a fast one, where
+    it then slips, and would not if the force were negated; else as it is.
     """
     trace = seen.trace
     alone = trace.measured and trace.pace is None
     if not alone or seen.swing.value < TINY or seen.is_stick_slip:
         return seen
+    smooth, period = _without_hum(trace)
+    calm = Window.of(replace(trace, force=smooth))
+    if _slips_one_way(calm) and calm.found.waits.mean() > FEWEST_CYCLES * period:
+        return calm
     for part in WAVES:
         width = trace.t.size // part
         if width < 2 * FEWEST_READINGS:
             break
-        wave = trace.force - without_waves(trace.force, width)
+        wave = fitted_locally(trace.force, width, 2)
         wave -= np.median(wave)
         shown = Window.of(replace(trace, force=trace.force - wave))
         found = shown.found
@@ -555,7 +619,7 @@ def look_past_waves(seen: Window) -> Window:
         slower = (
             waits.size >= FEWEST_CYCLES - 1 and waits.mean() < width * trace.step / 2
         )
-        if slower and shown.is_stick_slip and not shown.reversed.is_stick_slip:
+        if slower and _slips_one_way(shown):
             level = wave[found.peak]
             found = replace(
                 found,
@@ -564,6 +628,29 @@ def look_past_waves(seen: Window) -> Window:
             )
             return replace(shown, found=found)
     return seen
+
+
+def _slips_one_way(seen: Window) -> bool:
+    """Whether a force slips, and would not if it were negated."""
+    return seen.is_stick_slip and not seen.reversed.is_stick_slip
+
+
+def _without_hum(trace: Trace) -> tuple[Array, float]:
+    """The force averaged over the period of its strongest fast wave, and that period;
+    as it is where none stands out by more than chance.
+
+    Second differences leave little of a slow wave, and a short pulse of a drop, which
+    has no line in a spectrum.
+    """
+    power = np.abs(fft.rfft(np.diff(trace.force, 2))) ** 2
+    line = max(int(np.argmax(power)), 1)
+    # powers of noise are exponential
+    stands_out = (
+        power[line]
+        > math.log(power.size / CHANCE) * uniform_filter1d(power, _BESIDE)[line]
+    )
+    width = max(round(trace.force.size / line), 1) if stands_out else 1
+    return uniform_filter1d(trace.force, width, mode="nearest"), width * trace.step
 
 
 def _means(trace: Trace, first: Array, last: Array) -> Array:

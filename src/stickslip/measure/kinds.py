@@ -1,9 +1,11 @@
-"""The kind of motion in a window, by its features: what is missing for a verdict
+"""The kind of motion in a window, by its features: missing evidence for a verdict
 first, then a few rules, each a test that would deny its word.
 """
 
 import math
 from typing import Literal
+
+import numpy as np
 
 from stickslip import words
 from stickslip.measure.features import NORMAL, ONE_SIDED, SLIP_PHASE, SMALL, Window
@@ -32,6 +34,11 @@ def decide(seen: Window) -> tuple[Kind, str]:
         return SMOOTH, f"{_fluctuation(seen)}: {noise}"
     if reason := _changes(seen):
         return OPEN, reason
+    if seen.is_stick_slip and not seen.slips_throughout:
+        return OPEN, (
+            "drops as fast as slips in one half of the window only: judge each part by "
+            "itself (--from, --to)"
+        )
     manner = "periodic" if seen.cycles else "irregular"
     if seen.is_stick_slip:
         few = f", of few contacts ({contacts})," if seen.is_contact_noise else ""
@@ -67,7 +74,7 @@ def _missing(seen: Window) -> str:
         return f"the normal load changes until {at}: hold it for a while, to tell"
     if seen.count >= FEWEST_CYCLES or seen.velocity_deviation < RESTS:
         return ""
-    if seen.found.size:
+    if seen.shows_cycles:
         lacking = FEWEST_CYCLES - seen.count
         each = trace.length / max(seen.count, 1)
         more = words.engineering(lacking * each, trace.time_unit, 2)
@@ -79,6 +86,12 @@ def _missing(seen: Window) -> str:
     stands_out = abs(trace.rise) > math.sqrt(12.0) * seen.scatter
     if seen.is_mostly_noise and (seen.is_level or not stands_out):
         return _hidden(seen)
+    if not stands_out:
+        size = words.engineering(float(np.ptp(trace.force)), trace.force_unit, 3)
+        return (
+            f"the force changes by {size} in the window, and in no series of slips or "
+            "cycles: a longer record would tell"
+        )
     way = "rises" if trace.rise > 0 else "falls"
     size = words.engineering(abs(trace.rise), trace.force_unit, 3)
     return (
@@ -88,7 +101,7 @@ def _missing(seen: Window) -> str:
 
 
 def _changes(seen: Window) -> str:
-    """Why what is seen of an oscillation may not persist; empty if it does."""
+    """Why an oscillation that is seen may not persist; empty if it does."""
     if seen.trend < 0 or (seen.trend > 0 and not seen.are_slips):
         return _change(seen)
     if seen.persists or not (seen.is_stick_slip or _oscillates(seen)):
@@ -116,8 +129,9 @@ def _oscillates(seen: Window) -> bool:
         return bool(seen.trace.contacts) and not seen.trace.measured
     # Its amplitude scatters as that of noise does, or is no more than a slider may
     # make of it.
-    as_noise = seen.kurtosis.value >= NORMAL or seen.contact_noise[0] < ERRORS
-    return not (seen.trace.measured and as_noise)
+    normal = seen.kurtosis.value >= NORMAL and not seen.is_even
+    as_noise = normal or seen.contact_noise[0] < ERRORS
+    return not (seen.trace.measured and (as_noise or seen.falls_fast))
 
 
 def _uneven(seen: Window) -> tuple[Kind, str]:
@@ -138,11 +152,16 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
     hidden = seen.is_mostly_noise and repeats
     # noise falls as it rises, and climbs at many rates
     dips = seen.found.slip_phase(seen.trace) <= SLIP_PHASE or seen.climbs
-    as_noise = seen.kurtosis.value >= NORMAL and seen.is_narrow
+    as_noise = seen.kurtosis.value >= NORMAL and seen.is_narrow and not seen.is_even
     if as_noise and not hidden and not dips:
         return SMOOTH, f"{_fluctuation(seen)}, as slow noise does"
     if seen.is_mostly_noise:
         return OPEN, _hidden(seen)
+    if seen.falls_fast:
+        return OPEN, (
+            f"drops of {_percent(seen.part)} as fast as slips, but the force climbs to "
+            "them at many rates: stiffness and velocity tell, or a steady load"
+        )
     return OPEN, (
         f"irregular oscillation of {_percent(seen.part)}, neither slips nor "
         f"noise; {_how_fast(seen)}"
@@ -150,7 +169,7 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
 
 
 def _hidden(seen: Window) -> str:
-    noise = _percent(seen.part)
+    noise = _percent(float(np.ptp(seen.rest)) / seen.largest)
     return f"noise of {noise} hides any oscillation, and slips: record more often"
 
 

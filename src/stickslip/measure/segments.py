@@ -6,9 +6,10 @@ import math
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.special import stdtrit
 
-from stickslip.measure.features import STEADY, longest_wait
+from stickslip.measure.features import STEADY, TINY, longest_wait
 from stickslip.measure.slips import Slips, weighted_median
 from stickslip.measure.trace import (
     CHANCE,
@@ -19,6 +20,7 @@ from stickslip.measure.trace import (
 )
 
 _MOST_BLOCKS = 64
+_SMOOTHED = 5  # samples of a median, which noise and single spikes do not move
 AT_ONCE = 0.75  # of a change comes from two blocks to the next two: else it is a drift
 # steps of the level by the scatter about it, of the amplitude by half or twice
 LARGE = np.array([1.0, math.log(2.0)])
@@ -36,6 +38,40 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
     if count >= 2 * FEWEST_CYCLES and np.ptp(trace.force):
         times += _steps(trace, count)
     return _between(trace, times)
+
+
+def pulls(trace: Trace) -> list[Trace]:
+    """The parts of a trace in which its bench is loaded, all in one direction; the
+    trace itself where its force does not rest near zero.
+
+    An even climb to the largest force spends the part `TINY` of its time near zero:
+    where a force stays there five times as long, the bench is unloaded.
+    """
+    smooth = median_filter(trace.force, _SMOOTHED, mode="nearest")
+    near = np.abs(smooth) <= TINY * np.abs(smooth).max()
+    edges = np.flatnonzero(np.diff(near)) + 1
+    runs = [*pairwise([0, *edges.tolist(), near.size])]
+    lasts = [trace.t[end - 1] - trace.t[begin] for begin, end in runs]
+    ends = []
+    for i, (begin, end) in enumerate(runs):
+        beside = max(lasts[i - 1 : i] + lasts[i + 1 : i + 2], default=math.inf)
+        rests = near[begin] and lasts[i] >= 5.0 * TINY * beside
+        if rests and end - begin >= FEWEST_READINGS:
+            ends += [begin, end]
+    if not ends:
+        return [trace]
+    parts = []
+    for begin, end in [*pairwise([0, *ends, near.size])][::2]:
+        if begin < end < near.size:  # less the unloading
+            late = np.abs(smooth[(begin + end) // 2 : end])
+            high = np.flatnonzero(np.abs(smooth[begin:end]) >= np.median(late))
+            end = begin + int(high[-1]) + 1
+        if end - begin >= FEWEST_READINGS:
+            parts.append(
+                trace.part(trace.t[begin], np.nextafter(trace.t[end - 1], np.inf))
+            )
+    signs = {math.copysign(1.0, np.median(part.force)) for part in parts}
+    return parts if len(signs) == 1 else [trace]
 
 
 def parts_between_pauses(trace: Trace, found: Slips) -> list[Trace]:
@@ -68,23 +104,17 @@ def _steps(trace: Trace, count: int) -> list[float]:
             continue
         size = blocks.shape[1]
         start = first + size * (edge - 2)
-        about = slice(start, start + 4 * size)
-        at = _likeliest(trace.force[about])
-        times.append(float(trace.t[about][at]))
+        at = start + _likeliest(trace.force[start : start + 4 * size])
+        times.append(float(trace.t[at]))
     return times
 
 
 def _levels_and_amplitudes(blocks: Array) -> Array:
     """Means of blocks, in their usual scatter, and the logarithms of their scatter."""
     scatter = blocks.std(axis=1)
-    scale = float(np.median(scatter)) or float(scatter.max())
-    amplitudes = np.log(np.maximum(scatter / scale, 1e-6))
-    return np.array(
-        [
-            blocks.mean(axis=1) / scale,
-            amplitudes,
-        ]
-    )
+    scale = np.median(scatter) or scatter.max()
+    levels = blocks.mean(axis=1) / scale
+    return np.array([levels, np.log(np.maximum(scatter / scale, 1e-6))])
 
 
 def _noise(series: Array) -> Array:
@@ -94,10 +124,8 @@ def _noise(series: Array) -> Array:
     the next but one are larger by 1 + r in squares, and means scatter as if it were
     larger by (1 + r)/(1 - r).
     """
-    one = _scatter(series[:, 1:] - series[:, :-1])
-    two = _scatter(series[:, 2:] - series[:, :-2])
-    one = np.maximum(one, STEADY)
-    two = np.maximum(two, STEADY)
+    one = np.maximum(_scatter(np.diff(series)), STEADY)
+    two = np.maximum(_scatter(series[:, 2:] - series[:, :-2]), STEADY)
     r = np.clip((two / one) ** 2 - 1.0, 0.0, 0.99)
     return np.asarray(one * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r))
 
@@ -179,7 +207,7 @@ def _likeliest(force: Array) -> int:
     """
     count = np.arange(2, force.size - 1)
     rest = force - force.mean()
-    floor = 1e-12 * float((rest**2).sum()) + 1e-300
+    floor = 1e-12 * (rest**2).sum() + 1e-300
     likely = np.zeros(count.size)
     for direction in (1, -1):
         mean = rest[::direction].cumsum()[1:-2] / count

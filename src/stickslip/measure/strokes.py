@@ -26,11 +26,8 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     edges = _reversals(trace)
     if len(edges) < 3:
         return [], math.nan, math.nan
-    last = trace.t.size
-    parts = [
-        trace.part(trace.t[begin], trace.t[end] if end < last else np.inf)
-        for begin, end in itertools.pairwise(edges)
-    ]
+    times = np.append(trace.t, np.inf)[edges]
+    parts = [trace.part(*ends) for ends in itertools.pairwise(times)]
     levels = np.array([_plateau(part.force) for part in parts])
     even = float(np.median(levels[::2]))
     odd = float(np.median(levels[1::2]))
@@ -41,13 +38,25 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
         there = part.t[side * part.force >= side * level]
         loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
         if loaded.t.size >= FEWEST_READINGS:
-            force = side * (loaded.force - offset)
-            largest = float(force.max())
-            sign = side * trace.sign
-            strokes.append(replace(loaded, force=force, sign=sign, largest=largest))
+            strokes.append(_along(loaded, side, offset))
     if len(strokes) < 2:
         return [], math.nan, math.nan
     return strokes, 0.5 * abs(even - odd), offset
+
+
+def _along(trace: Trace, side: float, offset: float) -> Trace:
+    """A stroke along its own direction, ahead or back (`side` -1), less an offset."""
+    force = side * (trace.force - offset)
+    velocity = trace.velocity
+    if velocity is not None and trace.drive is not None:
+        velocity = trace.drive - side * (trace.drive - velocity)
+    return replace(
+        trace,
+        force=force,
+        velocity=velocity,
+        sign=side * trace.sign,
+        largest=float(force.max()),
+    )
 
 
 def _plateau(force: Array) -> float:
@@ -62,7 +71,7 @@ def _reversals(trace: Trace) -> list[int]:
     """
     size = trace.t.size
     if (way := trace.displacement) is not None:
-        least = LEAST_WAY * float(np.ptp(way))
+        least = LEAST_WAY * np.ptp(way)
         peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
         return [
             0,
@@ -83,9 +92,14 @@ def _reversals(trace: Trace) -> list[int]:
         *sorted(itertools.chain(*crossed)),
         size,
     ]
-    whole = np.diff(edges)[1:-1]
-    enough = whole.size >= FEWEST_CYCLES - 2 and whole.min() >= FEWEST_READINGS
-    return edges if enough else []
+    lengths = np.diff(edges)
+    whole = lengths[1:-1]
+    if whole.size < FEWEST_CYCLES - 2:
+        # few turns are reversals only where the force changes its sign
+        smaller, larger = sorted((abs(low), abs(high)))
+        turns = low < 0.0 < high and smaller >= LEAST_WAY * larger
+        whole = lengths if turns else np.zeros(1)
+    return edges if whole.min() >= FEWEST_READINGS else []
 
 
 def _plateaus(force: Array) -> Range | None:
@@ -103,5 +117,5 @@ def _plateaus(force: Array) -> Range | None:
         low = float(force[~above].mean())
         high = float(force[above].mean())
     rest = force - np.where(above, high, low)
-    explained = float((rest**2).mean()) <= (1.0 - PLATEAUS) * float(force.var())
+    explained = (rest**2).mean() <= (1.0 - PLATEAUS) * force.var()
     return (low, high) if explained else None
