@@ -397,6 +397,7 @@ def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
 
 
 PULLED = "Pulled at one end: precursors"
+FORCED = {"slider": {"mass": 1.0}, "drive": {"force": 0.3, "duration": 4.0}}
 PER_ROW = "in the field seconds per row"
 COLUMNS = b"".join(b"%d %d %d\n" % (3 * i % 20, i * i % 7, i % 5) for i in range(60))
 COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
@@ -422,6 +423,7 @@ COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
         ),
         (fronts.fronts, {"chain": bar(PULLED, chain__coupling="stiff")}, "coupling"),
         (simulate.run, {"document": bar(PULLED)}, "is shown on the page Fronts"),
+        (simulate.run, {"document": small(**FORCED)}, "a slider on a spring"),
     ],
 )
 def test_what_a_page_refuses_is_one_line_about_its_fields(

@@ -93,6 +93,11 @@ def rig_of(document: object) -> Rig:
         raise InputError(
             "rig: an elastic slider is shown on the page Fronts; here, give [slider]"
         )
+    if not isinstance(rig.slider, Slider):
+        raise InputError(
+            "rig: the page shows a slider on a spring; give [slider] with a stiffness, "
+            "or use `stickslip simulate`"
+        )
     return rig
 
 

@@ -14,7 +14,6 @@ from stickslip.arrays import Array
 from stickslip.errors import InputError
 from stickslip.measure import regime
 from stickslip.measure.headings import ratio
-from stickslip.model import Slider
 from stickslip.plot import style
 from stickslip.plot.palette import BLACK, BLUE, GREY, ORANGE, PAGE, VERMILLION
 from stickslip.plot.replay import ATTACHED, RENEWED, frames
@@ -43,12 +42,7 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     it slows down through the slips. Write it with `save`, as GIF. Raises `InputError`
     if it is no such run, or its drive has pieces that end on a condition.
     """
-    rig = rig_of(run)
-    if not isinstance(rig.slider, Slider):
-        raise InputError(
-            "contacts: a film is of one rigid slider; of a chain, draw spacetime"
-        )
-    seen = frames(rig, 1.0, _FRAMES, lambda _share: None)
+    seen = frames(rig_of(run), 1.0, _FRAMES, lambda _share: None)
     figure = new_figure(PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
     span = seen.times[[0, -1]]
