@@ -15,7 +15,7 @@ from stickslip.measure.headings import unit_named
 from stickslip.measure.slips import turning_points
 from stickslip.measure.trace import CONSTANT_DRIVE, Array, Trace
 from stickslip.model import Slider
-from stickslip.words import engineering
+from stickslip.words import engineering, listed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -113,27 +113,20 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
         here, there = (
             times[(times > first) & (times <= last)] for times in (starts, stops)
         )
+        unseen = []
         for name, what, at in (
             (onset, "sets in", here[:1]),
             (ending, "ends", there[-1:]),
         ):
-            velocity = (
-                trace.sign * np.interp(at, trace.t, trace.drive).sum()
-                if at.size
-                else np.nan
-            )
+            velocity = np.nan
+            if at.size:
+                velocity = trace.sign * np.interp(at[0], trace.t, trace.drive)
+            else:
+                unseen.append(name.replace("_down", "'"))
             title = f"stick-slip {what} on the way {way}"
-            seen[name] = labelled(
-                title,
-                (),
-                velocity,
-                units_of(seen["drive_velocity"]),
-            )
-        if unseen := [
-            name.replace("_down", "'")
-            for name in (onset, ending)
-            if np.isnan(seen[name])
-        ]:
+            unit = units_of(seen["drive_velocity"])
+            seen[name] = labelled(title, (), velocity, unit)
+        if unseen:
             inside = on[(middle > first) & (middle <= last)]
             count = f"{np.count_nonzero(inside)} of {inside.size} windows"
             notes.append(
@@ -291,11 +284,8 @@ def in_words(run: xr.Dataset) -> str:
         ]
         events = ["is there from the start"] * (turns[:1] == ["ends"]) + events
         events += ["persists to the end"] * (turns[-1:] == ["sets in"])
-        directions += (
-            [f"{how}, it {', '.join(events[:-1])} and {events[-1]}"] if events else []
-        )
-    return (
-        f"{begin}; stick-slip: {'; '.join(directions)}"
-        if directions
-        else f"{begin}; {found.attrs['notes']}"
-    )
+        if events:
+            directions.append(f"{how}, it {listed(events)}")
+    if not directions:
+        return f"{begin}; {found.attrs['notes']}"
+    return f"{begin}; stick-slip: {'; '.join(directions)}"

@@ -340,12 +340,11 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     """Judge a measured force, once it is loaded: between gaps and steps, and in
     strokes, each by itself; with notes.
     """
-    stretches = trace.stretches
-    notes = [*note_saturation(trace.force), *_note_gaps(stretches)]
+    notes = [*note_saturation(trace.force), *_note_gaps(trace)]
     parts = list[Regime]()
     strokes = 0
     loops = list[tuple[float, float]]()
-    long = [each for each in stretches if each.t.size >= FEWEST_READINGS]
+    long = [each for each in trace.stretches if each.t.size >= FEWEST_READINGS]
     for stretch in long or [trace]:
         found, friction, offset = find_strokes(stretch)
         if not found:
@@ -362,19 +361,15 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     return replace(seen, notes=(*seen.notes, *notes))
 
 
-def _note_gaps(stretches: Sequence[Trace]) -> list[str]:
-    """Note gaps in the readings, between stretches of one part of a record."""
-    gaps = [
-        (one.t[-1], other.t[0])
-        for one, other in itertools.pairwise(stretches)
-        if one.part_number is None
-        or other.part_number is None
-        or one.part_number[-1] == other.part_number[0]
-    ]
-    if not gaps:
+def _note_gaps(trace: Trace) -> list[str]:
+    """Note gaps in the readings, but for those from part to part of a record."""
+    gaps = trace.gaps
+    if trace.part_number is not None:
+        gaps = gaps[np.diff(trace.part_number)[gaps] == 0.0]
+    if not gaps.size:
         return []
-    begin, end = map(words.number, gaps[0])
-    many = f" and in {len(gaps) - 1} more" if len(gaps) > 1 else ""
+    begin, end = map(words.number, trace.t[gaps[0] : gaps[0] + 2])
+    many = f" and in {gaps.size - 1} more" if gaps.size > 1 else ""
     return [f"no readings in a gap from t = {begin} to {end}{many}"]
 
 
