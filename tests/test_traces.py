@@ -138,6 +138,8 @@ NEWTONS = {"units": ("s", "Newtons")}
         ("Time (s),Extension (mm),Load (kN)\n" + rows("{t},{t},{f}"), KN),
         ("Time  Load cell\n" + rows("{t} ms {f} kN"), {"units": ("ms", "kN")}),
         ("t;Friction coefficient (kN)\n" + SEMICOLONS, KN),
+        ("t;Friction coefficient (V)\n" + SEMICOLONS, {"units": ("s", "V")}),
+        ("t,COF (%)\n" + rows("{t},{100 * f}"), {"units": ("s", "1")}),
         (LABVIEW.format(columns="One") + rows("{t:.6f}\t{f:.6f}\t"), KN),
         (LABVIEW.format(columns="No") + rows("\t{f:.6f}\t"), KN),
         *(
@@ -151,7 +153,7 @@ def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
     units = options.pop("units")
     count = options.pop("rows")
     data = read_trace(written(tmp_path, text), **options)
-    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["spring_force"], FORCES, rtol=1e-15)
     np.testing.assert_allclose(data["time"], TIMES)
     assert data.attrs["rows"] == count
     assert not data["filled"].any()

@@ -153,18 +153,22 @@ def read_trace(
         values, notes = _rows(table, chosen, interval)
         notes = [*table.notes, *taken, *notes]
         del table
-        force_unit = chosen["force"].heading.unit
+        heading = chosen["force"].heading
+        size = 1.0
+        force_unit = heading.unit
         if scale:
             size, force_unit = _scale(scale, force_unit)
-            values["force"] *= size
+        elif heading.quantity == "coefficient":
+            kind, of_one = unit_named(force_unit) or ("number", 1.0)
+            if kind != "signal":
+                size, force_unit = of_one, "1"
+        values["force"] *= size
     except InputError as error:
         error.args = (one_line(f"{path}: {error}"),)  # which keeps its note
         raise
     units = {"time": "s", "load": "N", "part": "1"}
     units |= {name: each.heading.unit for name, each in chosen.items()}
     units["force"] = force_unit
-    if chosen["force"].heading.quantity == "coefficient" and not scale:
-        units["force"] = "1"
     if constant:
         values["load"] = np.full_like(values["force"], constant)
     data = _dataset(
@@ -172,7 +176,7 @@ def read_trace(
         values,
         notes,
         flip,
-        chosen["force"].heading.is_torque,
+        heading.is_torque,
     )
     return data.assign_attrs(source=Path(path).name, read=_described(data, chosen))
 
