@@ -602,9 +602,8 @@ def _driven_by_force(trace: Trace) -> str:
     """Report the motion of a slider that a force drives, which holds it at no speed."""
     assert trace.rig is not None
     assert trace.X is not None
-    late = trace.part(0.5 * (trace.t[0] + trace.t[-1]))
-    assert late.X is not None
-    way = abs(late.X[-1] - late.X[0])
+    middle = 0.5 * (trace.t[0] + trace.t[-1])
+    way = abs(trace.X[-1] - trace.X[np.searchsorted(trace.t, middle)])
     # so far contacts stretch without sliding
     moves = "slides" if way > trace.rig.unit("length") else "rests"
     return f"the force is the drive itself, and holds no speed; the slider {moves}"

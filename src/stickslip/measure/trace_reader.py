@@ -246,18 +246,14 @@ def _rows(
             "needed"
         )
     notes = _put_in_turn(table, values, lines)
-    if not bad:
-        return values, notes
     if len(bad) > 5:
         shown_lines.append(f"and {len(bad) - 5} more")
-    text = (
-        "rows could not be read; the force there is interpolated in time "
-        f"({'; '.join(shown_lines)})"
-    )
-    return values, [
-        *notes,
-        f"{len(bad)} of {lines.size} {text}",
-    ]
+    if bad:
+        notes.append(
+            f"{len(bad)} of {lines.size} rows could not be read; the force there is "
+            f"interpolated in time ({'; '.join(shown_lines)})"
+        )
+    return values, notes
 
 
 def _put_in_turn(
@@ -372,15 +368,10 @@ def _dataset(
             )
     texts = {**_TEXTS, "force": ("spring_force", force)}
     rows["filled"] = missing
-    found = {
-        texts[key][0]: labelled(
-            texts[key][1],
-            "time",
-            rows[key],
-            units.get(key, "1"),
-        )
-        for key in rows
-    }
+    found = {}
+    for key in rows:
+        name, title = texts[key]
+        found[name] = labelled(title, "time", rows[key], units.get(key, "1"))
     time = labelled("time", "time", rows.index, units["time"])
     attrs = {
         "rows": values["force"].size,
