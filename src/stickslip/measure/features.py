@@ -536,12 +536,9 @@ def _test(
 
 
 def look_past_waves(seen: Window) -> Window:
-    """The window without a slow wave, where it then slips, and would not if the force
-    were negated; else as it is.
-    """
+    """The window without a slow wave, where it then slips; else as it is."""
     trace = seen.trace
-    alone = trace.measured and trace.pace is None
-    if not alone or seen.swing.value < TINY or seen.is_stick_slip:
+    if trace.pace is not None or seen.swing.value < TINY or seen.is_stick_slip:
         return seen
     for part in WAVES:
         width = trace.t.size // part
@@ -551,11 +548,7 @@ def look_past_waves(seen: Window) -> Window:
         wave -= np.median(wave)
         shown = Window.of(replace(trace, force=trace.force - wave))
         found = shown.found
-        waits = found.waits
-        slower = (
-            waits.size >= FEWEST_CYCLES - 1 and waits.mean() < width * trace.step / 2
-        )
-        if slower and shown.is_stick_slip and not shown.reversed.is_stick_slip:
+        if shown.is_stick_slip and found.waits.mean() < width * trace.step / 2:
             level = wave[found.peak]
             found = replace(
                 found,

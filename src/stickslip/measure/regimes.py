@@ -553,8 +553,8 @@ def _judge(window: Window) -> Regime:
         period = seen.cycles.period
         variation = seen.cycles.variation
     pace = trace.pace
-    alone = trace.measured and pace is None
-    shows_loading = alone and kind in (SLIPS, LASTS) and seen.loading.rate > 0
+    slips_or_lasts = kind in (SLIPS, LASTS)
+    shows_loading = pace is None and slips_or_lasts and seen.loading.rate > 0
     drive = None if trace.drive is None else trace.sign * float(trace.drive.mean())
     return Regime(
         kind=kind,
