@@ -30,7 +30,6 @@ _WAYS = (
 # f_s, and x_s where a cycle is not known
 _LEVEL = 0.4
 _WINDOW = 4.0
-_TIMES = {"begin": "start", "middle": "middle", "end": "end"}
 _OF = {
     "peak_to_peak": "spring_force",
     "drive_velocity": "velocity",
@@ -93,7 +92,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     top = _turning_time(trace.t, trace.drive)
     seen = _oscillation(run, trace, level)
     height, begin, middle, end = (
-        seen[name].values for name in ("peak_to_peak", *_TIMES)
+        seen[name].values for name in ("peak_to_peak", "begin", "middle", "end")
     )
     # none is short
     on = median_filter(
@@ -190,10 +189,9 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     columns = {
         "peak_to_peak": ("peak to peak of the spring force", high - low),
         "drive_velocity": ("velocity of the drive", drive),
-        **{
-            name: (f"{words} of the window", at)
-            for (name, words), at in zip(_TIMES.items(), times, strict=True)
-        },
+        "begin": ("start of the window", times[0]),
+        "middle": ("middle of the window", times[1]),
+        "end": ("end of the window", times[2]),
         "travel": ("travel of the drive", place[1]),
     }
     found = {
