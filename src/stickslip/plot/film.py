@@ -59,9 +59,13 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     scale = min(1.0, _REACH / (max(float(lengths.max()), 1.0) - shortest))
     # the end of the slider; the drive stays in its place, at 0
     right = -1.5 - scale * (lengths - shortest)
-    wide = _PITCH * seen.flags.shape[1]
+    count = seen.flags.shape[1]
+    wide = _PITCH * count
     high = 1.6 * _HIGH
-    feet = right[:, None] - wide + _PITCH * (np.arange(seen.flags.shape[1]) + 0.5)
+    middle = _HIGH + 0.5 * high
+    coils = middle + np.r_[0, 0, np.tile([0.5, -0.5], 9), 0, 0]
+    farthest = right.min() - wide
+    feet = right[:, None] - wide + _PITCH * (np.arange(count) + 0.5)
     held = (seen.flags & ATTACHED) > 0
     renewed = (seen.flags & RENEWED) > 0
     broke = np.vstack([np.zeros_like(held[:1]), held[:-1] & (~held[1:] | renewed[1:])])
@@ -77,15 +81,10 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     (flashes,) = above.plot([], [], "o", color=ORANGE, markersize=7, alpha=0.8)
     above.axhline(0.0, color=GREY, linewidth=0.8)
     above.plot([0, 0], [_HIGH, _HIGH + high], color=BLACK, linewidth=4)
-    words = above.text(
-        0,
-        _HIGH + 0.5 * high,
-        f"{feet.shape[1]} of {seen.contacts} contacts",
-        va="center",
-        ha="center",
-    )
+    named = f"{count} of {seen.contacts} contacts"
+    words = above.text(0, middle, named, va="center", ha="center")
     above.set(
-        xlim=(right.min() - wide - 1, 0.6),
+        xlim=(farthest - 1, 0.6),
         ylim=(-1.0, _HIGH + high + 0.3),
         aspect="equal",
     )
@@ -99,12 +98,9 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
         )
         block.set_x(right[i] - wide)
         words.set_x(right[i] - 0.5 * wide)
-        coil = np.linspace(right[i], 0.0, 22)
-        spring.set_data(
-            coil, _HIGH + 0.5 * high + np.r_[0, 0, np.tile([0.5, -0.5], 9), 0, 0]
-        )
+        spring.set_data(np.linspace(right[i], 0.0, 22), coils)
         shift = (right[i] - seen.slider[i]) % 2.0
-        ground.set_data(*_ground_marks(right.min() - wide - 4, shift))
+        ground.set_data(*_ground_marks(farthest - 4, shift))
         lately = broke[max(i - 2, 0) : i + 1].any(axis=0)
         flashes.set_data(feet[i][lately], np.full(int(lately.sum()), 0.4 * _HIGH))
         cursor.set_data([seen.times[i]], [seen.force[i]])
