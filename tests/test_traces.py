@@ -291,6 +291,8 @@ def test_several_columns_are_told_by_their_names(tmp_path):
     np.testing.assert_array_equal(by_name["spring_force"], data["spring_force"])
     other = read_trace(tmp_path / "trace.csv", force="Kraft (N)", load="0.04 kN")
     np.testing.assert_allclose(other["mu"], FORCES / 40.0)
+    pressed = read_trace(written(tmp_path, GERMAN.replace("20,00\n", "-20,00\n")))
+    np.testing.assert_allclose(pressed["mu"], FORCES / 20.0)
 
 
 BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"

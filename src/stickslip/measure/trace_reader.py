@@ -94,7 +94,7 @@ def read_trace(
     Dataset
         Along `time`: `spring_force` (of the unit 1 if it is a coefficient), `filled`,
         true where it was interpolated, and, where known, `measured_displacement`,
-        `load` and `mu`, the force over the load, `measured_velocity`, and `part`, the
+        `load` and `mu`, the force over its size, `measured_velocity`, and `part`, the
         number of the test or of its step. Units are those of the file; N and s where it
         says nothing. Attributes ``source``, ``read``: which columns, in words,
         ``rows``, ``flipped``, ``spikes`` and ``note``: what was filled in and what was
@@ -360,7 +360,9 @@ def _dataset(
     elif "load" in rows:
         alike = units["force"] == units["load"]
         if size := 1.0 if alike else ratio(units["force"], units["load"]):
-            rows["mu"] = size * rows["force"] / rows["load"].replace(0.0, np.nan)
+            # some sensors count pressing as negative
+            pressed = rows["load"].abs().replace(0.0, np.nan)
+            rows["mu"] = size * rows["force"] / pressed
         else:
             notes.append(
                 f"no coefficient of friction: the force is in {units['force']}, the "
