@@ -557,6 +557,7 @@ def test_tests_one_after_another_are_judged_each_by_itself(tmp_path):
     clock = 0.01 * np.arange(2 * SAW.size)
     head = "Step,t (s),F (N)"
     again = read_trace(written(tmp_path, table(head, steps, clock, columns[1])))
+    assert again["part"].attrs["units"] == "1"
     kinds = [each.kind for each in regime(again).segments]
     assert kinds == ["stick-slip", "smooth sliding"]
 

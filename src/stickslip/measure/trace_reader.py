@@ -166,9 +166,9 @@ def read_trace(
     except InputError as error:
         error.args = (one_line(f"{path}: {error}"),)  # which keeps its note
         raise
-    units = {"time": "s", "load": "N", "part": "1"}
+    units = {"time": "s", "load": "N"}
     units |= {name: each.heading.unit for name, each in chosen.items()}
-    units["force"] = force_unit
+    units |= {"force": force_unit, "part": "1"}
     if constant:
         values["load"] = np.full_like(values["force"], constant)
     data = _dataset(
