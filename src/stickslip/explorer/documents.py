@@ -167,7 +167,7 @@ def rig_asked_for(request: Mapping[str, Any]) -> Rig:
     return lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
 
 
-def check_size(rig: Rig, seconds: float = LONGEST) -> None:
+def check_size(rig: Rig, seconds: float) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     check_decades(rig)
     for name in ("thresholds", "initial", "newborn"):

@@ -424,9 +424,8 @@ class Window:
             return math.nan, ERRORS
         rig = trace.rig
         if rig is not None and trace.drive is not None and not rig.drive.load:
-            speed = float(np.mean(trace.drive)) / rig.unit("velocity")
-            # rounded, so that it is asked once
-            speed = float(f"{speed:.12g}")
+            mean = np.mean(trace.drive) / rig.unit("velocity")
+            speed = float(f"{mean:.12g}")  # rounded, so that it is asked once
             known = noise_of(rig.interface, rig.slider, speed)
             if known is not None:
                 unit = rig.unit("f_s") / math.sqrt(count)

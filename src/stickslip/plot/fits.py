@@ -343,7 +343,6 @@ def friction_at_speeds(table: xr.Dataset) -> Figure:
         markersize=3.5,
         capsize=2.0,
     )
-    ax.set_xscale("log")
     panel(
         ax,
         "",
