@@ -124,10 +124,9 @@ def test_a_parameter_turned_is_where_it_was_put(parameter, document):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("document", "over"),
-    [
-        (NATURAL_AND_SI[0], ["velocity", "delay"]),
-        (NATURAL_AND_SI[1], ["stiffness", "velocity"]),
-    ],
+    zip(
+        NATURAL_AND_SI, (["velocity", "delay"], ["stiffness", "velocity"]), strict=True
+    ),
     ids=["natural", "SI"],
 )
 def test_the_rig_stands_on_the_map_where_its_fields_say(document, over):
@@ -322,9 +321,8 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
 
 
 def test_a_trace_in_milliseconds_shows_its_frequency_in_hertz():
-    rows = [f"{10 * i},{5 + i % 150}" for i in range(3000)]
-    content = "\n".join(["time (ms),force (N)", *rows]).encode()
-    *_, found = traces.trace({"content": content}, silent)
+    rows = "\n".join(f"{10 * i},{5 + i % 150}" for i in range(3000))
+    *_, found = traces.trace({"content": f"t (ms),F (N)\n{rows}".encode()}, silent)
     value, unit = found["regime"]["frequency"].split()
     assert (float(value), unit) == (pytest.approx(1 / 1.5, rel=0.01), "Hz")
 
@@ -397,6 +395,8 @@ def test_the_run_of_the_bench_leads_to_a_rig_with_its_delay():
 
 
 PULLED = "Pulled at one end: precursors"
+FORCED = {"slider": {"mass": 1.0}, "drive": {"force": 0.3, "duration": 4.0}}
+MANY = {"simulation__contacts": 10**6}
 PER_ROW = "in the field seconds per row"
 COLUMNS = b"".join(b"%d %d %d\n" % (3 * i % 20, i * i % 7, i % 5) for i in range(60))
 COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
@@ -415,13 +415,10 @@ COLUMN = b"".join(b"%d\n" % (i % 7) for i in range(60))
         (traces.posterior, {"options": BENCH, "draws": 6_000}, "explorer does not"),
         (fronts.fronts, {"chain": bar(PULLED, chain__blocks=5_000)}, "at most 400 bl"),
         (fronts.fronts, {"chain": bar(PULLED, drive__duration=1e9)}, "times shorter"),
-        (
-            fronts.fronts,
-            {"chain": bar(PULLED, simulation__contacts=10**6)},
-            "simulation.contacts",
-        ),
+        (fronts.fronts, {"chain": bar(PULLED, **MANY)}, "simulation.contacts"),
         (fronts.fronts, {"chain": bar(PULLED, chain__coupling="stiff")}, "coupling"),
         (simulate.run, {"document": bar(PULLED)}, "is shown on the page Fronts"),
+        (simulate.run, {"document": small(**FORCED)}, "a slider on a spring"),
     ],
 )
 def test_what_a_page_refuses_is_one_line_about_its_fields(
@@ -485,21 +482,12 @@ def test_other_hosts_and_origins_are_refused(server):
     port = server.port
     assert ask(server, "/")[0] == 200
     assert ask(server, "/", Host=f"localhost:{port}")[0] == 200
-    for host in (
-        "evil.example",
-        f"evil.example:{port}",
-        "127.0.0.1",
-        f"127.0.0.1:{port + 1}",
-        f"127.0.0.1.evil:{port}",
-    ):
+    foreign = "evil.example", f"evil.example:{port}", f"127.0.0.1.evil:{port}"
+    for host in (*foreign, "127.0.0.1", f"127.0.0.1:{port + 1}"):
         assert ask(server, "/", Host=host)[0] == 403
         assert websocket_status(server, Host=host, Origin=f"http://{host}") == 403
-    for origin in (
-        "http://evil.example",
-        "null",
-        f"https://127.0.0.1:{port}",
-        f"http://127.0.0.1:{port + 1}",
-    ):
+    foreign = "http://evil.example", "null", f"https://127.0.0.1:{port}"
+    for origin in (*foreign, f"http://127.0.0.1:{port + 1}"):
         assert ask(server, "/", Origin=origin)[0] == 403
         assert websocket_status(server, Origin=origin) == 403
     # a browser always says where a websocket comes from
@@ -582,10 +570,7 @@ DAMAGED = {
     ],
     "whole number": [request_of('"run"', number) for number in ("1.5", "true", '"1"')],
     "not known": ["[]", "null", "3", *(request_of(kind, 1) for kind in KINDS)],
-    "must be a table": [
-        request_of('"run"', 1),
-        '{"kind":"run","id":1,"document":[1]}',
-    ],
+    "must be a table": [request_of('"run"', 1), '{"kind":"run","id":1,"document":[1]}'],
     "more": [asked("run", document=LONG)],
     "2.0 MB": ['"' + "x" * 2_000_000 + '"'],
     "NetCDF": [asked("trace", b"\x89HDF\r\n\x1a\n" + bytes(100), name="x.nc")],
@@ -623,11 +608,8 @@ def test_a_damaged_message_is_refused_and_the_session_goes_on(session, message, 
 
 MISREAD = "9**9**9**9 N/m", "4 " + "N" * 1_500, "4,0 MN/m", "1e999 N/m"
 MISREAD += 4, None, {"a": 4}
-FINE = {
-    "distribution": "empirical",
-    "edges": np.linspace(0.5, 1.5, 2_001).tolist(),
-    "weights": [1.0] * 2_000,
-}
+FINE = {"distribution": "empirical", "weights": [1.0] * 2_000}
+FINE["edges"] = np.linspace(0.5, 1.5, 2_001).tolist()
 WIDE = {"distribution": "gaussian", "std": 1.7e308}
 PIECES = [{"start": 1, "end": 1, "duration": 0.01}] * 2_000
 AT_ONCE = {"model": "langevin", "time": 1e-9}

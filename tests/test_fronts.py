@@ -361,6 +361,8 @@ def test_a_front_is_as_fast_as_theory_says_of_the_prestress_there(passing):
     drawn = ss.plot.front_curve(passing).get_lines()
     lines = {line.get_label(): line for line in drawn}
     tau, v = lines["along the run"].get_data()
+    still = passing.assign(first_break=passing.first_break * np.nan)
+    assert not ss.plot.front_curve(still).get_lines()[0].get_xdata().size
     away = (tau > 0.6) & (tau < 0.8)
     assert away.sum() > 100
     theory = np.interp(tau[away], *lines["theory (lattice)"].get_data())
@@ -386,6 +388,8 @@ ss.plot.slip_profiles(run.isel(time=slice(-9, None)))
     ^slip_profiles: .* no event of 3
 ss.plot.front_curve(run)
     ^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed
+ss.plot.part(run)
+    ^part: needs a run of a structure
 """
 
 

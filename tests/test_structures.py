@@ -441,6 +441,8 @@ def test_the_picture_of_a_run_has_a_strip_for_each_part(body):
     assert labels[-3].startswith("friction") or body is PULLED
     last = labels[-seen.sizes["mode"] :]
     assert all(map(str.startswith, last, strips))
+    with pytest.raises(ss.InputError, match="part: number = 9"):
+        ss.plot.part(seen, number=9)
 
 
 @pytest.mark.takes(5)  # of long moves, or of many steps

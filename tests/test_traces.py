@@ -138,6 +138,8 @@ NEWTONS = {"units": ("s", "Newtons")}
         ("Time (s),Extension (mm),Load (kN)\n" + rows("{t},{t},{f}"), KN),
         ("Time  Load cell\n" + rows("{t} ms {f} kN"), {"units": ("ms", "kN")}),
         ("t;Friction coefficient (kN)\n" + SEMICOLONS, KN),
+        ("t;Friction coefficient (V)\n" + SEMICOLONS, {"units": ("s", "V")}),
+        ("t,COF (%)\n" + rows("{t},{100 * f}"), {"units": ("s", "1")}),
         (LABVIEW.format(columns="One") + rows("{t:.6f}\t{f:.6f}\t"), KN),
         (LABVIEW.format(columns="No") + rows("\t{f:.6f}\t"), KN),
         *(
@@ -151,7 +153,7 @@ def test_tables_of_every_usual_form_are_read(tmp_path, text, options):
     units = options.pop("units")
     count = options.pop("rows")
     data = read_trace(written(tmp_path, text), **options)
-    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    np.testing.assert_allclose(data["spring_force"], FORCES, rtol=1e-15)
     np.testing.assert_allclose(data["time"], TIMES)
     assert data.attrs["rows"] == count
     assert not data["filled"].any()
@@ -289,6 +291,8 @@ def test_several_columns_are_told_by_their_names(tmp_path):
     np.testing.assert_array_equal(by_name["spring_force"], data["spring_force"])
     other = read_trace(tmp_path / "trace.csv", force="Kraft (N)", load="0.04 kN")
     np.testing.assert_allclose(other["mu"], FORCES / 40.0)
+    pressed = read_trace(written(tmp_path, GERMAN.replace("20,00\n", "-20,00\n")))
+    np.testing.assert_allclose(pressed["mu"], FORCES / 20.0)
 
 
 BARE = "Time(s)\tDispl(microns)\tFriction\tNormal_stress(MPa)\n"
@@ -553,6 +557,7 @@ def test_tests_one_after_another_are_judged_each_by_itself(tmp_path):
     clock = 0.01 * np.arange(2 * SAW.size)
     head = "Step,t (s),F (N)"
     again = read_trace(written(tmp_path, table(head, steps, clock, columns[1])))
+    assert again["part"].attrs["units"] == "1"
     kinds = [each.kind for each in regime(again).segments]
     assert kinds == ["stick-slip", "smooth sliding"]
 

@@ -122,21 +122,18 @@ def sustained(
             known[value] = scan.settled(value).verdict
         return known[value].sustained
 
-    values = scan.grid(max(2, math.ceil(points * math.log10(scan.high / scan.low)) + 1))
+    values = scan.grid(math.ceil(points * math.log10(scan.high / scan.low)) + 1)
     scan.check_work(len(values))
     decided = [value for value in values if persists(value) is not None]
-    low, high = (
-        [Edge.of("end of range", value) for value in end if persists(value)]
-        for end in (decided[:1], decided[-1:])
-    )
-    edges = low
+    edges = [Edge.of("end of range", value) for value in decided[:1] if persists(value)]
     for one, two in itertools.pairwise(decided):
         if persists(one) != persists(two):
             fails_at, holds_at = (two, one) if persists(one) else (one, two)
             edges.append(
                 Edge.of("decay", *halved(persists, fails_at, holds_at, scan.tolerance))
             )
-    edges += high
+    last = decided[-1:]
+    edges += [Edge.of("end of range", value) for value in last if persists(value)]
     return Sustained(
         **scan.about,
         start=start,

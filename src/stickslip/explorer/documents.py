@@ -93,6 +93,11 @@ def rig_of(document: object) -> Rig:
         raise InputError(
             "rig: an elastic slider is shown on the page Fronts; here, give [slider]"
         )
+    if not isinstance(rig.slider, Slider):
+        raise InputError(
+            "rig: the page shows a slider on a spring; give [slider] with a stiffness, "
+            "or use `stickslip simulate`"
+        )
     return rig
 
 
@@ -162,7 +167,7 @@ def rig_asked_for(request: Mapping[str, Any]) -> Rig:
     return lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
 
 
-def check_size(rig: Rig, seconds: float = LONGEST) -> None:
+def check_size(rig: Rig, seconds: float) -> None:
     """Raise `InputError` if a run would keep the page waiting."""
     check_decades(rig)
     for name in ("thresholds", "initial", "newborn"):

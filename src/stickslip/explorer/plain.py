@@ -25,6 +25,7 @@ for the rest.
 """
 
 _MOST_MARKED = 2_000  # slips; more cannot be distinguished on a screen
+_ALONG_PATH = 1_200  # points of a curve in the plane
 
 
 def force_trace(data: xr.Dataset, width: int) -> Plain:
@@ -54,7 +55,7 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
         "span": span(data, times),
         "slips": {
             "count": int(slips.sizes["event"]),
-            "counted": measure.counted(slips) if slips.sizes["event"] else "no slips",
+            "counted": measure.counted(slips),
             "start": floats(start / times["factor"]),
             "end": floats(end / times["factor"]),
             "before": floats(before / force["factor"]),
@@ -141,16 +142,16 @@ def packed(values: NDArray[Any], kind: str = "f4") -> Plain:
     }
 
 
-def along_path(x: Array, y: Array, count: int = 1_200) -> tuple[Array, Array]:
-    """Thin out a curve in the plane: about as many points, evenly along its path, so
-    that fast parts keep theirs.
+def along_path(x: Array, y: Array) -> tuple[Array, Array]:
+    """Thin out a curve in the plane: evenly along its path, so that fast parts keep
+    their points.
     """
-    if x.size <= count:
+    if x.size <= _ALONG_PATH:
         return x, y
     scales = [float(np.ptp(values)) or 1.0 for values in (x, y)]
     steps = np.hypot(np.diff(x) / scales[0], np.diff(y) / scales[1])
     way = np.append(0.0, steps.cumsum())
     kept = np.unique(
-        np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, x.size - 1)
+        np.searchsorted(way, np.linspace(0.0, way[-1], _ALONG_PATH)).clip(0, x.size - 1)
     )
     return x[kept], y[kept]

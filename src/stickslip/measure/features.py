@@ -484,9 +484,8 @@ class Window:
             return math.nan, ERRORS
         rig = trace.rig
         if rig is not None and trace.drive is not None and not rig.drive.load:
-            speed = float(np.mean(trace.drive)) / rig.unit("velocity")
-            # rounded, so that it is asked once
-            speed = float(f"{speed:.12g}")
+            mean = np.mean(trace.drive) / rig.unit("velocity")
+            speed = float(f"{mean:.12g}")  # rounded, so that it is asked once
             known = noise_of(rig.interface, rig.slider, speed)
             if known is not None:
                 unit = rig.unit("f_s") / math.sqrt(count)
@@ -600,8 +599,7 @@ def look_past_waves(seen: Window) -> Window:
     it then slips, and would not if the force were negated; else as it is.
     """
     trace = seen.trace
-    alone = trace.measured and trace.pace is None
-    if not alone or seen.swing.value < TINY or seen.is_stick_slip:
+    if trace.pace is not None or seen.swing.value < TINY or seen.is_stick_slip:
         return seen
     smooth, period = _without_hum(trace)
     calm = Window.of(replace(trace, force=smooth))
@@ -615,11 +613,7 @@ def look_past_waves(seen: Window) -> Window:
         wave -= np.median(wave)
         shown = Window.of(replace(trace, force=trace.force - wave))
         found = shown.found
-        waits = found.waits
-        slower = (
-            waits.size >= FEWEST_CYCLES - 1 and waits.mean() < width * trace.step / 2
-        )
-        if slower and _slips_one_way(shown):
+        if _slips_one_way(shown) and found.waits.mean() < width * trace.step / 2:
             level = wave[found.peak]
             found = replace(
                 found,

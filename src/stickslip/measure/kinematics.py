@@ -258,14 +258,16 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     trace = Trace.of(data)
     pace = trace.pace
     stuck = trace.stuck
-    swing = rms_velocity_deviation(trace)
-    if pace is None or stuck is None or trace.drive is None or math.isnan(swing):
+    drive = trace.drive
+    stiffness = data.attrs.get("stiffness")
+    if stiffness is None or pace is None or stuck is None or drive is None:
         raise InputError(
             "kinematics: needs a trace with the motion of its slider, as motion() "
             "returns it"
         )
+    swing = rms_velocity_deviation(trace)
     newton, second = (unit or 1.0 for unit in _units_of(trace))
-    metre = newton / float(data.attrs["stiffness"])
+    metre = newton / float(stiffness)
     found = find_slips(trace)
     wait, _, of_waits = mean_and_std(found.waits)
     drop, _, of_drops = mean_and_std(found.drops)
@@ -284,7 +286,7 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     else:
         word = "moves unevenly, without stops"
     full = _full_rate(trace.force, trace.step, found.noise)
-    V = float(np.median(trace.drive))
+    V = float(np.median(drive))
     period = math.nan
     if word == "oscillates":
         period = second * (cycles.period if cycles.periodic else wait)
@@ -292,7 +294,7 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     is_resolved = half * RESTS >= 2.0 * trace.step
     mass_that_moves = math.nan
     if is_resolved and word in ("sticks and slips", "oscillates"):
-        mass_that_moves = data.attrs["stiffness"] * (second * half / math.pi) ** 2
+        mass_that_moves = stiffness * (second * half / math.pi) ** 2
     return Kinematics(
         mass=math.nan if mass is None else read_value("mass", mass, "kg", "75.6 g"),
         motion=f"{word}: slower than a quarter of the drive for {100.0 * stuck:.3g} % "

@@ -117,10 +117,10 @@ def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
     size = t.size
     even = np.linspace(t[0], t[-1], size)
     rest = without_drift(np.interp(even, t, force))
-    lags = max(size // 2, 3)
+    lags = size // 2
     spectrum = fft.rfft(rest, fft.next_fast_len(size + lags, real=True))
     power = fft.irfft(spectrum.real**2 + spectrum.imag**2)[:lags]
-    if not power[0] > 0 or not power.min() < 0:
+    if not power.min() < 0:  # a constant force has none below zero, either
         return math.nan, 0.0
     power /= power[0] * (1.0 - np.arange(lags) / size)
     inner = power[1:-1]

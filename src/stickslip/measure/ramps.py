@@ -15,7 +15,7 @@ from stickslip.measure.headings import unit_named
 from stickslip.measure.slips import turning_points
 from stickslip.measure.trace import CONSTANT_DRIVE, Array, Trace
 from stickslip.model import Slider
-from stickslip.words import engineering
+from stickslip.words import engineering, listed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,7 +30,6 @@ _WAYS = (
 # f_s, and x_s where a cycle is not known
 _LEVEL = 0.4
 _WINDOW = 4.0
-_TIMES = {"begin": "start", "middle": "middle", "end": "end"}
 _OF = {
     "peak_to_peak": "spring_force",
     "drive_velocity": "velocity",
@@ -93,7 +92,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     top = _turning_time(trace.t, trace.drive)
     seen = _oscillation(run, trace, level)
     height, begin, middle, end = (
-        seen[name].values for name in ("peak_to_peak", *_TIMES)
+        seen[name].values for name in ("peak_to_peak", "begin", "middle", "end")
     )
     # none is short
     on = median_filter(
@@ -113,27 +112,20 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
         here, there = (
             times[(times > first) & (times <= last)] for times in (starts, stops)
         )
+        unseen = []
         for name, what, at in (
             (onset, "sets in", here[:1]),
             (ending, "ends", there[-1:]),
         ):
-            velocity = (
-                trace.sign * np.interp(at, trace.t, trace.drive).sum()
-                if at.size
-                else np.nan
-            )
+            velocity = np.nan
+            if at.size:
+                velocity = trace.sign * np.interp(at[0], trace.t, trace.drive)
+            else:
+                unseen.append(name.replace("_down", "'"))
             title = f"stick-slip {what} on the way {way}"
-            seen[name] = labelled(
-                title,
-                (),
-                velocity,
-                units_of(seen["drive_velocity"]),
-            )
-        if unseen := [
-            name.replace("_down", "'")
-            for name in (onset, ending)
-            if np.isnan(seen[name])
-        ]:
+            unit = units_of(seen["drive_velocity"])
+            seen[name] = labelled(title, (), velocity, unit)
+        if unseen:
             inside = on[(middle > first) & (middle <= last)]
             count = f"{np.count_nonzero(inside)} of {inside.size} windows"
             notes.append(
@@ -197,10 +189,9 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     columns = {
         "peak_to_peak": ("peak to peak of the spring force", high - low),
         "drive_velocity": ("velocity of the drive", drive),
-        **{
-            name: (f"{words} of the window", at)
-            for (name, words), at in zip(_TIMES.items(), times, strict=True)
-        },
+        "begin": ("start of the window", times[0]),
+        "middle": ("middle of the window", times[1]),
+        "end": ("end of the window", times[2]),
         "travel": ("travel of the drive", place[1]),
     }
     found = {
@@ -291,11 +282,8 @@ def in_words(run: xr.Dataset) -> str:
         ]
         events = ["is there from the start"] * (turns[:1] == ["ends"]) + events
         events += ["persists to the end"] * (turns[-1:] == ["sets in"])
-        directions += (
-            [f"{how}, it {', '.join(events[:-1])} and {events[-1]}"] if events else []
-        )
-    return (
-        f"{begin}; stick-slip: {'; '.join(directions)}"
-        if directions
-        else f"{begin}; {found.attrs['notes']}"
-    )
+        if events:
+            directions.append(f"{how}, it {listed(events)}")
+    if not directions:
+        return f"{begin}; {found.attrs['notes']}"
+    return f"{begin}; stick-slip: {'; '.join(directions)}"

@@ -344,7 +344,7 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     loaded = [pull for each in stretches for pull in pulls(each)]
     notes = [
         *note_saturation(trace.force),
-        *_note_gaps(stretches),
+        *_note_gaps(trace),
         *_note_unloaded(stretches, loaded),
     ]
     parts = list[Regime]()
@@ -367,19 +367,15 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     return replace(seen, notes=(*seen.notes, *notes))
 
 
-def _note_gaps(stretches: Sequence[Trace]) -> list[str]:
-    """Note gaps in the readings, between stretches of one part of a record."""
-    gaps = [
-        (one.t[-1], other.t[0])
-        for one, other in itertools.pairwise(stretches)
-        if one.part_number is None
-        or other.part_number is None
-        or one.part_number[-1] == other.part_number[0]
-    ]
-    if not gaps:
+def _note_gaps(trace: Trace) -> list[str]:
+    """Note gaps in the readings, but for those from part to part of a record."""
+    gaps = trace.gaps
+    if trace.part_number is not None:
+        gaps = gaps[np.diff(trace.part_number)[gaps] == 0.0]
+    if not gaps.size:
         return []
-    begin, end = map(words.number, gaps[0])
-    many = f" and in {len(gaps) - 1} more" if len(gaps) > 1 else ""
+    begin, end = map(words.number, trace.t[gaps[0] : gaps[0] + 2])
+    many = f" and in {gaps.size - 1} more" if gaps.size > 1 else ""
     return [f"no readings in a gap from t = {begin} to {end}{many}"]
 
 
@@ -574,8 +570,8 @@ def _judge(window: Window) -> Regime:
         period = seen.cycles.period
         variation = seen.cycles.variation
     pace = trace.pace
-    alone = trace.measured and pace is None
-    shows_loading = alone and kind in (SLIPS, LASTS) and seen.loading.rate > 0
+    slips_or_lasts = kind in (SLIPS, LASTS)
+    shows_loading = pace is None and slips_or_lasts and seen.loading.rate > 0
     drive = None if trace.drive is None else trace.sign * float(trace.drive.mean())
     return Regime(
         kind=kind,
@@ -623,9 +619,8 @@ def _driven_by_force(trace: Trace) -> str:
     """Report the motion of a slider that a force drives, which holds it at no speed."""
     assert trace.rig is not None
     assert trace.X is not None
-    late = trace.part(0.5 * (trace.t[0] + trace.t[-1]))
-    assert late.X is not None
-    way = abs(late.X[-1] - late.X[0])
+    middle = 0.5 * (trace.t[0] + trace.t[-1])
+    way = abs(trace.X[-1] - trace.X[np.searchsorted(trace.t, middle)])
     # so far contacts stretch without sliding
     moves = "slides" if way > trace.rig.unit("length") else "rests"
     return f"the force is the drive itself, and holds no speed; the slider {moves}"

@@ -30,9 +30,7 @@ def white_noise(force: Array) -> float:
     bend = _bends(force)
     first = noise = float(np.median(bend)) / 0.6745
     for _ in range(4):
-        kept = bend[bend <= 2.0 * noise]
-        if kept.size < 0.5 * bend.size:
-            break
+        kept = bend[bend <= 2.0 * noise]  # at least half of them
         # 0.6396: median of a half-normal cut at 2
         noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)
     return noise / math.sqrt(6.0)

@@ -84,28 +84,19 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     )
     friction = data["mu" if "mu" in data else "spring_force"]
     unit = units_of(friction)
-    is_known = "measured_velocity" in data
-    of_speed = units_of(
-        data["measured_velocity" if is_known else "measured_displacement"]
-    )
-    of_speed += "" if is_known else f"/{trace.time_unit}"
+    if "measured_velocity" in data:
+        of_speed = units_of(data["measured_velocity"])
+    else:
+        of_speed = f"{units_of(data['measured_displacement'])}/{trace.time_unit}"
     about = {
         "velocity": (of_speed, "velocity"),
-        "friction": (
-            unit,
-            str(friction.attrs.get("long_name", "friction")),
-        ),
+        "friction": (unit, str(friction.attrs.get("long_name", "friction"))),
         "error": (unit, "standard error"),
         "readings": ("1", "readings"),
     }
     return xr.Dataset(
         {
-            key: labelled(
-                title,
-                "speed",
-                table[key].astype(float),
-                units,
-            )
+            key: labelled(title, "speed", table[key].astype(float), units)
             for key, (units, title) in about.items()
         },
         attrs={"source": str(data.attrs.get("source", ""))},

@@ -94,7 +94,7 @@ def read_trace(
     Dataset
         Along `time`: `spring_force` (of the unit 1 if it is a coefficient), `filled`,
         true where it was interpolated, and, where known, `measured_displacement`,
-        `load` and `mu`, the force over the load, `measured_velocity`, and `part`, the
+        `load` and `mu`, the force over its size, `measured_velocity`, and `part`, the
         number of the test or of its step. Units are those of the file; N and s where it
         says nothing. Attributes ``source``, ``read``: which columns, in words,
         ``rows``, ``flipped``, ``spikes`` and ``note``: what was filled in and what was
@@ -153,18 +153,22 @@ def read_trace(
         values, notes = _rows(table, chosen, interval)
         notes = [*table.notes, *taken, *notes]
         del table
-        force_unit = chosen["force"].heading.unit
+        heading = chosen["force"].heading
+        size = 1.0
+        force_unit = heading.unit
         if scale:
             size, force_unit = _scale(scale, force_unit)
-            values["force"] *= size
+        elif heading.quantity == "coefficient":
+            kind, of_one = unit_named(force_unit) or ("number", 1.0)
+            if kind != "signal":
+                size, force_unit = of_one, "1"
+        values["force"] *= size
     except InputError as error:
         error.args = (one_line(f"{path}: {error}"),)  # which keeps its note
         raise
-    units = {"time": "s", "load": "N", "part": "1"}
+    units = {"time": "s", "load": "N"}
     units |= {name: each.heading.unit for name, each in chosen.items()}
-    units["force"] = force_unit
-    if chosen["force"].heading.quantity == "coefficient" and not scale:
-        units["force"] = "1"
+    units |= {"force": force_unit, "part": "1"}
     if constant:
         values["load"] = np.full_like(values["force"], constant)
     data = _dataset(
@@ -172,7 +176,7 @@ def read_trace(
         values,
         notes,
         flip,
-        chosen["force"].heading.is_torque,
+        heading.is_torque,
     )
     return data.assign_attrs(source=Path(path).name, read=_described(data, chosen))
 
@@ -242,18 +246,14 @@ def _rows(
             "needed"
         )
     notes = _put_in_turn(table, values, lines)
-    if not bad:
-        return values, notes
     if len(bad) > 5:
         shown_lines.append(f"and {len(bad) - 5} more")
-    text = (
-        "rows could not be read; the force there is interpolated in time "
-        f"({'; '.join(shown_lines)})"
-    )
-    return values, [
-        *notes,
-        f"{len(bad)} of {lines.size} {text}",
-    ]
+    if bad:
+        notes.append(
+            f"{len(bad)} of {lines.size} rows could not be read; the force there is "
+            f"interpolated in time ({'; '.join(shown_lines)})"
+        )
+    return values, notes
 
 
 def _put_in_turn(
@@ -360,7 +360,9 @@ def _dataset(
     elif "load" in rows:
         alike = units["force"] == units["load"]
         if size := 1.0 if alike else ratio(units["force"], units["load"]):
-            rows["mu"] = size * rows["force"] / rows["load"].replace(0.0, np.nan)
+            # some sensors count pressing as negative
+            pressed = rows["load"].abs().replace(0.0, np.nan)
+            rows["mu"] = size * rows["force"] / pressed
         else:
             notes.append(
                 f"no coefficient of friction: the force is in {units['force']}, the "
@@ -368,15 +370,10 @@ def _dataset(
             )
     texts = {**_TEXTS, "force": ("spring_force", force)}
     rows["filled"] = missing
-    found = {
-        texts[key][0]: labelled(
-            texts[key][1],
-            "time",
-            rows[key],
-            units.get(key, "1"),
-        )
-        for key in rows
-    }
+    found = {}
+    for key in rows:
+        name, title = texts[key]
+        found[name] = labelled(title, "time", rows[key], units.get(key, "1"))
     time = labelled("time", "time", rows.index, units["time"])
     attrs = {
         "rows": values["force"].size,

@@ -170,8 +170,7 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     if high < 10.0 * low:
         decades = math.floor(math.log10(low)), math.ceil(math.log10(high))
         ax.set_ylim(*(10.0**decade for decade in decades))
-    stops = found.isel(front=found["blocks"].values[: found.sizes["front"]] > 0)
-    for i, end in enumerate(stops["last_block"].values[:-1]):
+    for i, end in enumerate(found["last_block"].values[:-1]):
         ax.axvline(end, color=VERMILLION, linewidth=0.8, label=None if i else "arrest")
     panel(ax, "", "block", None, "above", xlim=(-0.5, run.sizes["block"] - 0.5))
     return ax
@@ -202,7 +201,8 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
         stretching = np.broadcast_to(start.stretching, chain.blocks)
         local = (stretching - sliding) / (strength - sliding)
         found = measure.fronts(data)
-        end = max(int(found["last_block"][0]) - 10, 0)
+        # without a front no block is shown
+        end = max(int(found["last_block"][:1].sum()) - 10, 0)
         inside = slice(start.pushed_blocks + 11, end)
         ax.plot(
             local[inside],

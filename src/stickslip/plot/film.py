@@ -14,7 +14,6 @@ from stickslip.arrays import Array
 from stickslip.errors import InputError
 from stickslip.measure import regime
 from stickslip.measure.headings import ratio
-from stickslip.model import Slider
 from stickslip.plot import style
 from stickslip.plot.palette import BLACK, BLUE, GREY, ORANGE, PAGE, VERMILLION
 from stickslip.plot.replay import ATTACHED, RENEWED, frames
@@ -43,12 +42,7 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     it slows down through the slips. Write it with `save`, as GIF. Raises `InputError`
     if it is no such run, or its drive has pieces that end on a condition.
     """
-    rig = rig_of(run)
-    if not isinstance(rig.slider, Slider):
-        raise InputError(
-            "contacts: a film is of one rigid slider; of a chain, draw spacetime"
-        )
-    seen = frames(rig, 1.0, _FRAMES, lambda _share: None)
+    seen = frames(rig_of(run), 1.0, _FRAMES, lambda _share: None)
     figure = new_figure(PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
     span = seen.times[[0, -1]]
@@ -65,9 +59,13 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     scale = min(1.0, _REACH / (max(float(lengths.max()), 1.0) - shortest))
     # the end of the slider; the drive stays in its place, at 0
     right = -1.5 - scale * (lengths - shortest)
-    wide = _PITCH * seen.flags.shape[1]
+    count = seen.flags.shape[1]
+    wide = _PITCH * count
     high = 1.6 * _HIGH
-    feet = right[:, None] - wide + _PITCH * (np.arange(seen.flags.shape[1]) + 0.5)
+    middle = _HIGH + 0.5 * high
+    coils = middle + np.r_[0, 0, np.tile([0.5, -0.5], 9), 0, 0]
+    farthest = right.min() - wide
+    feet = right[:, None] - wide + _PITCH * (np.arange(count) + 0.5)
     held = (seen.flags & ATTACHED) > 0
     renewed = (seen.flags & RENEWED) > 0
     broke = np.vstack([np.zeros_like(held[:1]), held[:-1] & (~held[1:] | renewed[1:])])
@@ -83,15 +81,10 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     (flashes,) = above.plot([], [], "o", color=ORANGE, markersize=7, alpha=0.8)
     above.axhline(0.0, color=GREY, linewidth=0.8)
     above.plot([0, 0], [_HIGH, _HIGH + high], color=BLACK, linewidth=4)
-    words = above.text(
-        0,
-        _HIGH + 0.5 * high,
-        f"{feet.shape[1]} of {seen.contacts} contacts",
-        va="center",
-        ha="center",
-    )
+    named = f"{count} of {seen.contacts} contacts"
+    words = above.text(0, middle, named, va="center", ha="center")
     above.set(
-        xlim=(right.min() - wide - 1, 0.6),
+        xlim=(farthest - 1, 0.6),
         ylim=(-1.0, _HIGH + high + 0.3),
         aspect="equal",
     )
@@ -105,12 +98,9 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
         )
         block.set_x(right[i] - wide)
         words.set_x(right[i] - 0.5 * wide)
-        coil = np.linspace(right[i], 0.0, 22)
-        spring.set_data(
-            coil, _HIGH + 0.5 * high + np.r_[0, 0, np.tile([0.5, -0.5], 9), 0, 0]
-        )
+        spring.set_data(np.linspace(right[i], 0.0, 22), coils)
         shift = (right[i] - seen.slider[i]) % 2.0
-        ground.set_data(*_ground_marks(right.min() - wide - 4, shift))
+        ground.set_data(*_ground_marks(farthest - 4, shift))
         lately = broke[max(i - 2, 0) : i + 1].any(axis=0)
         flashes.set_data(feet[i][lately], np.full(int(lately.sum()), 0.4 * _HIGH))
         cursor.set_data([seen.times[i]], [seen.force[i]])

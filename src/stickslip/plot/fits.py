@@ -21,7 +21,14 @@ from stickslip.plot.palette import (
     SKY,
     VERMILLION,
 )
-from stickslip.plot.style import envelope, house_style, legend_above, new_figure, panel
+from stickslip.plot.style import (
+    envelope,
+    house_style,
+    interval,
+    legend_above,
+    new_figure,
+    panel,
+)
 
 # `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures,
 # which take attributes
@@ -174,11 +181,9 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
     """Draw the interval of each parameter within its prior."""
     for row, one in enumerate(found.parameters):
         low, middle, high = one.parts
-        for ends, colour in (((0, 1), "#DDDDDD"), ((low, high), BLUE)):
-            ax.plot(
-                ends, [-row, -row], color=colour, linewidth=7, solid_capstyle="butt"
-            )
-        ax.plot(middle, -row, "|", color="white", markersize=7)
+        held: Any = {"color": "#DDDDDD", "linewidth": 7, "solid_capstyle": "butt"}
+        ax.plot((0, 1), [-row, -row], **held)
+        interval(ax, -row, (low, high), middle, BLUE)
         text = (
             f"{one.key.replace('_', ' ')}: {str(one).partition(', to')[0]}, "
             f"{one.verdict}"
@@ -338,7 +343,6 @@ def friction_at_speeds(table: xr.Dataset) -> Figure:
         markersize=3.5,
         capsize=2.0,
     )
-    ax.set_xscale("log")
     panel(
         ax,
         "",

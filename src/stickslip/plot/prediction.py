@@ -92,24 +92,19 @@ def _strip(ax: Axes, bands: Any) -> list[Patch]:
     """Colour ranges by their motion."""
     patches = []
     for band in bands:
-        patches.append(patch := _patch(band.kind))
-        look: Any = {"facecolor": patch.get_facecolor(), "hatch": patch.get_hatch()}
+        patch = _patch(band.kind)
+        patches.append(patch)
         ax.axvspan(
             band.low,
             band.high,
+            facecolor=patch.get_facecolor(),
             edgecolor=GREY,
+            hatch=patch.get_hatch(),
             linewidth=0,
-            **look,
         )
         if band.bistable:
-            look = {"edgecolor": "white", "hatch": "/////"}
-            ax.axvspan(
-                band.low,
-                band.high,
-                facecolor="none",
-                linewidth=0,
-                **look,
-            )
+            look: Any = {"edgecolor": "white", "hatch": "/////"}
+            ax.axvspan(band.low, band.high, facecolor="none", linewidth=0, **look)
             patches.append(
                 Patch(
                     facecolor=GREY,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array, Range
 from stickslip.errors import InputError, number
-from stickslip.model import Contacts, Drive, constant
+from stickslip.model import Contacts, Drive, Slider, constant
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.simulation import simulate
@@ -56,6 +56,10 @@ class Frames(NamedTuple):
 def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
     """Frames from a fraction of the drive on, as many as given."""
     case = rig.natural
+    if not isinstance(case.slider, Slider):
+        raise InputError(
+            "contacts: a film is of one rigid slider; of a chain, draw spacetime"
+        )
     if any(piece.until is not None for piece in case.drive.pieces):
         raise InputError(
             "drive.pieces: the drawing follows drives whose pieces end at a given time "

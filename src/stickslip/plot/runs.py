@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stickslip.arrays import Range, units_of
-from stickslip.errors import printable
+from stickslip.errors import InputError, printable, whole
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.fronts import is_of_a_chain
 from stickslip.plot import style
@@ -155,7 +155,10 @@ def part(run: xr.Dataset, ax: Axes | None = None, *, number: int = 1) -> Axes:
     """Draw the displacement by one mode or coordinate of a structure against time; what
     goes along with the drive, less its mean motion.
     """
+    if "parts" not in run:
+        raise InputError("part: needs a run of a structure, which holds its parts")
     every = run["parts"]
+    number = whole("part: number", number, at_least=1, at_most=every.sizes["mode"])
     one = every.isel(mode=number - 1)
     time = run["time"].values
     line = np.polynomial.Polynomial.fit(time, one.values, 1)(time)

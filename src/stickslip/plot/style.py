@@ -217,6 +217,12 @@ def panel(
         ax.set_title(title, loc="left")
 
 
+def interval(ax: Axes, row: float, ends: Any, value: float, color: str) -> None:
+    """Draw an interval as a bar along a row, with a mark at a value."""
+    ax.plot(ends, [row, row], color=color, linewidth=7, solid_capstyle="butt")
+    ax.plot(value, row, "|", color="white", markersize=7)
+
+
 def variable(data: xr.Dataset, name: str) -> xr.DataArray:
     """Take a variable along time, or complain."""
     if name not in data:

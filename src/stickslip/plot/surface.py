@@ -16,6 +16,7 @@ from stickslip.plot.palette import BLACK, BLUE, GREEN, GREY, PAGE, SKY, VERMILLI
 from stickslip.plot.style import (
     given_or_new,
     house_style,
+    interval,
     new_figure,
     number_plainly,
     panel,
@@ -119,14 +120,7 @@ def _draw_ranges(ax: Axes, estimate: Any) -> None:
     )
     for row, (_, value, between, colour) in enumerate(rows):
         ends = [_MICRO * end for end in between]
-        ax.plot(
-            ends,
-            [row, row],
-            color=colour,
-            linewidth=7,
-            solid_capstyle="butt",
-        )
-        ax.plot(_MICRO * value, row, "|", color="white", markersize=7)
+        interval(ax, row, ends, _MICRO * value, colour)
     low = _MICRO * estimate.elastic_between[0] / 2.0
     high = _MICRO * estimate.renewal_between[1] * 2.0
     panel(
@@ -146,14 +140,7 @@ def _draw_verdict(ax: Axes, estimate: Any, answer: Any) -> None:
     """The standard deviation with its range and, of a prediction, how many of the rigs
     within the ranges oscillate.
     """
-    ax.plot(
-        list(estimate.std_between),
-        [1, 1],
-        color=BLACK,
-        linewidth=7,
-        solid_capstyle="butt",
-    )
-    ax.plot(estimate.std["renewal"], 1, "|", color="white", markersize=7)
+    interval(ax, 1, estimate.std_between, estimate.std["renewal"], BLACK)
     names = ["std"]
     title, words = "scatter of the thresholds", "standard deviation over the mean"
     doubt = getattr(answer, "doubt", None)
@@ -165,21 +152,10 @@ def _draw_verdict(ax: Axes, estimate: Any, answer: Any) -> None:
         }
         begin = 0.0
         for kind, part in parts.items():
-            ax.barh(
-                0,
-                part,
-                left=begin,
-                height=0.5,
-                color=COLOURS[kind],
-            )
+            ax.barh(0, part, left=begin, height=0.5, color=COLOURS[kind])
             begin += part
         ax.barh(
-            0,
-            1.0 - begin,
-            left=begin,
-            height=0.5,
-            color="white",
-            edgecolor=GREY,
+            0, doubt.undecided, left=begin, height=0.5, color="white", edgecolor=GREY
         )
         count = f"{100 * doubt.oscillates:.0f} % of {doubt.draws} rigs oscillate"
         ax.text(0.5, -0.55, count, ha="center", va="top", fontsize=7)
