@@ -97,7 +97,7 @@ class Key:
         of_kind = type(value) is kind and not (
             kind is str and len(value) > LONGEST_TEXT
         )
-        if value not in self.choices if self.choices else not of_kind:
+        if value not in [*self.choices] if self.choices else not of_kind:
             wanted = {
                 str: f"text in quotes, of at most {LONGEST_TEXT} characters",
                 bool: "true or false",

@@ -275,14 +275,11 @@ class _Reader:
             raise InputError(f"{given}: {known}", f"{place}.{word}")
         kind: Any = kinds[named]
         written = {name: value for name, value in content.items() if name != word}
-        of_others, fields, made_of = rig_keys.INSTEAD.get(kind, ({}, (), lambda _: ()))
-        rules = (
-            (Either(" ".join(of_others), " ".join(fields), needed=True),)
-            if fields
-            else ()
-        )
         keys = keys_of(kind)
-        values = self.file.whole(written, keys, place, rules)
+        instead = rig_keys.INSTEAD.get(kind)
+        values = self.file.whole(
+            written, keys, place, [instead.rule] if instead else []
+        )
         for name in [name for name in values if keys[name].is_table]:
             values[name] = self._record(values[name], f"{place}.{name}")
         if rig_keys.by_time(kind):
@@ -290,11 +287,12 @@ class _Reader:
             with at(place, {"rate": "time"}):
                 return kind(rate=1.0, **values).with_time(time)
         names: dict[str, str] = {}
-        if fields and values.keys() >= {*of_others}:
-            names = dict.fromkeys(fields, next(iter(of_others)))
+        if instead and values.keys() >= instead.keys.keys():
+            others = {name: values[name] for name in instead.keys}
             with at(place):
-                made = made_of(self.length, *(values.pop(name) for name in of_others))
-            values |= dict(zip(fields, made, strict=True))
+                made = instead.make(self.length, **others)
+            names = dict.fromkeys(made, next(iter(others)))
+            values |= made
         return _made(kind, values, place, names)
 
     def _body(self, values: Values) -> Any:
