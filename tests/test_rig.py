@@ -257,8 +257,7 @@ def test_a_rig_made_in_python_or_shipped_can_be_written():
     for name in rigs.example_names():
         text = rigs.to_toml(rigs.example(name))
         assert ss.read_rig(tomllib.loads(text)) == rigs.example(name)
-    thresholds = ss.Gamma(mean=1.0, std=0.1)
-    interface = ss.Interface(thresholds=thresholds, delay=ss.Delay(1 / 3))
+    interface = ss.Interface(thresholds=ss.Gamma(1.0, 0.1), delay=ss.Delay(1 / 3))
     slider = ss.Slider(stiffness=2.0, mass=1e-4, damping=42.4)
     rig = ss.Rig(interface, slider, ss.constant(0.7, 20))
     assert ss.read_rig(tomllib.loads(rigs.to_toml(rig))) == rig
@@ -273,6 +272,7 @@ def test_a_rig_made_in_python_or_shipped_can_be_written():
         ({"method": ss.MasterEquation(memoryless=True)}, "the method MasterEq"),
         ({"drive": ss.constant(1.0).until(ss.model.Travel(3.0))}, "conditions"),
         ({"slider": lambda s: s}, "no name among slider"),
+        ({"start": ss.Prestressed(stretching=0.6)}, "not elastic"),
     ],
 )
 def test_what_no_file_can_hold_is_said(changes, words):
