@@ -41,7 +41,8 @@ from stickslip.model.records import converted, declared
 from stickslip.model.rig import Assumption, Fitted, Operation, Rig
 from stickslip.model.units import Scales, si_unit
 
-_NUMBER = re.compile(r"\d*\.?\d+(?:e[-+]?\d+)?( \S+)?")  # with or without a unit
+_NUMBER = r"(\d*\.?\d+(?:e[-+]?\d+)?(?: \S+)?)"  # with or without a unit
+_RANGE = re.compile(f"{_NUMBER} to {_NUMBER}")
 _START = "simulation.start"
 _SPEED = replace(TABLES["drive"]["velocity"], sign="above 0", also=(), required=True)
 _SPEEDS = (
@@ -607,10 +608,10 @@ class _Reader:
         by the range in which it may lie.
         """
         if isinstance(between, str):
-            ends = [_NUMBER.fullmatch(end) for end in between.split(" to ")]
-            if len(ends) != 2 or None in ends:
+            found = _RANGE.fullmatch(between)
+            if found is None:
                 return Assumption(self._value_at(path), between)
-            between = [end[0] if end[1] else float(end[0]) for end in ends if end]
+            between = [end if " " in end else float(end) for end in found.groups()]
         value = self._at(path)
         place = f"assumed.{path}"
         unit = natural_unit_of(value) if isinstance(value, str) else ""
@@ -672,13 +673,7 @@ class _Reader:
         # 0 is a limit that may be chosen, such as no mass, and is not drawn
         if own != 0 and (sign or whole or path == "drive.velocity"):
             sign = "above 0"
-        plain = replace(
-            key,
-            example=[1.0],
-            sign=sign,
-            choices=(),
-            also=(),
-        )
+        plain = replace(key, example=[1.0], sign=sign, choices=(), also=())
         self.file.part(partial(plain.read, [*draws], place, natural=True))
 
     def _at(self, path: str) -> Any:

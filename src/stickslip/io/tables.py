@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from stickslip.errors import InputError, shortened, shown, together
+from stickslip.errors import InputError, refused, shortened, together
 from stickslip.io import files
 from stickslip.io.keys import Either, Key, toml
 from stickslip.words import listed
@@ -113,24 +113,14 @@ class Tables:
         are returned as they are.
         """
         if not isinstance(content, Mapping):
-            self.note(
-                InputError(
-                    f"{place} = {shown(content)}: must be a table, as in [{place}]",
-                    place,
-                )
-            )
+            self.note(refused(place, content, f"must be a table, as in [{place}]"))
             return {}
         path = f"{place}." if place else ""
         for i, name in enumerate(str(name) for name in content if name not in keys):
             word = f"; {unknown(name, keys)}" if i < _MOST_WORDS else ""
             self.wrong(path + name[:60], f"unknown key{word}")
         found: Values = {}
-        of_rules = {
-            name
-            for rule in rules
-            for alternative in rule.alternatives
-            for name in alternative
-        }
+        of_rules = {name for rule in rules for name in rule.names}
         for name, key in keys.items():
             if name in content:
                 try:

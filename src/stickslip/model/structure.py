@@ -324,17 +324,12 @@ class Modes(_SecondOrder):
         s = np.asarray(s, dtype=complex)
         m, loss, k = (np.reshape(a, (-1, *[1] * s.ndim)) for a in self._diagonals)
         weight = np.reshape(np.square(self.contact), m.shape)
-        scale = np.maximum(np.maximum(m, k), 1e-300)
-        # 1/G as a product over sums of products: finite where a mode alone would be.
-        scaled = (s * (m * s + loss) + k) / scale
-        others = [
-            weight[i] * np.prod(np.delete(scaled, i, axis=0), axis=0) / scale[i]
-            for i in range(len(scale))
-        ]
+        each = s * (m * s + loss) + k
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(
-                self.stiffness + np.prod(scaled, axis=0) / np.sum(others, axis=0)
-            )
+            together = 1.0 / np.sum(weight / each, axis=0)
+        # a mode that does not resist moves alone
+        gives_way = np.any((each == 0) & (weight > 0), axis=0)
+        return np.asarray(self.stiffness + np.where(gives_way, 0.0, together))
 
 
 def _rows(unit: str) -> Any:
