@@ -445,8 +445,8 @@ def _answer(text: object, content: Any, json: bool, **written: Path | None) -> N
         print(
             text,
             *(
-                f"{what}: {place}"
-                for what, place in written.items()
+                f"{name}: {place}"
+                for name, place in written.items()
                 if place is not None
             ),
             sep="\n",
@@ -469,7 +469,7 @@ app.command(
 
 
 def _rig_with(path: Path, settings: Sequence[str]) -> ss.Rig:
-    """Read a rig, with what the command line sets."""
+    """Read a rig, with the keys that the command line sets."""
     from stickslip.io.settings import read_rig_with  # slow to load
 
     return read_rig_with(path, settings)
@@ -919,7 +919,7 @@ def fit(
     _answer(
         found,
         found.to_dict()
-        | {what: str(where) for what, where in written.items() if where},
+        | {name: str(place) for name, place in written.items() if place},
         json,
         **written,
     )

@@ -28,16 +28,16 @@ class Front(Answer):
     #: in blocks per time of the rig's own units; 0 if there is no front
     speed: Annotated[float, Number("1/time")]
     sound_speed: Annotated[float, Number("1/time")]  #: in the same unit
-    #: what was asked for: from 0, the sliding force, to 1, the mean threshold
+    #: as asked for: from 0, the sliding force, to 1, the mean threshold
     prestress: float
     threshold: float  #: prestress below which there is no front in a bar of fine blocks
     screening_length: float  #: in blocks
 
-    #: What the theory takes the blocks for: "continuum", small compared with the
+    #: How the theory treats the blocks: "continuum", small compared with the
     #: screening length, if thresholds have a standard deviation.
     blocks: Literal["lattice", "continuum"]
 
-    #: what of the rig lies outside the range of the theory
+    #: features of the rig outside the range of the theory
     caveats: tuple[str, ...] = ()
 
     @property

@@ -87,7 +87,7 @@ KEYS: Mapping[str, tuple[str, str, str]] = {
     "drive.velocity": ("speed", "m/s", "stiffness_ratio"),
     "interface.delay": ("delay", "s", "identified by the force at several speeds"),
 }
-"""Keys of a rig file that a fit fills in: what of it, the unit, and how it was found
+"""Keys of a rig file that a fit fills in: the quantity, its unit, and how it was found
 or which parameter gives it.
 """
 

@@ -39,7 +39,7 @@ _AT_A_TIME = 500  # series observed at a time
 _TIMED = 20  # draws, to measure what one takes
 _LARGEST = 1 << 30
 _FIELDS = ("parts", "count", "peaks", "troughs")
-"""Of a table, but for its prior: what is kept of each block."""
+"""Fields of a table that are kept of each block: all but its prior."""
 Series = NDArray[np.float32]
 
 
@@ -112,7 +112,7 @@ def table(
     slips = whole("slips", slips, at_least=30, at_most=4_096, hint="of each draw")
     seed = whole("seed", seed, at_least=0)
     place = folder_of(prior, slips, seed)
-    with suppress(OSError):  # what is written there is refused
+    with suppress(OSError):  # to write there is refused later
         place.mkdir(parents=True, exist_ok=True)
     paths = [place / f"{block}.npz" for block in range(-(-draws // _BLOCK))]
     blocks = {
@@ -153,7 +153,7 @@ def joined(tables: Sequence[SeriesTable], draws: int | None = None) -> SeriesTab
 def simulate_block(
     block: int, prior: Prior, draws: int, slips: int, seed: int
 ) -> SeriesTable:
-    """Simulate one block of the table; what it holds depends on its number and on
+    """Simulate one block of the table; its content depends on its number and on
     the seed alone.
     """
     rng = np.random.default_rng([seed, block])

@@ -16,7 +16,7 @@ _NAMES = {
     "friction": rf"(?!.*({_ERROR})).*(friction|force|coefficient|cof\b|mu\b|f\b)",
     "error": f".*({_ERROR})",
 }
-"""How the names of the columns begin, or of errors what they hold."""
+"""Patterns of the names of the columns; that of an error is none of the others."""
 _UNIT = re.compile(r"[(\[]([^)\]]*)[)\]]")
 
 

@@ -101,9 +101,9 @@ class _Writer:
         # forces in SI units are those of all blocks
         self.blocks = 1 if self.natural else getattr(rig.slider, "size", 1)
 
-    def _refuse(self, what: str) -> InputError:
+    def _refuse(self, part: str) -> InputError:
         return InputError(
-            f"rig {self.rig.name!r}: {what} cannot be written into a rig file"
+            f"rig {self.rig.name!r}: {part} cannot be written into a rig file"
         )
 
     def _name_of(self, record: Any, kinds: Mapping[str, type]) -> str:

@@ -82,9 +82,9 @@ class Tables:
         if not isinstance(error, NotedError):
             self.mistakes.append(error)
 
-    def wrong(self, place: str, what: str) -> None:
-        """Note what is wrong with a key."""
-        self.note(InputError(f"{place}: {what}", place))
+    def wrong(self, place: str, words: str) -> None:
+        """Note a mistake in a key, in these words."""
+        self.note(InputError(f"{place}: {words}", place))
 
     def missing(self, place: str, key: Key) -> None:
         """Note that a key is missing, once."""

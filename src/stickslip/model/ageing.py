@@ -26,7 +26,7 @@ class AgeingModel(Record):
 
     A model of one's own derives from this class, is registered under the name that rig
     files use, and has an engine (`stickslip.simulation.engines.base.solves`). Of smooth
-    sliding it answers what it knows; the rest is refused.
+    sliding it gives the force and the response, as far as they are known.
     """
 
     def friction(
@@ -52,11 +52,11 @@ class AgeingModel(Record):
             "the stability of smooth sliding", "response(thresholds, delay)"
         )
 
-    def _unknown(self, what: str, method: str) -> InputError:
+    def _unknown(self, quantity: str, method: str) -> InputError:
         kind = type(self).__name__
         return InputError(
-            f"Interface.ageing = {self}: {what} is not known; simulate, or give {kind} "
-            f"a method {method}"
+            f"Interface.ageing = {self}: {quantity} is not known; simulate, or give "
+            f"{kind} a method {method}"
         )
 
 
@@ -107,7 +107,7 @@ class ExponentialGrowth(AgeingModel):
 
     @property
     def time(self) -> float:
-        """Time ``1/rate`` in which what lacks to the full thresholds falls to 1/e."""
+        """Time ``1/rate`` in which the lack of strength falls to 1/e."""
         return 1.0 / self.rate
 
     def with_time(self, value: float) -> Self:

@@ -453,7 +453,7 @@ def _fine_nodes(
         part = table.weight.sum(axis=1) * np.exp(
             -least * (table.edges[:-1] - table.edges[0])
         )
-    # what is left out is below rounding: tails, and all that has decayed
+    # tails, and panels on which all has decayed, are below rounding
     kept = ~(part <= 1e-20 * part.max())
     left = table.edges[:-1][kept]
     right = table.edges[1:][kept]

@@ -24,12 +24,12 @@ class Parameter:
 
     name: str
     unit: str  #: natural unit, ``"x_s/time"``, or the quantity it measures
-    title: str = ""  #: what it is, in words
+    title: str = ""  #: its name in words
     zero: bool = False  #: whether it may be 0
     #: whether it is a unit of the rig's own: varying it changes all that is measured in
     #: it
     rescales: bool = False
-    #: name of a parameter that stays, though what a file may give in its place does not
+    #: name of a parameter that stays, though its substitute in a file does not
     holds: str = ""
     #: the value in a rig in natural units
     get: Callable[[Rig], float] = field(repr=False)
@@ -294,8 +294,8 @@ _OF_BODIES = (
     ),
 )
 _OF_CONTROLLERS = tuple(
-    _parameter_of_part(name, unit, f"{what} gain of the controller", zero=name != "kp")
-    for name, unit, what in (
+    _parameter_of_part(name, unit, f"{kind} gain of the controller", zero=name != "kp")
+    for name, unit, kind in (
         ("kp", "k", "proportional"),
         ("ki", "k/time", "integral"),
         ("kd", "f_s time/x_s", "derivative"),

@@ -256,11 +256,11 @@ _SLIPS = (
     ),
     (re.compile(r"(?<=[A-Za-zµμÅ¹²³]) +(?=[A-Za-zµμÅ])"), "*", "'*' between units"),
 )
-"""Ways of writing that are plain enough to say what would be right."""
+"""Slips of writing that are plain enough to suggest the right form."""
 
 
 def _remedy(text: str) -> str:
-    """Return how to write what can only have meant one thing; empty if that is not
+    """Return how to write a text that has one meaning alone; empty if that is not
     clear.
     """
     if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):

@@ -96,7 +96,7 @@ class Assumption:
     it.
     """
 
-    value: str  # as it stands in the rig's file; empty if the file does not say
+    value: str  # as it stands in the rig's file; empty if it is not in the file
     how: str
     default: bool = False  # whether it was taken because the file has none
     # where it may lie, as it stands in the file, if it is given there

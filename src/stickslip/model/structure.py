@@ -346,9 +346,9 @@ def _check_shape(place: str, value: Any, shape: tuple[int, ...]) -> None:
         raise _wrong(place, f"must be {wanted} numbers, as the others are")
 
 
-def _wrong(place: str, what: str) -> InputError:
+def _wrong(place: str, words: str) -> InputError:
     """Return the refusal of a field."""
-    return InputError(f"{place}: {what}", place)
+    return InputError(f"{place}: {words}", place)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -605,7 +605,7 @@ class ControlledAxis(Structure):
 
     @property
     def energies(self) -> Quadratics:
-        """Kinetic energy, and what the axis itself loses; gains store nothing."""
+        """Kinetic energy, and the loss of the axis itself; gains store nothing."""
         at_velocity = np.zeros_like(self.system.A)
         at_velocity[1, 1] = self.mass
         nothing = np.zeros_like(at_velocity)
