@@ -484,8 +484,11 @@ class _Reader:
                 else:
                     row.append(value)
             found.append(row)
+        are_forces = {isinstance(each, str) for point in points for each in point[1:]}
+        if len(are_forces) > 1:
+            raise refused(place, points, "must be all forces, or all coefficients")
         measured = MeasuredFriction.of_points(found, place)
-        if not isinstance(points[0][1], str):
+        if False in are_forces:
             measured = measured.scaled(load)
         return measured.without(interface.get("viscosity", 0.0))
 
