@@ -54,19 +54,19 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
         return 0.0
     edges, rough = _panels(kappa, leaf, alpha, zeta, period)
 
-    def phase(w: Array) -> Array:
+    def phase_over_frequency(w: Array) -> Array:
         wave = np.where(w > rough, 2.0, _bulk(w, period))
         loss = w * (alpha + zeta * wave)
         stiffness = wave - w * w + leaf
         behind = np.arctan2(loss, stiffness)
         ahead = np.arctan2(loss, stiffness + kappa)
         divided = order * np.arctan2(1.0, w)
-        return np.asarray(behind - ahead - divided)
+        return np.asarray((behind - ahead - divided) / w)
 
     ends = np.append(edges[1:], np.inf)
     # nodes crowd at the ends, where the phase of a chain without damping jumps
     found = tanhsinh(
-        lambda w: phase(w) / w, edges, ends, atol=1e-9, rtol=1e-8, minlevel=5
+        phase_over_frequency, edges, ends, atol=1e-9, rtol=1e-8, minlevel=5
     )
     at_zero = math.sqrt(slope / (leaf + kappa))
     return at_zero * math.exp(found.integral.sum() / math.pi)

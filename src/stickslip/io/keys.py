@@ -154,6 +154,10 @@ def natural_unit_of(example: str) -> str:
     )
 
 
+Keys = Mapping[str, Key]
+"""The keys of a table, by name."""
+
+
 class Either:
     """Keys of a table that exclude each other: all of one alternative, separated by
     blanks, and none of another.

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stickslip.errors import InputError
-from stickslip.io.keys import Either, Key, natural_unit_of
+from stickslip.io.keys import Either, Key, Keys, natural_unit_of
 from stickslip.model import Areas, Chain, Interface, Prestressed, Sheet, Slider
 from stickslip.model.activation import ACTIVATIONS, Bell
 from stickslip.model.ageing import AGEING_MODELS
@@ -151,7 +151,7 @@ _RECORDS = {
 _BLOCKS = {
     name: example for name, example in _EXAMPLES["chain"].items() if name != "blocks"
 }
-TOP: Mapping[str, Key] = _keys(
+TOP: Keys = _keys(
     "top",
     {
         name: dict([*each.items()][:1]) if isinstance(each, Mapping) else each
@@ -159,7 +159,7 @@ TOP: Mapping[str, Key] = _keys(
     },
 )
 """Keys at the top of the file; of a table its first key is the example."""
-TABLES: Mapping[str, Mapping[str, Key]] = {
+TABLES: Mapping[str, Keys] = {
     name: _keys(
         name,
         _EXAMPLES[name] | (_BLOCKS if name == "sheet" else {}),
@@ -168,7 +168,7 @@ TABLES: Mapping[str, Mapping[str, Key]] = {
     for name in (*_RECORDS, "drive", "simulation")
 }
 """Keys of each table, by its name."""
-STRUCTURES: Mapping[str, Mapping[str, Key]] = {
+STRUCTURES: Mapping[str, Keys] = {
     name: _keys(name, _WITHIN[name], record)
     for name, record in (
         ("modes", None),
@@ -212,7 +212,7 @@ FITTED = _keys("fitted", next(iter(_EXAMPLES["fitted"].values())))
 """Keys of each entry of `fitted`."""
 
 
-def tables() -> dict[str, Mapping[str, Key]]:
+def tables() -> dict[str, Keys]:
     """Return the tables of a file by their names, with bodies of the user's own."""
     return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
 
@@ -250,7 +250,7 @@ class Instead(NamedTuple):
     from the breaking displacement and them.
     """
 
-    keys: Mapping[str, Key]
+    keys: Keys
     rule: Either
     make: Callable[..., dict[str, Any]]
 
@@ -274,7 +274,7 @@ INSTEAD: Mapping[type, Instead] = {
 
 
 @cache
-def keys_of(record: type) -> Mapping[str, Key]:
+def keys_of(record: type) -> Keys:
     """Return the keys of the table that makes a record that a table names.
 
     Raises `InputError` if a delay of the user's own has a number without a unit: a file
@@ -310,7 +310,7 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
     key.
     """
     table, *names = path.split(".")
-    keys: Mapping[str, Key] = tables().get(table, TOP if not names else {})
+    keys: Keys = tables().get(table, TOP if not names else {})
     if table == "simulation":
         keys = keys_of_simulation(within(document, table).get("method"))
     content = within(document, table)

@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
-from stickslip.io.keys import Key
+from stickslip.io.keys import Keys
 from stickslip.io.rig_keys import TABLES, keys_of
 from stickslip.model import (
     Delay,
@@ -115,9 +115,7 @@ class _Writer:
             )
         return names[type(record)]
 
-    def _values(
-        self, record: Any, keys: Mapping[str, Key], *, defaults: bool = True
-    ) -> Document:
+    def _values(self, record: Any, keys: Keys, *, defaults: bool = True) -> Document:
         """Write the fields of a record that its table has keys for; those that have
         their default may be left out.
         """

@@ -11,7 +11,7 @@ from typing import Any
 
 from stickslip.errors import InputError, refused, shortened, together
 from stickslip.io import files
-from stickslip.io.keys import Either, Key, toml
+from stickslip.io.keys import Either, Key, Keys, toml
 from stickslip.words import listed
 
 Values = dict[str, Any]
@@ -105,7 +105,7 @@ class Tables:
     def table(
         self,
         content: object,
-        keys: Mapping[str, Key],
+        keys: Keys,
         place: str = "",
         rules: Iterable[Either] = (),
     ) -> Values:
@@ -147,7 +147,7 @@ class Tables:
         self,
         content: Mapping[str, Any],
         rule: Either,
-        keys: Mapping[str, Key],
+        keys: Keys,
         place: str,
     ) -> None:
         """Note where a table breaks a rule."""
@@ -167,7 +167,7 @@ class Tables:
     def whole(
         self,
         content: object,
-        keys: Mapping[str, Key],
+        keys: Keys,
         place: str,
         rules: Iterable[Either] = (),
     ) -> Values:

@@ -10,6 +10,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from stickslip.answers import Answer
+from stickslip.arrays import Range
 from stickslip.errors import InputError, instance, number, pair
 from stickslip.model.body import ElasticBody, Mass
 from stickslip.model.drive import Drive
@@ -80,7 +81,7 @@ class Operation(Record):
                     f"Operation.{name}",
                 )
 
-    def range_of(self, parameter: str) -> tuple[float, float] | None:
+    def range_of(self, parameter: str) -> Range | None:
         """Return the range of a parameter that could be built; None if nothing is
         known of it.
         """
@@ -369,7 +370,7 @@ class Rig(Answer):
             natural
         )
 
-    def around(self, parameter: Parameter) -> tuple[float, float]:
+    def around(self, parameter: Parameter) -> Range:
         """Return the range of a factor `USUAL_RANGE` above and below the value in
         the rig, in natural units.
         """
@@ -386,7 +387,7 @@ class Rig(Answer):
         parameter: Parameter,
         between: Ends,
         place: str = "between",
-    ) -> tuple[float, float]:
+    ) -> Range:
         """Return a range of a parameter, given as in `Ends`, in its natural unit."""
         first, last = pair(place, between, "two values, such as (0.1, 10)")
         unit = parameter.unit

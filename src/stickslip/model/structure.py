@@ -162,6 +162,10 @@ _Participations = tuple[Annotated[float, Number(hint="numbers, such as (1.0,)")]
 _Spring = Annotated[float, Number("k", at_least=0, hint="K/N")]
 
 
+_Matrices = tuple[Array, Array, Array]
+"""Of mass, damping and stiffness."""
+
+
 class _SecondOrder(Structure):
     """``M q'' + C q' + K q = drive spring (D - drive q) - contact F``; without the
     driving spring the drive moves the track.
@@ -172,7 +176,7 @@ class _SecondOrder(Structure):
     stiffness: float
 
     @property
-    def matrices(self) -> tuple[Array, Array, Array]:
+    def matrices(self) -> _Matrices:
         """Mass, damping and stiffness, without the driving spring."""
         raise NotImplementedError
 
@@ -307,12 +311,12 @@ class Modes(_SecondOrder):
         return "mode", _first(np.diag(self.contact))
 
     @property
-    def _diagonals(self) -> tuple[Array, Array, Array]:
+    def _diagonals(self) -> _Matrices:
         mass = np.array(self.masses)
         return mass, mass * np.array(self.dampings), np.array(self.stiffnesses)
 
     @property
-    def matrices(self) -> tuple[Array, Array, Array]:
+    def matrices(self) -> _Matrices:
         """Diagonal matrices of mass, damping and stiffness."""
         mass, damping, stiffness = map(np.diag, self._diagonals)
         return mass, damping, stiffness
@@ -443,7 +447,7 @@ class Matrices(_SecondOrder):
         return replace(self, C=tuple(map(tuple, larger.tolist())))
 
     @property
-    def matrices(self) -> tuple[Array, Array, Array]:
+    def matrices(self) -> _Matrices:
         """Mass, damping and stiffness."""
         return np.array(self.M), np.array(self.C), np.array(self.K)
 
