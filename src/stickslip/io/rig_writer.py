@@ -338,13 +338,7 @@ class _Writer:
         if others or first.start != first.end:
             pieces = [self._values(piece, rig_keys.PIECE) for piece in drive.pieces]
             return {"pieces": pieces}
-        operation = self.rig.operation
-        given = operation.between or operation.speeds or first.start
-        written = self.quantity(given, "x_s/time")
-        if operation.between:
-            low, high = written
-            written = {"from": low, "to": high}
-        found: Document = {"velocity": written}
+        found: Document = {"velocity": self._velocity(first.start)}
         speed = abs(first.start)
         duration = first.duration
         if speed == 0:
@@ -353,6 +347,18 @@ class _Writer:
             return found  # a default, too
         read_back = lambda si: self.scales.natural(si, "x_s") / speed == duration  # noqa: E731
         return found | {"distance": self.quantity(speed * duration, "x_s", read_back)}
+
+    def _velocity(self, velocity: float) -> Any:
+        """Write a velocity, or the speeds that begin with it, or the range that it is
+        the middle of: a file gives it by these, unless another one was set.
+        """
+        operation = self.rig.operation
+        between = operation.between
+        if between and math.isclose(math.sqrt(math.prod(between)), velocity):
+            low, high = self.quantity(between, "x_s/time")
+            return {"from": low, "to": high}
+        begins = velocity in operation.speeds[:1]
+        return self.quantity(operation.speeds if begins else velocity, "x_s/time")
 
     def simulation(self) -> Document:
         method = self.rig.method
