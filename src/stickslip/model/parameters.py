@@ -126,6 +126,9 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     before = VELOCITY.get(rig)
     if value == before:
         return rig
+    if value > 0 and rig.operation.speeds:  # that of the drive is the first
+        speeds = (value, *rig.operation.speeds[1:])
+        rig = replace(rig, operation=replace(rig.operation, speeds=speeds))
     if before == 0 or drive == constant(before, drive.duration):
         longer = abs(before / value) if before and value else 1.0
         pieces = constant(value, drive.duration * longer).pieces
