@@ -1,7 +1,6 @@
 """Rig files: what one says reaches the model; each mistake gets one clear line."""
 
 import json
-import math
 import re
 import tomllib
 from dataclasses import fields, replace

@@ -211,8 +211,7 @@ class BenchValues:
             flip=self.flip,
         )
         if self.stiffness and self.velocity and is_value:
-            motion = ss.measure.motion
-            return motion(
+            return ss.measure.motion(
                 trace,
                 stiffness=self.stiffness,
                 velocity=self.velocity,

@@ -42,6 +42,7 @@ USUAL_RANGE = 30.0
 """Factor by which a parameter is varied up and down from its value in a rig where no
 range is given.
 """
+_NATURAL = Scales(force=1.0, stretching=1.0)
 
 _Speeds = tuple[
     Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")],
@@ -265,8 +266,7 @@ class Rig(Answer):
 
         Raises `InputError` if there is no such unit or quantity.
         """
-        unit = natural_unit(natural)
-        return 1.0 if self.scales is None else self.scales.unit(unit)
+        return (self.scales or _NATURAL).unit(natural)
 
     def unit_name(self, natural: str) -> str:
         """Name of the rig's own unit for a natural unit or a quantity, as in `unit`:
