@@ -702,14 +702,11 @@ def measure(
     )
     about = catalogue.attrs
     note = trace.attrs.get("note")
-    moves = (
-        ss.measure.kinematics(trace.sel(time=slice(since, None)), mass=bench.mass)
-        if bench.stiffness
-        else None
-    )
+    kept = trace.sel(time=slice(since, None))
+    moves = ss.measure.kinematics(kept, mass=bench.mass) if bench.stiffness else None
     if events is not None:
         files.write(events, as_csv(catalogue).encode())
-    speeds = _friction_at_speeds(trace, curve)
+    speeds = _friction_at_speeds(kept, curve)
     _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
     statistics = {
         str(name): {key: plain(each.attrs[key]) for key in ("mean", "std", "units")}
@@ -736,7 +733,7 @@ def measure(
             where = f"after t = {engineering(since, units_of(trace['time']))}"
         head += f" {where}; mean ± standard deviation:"
     lines = [
-        _motion(trace, seen),
+        _motion(kept, seen),
         *([str(moves)] if moves else []),
         "",
         head,
