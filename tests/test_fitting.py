@@ -448,13 +448,13 @@ def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
     one = replace(found, known=exact)
     # a coefficient, under a load of 20 N
     other = replace(one, events=replace(found.events, force_unit=unit))
+    assert other.simulated()["spring_force"].units == unit
     forces = "contact_strength", "sliding_friction"
     for name in (*forces, "breaking_displacement", "speed", "friction_coefficient"):
         np.testing.assert_allclose(other.draws(name), size * one.draws(name))
     sliding = found.strength * found.draws("sliding_force")
     np.testing.assert_allclose(one.draws("sliding_friction"), sliding)
-    # the spring has 100 N/m
-    at_once = found.strength / (100.0 / found.draws("stiffness_ratio"))
+    at_once = found.strength / (100.0 / found.draws("stiffness_ratio"))  # of 100 N/m
     np.testing.assert_allclose(one.draws("breaking_displacement"), at_once)
 
 

@@ -202,13 +202,16 @@ class Fit(Answer):
         nearest = self.from_the_centre[0]
         events = self.events
         rng = np.random.default_rng(nearest)
-        return sampled(
+        made = sampled(
             *self.series(nearest, slips, rng),
             events.loading_rate,
             events.step,
             events.noise,
             rng,
         )
+        made["spring_force"].attrs["units"] = events.force_unit
+        made["time"].attrs["units"] = events.time_unit
+        return made
 
     @property
     def test(self) -> pd.DataFrame:
