@@ -3,7 +3,7 @@ there is none.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from scipy.optimize import minimize_scalar
@@ -136,9 +136,10 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
         threshold=front_threshold(rig),
         screening_length=length,
         blocks="lattice" if alike else "continuum",
-        caveats=_caveats(speed * body.sound_speed, length, interface.delay.moment(1)),
     )
-    return converted(front, lambda value, unit: value * rig.unit(unit))
+    front = converted(front, lambda value, unit: value * rig.unit(unit))
+    delay = interface.delay.moment(1) * rig.unit("time")
+    return replace(front, caveats=_caveats(front.speed, length, delay))
 
 
 def front_threshold(rig: Rig) -> float:
