@@ -233,15 +233,14 @@ def test_a_rig_is_swept_from_python_as_from_a_file(tmp_path):
     expected = from_document({"rig": content, "axes": axes, "run": run_}).run()
     store = tmp_path / "s.sqlite"
     for speeds in (axes["velocity"], np.array([4e-4, 1e-3])):
-        faster = axes | {"velocity": speeds}
-        found = ss.sweep(bench, faster, store=store, runs=Runs(**run_))
+        axes["velocity"] = speeds
+        found = ss.sweep(bench, axes, store=store, runs=Runs(**run_))
         xr.testing.assert_equal(found, expected)
         assert found["peak_to_peak"].units == "N"
+        assert " N in the window" in str(found["reason"].values)
     assert run("plot", store, tmp_path / "s.png", "--at", "contacts=50") == 0
-    plane = {
-        "velocity": Span(low=1e-4, high=5e-3, log=True),
-        "stiffness": Span(low=2e7, high=2e9, log=True),
-    }
+    plane = {"velocity": Span(low=1e-4, high=5e-3, log=True)}
+    plane |= {"stiffness": Span(low=2e7, high=2e9, log=True)}
     search = Refinement(runs=16, resolution=0.1)
     short = Runs(distance=4e-6, cycles=0)
     edge = ss.sweep(bench, plane, refinement=search, runs=short)
