@@ -601,13 +601,14 @@ def test_a_record_in_the_units_of_a_rig_becomes_one_of_the_rig():
 
 
 def test_a_drive_that_runs_backwards_may_run_forwards():
-    bench = ss.read_rig("precision_stage").natural
-    backwards = replace(bench, drive=ss.constant(-1.0, duration=5.0))
+    bench = ss.read_rig("precision_stage")
+    backwards = replace(bench.natural, drive=ss.constant(-1.0, duration=5.0))
     assert backwards.replace(velocity=2.0).drive == ss.constant(2.0, duration=2.5)
     turning = replace(backwards, drive=ss.ramp(-1.0, -2.0, duration=5.0))
-    for velocity in (2.0, 0.0):
-        with pytest.raises(InputError, match="not this way; give another drive"):
-            turning.replace(velocity=velocity)
+    for rig in (turning, replace(turning, scales=bench.scales)):
+        unit = rig.unit("velocity")
+        with pytest.raises(InputError, match=f"with {-unit:g}, not this way; give"):
+            rig.with_values(velocity=2.0 * unit)
 
 
 @pytest.mark.parametrize("velocity", [0.0, 2.0])

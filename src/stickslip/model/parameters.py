@@ -134,8 +134,9 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
         pieces = constant(value, drive.duration * longer).pieces
         return replace(rig, drive=replace(drive, pieces=pieces))
     if value * before <= 0:
+        given, begin = (each * rig.unit("x_s/time") for each in (value, before))
         raise InputError(
-            f"velocity = {value:g}: the drive begins with {before:g}, not this way; "
+            f"velocity = {given:g}: the drive begins with {begin:g}, not this way; "
             "give another drive"
         )
     return replace(rig, drive=drive.faster(value / before))
