@@ -170,14 +170,13 @@ def save(data: xr.Dataset, path: files.FileName) -> Path:
 
     instance("save: data", data, xr.Dataset, "a Dataset, as simulate() returns it")
     # Only numbers with a dimension can be compressed.
-    numbers = [
-        name
+    encoding = {
+        name: {"zlib": True, "complevel": 1}
         for name, values in data.variables.items()
         if values.ndim > 0 and values.dtype.kind in "fiub"
-    ]
+    }
     # In memory first: where a disk is full, HDF5 spills its own messages and then
     # crashes.
-    encoding = {name: {"zlib": True, "complevel": 1} for name in numbers}
     return files.write(path, data.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
