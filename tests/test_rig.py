@@ -44,16 +44,16 @@ def test_a_default_that_was_taken_is_assumed_with_its_value(document):
     for key in ("interface.delay", "interface.initial"):
         document = with_value(document, key, None)
         document["assumed"].pop(key)
-    assumed = rigs.from_document(document).assumed
-    taken = {key: item for key, item in assumed.items() if item.default}
+    rig = rigs.from_document(document)
+    taken = {key: item for key, item in rig.assumed.items() if item.default}
     assert {key: item.value for key, item in taken.items()} == {
         "interface.initial": '{ distribution = "gaussian", mean = 0.0, std = 0.01 }',
         "interface.delay": "0 s",
     }
     warning = "never strengthen with rest and nothing can stick-slip"
     assert warning in str(taken["interface.delay"])
-    rig = rigs.from_document(document)
     assert reread(rig).assumed.keys() == rig.assumed.keys()
+    assert rig.assumed.keys() - rig.replace(delay="5 ms").assumed == {"interface.delay"}
 
 
 RANDOM = {"mean": "2 ms", "std": "1 ms", "negative": "fold"}

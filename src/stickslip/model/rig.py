@@ -43,6 +43,15 @@ USUAL_RANGE = 30.0
 range is given.
 """
 _NATURAL = Scales(force=1.0, stretching=1.0)
+_KEYS_OF = {
+    "damping": {"damping", "damping_ratio"},
+    "delay": {"delay", "v_half"},
+    "std": {"thresholds"},
+    "load": {"contact_strength", "normal_load"},
+    "friction": {"contact_strength", "breaking_displacement"},
+    "contact_stiffness": {"breaking_displacement"},
+}
+"""Keys of a rig file that a parameter sets, where they have other names."""
 
 _Speeds = tuple[
     Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")],
@@ -133,6 +142,11 @@ class Fitted:
 
     def __str__(self) -> str:
         return f"{self.value} ({self.interval}); {self.how}"
+
+
+def _without(keys: set[str], notes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return notes on keys of a rig file, but for those of these names."""
+    return {path: each for path, each in notes.items() if not keys & {*path.split(".")}}
 
 
 @dataclass(frozen=True, repr=False)
@@ -321,7 +335,7 @@ class Rig(Answer):
 
     def with_values(self, **values: float | str) -> "Rig":
         """Return the rig with some of its parameters changed, numbers in the rig's own
-        units, as `value` returns them.
+        units, as `value` returns them. They are then neither assumed nor fitted.
 
         Raises `InputError` if there is no such parameter, or the value cannot be.
 
@@ -336,7 +350,12 @@ class Rig(Answer):
         for name, value in values.items():
             known = parameter_named(name, place="replace")
             new = changed.read(name, value, known.unit, above=None, at_least=0)
-            changed = known.set(changed, new)
+            keys = _KEYS_OF.get(name, {name})
+            changed = replace(
+                known.set(changed, new),
+                assumed=_without(keys, changed.assumed),
+                fitted=_without(keys, changed.fitted),
+            )
         return changed
 
     def to_natural(self, record: AnyRecord) -> AnyRecord:
