@@ -14,6 +14,7 @@ from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
 from stickslip.io.keys import Keys
 from stickslip.io.rig_keys import TABLES, keys_of
+from stickslip.io.structure_files import KEYS_OF_MODES
 from stickslip.model import (
     Delay,
     FromRest,
@@ -191,9 +192,8 @@ class _Writer:
             written = self._values(structure, TABLES["controller"], defaults=False)
             return {"slider": slider, "controller": written}
         if isinstance(structure, Modes):
-            names = ("masses", "stiffnesses", "dampings", "contact", "drive")
-            rows = zip(*(getattr(structure, name) for name in names), strict=True)
-            modes = [self._mode(*row) for row in rows]
+            columns = [getattr(structure, field) for field in KEYS_OF_MODES]
+            modes = [self._mode(*row) for row in zip(*columns, strict=True)]
             return {"slider": slider | {"modes": modes}}
         written = self._values(structure, rig_keys.STRUCTURES[kind])
         return {"slider": slider | {kind: written}}
@@ -207,16 +207,21 @@ class _Writer:
         drive: float,
     ) -> Document:
         """Write a mode, in four digits by its frequency."""
-        found = {"mass": self.quantity(mass, "f_s time^2/x_s")}
+        values = {"mass": mass}
         omega = math.sqrt(stiffness / mass)
         if self.digits is not None and omega:
-            found["frequency"] = self.quantity(omega / (2.0 * math.pi), "1/time")
-            found["damping_ratio"] = self._number(0.5 * damping / omega)
+            values["frequency"] = omega / (2.0 * math.pi)
+            values["damping_ratio"] = 0.5 * damping / omega
         else:
-            found["stiffness"] = self.quantity(stiffness, "k")
-            found["damping"] = self.quantity(damping, "1/time")
-        found["contact"] = self._number(contact)
-        return found | ({"drive": self._number(drive)} if drive != contact else {})
+            values |= {"stiffness": stiffness, "damping": damping}
+        values["contact"] = contact
+        if drive != contact:
+            values["drive"] = drive
+        keys = rig_keys.STRUCTURES["modes"]
+        return {
+            name: self.quantity(value, keys[name].unit or "1")
+            for name, value in values.items()
+        }
 
     def interface(self) -> Document:
         interface = self.rig.interface

@@ -20,6 +20,14 @@ from stickslip.model.structure import (
     cascade,
 )
 
+KEYS_OF_MODES = {
+    "masses": "mass",
+    "stiffnesses": "stiffness",
+    "dampings": "damping",
+    "contact": "contact",
+    "drive": "drive",
+}
+"""Keys of each of `slider.modes`, by the field of `Modes` that holds them."""
 _HERTZ = {"Hz": "1/s", "kHz": "1/ms", "MHz": "1/us"}
 
 
@@ -97,18 +105,11 @@ def _modes(file: Tables, content: object, spring: float) -> Modes:
         if "damping_ratio" in mode:
             own = math.sqrt(mode["stiffness"] / mode["mass"])
             mode["damping"] = 2.0 * mode["damping_ratio"] * own
-    keys_of_fields = {
-        "masses": "mass",
-        "stiffnesses": "stiffness",
-        "dampings": "damping",
-        "contact": "contact",
-        "drive": "drive",
-    }
     fields: dict[str, Any] = {
         field: tuple(mode.get(key, mode["contact"]) for mode in read)
-        for field, key in keys_of_fields.items()
+        for field, key in KEYS_OF_MODES.items()
     }
-    with at(place, keys_of_fields):
+    with at(place, KEYS_OF_MODES):
         return Modes(**fields, stiffness=spring)
 
 

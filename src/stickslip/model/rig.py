@@ -95,10 +95,7 @@ class Operation(Record):
         """Return the range of a parameter that could be built; None if nothing is
         known of it.
         """
-        return next(
-            ((low, high) for name, low, high in self.feasible if name == parameter),
-            None,
-        )
+        return {name: (low, high) for name, low, high in self.feasible}.get(parameter)
 
 
 @dataclass(frozen=True)
