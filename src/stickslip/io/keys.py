@@ -96,7 +96,7 @@ class Key:
         if self.choices:
             known = value in [*self.choices]
         else:
-            too_long = kind is str and len(str(value)) > LONGEST_TEXT
+            too_long = isinstance(value, str) and len(value) > LONGEST_TEXT
             known = type(value) is kind and not too_long
         if not known:
             wanted = {

@@ -116,7 +116,9 @@ def _modes(file: Tables, content: object, spring: float) -> Modes:
 def _without_hertz(mode: object) -> object:
     """Return a mode with its frequency, cycles per time, in a unit of `quantities`."""
     given = mode.get("frequency") if isinstance(mode, Mapping) else None
-    found = re.fullmatch(r"(.*[\d.]) *([kM]?Hz)", str(given))
-    if found is None or not isinstance(mode, Mapping):
+    if not isinstance(mode, Mapping) or not isinstance(given, str):
+        return mode
+    found = re.fullmatch(r"(.*[\d.]) *([kM]?Hz)", given)
+    if found is None:
         return mode
     return {**mode, "frequency": f"{found[1]} {_HERTZ[found[2]]}"}
