@@ -371,25 +371,22 @@ feasible = { mass = ["5 N", "6 kg"] }
             ("simulation.contacts", -3.0),
         )
     ),
-    (
-        "fitted",
-        {"slider.mass": DRAWS | {"draws": [1.0, 1e40]}},
-        "fitted.slider.mass.draws[1] = 1e+40",
-        "must be between",
-    ),
-    (
-        "fitted",
-        {"interface.thresholds": DRAWS | {"draws": [1.0]}},
-        "fitted.interface.thresholds.draws",
-        "is no number",
-    ),
-    (
-        "fitted",
-        {"interface.newborn.colour": DRAWS | {"draws": [1.0]}},
-        "fitted.interface.newborn.colour.draws",
-        "is no key of a rig file",
+    *(
+        ("fitted", {key: DRAWS | {"draws": draws}}, f"fitted.{key}.draws{at}", words)
+        for key, draws, at, words in (
+            ("slider.mass", [1.0, 1e40], "[1] = 1e+40", "must be between"),
+            ("interface.thresholds", [1.0], "", "is no number"),
+            ("interface.newborn.colour", [1.0], "", "is no key of a rig file"),
+        )
     ),
 ]
+
+
+def test_draws_of_thresholds_whose_distribution_has_no_name_are_refused(document):
+    document["interface"]["thresholds"]["distribution"] = ["gaussian"]
+    document["fitted"] = {"interface.thresholds.std": DRAWS | {"draws": [0.1]}}
+    with pytest.raises(ss.InputError, match="one of the known distributions"):
+        rigs.from_document(document)
 
 
 @pytest.mark.parametrize(("path", "value", "place", "remedy"), MISTAKES)

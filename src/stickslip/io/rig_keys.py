@@ -315,14 +315,14 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
         keys = keys_of_simulation(within(document, table).get("method"))
     content = within(document, table)
     found = None if names else keys.get(table)
-    for i, name in enumerate(names):
+    for name in names:
         found = keys.get(name)
         word, kinds = KINDS.get(name, ("", {}))
         content = within(content, name)
-        here: Any = kinds.get(content.get(word, ""))
-        possible = [keys_of(kind) for kind in ([here] if here else kinds.values())]
-        following = names[i + 1 : i + 2]
-        keys = next((each for each in possible if each.keys() >= {*following}), {})
+        here: Any = kinds.get(str(content.get(word, "")))
+        keys = {}
+        for kind in [here] if here else kinds.values():
+            keys = {**keys_of(kind), **keys}
     return found
 
 
