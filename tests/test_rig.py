@@ -352,6 +352,8 @@ feasible = { mass = ["5 N", "6 kg"] }
     feasible.mass[0] = '5 N' | not in a unit of 'kg'
 """),
     ("fitted", {"slider.mass": DRAWS}, "fitted.slider.mass.draws", "is missing"),
+    ("drive", {"pieces": None}, "drive.pieces = None", "must be a list of at least"),
+    (THRESHOLDS, {"distribution": 10**5000}, f"{THRESHOLDS}.distribution = an", "be"),
     *(
         (
             "fitted",

@@ -319,9 +319,12 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
         found = keys.get(name)
         word, kinds = KINDS.get(name, ("", {}))
         content = within(content, name)
-        here: Any = kinds.get(str(content.get(word, "")))
+        named = content.get(word, "")
+        possible = [*kinds.values()]
+        if isinstance(named, str) and named in kinds:
+            possible = [kinds[named]]
         keys = {}
-        for kind in [here] if here else kinds.values():
+        for kind in possible:
             keys = {**keys_of(kind), **keys}
     return found
 

@@ -379,7 +379,7 @@ class _Reader:
                 raise NotedError("")
             with at("drive"):
                 return pull(content, duration=lasts), {}
-        if content is not None:
+        if by_force or "pieces" in values:
             if not isinstance(content, list) or not content:
                 raise refused(place, content, "must be a list of at least one table")
             if lasts is not None:
