@@ -75,6 +75,7 @@ def test_stability_of_a_table_is_that_of_the_rule():
 @pytest.mark.parametrize(
     ("ages", "strengths", "message"),
     [
+        (1.0, (1.0,), "ages = 1.0: must be"),
         ((1.0,), (1.0,), "two ages or more that rise"),
         ((1.0, 1.0), (1.0, 2.0), "two ages or more that rise"),
         ((1.0, 2.0), (1.0,), "give one for each age"),

@@ -172,7 +172,7 @@ run.rtol = 0.0001
     run.rtol | unknown key
 run.distance = "4 mm"
     run.distance = '4 mm' | plain number
-measure = ["perod"]
+measure = [["perod"]]
     'perod' | did you mean 'period'
 measure = "period"
     measure = 'period' | list

@@ -129,10 +129,9 @@ def _numbers(
     """A number within the bounds declared, or as many as are given where there may
     be several, or a matrix by its rows.
     """
-    several = kind is not float and any(
-        get_origin(each) is tuple for each in (kind, *get_args(kind))
-    )
-    if not several or (float in get_args(kind) and isinstance(value, Real)):
+    has_tuple = any(get_origin(each) is tuple for each in (kind, *get_args(kind)))
+    may_be_one = get_origin(kind) is not tuple and float in get_args(kind)
+    if not has_tuple or (may_be_one and isinstance(value, Real)):
         return _number(kind, place, value, mark)
     items = enumerate(sequence(place, value, mark.hint))
     row = get_args(kind)[0]

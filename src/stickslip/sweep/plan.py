@@ -430,11 +430,10 @@ def _plan(
     )
     measure = sequence("measure", runs.measure or USUAL, "a list of names")
     for one in measure:
-        if one not in MEASURES:
-            near = unknown(str(one), MEASURES)
-            raise InputError(
-                f"measure: {str(one)!r} is not measured in a sweep; {near}"
-            )
+        wanted = one if isinstance(one, str) else shown(one)
+        if wanted not in MEASURES:
+            near = unknown(wanted, MEASURES)
+            raise InputError(f"measure: {wanted!r} is not measured in a sweep; {near}")
     return Plan(
         name=name,
         study=study,
