@@ -195,6 +195,12 @@ class _Reader:
                 rig = replace(rig, slider=replace(rig.slider, damping=damping))
         if self.viscosity > 0.0:
             slider = rig.slider
+            if not hasattr(slider, "mass"):
+                raise InputError(
+                    "interface.viscosity: is a damping of a mass; leave it out, and "
+                    "give the structure that damping",
+                    "interface.viscosity",
+                )
             if not slider.mass > 0.0:
                 raise InputError(
                     "slider.mass: is 0, and a viscous force is a damping of a mass; "
