@@ -266,6 +266,10 @@ def test_a_frequency_in_a_file_is_in_cycles():
     assert omega * found.unit("1/time") == pytest.approx(3.7e3 * np.pi, rel=1e-12)
 
 
+def without(content, name):
+    return {key: value for key, value in content.items() if key != name}
+
+
 IMPOSSIBLE = r"""
 slider(modes=[])
     slider.modes = \[\]: must be tables
@@ -289,6 +293,8 @@ slider(mass="4 kg") | {"controller": {}}
     controller.kp: is missing
 {"controller": PID}
     slider.mass: is missing
+slider(modes=[MODE]) | {"interface": BENCH["interface"] | {"viscosity": "1 N*s/m"}}
+    interface.viscosity: is a damping of a mass
 """
 
 
@@ -299,7 +305,7 @@ def slider(**keys):
 @refused(IMPOSSIBLE, globals())
 def test_a_structure_that_cannot_be_is_refused_in_one_line(call, message):
     with pytest.raises(InputError, match=message) as refusal:
-        ss.read_rig(call() | BENCH)
+        ss.read_rig(BENCH | call())
     assert "\n" not in str(refusal.value)
 
 

@@ -99,6 +99,7 @@ def again(plan):
         ("mass", [1.6, 0.1, 0.4], [1.6, 0.1, 0.4], "log"),
         ("mass", [1, 2, 3], [1.0, 2.0, 3.0], "linear"),
         ("mass", [0.1, 10.0], [0.1, 10.0], "linear"),
+        ("mass", [0.1] * 3, [0.1] * 3, "linear"),
         ("mass", HUNDREDFOLD, [0.1, 10.0], "log"),
         ("seed", {"from": 7, "count": 3}, [7, 8, 9], "linear"),
         ("contacts", COUNTS, [10, 32, 100, 316, 1000], "log"),
@@ -109,8 +110,7 @@ def test_an_axis_is_as_written(name, given, values, spacing):
     plan = from_document(changed("axes", {name: given, "velocity": [1.0]}))
     assert (plan.total, [*plan.axes]) == (len(values), [name, "velocity"])
     assert again(plan) == plan
-    expected = values if name == "start" else pytest.approx(values)
-    assert list(plan.axes[name]) == expected
+    assert [*plan.axes[name]] == (values if name == "start" else pytest.approx(values))
     assert plan.attributes()[name]["spacing"] == spacing
 
 
@@ -172,7 +172,7 @@ run.rtol = 0.0001
     run.rtol | unknown key
 run.distance = "4 mm"
     run.distance = '4 mm' | plain number
-measure = ["perod"]
+measure = [["perod"]]
     'perod' | did you mean 'period'
 measure = "period"
     measure = 'period' | list
@@ -233,15 +233,14 @@ def test_a_rig_is_swept_from_python_as_from_a_file(tmp_path):
     expected = from_document({"rig": content, "axes": axes, "run": run_}).run()
     store = tmp_path / "s.sqlite"
     for speeds in (axes["velocity"], np.array([4e-4, 1e-3])):
-        faster = axes | {"velocity": speeds}
-        found = ss.sweep(bench, faster, store=store, runs=Runs(**run_))
+        axes["velocity"] = speeds
+        found = ss.sweep(bench, axes, store=store, runs=Runs(**run_))
         xr.testing.assert_equal(found, expected)
         assert found["peak_to_peak"].units == "N"
+        assert " N in the window" in str(found["reason"].values)
     assert run("plot", store, tmp_path / "s.png", "--at", "contacts=50") == 0
-    plane = {
-        "velocity": Span(low=1e-4, high=5e-3, log=True),
-        "stiffness": Span(low=2e7, high=2e9, log=True),
-    }
+    plane = {"velocity": Span(low=1e-4, high=5e-3, log=True)}
+    plane |= {"stiffness": Span(low=2e7, high=2e9, log=True)}
     search = Refinement(runs=16, resolution=0.1)
     short = Runs(distance=4e-6, cycles=0)
     edge = ss.sweep(bench, plane, refinement=search, runs=short)

@@ -20,6 +20,14 @@ from stickslip.model.structure import (
     cascade,
 )
 
+KEYS_OF_MODES = {
+    "masses": "mass",
+    "stiffnesses": "stiffness",
+    "dampings": "damping",
+    "contact": "contact",
+    "drive": "drive",
+}
+"""Keys of each of `slider.modes`, by the field of `Modes` that holds them."""
 _HERTZ = {"Hz": "1/s", "kHz": "1/ms", "MHz": "1/us"}
 
 
@@ -87,12 +95,7 @@ def _modes(file: Tables, content: object, spring: float) -> Modes:
     keys = rig_keys.STRUCTURES["modes"]
     rules = rig_keys.RULES["modes"]
     read = [
-        file.whole(
-            _without_hertz(mode),
-            keys,
-            f"{place}[{i}]",
-            rules,
-        )
+        file.whole(_without_hertz(mode), keys, f"{place}[{i}]", rules)
         for i, mode in enumerate(content)
     ]
     for mode in read:
@@ -102,30 +105,20 @@ def _modes(file: Tables, content: object, spring: float) -> Modes:
         if "damping_ratio" in mode:
             own = math.sqrt(mode["stiffness"] / mode["mass"])
             mode["damping"] = 2.0 * mode["damping_ratio"] * own
-    keys_of_fields = {
-        "masses": "mass",
-        "stiffnesses": "stiffness",
-        "dampings": "damping",
-        "contact": "contact",
-        "drive": "drive",
-    }
     fields: dict[str, Any] = {
         field: tuple(mode.get(key, mode["contact"]) for mode in read)
-        for field, key in keys_of_fields.items()
+        for field, key in KEYS_OF_MODES.items()
     }
-    with at(place, keys_of_fields):
+    with at(place, KEYS_OF_MODES):
         return Modes(**fields, stiffness=spring)
 
 
 def _without_hertz(mode: object) -> object:
     """Return a mode with its frequency, cycles per time, in a unit of `quantities`."""
     given = mode.get("frequency") if isinstance(mode, Mapping) else None
-    found = (
-        re.fullmatch(r"(.*[\d.]) *([kM]?Hz)", given) if isinstance(given, str) else None
-    )
-    if found is None or not isinstance(mode, Mapping):
+    if not isinstance(mode, Mapping) or not isinstance(given, str):
         return mode
-    return {
-        **mode,
-        "frequency": f"{found[1]} {_HERTZ[found[2]]}",
-    }
+    found = re.fullmatch(r"(.*[\d.]) *([kM]?Hz)", given)
+    if found is None:
+        return mode
+    return {**mode, "frequency": f"{found[1]} {_HERTZ[found[2]]}"}

@@ -5,7 +5,7 @@ starts from.
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from stickslip.errors import InputError
+from stickslip.errors import InputError, refused
 from stickslip.model.body import ElasticBody
 from stickslip.model.records import Number, Record, registry
 
@@ -273,8 +273,5 @@ def check_start(start: object, body: object) -> None:
         )
     along = body.size // body.rows
     if start.pushed_blocks > along:
-        raise InputError(
-            f"Prestressed.pushed_blocks = {start.pushed_blocks:g}: must be at most "
-            f"{along}, all there are",
-            "Prestressed.pushed_blocks",
-        )
+        most = f"must be at most {along}, all there are"
+        raise refused("Prestressed.pushed_blocks", start.pushed_blocks, most)

@@ -129,10 +129,9 @@ def _numbers(
     """A number within the bounds declared, or as many as are given where there may
     be several, or a matrix by its rows.
     """
-    several = kind is not float and any(
-        get_origin(each) is tuple for each in (kind, *get_args(kind))
-    )
-    if not several or (float in get_args(kind) and isinstance(value, Real)):
+    has_tuple = any(get_origin(each) is tuple for each in (kind, *get_args(kind)))
+    may_be_one = get_origin(kind) is not tuple and float in get_args(kind)
+    if not has_tuple or (may_be_one and isinstance(value, Real)):
         return _number(kind, place, value, mark)
     items = enumerate(sequence(place, value, mark.hint))
     row = get_args(kind)[0]
@@ -177,7 +176,7 @@ def _number(
 
 @lru_cache(maxsize=256)
 def choices_of(kind: Any) -> tuple[str, ...]:
-    """All that a field may be, if its type says so."""
+    """All that a field may be, if its type lists them."""
     return next(
         (
             get_args(each)
@@ -222,16 +221,16 @@ def hashable(record: object) -> Any:
 
 
 def registry(
-    what: str,
+    noun: str,
 ) -> tuple[dict[str, type], Callable[[str], Callable[[Kind], Kind]]]:
     """Return a table of frozen dataclasses by name, and the decorator that enters one;
-    `what` it holds, in words.
+    `noun` names one of them.
 
     The decorator raises `InputError` if the class is no frozen dataclass, or if another
     class has the name.
     """
     known: dict[str, type] = {}
-    return known, lambda name: partial(_enter, known, f"{what} {shown(name)}", name)
+    return known, lambda name: partial(_enter, known, f"{noun} {shown(name)}", name)
 
 
 def _enter(

@@ -10,6 +10,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from stickslip.answers import Answer
+from stickslip.arrays import Range
 from stickslip.errors import InputError, instance, number, pair
 from stickslip.model.body import ElasticBody, Mass
 from stickslip.model.drive import Drive
@@ -41,6 +42,16 @@ USUAL_RANGE = 30.0
 """Factor by which a parameter is varied up and down from its value in a rig where no
 range is given.
 """
+_NATURAL = Scales(force=1.0, stretching=1.0)
+_KEYS_OF = {
+    "damping": {"damping", "damping_ratio"},
+    "delay": {"delay", "v_half"},
+    "std": {"thresholds"},
+    "load": {"contact_strength", "normal_load"},
+    "friction": {"contact_strength", "breaking_displacement"},
+    "contact_stiffness": {"breaking_displacement"},
+}
+"""Keys of a rig file that a parameter sets, where they have other names."""
 
 _Speeds = tuple[
     Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")],
@@ -80,14 +91,11 @@ class Operation(Record):
                     f"Operation.{name}",
                 )
 
-    def range_of(self, parameter: str) -> tuple[float, float] | None:
+    def range_of(self, parameter: str) -> Range | None:
         """Return the range of a parameter that could be built; None if nothing is
         known of it.
         """
-        return next(
-            ((low, high) for name, low, high in self.feasible if name == parameter),
-            None,
-        )
+        return {name: (low, high) for name, low, high in self.feasible}.get(parameter)
 
 
 @dataclass(frozen=True)
@@ -96,7 +104,7 @@ class Assumption:
     it.
     """
 
-    value: str  # as it stands in the rig's file; empty if the file does not say
+    value: str  # as it stands in the rig's file; empty if it is not in the file
     how: str
     default: bool = False  # whether it was taken because the file has none
     # where it may lie, as it stands in the file, if it is given there
@@ -131,6 +139,11 @@ class Fitted:
 
     def __str__(self) -> str:
         return f"{self.value} ({self.interval}); {self.how}"
+
+
+def _without(keys: set[str], notes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return notes on keys of a rig file, but for those of these names."""
+    return {path: each for path, each in notes.items() if not keys & {*path.split(".")}}
 
 
 @dataclass(frozen=True, repr=False)
@@ -264,8 +277,7 @@ class Rig(Answer):
 
         Raises `InputError` if there is no such unit or quantity.
         """
-        unit = natural_unit(natural)
-        return 1.0 if self.scales is None else self.scales.unit(unit)
+        return (self.scales or _NATURAL).unit(natural)
 
     def unit_name(self, natural: str) -> str:
         """Name of the rig's own unit for a natural unit or a quantity, as in `unit`:
@@ -320,7 +332,7 @@ class Rig(Answer):
 
     def with_values(self, **values: float | str) -> "Rig":
         """Return the rig with some of its parameters changed, numbers in the rig's own
-        units, as `value` returns them.
+        units, as `value` returns them. They are then neither assumed nor fitted.
 
         Raises `InputError` if there is no such parameter, or the value cannot be.
 
@@ -335,7 +347,12 @@ class Rig(Answer):
         for name, value in values.items():
             known = parameter_named(name, place="replace")
             new = changed.read(name, value, known.unit, above=None, at_least=0)
-            changed = known.set(changed, new)
+            keys = _KEYS_OF.get(name, {name})
+            changed = replace(
+                known.set(changed, new),
+                assumed=_without(keys, changed.assumed),
+                fitted=_without(keys, changed.fitted),
+            )
         return changed
 
     def to_natural(self, record: AnyRecord) -> AnyRecord:
@@ -369,7 +386,7 @@ class Rig(Answer):
             natural
         )
 
-    def around(self, parameter: Parameter) -> tuple[float, float]:
+    def around(self, parameter: Parameter) -> Range:
         """Return the range of a factor `USUAL_RANGE` above and below the value in
         the rig, in natural units.
         """
@@ -386,7 +403,7 @@ class Rig(Answer):
         parameter: Parameter,
         between: Ends,
         place: str = "between",
-    ) -> tuple[float, float]:
+    ) -> Range:
         """Return a range of a parameter, given as in `Ends`, in its natural unit."""
         first, last = pair(place, between, "two values, such as (0.1, 10)")
         unit = parameter.unit

@@ -35,7 +35,7 @@ from stickslip.io import rig_files as rigs
 from stickslip.io.files import FileName
 from stickslip.io.keys import Key
 from stickslip.io.rig_keys import methods_with
-from stickslip.io.tables import Tables, unknown
+from stickslip.io.tables import Tables, at, unknown
 from stickslip.model import ElasticBody, FromRest, FromSliding, Rig, Slider
 from stickslip.model.methods import DRAWN
 from stickslip.model.parameters import BY_NAME
@@ -348,34 +348,23 @@ def _axis(
         )
         return tuple(value(each, f"{place}.{i}") for i, each in enumerate(listed))
     _check_keys(given, ("from", "to", "count", "spacing"), place)
-    if missing := [
-        key
-        for key in (("count",) if name == "seed" else ("from", "to"))
-        if key not in given
-    ]:
-        raise InputError(f"{place}.{missing[0]}: is missing")
+    for key in ("count",) if name == "seed" else ("from", "to"):
+        if key not in given:
+            raise InputError(f"{place}.{key}: is missing")
     count = whole(f"{place}.count", given.get("count", 2), at_least=1, at_most=most)
     low, high = (value(given.get(key, 1), f"{place}.{key}") for key in ("from", "to"))
     if name == "seed":
         return tuple(range(low, low + count))
-    log = (
-        _SPACING.read(given.get("spacing", "linear"), f"{place}.spacing", natural=True)
-        == "log"
-    )
-    try:
+    spacing = given.get("spacing", "linear")
+    log = _SPACING.read(spacing, f"{place}.spacing", natural=True) == "log"
+    with at(place, {"low": "from", "high": "to"}):
         span = Span(low=low, high=high, log=log)
-    except InputError as error:
-        raise error.at(
-            f"{place}.{'to' if error.place == 'Span.high' else 'from'}"
-        ) from None
     if "count" not in given:
         return span
-    values = (np.geomspace if log else np.linspace)(low, high, count)
-    return tuple(
-        (
-            np.unique(np.rint(values).astype(int)) if name == "contacts" else values
-        ).tolist()
-    )
+    values = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
+    if name == "contacts":
+        values = np.unique(np.rint(values)).astype(int)
+    return tuple(values.tolist())
 
 
 def _is_logarithmic(given: Any, values: Any) -> bool:
@@ -390,7 +379,7 @@ def _is_logarithmic(given: Any, values: Any) -> bool:
         return False
     steps = np.diff(np.sort(values))
     ratios = np.diff(np.log(np.sort(values)))
-    return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
+    return bool(np.ptp(ratios) * steps.mean() < np.ptp(steps) * ratios.mean())
 
 
 def _check_keys(content: object, known: Iterable[str], place: str) -> None:
@@ -441,11 +430,10 @@ def _plan(
     )
     measure = sequence("measure", runs.measure or USUAL, "a list of names")
     for one in measure:
-        if one not in MEASURES:
-            near = unknown(str(one), MEASURES)
-            raise InputError(
-                f"measure: {str(one)!r} is not measured in a sweep; {near}"
-            )
+        wanted = one if isinstance(one, str) else shown(one)
+        if wanted not in MEASURES:
+            near = unknown(wanted, MEASURES)
+            raise InputError(f"measure: {wanted!r} is not measured in a sweep; {near}")
     return Plan(
         name=name,
         study=study,

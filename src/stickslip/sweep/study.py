@@ -57,12 +57,12 @@ class Study:
                 method, count=values.pop("contacts", method.count), seed=seed
             )
             sliding = FromSliding()
-        varied = self.rig.with_values(**values)
         rig = replace(
-            varied.natural,
+            self.rig.with_values(**values),
             method=method,
             start=FromRest() if start == FROM_REST else sliding,
         )
+        velocity = rig.natural.velocity
         slider = getattr(rig.slider, "slowest", rig.slider)
         stiffness = (
             slider.stiffness
@@ -70,20 +70,18 @@ class Study:
             else float(slider.pulled.mean())
         )
         distance = max(self.distance, self.cycles * (1.0 + 1.0 / stiffness))
-        duration = max(distance / rig.velocity, self.duration)
+        duration = max(distance / velocity, self.duration)
         for extension in range(self.extensions + 1):
-            drive = constant(rig.velocity, duration * 2.0**extension)
+            drive = constant(velocity, duration * 2.0**extension)
             seen = regime(simulate(replace(rig, drive=drive), long=True))
             if seen.kind != "undecided":
                 break
-        numbers = {name: getattr(seen, name) for name in _SAME}
-        numbers["slips"] = seen.cycles
-        numbers["travel"] = drive.duration * rig.velocity
-        fastest = math.nan if seen.largest_velocity is None else seen.largest_velocity
-        numbers["largest_velocity"] = (seen.drive_velocity or math.nan) * fastest
         found: dict[str, float | str] = {"regime": seen.kind, "reason": seen.reason}
-        for name, value in numbers.items():
-            found[name] = float(value) * varied.unit(MEASURES[name][0])
+        found |= {name: float(getattr(seen, name)) for name in _SAME}
+        found["slips"] = float(seen.cycles)
+        found["travel"] = drive.duration * velocity * rig.unit("x_s")
+        fastest = math.nan if seen.largest_velocity is None else seen.largest_velocity
+        found["largest_velocity"] = (seen.drive_velocity or math.nan) * fastest
         if isinstance(method, DRAWN):
             found["seed"] = seed
         return found
