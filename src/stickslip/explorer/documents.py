@@ -178,7 +178,7 @@ def check_size(rig: Rig, seconds: float) -> None:
         check_count("simulation.contacts", "contacts", rig.method.count)
     samples = rig.drive.duration / (rig.output.interval or math.inf)
     check_count("simulation.interval", "samples", samples)
-    if getattr(rig.slider, "mass", math.inf) == 0:  # structures have masses of modes
+    if rig.slider.mass == 0:
         raise InputError(
             (
                 "slider.mass = 0: must be above 0 for a run; theory of stability takes "

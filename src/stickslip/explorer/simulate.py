@@ -29,7 +29,7 @@ from stickslip.explorer.plain import (
     width_of,
     within,
 )
-from stickslip.model import Delay, Rig, Slider
+from stickslip.model import Delay, Rig
 from stickslip.simulation import simulate
 
 FRAMES = 1_200  # 40 s, at 30 a second
@@ -263,8 +263,6 @@ def _friction(rig: Rig) -> Plain:
             if math.isfinite(kinetic):
                 found["kinetic"] = kinetic * rig.unit("f_s")
                 found["words"].append(f"F_k = {rig.in_units(kinetic, 'force')}")
-    if not isinstance(rig.slider, Slider):  # no one spring between drive and slider
-        return found
     with suppress(InputError, UndecidedError):
         critical = _critical_stiffness(aged)
         ratio = rig.slider.stiffness / critical if critical > 0 else math.inf

@@ -13,7 +13,6 @@ from stickslip.arrays import units_of
 from stickslip.errors import InputError, shown
 from stickslip.explorer import documents
 from stickslip.explorer.plain import Array, Plain, Watch, floats, name_of, packed
-from stickslip.model import ControlledAxis
 
 _POINTS = 72  # of the map along each parameter, twice over
 # each point takes a hundred times as long, and theory ends at some speeds
@@ -97,12 +96,6 @@ def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     rig = documents.shortened(documents.rig_asked_for(request), seconds)
     documents.check_size(rig, seconds)
     documents.check_thresholds(rig)
-    if isinstance(rig.slider, ControlledAxis):
-        raise InputError(
-            "controller: this page is about a slider on a spring; `stickslip predict` "
-            "says whether an axis with a controller tracks steadily, and hunts at rest",
-            "controller",
-        )
     found = advise.predict(rig, progress=watch)
     # elastic sliders have a page of their own
     assert isinstance(found, advise.Prediction)
