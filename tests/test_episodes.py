@@ -67,6 +67,21 @@ def test_small_drops_make_no_episode_and_slow_changes_of_the_period_none_of_thei
     assert episodes(run, noise=2.0 / 7.2) == []
 
 
+@pytest.mark.parametrize("steps", [(0.2, 0.05), (0.05, 0.2), (0.2, 0.05, 0.2)])
+@pytest.mark.parametrize("pause", [0.0, 1.0])
+def test_a_pause_is_longer_than_the_waits_on_both_its_sides(steps, pause):
+    begins = [1.0 + (2.0 + pause) * n for n in range(len(steps))]
+    saws = [(t, t + 2.0, step, 2.0) for t, step in zip(begins, steps, strict=True)]
+    # a drop alone, which belongs to none
+    found = episodes(_run((0.2, 0.25, 0.05, 2.0), *saws))
+    count = sum(round(2.0 / step) for step in steps)
+    assert [one.drops for one in found] == (
+        [round(2.0 / step) for step in steps] if pause else [count]
+    )
+    assert found[0].begin == pytest.approx(1.0 + 0.9 * steps[0], abs=0.01)
+    assert found[-1].end == pytest.approx(begins[-1] + 2.0, abs=0.01)
+
+
 def test_slips_that_come_with_the_way_of_the_drive_are_one_episode():
     ways = np.append([1.0, 10.0, 19.0, 28.0], np.arange(29.5, 120.0, 1.5))
     times = (np.sqrt(1.0 + 4.0 * ways * 19.0 / 24.0) - 1.0) * 12.0 / 19.0
