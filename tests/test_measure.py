@@ -862,8 +862,6 @@ def test_the_velocity_of_a_slider_by_its_force_is_that_of_the_run():
     run = ss.simulate(fig4(2.0, 0.2, damping=20.0)).sel(time=slice(60.0, None))
     force = 1e4 * run["spring_force"].values
     data = trace(run.time.values, force + white(force.size, std=2e-4 * np.ptp(force)))
-    data["spring_force"].attrs["units"] = "N"
-    data["time"].attrs["units"] = "s"
     moving = ss.measure.motion(data, stiffness=2e4, velocity=1.0)
     assert float(np.mean(np.abs(moving["velocity"] - run["velocity"].values))) < 0.1
     moved, expected = (np.diff(data["displacement"]) for data in (moving, run))
