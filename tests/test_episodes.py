@@ -26,26 +26,17 @@ def _run(
         climbing = np.where(phase < 0.9, phase / 0.9, (1.0 - phase) / 0.1)
         force[inside] += drop * climbing[inside]
         velocity[inside & (phase >= 0.9)] *= peak
-    return xr.Dataset(
-        {
-            "spring_force": ("time", force),
-            "velocity": ("time", velocity),
-            "drive_velocity": ("time", drive),
-        },
-        {"time": time},
-    )
+    seen = {"spring_force": force, "velocity": velocity, "drive_velocity": drive}
+    variables = {name: ("time", values) for name, values in seen.items()}
+    return xr.Dataset(variables, {"time": time})
 
 
 def test_episodes_are_those_that_were_put_in():
     first, second = episodes(_run((1.0, 4.0, 0.2, 2.0), (7.0, 11.0, 0.25, 3.0)))
-
-    assert first.begin == pytest.approx(1.18, abs=0.01)
-    assert first.end == pytest.approx(4.0, abs=0.01)
-    assert first.frequency == pytest.approx(5.0, rel=0.01)
-    assert first.worst == pytest.approx(1.0, rel=0.01)
-    assert second.begin == pytest.approx(7.225, abs=0.01)
-    assert second.frequency == pytest.approx(4.0, rel=0.01)
-    assert second.worst == pytest.approx(1.5, rel=0.01)
+    times = [first.begin, first.end, second.begin]
+    assert times == pytest.approx([1.18, 4.0, 7.225], abs=0.01)
+    numbers = [first.frequency, first.worst, second.frequency, second.worst]
+    assert numbers == pytest.approx([5.0, 1.0, 4.0, 1.5], rel=0.01)
     assert second.worst_velocity == pytest.approx(1 + second.worst_time / 12, rel=1e-3)
 
 
@@ -65,6 +56,19 @@ def test_small_drops_make_no_episode_and_slow_changes_of_the_period_none_of_thei
     # one drop in 41, of noise: exp(-(drop/std)^2/8) < .05/41
     assert len(episodes(run, noise=2.0 / 7.4)) == 1
     assert episodes(run, noise=2.0 / 7.2) == []
+
+
+@pytest.mark.parametrize("steps", [(0.2, 0.05), (0.05, 0.2), (0.2, 0.05, 0.2)])
+@pytest.mark.parametrize("pause", [0.0, 1.0])
+def test_a_pause_is_longer_than_the_waits_on_both_its_sides(steps, pause):
+    begins = [1.0 + (2.0 + pause) * n for n in range(len(steps))]
+    saws = [(t, t + 2.0, step, 2.0) for t, step in zip(begins, steps, strict=True)]
+    # a drop alone, which belongs to none
+    found = episodes(_run((0.2, 0.25, 0.05, 2.0), *saws))
+    counts = [round(2.0 / step) for step in steps]
+    assert [one.drops for one in found] == (counts if pause else [sum(counts)])
+    assert found[0].begin == pytest.approx(1.0 + 0.9 * steps[0], abs=0.01)
+    assert found[-1].end == pytest.approx(begins[-1] + 2.0, abs=0.01)
 
 
 def test_slips_that_come_with_the_way_of_the_drive_are_one_episode():

@@ -490,6 +490,17 @@ def test_a_value_that_stands_for_none_is_no_force(tmp_path, value):
         read_trace(file, step=0.01)
 
 
+@pytest.mark.parametrize(("length", "size"), [(5, -3.0), (3, -3.0), (80, 2.0)])
+def test_a_force_that_moves_is_no_fault_however_far_and_seldom(tmp_path, length, size):
+    forces = np.random.default_rng(1).normal(5.0, 0.01, 6000).round(4)
+    for begin in range(100, 6000, 60 * length):
+        forces[begin : begin + length] += size
+    file = written(tmp_path, "force (N)\n" + rows("{f:.4f}", forces))
+    data = read_trace(file, step=0.01)
+    np.testing.assert_allclose(data["spring_force"], forces)
+    assert "rows" not in data.attrs["note"]
+
+
 SAW = 5.0 + 2.0 * (2.0 * TIMES_OF_SAW % 1.0)
 
 

@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from stickslip.measure.periods import REGULAR
 from stickslip.measure.slips import SLIP_VELOCITY, find_slips, weighted_median
-from stickslip.measure.trace import Trace
+from stickslip.measure.trace import FEWEST_CYCLES, Trace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,12 +60,12 @@ def episodes(
 ) -> list[Episode]:
     """Return when a run oscillates, in the order of time.
 
-    An episode ends where the drive stands, and with a wait longer than usual, in time,
-    in the way of the drive, and in that over the next drop: free oscillations come with
-    the time, slips with the way, large ones after a longer one. That is, than the
-    median by a factor of ``max(2, 1 + CV ln(n/.05))``, which one of `n` waits of the
-    coefficient of variation CV exceeds by chance in 5 % of the cases, if they have an
-    exponential tail.
+    An episode ends where the drive stands, and with a wait longer than those on both
+    sides, in time, in the way of the drive, and in that over the next drop: free
+    oscillations come with the time, slips with the way, large ones after a longer one.
+    That is, than the larger median of four by a factor of ``max(2, 1 + CV ln(n/.05))``,
+    which one of `n` waits of the coefficient of variation CV exceeds by chance in 5 %
+    of the cases, if they have an exponential tail.
 
     Parameters
     ----------
@@ -103,26 +103,51 @@ def episodes(
     table = pd.DataFrame(columns)
     waits = pd.DataFrame({"time": columns["start"], "way": gone[first]}).diff()
     waits["load"] = waits["way"] / found.drops
-    longest = waits.apply(_longest)
-    long = (waits > longest).all(axis="columns")
-    episode = (long | (np.diff(stands[first], prepend=0) > 0)).cumsum()
-    # with the drive, from first to last: where it stops, the force falls by itself, and
-    # where it speeds up, longer than a cycle
-    moving = (drive[first] > 0) & (stands[found.end] == stands[first])
-    moving &= columns["end"] - columns["start"] <= longest["time"]
-    table, episode = table[moving], episode[moving]
-    return [
-        _episode(part) for _, part in table.groupby(episode) if len(part) >= _FEWEST
-    ]
+    # with the drive, from first to last: where it stops, the force falls by itself
+    table["moving"] = (drive[first] > 0) & (stands[found.end] == stands[first])
+    begins = np.flatnonzero(np.diff(stands[first], prepend=0) > 0)
+    left = [each for each in np.split(table.index, begins) if len(each) >= _FEWEST]
+    found_episodes = list[Episode]()
+    while left:
+        drops = left.pop()
+        part = table.loc[drops]
+        inner = waits.loc[drops].copy()
+        inner.iloc[0] = math.nan
+        longest, pauses = _pauses(inner)
+        if pauses.any():
+            # on either side, waits have other ones beside them
+            parts = np.split(drops, np.flatnonzero(pauses))
+            left += [each for each in parts if len(each) >= _FEWEST]
+            continue
+        # where the drive speeds up, the force falls by itself for longer than a cycle
+        part = part[part["moving"] & ~(part["end"] - part["start"] > longest)]
+        if len(part) >= _FEWEST:
+            found_episodes.append(_episode(part))
+    return sorted(found_episodes, key=lambda episode: episode.begin)
 
 
-def _longest(waits: pd.Series[float]) -> float:
-    """Return the longest wait that chance makes, in time or else."""
+def _pauses(waits: pd.DataFrame) -> tuple[pd.Series[float], pd.Series[bool]]:
+    """Return the longest time of a cycle about each drop that chance makes, and whether
+    the wait before it is a pause.
+    """
+    # four slow cycles are as many as make a period: they are none
+    before = waits.rolling(FEWEST_CYCLES, min_periods=1).median()
+    after = waits[::-1].rolling(FEWEST_CYCLES, min_periods=1).median()[::-1].shift(-1)
+    usual = before.shift(1).combine(after, np.fmax)
+    ratio = waits / usual
+    longest = ratio.apply(_longest)
+    pauses = (ratio > longest).all(axis="columns")
+    return before["time"].combine(after["time"], np.fmax) * longest["time"], pauses
+
+
+def _longest(ratios: pd.Series[float]) -> float:
+    """Return the longest wait that chance makes, in time or else, over the usual."""
     # the longest may be a pause
-    low, usual, high = waits.nsmallest(waits.count() - 1).quantile([0.25, 0.5, 0.75])
+    others = ratios.nsmallest(ratios.count() - 1)
+    low, usual, high = others.quantile([0.25, 0.5, 0.75])
     # the standard deviation of normal waits, which other pauses do not widen
     scatter = (high - low) / 1.349 / usual
-    return float(usual * max(2.0, 1.0 + scatter * math.log(waits.count() / _CHANCE)))
+    return float(max(2.0, 1.0 + scatter * math.log(ratios.count() / _CHANCE)))
 
 
 def _episode(part: pd.DataFrame) -> Episode:

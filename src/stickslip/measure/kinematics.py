@@ -16,8 +16,9 @@ from stickslip.errors import InputError, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.periods import REGULAR, find_cycles
 from stickslip.measure.sensor import white_noise
-from stickslip.measure.slips import EDGE, find_slips, fitted_locally
+from stickslip.measure.slips import Slips, find_slips, fitted_locally
 from stickslip.measure.trace import (
+    ERRORS,
     FEWEST_CYCLES,
     RESTS,
     Array,
@@ -37,8 +38,11 @@ SLOPE_ERROR = 0.1
 # of the time, and times the drive: a slider that sticks and slips is stuck, and off the
 # drive, by more
 HALF = 0.5
-# part of half a cycle between the edges of a drop
-_EDGES = 1.0 - 2.0 * math.acos(1.0 - 2.0 * EDGE) / math.pi
+# of a drop: above and below these parts of it, the slider gets moving and comes to rest
+_UPPER = 0.75
+_LOWER = 0.25
+# part of a free oscillation's fall, half a cycle, between those
+_BETWEEN = (math.acos(1.0 - 2.0 * _UPPER) - math.acos(1.0 - 2.0 * _LOWER)) / math.pi
 
 
 def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
@@ -181,6 +185,35 @@ def rms_velocity_deviation(trace: Trace) -> float:
     return math.sqrt(max(float(np.mean((trace.pace - 1.0) ** 2)) - SLOPE_ERROR**2, 0.0))
 
 
+def _half_cycle(trace: Trace, found: Slips) -> float:
+    """Half a cycle of the free oscillation that falls as fast as typical drops do; NaN
+    where samples or scatter leave more than an eighth of it open, and so a quarter of
+    the mass.
+    """
+    halves = np.array([_fall_time(trace, found, i) for i in range(found.size)])
+    halves /= _BETWEEN
+    half = found.typical(halves)
+    scatter = 1.4826 * found.typical(np.abs(halves - half))
+    most = 0.5 * RESTS * half
+    known = trace.step <= most and ERRORS * scatter <= most * math.sqrt(found.size)
+    return half if known else math.nan
+
+
+def _fall_time(trace: Trace, found: Slips, i: int) -> float:
+    """Time that a drop spends between two levels: of straight lines from sample to
+    sample, so that noise adds to it as often as it takes away.
+    """
+    slip = slice(found.peak[i], found.trough[i] + 1)
+    height = (trace.force[slip] - found.after[i]) / found.drops[i]
+    low = np.minimum(height[1:], height[:-1])
+    high = np.maximum(height[1:], height[:-1])
+    inside = np.clip(np.minimum(high, _UPPER) - np.maximum(low, _LOWER), 0.0, None)
+    # a line that is level is within, or not
+    part = inside / np.maximum(high - low, 1e-9)
+    part[(low == high) & (low > _LOWER) & (high < _UPPER)] = 1.0
+    return float((part * np.diff(trace.t[slip])).sum())
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Kinematics(Answer):
     """Motion of a slider, in units of its drive and in SI units."""
@@ -209,6 +242,8 @@ class Kinematics(Answer):
     noise: float  #: of the sensor, in m of the spring
     #: samples that were left out as faults of the sensor, in all of the record
     spikes: int
+    #: remarks on stiffness and velocity
+    notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         lines = [f"the slider {self.motion}"]
@@ -232,7 +267,19 @@ class Kinematics(Answer):
         noise = f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the spring"
         if self.spikes:
             noise += f"; {self.spikes} spike{'s' * (self.spikes > 1)} left out"
-        return "\n".join([*lines, noise])
+        return "\n".join([*lines, noise, *(f"note: {note}" for note in self.notes)])
+
+
+def _note_loading(loading: float) -> tuple[str, ...]:
+    """Note a full rate that no slider makes which is stuck: it is slower than a quarter
+    of the drive, there and back.
+    """
+    if not loading > 1.0 + RESTS:
+        return ()
+    return (
+        "no slider that is held loads its spring so fast, at "
+        f"{loading:.2g} of stiffness times velocity: one of them is too small",
+    )
 
 
 def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinematics:
@@ -271,8 +318,7 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     found = find_slips(trace)
     wait, _, of_waits = mean_and_std(found.waits)
     drop, _, of_drops = mean_and_std(found.drops)
-    # of a free oscillation
-    half = found.typical(trace.t[found.end] - trace.t[found.start]) / _EDGES
+    half = _half_cycle(trace, found)
     cycles = find_cycles(trace.t, pace)
     is_regular = found.size > FEWEST_CYCLES and of_waits < REGULAR
     if stuck >= HALF and swing >= HALF:
@@ -287,13 +333,12 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
         word = "moves unevenly, without stops"
     full = _full_rate(trace.force, trace.step, found.noise)
     V = float(np.median(drive))
+    loading = full * metre / second / V
     period = math.nan
     if word == "oscillates":
         period = second * (cycles.period if cycles.periodic else wait)
-    # a mass known to a quarter
-    is_resolved = half * RESTS >= 2.0 * trace.step
     mass_that_moves = math.nan
-    if is_resolved and word in ("sticks and slips", "oscillates"):
+    if word in ("sticks and slips", "oscillates"):
         mass_that_moves = stiffness * (second * half / math.pi) ** 2
     return Kinematics(
         mass=math.nan if mass is None else read_value("mass", mass, "kg", "75.6 g"),
@@ -308,8 +353,9 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
         recurrence_variation=of_waits,
         drop=drop * metre,
         drop_variation=of_drops,
-        loading=full * metre / second / V,
+        loading=loading,
         effective_mass=mass_that_moves,
         noise=found.noise * metre,
         spikes=int(data.attrs.get("spikes", 0)),
+        notes=_note_loading(loading),
     )

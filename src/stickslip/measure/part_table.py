@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip import words
 from stickslip.errors import printable
-from stickslip.measure.kinds import SMOOTH
+from stickslip.measure.kinds import SLIPS, SMOOTH
 
 if TYPE_CHECKING:
     from stickslip.measure.regimes import Regime
@@ -27,9 +27,23 @@ _COLUMNS = {
 """The numbers of a part, and their quantities."""
 
 
+def end_of(part: "Regime") -> float:
+    """End of a part, or of the cycle after its last slip where two are missing."""
+    end = part.window[1]
+    if part.kind == SLIPS and end - part.last_slip > 2.0 * part.period:
+        return part.last_slip + part.period
+    return end
+
+
 def _numbers(part: "Regime") -> list[float | None]:
     """The numbers of a part, in the order of the columns."""
-    found = [*part.window, part.mean_force, part.mean_mu, part.peak_to_peak]
+    found = [
+        part.window[0],
+        end_of(part),
+        part.mean_force,
+        part.mean_mu,
+        part.peak_to_peak,
+    ]
     has_cycles = part.kind != SMOOTH and part.cycles > 0
     of_cycles = [part.drop, part.period, part.cycles]
     return found + (of_cycles if has_cycles else [None] * 3)

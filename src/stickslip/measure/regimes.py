@@ -29,7 +29,7 @@ from stickslip.measure.features import (
 )
 from stickslip.measure.headings import ratio
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
-from stickslip.measure.part_table import part_table
+from stickslip.measure.part_table import end_of, part_table
 from stickslip.measure.segments import parts_between_pauses, pulls, segments
 from stickslip.measure.sensor import note_saturation, spikes
 from stickslip.measure.slips import Slips, fast_slips
@@ -208,23 +208,31 @@ class Regime(Answer):
         if math.isfinite(self.trend):
             lines.append(f"amplitude, second half over first half: {self.trend:.3g}")
         if self.loading_rate is not None and self.falling_rate is not None:
-            # a slip is four times as fast as the drive: 1 + falls/(stiffness x
-            # velocity)
-            most = self.falling_rate / (1.0 / SLIP_PHASE - 1.0)
-            rate, limit = (
-                words.engineering(value, _rate_unit(self), 3)
-                for value in (self.loading_rate, most)
-            )
-            lines.append(
-                f"between drops the force rises at {rate}: slips, if stiffness x "
-                "velocity is about that; an oscillation without sticking, if above "
-                f"{limit}"
-            )
+            lines.append(self._rates(self.loading_rate, self.falling_rate))
         if self.largest_velocity is not None:
             lines.append(
                 f"largest velocity {self.largest_velocity:.3g} times the drive's"
             )
         return lines
+
+    def _rates(self, loading: float, falling: float) -> str:
+        """Return what the rates of a force alone show of the motion."""
+        # a slip is four times as fast as the drive: 1 + falls/(stiffness x velocity)
+        most = falling / (1.0 / SLIP_PHASE - 1.0)
+        rise, fall, limit = (
+            words.engineering(rate, _rate_unit(self), 3)
+            for rate in (loading, falling, most)
+        )
+        if most < loading:
+            # stiffness x velocity is at least the rate of the rise
+            return (
+                f"between drops the force rises at {rise}, and it falls at {fall}: an "
+                "oscillation, whatever stiffness and velocity"
+            )
+        return (
+            f"between drops the force rises at {rise}: slips, if stiffness x velocity "
+            f"is about that; an oscillation without sticking, if above {limit}"
+        )
 
 
 def _rate_unit(of: Trace | Regime) -> str:
@@ -539,12 +547,9 @@ def _until(run: Sequence[Regime]) -> str:
 
 
 def _end(part: Regime) -> str:
-    """Return the end of a part, or of the cycle after its last slip where two are
-    missing: to a thousandth of it.
-    """
-    begin, end = part.window
-    if part.kind == SLIPS and end - part.last_slip > 2.0 * part.period:
-        end = part.last_slip + part.period
+    """Return the end of a part as its table has it: to a thousandth of the part."""
+    begin = part.window[0]
+    end = end_of(part)
     digits = 3 + int(math.log10(max(abs(end) / (end - begin), 1.0)) + 0.8)
     return words.engineering(end, part.time_unit, digits)
 
@@ -605,13 +610,14 @@ def _judge(window: Window) -> Regime:
 
 
 def _last_slip(trace: Trace, slips: Slips) -> float:
-    """Return the end of the last drop that falls as fast, beside the rise before it, as
-    a slip does: the swings of a slider that comes to rest are slower.
+    """Return the end of the last drop that falls as fast, beside the rises before and
+    after it, as a slip does: the swings of a slider that comes to rest are slower.
     """
     t = trace.t
     rises = slips.loading_rates(t)
+    after = np.append(rises[1:], -math.inf)
     falls = slips.drops[1:] / (t[slips.end[1:]] - t[slips.start[1:]])
-    fast = np.flatnonzero(falls >= (1.0 / SLIP_PHASE - 1.0) * rises)
+    fast = np.flatnonzero(falls >= (1.0 / SLIP_PHASE - 1.0) * np.maximum(rises, after))
     return float(t[slips.end[fast[-1] + 1]]) if fast.size else math.nan
 
 

@@ -13,10 +13,12 @@ from stickslip.measure.trace import FEWEST_READINGS, Array
 SIGMAS = 6.0  # standard deviations: a sample farther off is no noise
 Mask = NDArray[np.bool_]
 FEW = 0.05  # largest part of the samples that may be faults of the sensor
-# samples, consecutive samples and peaks that make a saturated sensor
+# samples, consecutive samples and peaks that make a saturated sensor; and samples just
+# below, to compare with
 FEWEST_FLAT = 10
 FLAT_RUN = 3
 FLAT_PEAKS = 3
+FEWEST_MOVING = 3  # values in turn that show a motion: a spark and its echo are two
 _BESIDE = [1, 1, 0, 1, 1]  # samples that one is compared with
 # samples from which noise, and the step of a recording, are read
 _FOR_NOISE = 500_000
@@ -66,10 +68,11 @@ def note_saturation(force: Array) -> tuple[str, ...]:
 
 def far_outside(force: Array) -> Mask:
     """Samples farther from all others than these ever are from one another: -9999,
-    or a spark.
+    or a spark; not such as differ from sample to sample, as a motion does.
     """
     known = np.isfinite(force)
-    found = ~known | _stands_for_none(force)
+    none = _stands_for_none(force)
+    found = ~known | none
     for side in (1.0, -1.0, 1.0):
         values = side * force[~found]
         if values.size < FEWEST_READINGS:
@@ -81,13 +84,32 @@ def far_outside(force: Array) -> Mask:
         below = np.flatnonzero(gaps > values.max() - lowest[1:])
         if below.size:
             found |= side * force <= lowest[below[-1]]
-    inner = np.flatnonzero(~found)
+    inside = ~found
+    inner = np.flatnonzero(inside)
     if inner.size:
         # as a bench is before and after the test
         unloaded = _unloaded(force, force[inner])
         unloaded[inner[0] : inner[-1] + 1] = False
         found &= ~unloaded
-    return found & known
+    found &= known
+    moving = _moves(force, found)
+    if moving.any():
+        readings = force[inside | moving]
+        found &= none | (force < readings.min()) | (force > readings.max())
+    return found
+
+
+def _moves(force: Array, outside: Mask) -> Mask:
+    """Mark the samples outside where a force takes several values in turn, as it moves:
+    what stands for none, or a spark, is one value.
+    """
+    edges = np.flatnonzero(np.diff(outside, prepend=False, append=False))
+    runs = edges.reshape(-1, 2)
+    runs = runs[runs[:, 1] - runs[:, 0] >= FEWEST_MOVING]
+    found = np.zeros(force.size, dtype=bool)
+    for begin, end in runs.tolist():
+        found[begin:end] = np.unique(force[begin:end]).size >= FEWEST_MOVING
+    return found
 
 
 def _stands_for_none(force: Array) -> Mask:
@@ -142,7 +164,7 @@ def spikes(force: Array) -> Mask:
 
 def _is_flat(force: Array) -> bool:
     """Whether a force stays at its largest value again and again, much longer than
-    at values just below.
+    at values just below; not where it is recorded in steps too coarse to show these.
     """
     top = force.max()
     at = force == top
@@ -151,6 +173,9 @@ def _is_flat(force: Array) -> bool:
     if np.count_nonzero(runs >= FLAT_RUN) < FLAT_PEAKS:
         return False
     near = force[~at & (force > top - 0.2 * np.ptp(force))]
+    if near.size < FEWEST_FLAT:
+        return False
     _, counts = np.unique(near, return_counts=True)
-    usual = np.median(counts) if near.size else 1.0
+    # of a typical reading: values between steps, as of a filter, are seldom
+    usual = np.median(np.repeat(counts, counts))
     return bool(FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size)

@@ -226,7 +226,10 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         cycles=cycles,
         cut=int(np.count_nonzero(~whole)),
     )
-    return found if minimum_drop is None else found.only(found.drops >= minimum_drop)
+    # Without the noise of its ends a drop may be less than it seemed. Where typical
+    # ones are, noise made all of them.
+    reaches = found.drops >= least
+    return found.only(reaches & (found.typical(found.drops) >= least))
 
 
 def speeds(trace: Trace, found: Slips) -> Array:
