@@ -52,7 +52,7 @@ STEADY = 0.05  # change of the logarithm of the amplitude that is none
 # the change that is seen is at most half of it
 LASTING = math.log(2.0)
 # part of a drop that the loading before it makes up, at least; and the other way round
-CLIMBS = 0.25
+CLIMBS = 0.5
 ONE_RATE = 0.25  # scatter of the loading rate over it, at most
 ONE_IN_TWENTY = 0.05  # how often chance passes a limit of one side ...
 ONE_SIDED = 1.645  # ... which is this number of errors off
