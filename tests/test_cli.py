@@ -269,22 +269,22 @@ def test_a_command_of_nohup_outlives_its_terminal():
 def test_quantities_of_a_trace_are_in_si_units(tmp_path, capsys):
     """A bare number is in s or N, whatever the unit of the file."""
     file = tmp_path / "ms.csv"
-    rows = [f"{10 * i},{2 + i % 100 / 100:.2f}" for i in range(4000)]
-    file.write_text("\n".join(["time (ms),force (mN)", *rows, ""]))
+    rows = [f"{10 * i},{2 + i % 100 / 100:.2f},{1 + i // 1000}" for i in range(4000)]
+    file.write_text("\n".join(["time (ms),force (mN),velocity (mm/s)", *rows, ""]))
     for after in ("10", "10 s", "10000 ms"):
         options = "--after", after, "--minimum-drop", "0.5 mN", "--json"
         assert run("measure", file, *options) == 0
         found = json.loads(capsys.readouterr().out)
         assert found["regime"]["window"][0] == 1e4
         assert found["statistics"]["count"] == 29
+        assert found["speeds"]["velocity"] == pytest.approx([2.0, 3.0, 4.0])
     bare = tmp_path / "forces.csv"
     bare.write_text("force\n" + "".join(f"{i % 20}\n" for i in range(400)))
     for step in ("10 ms", "0.01"):
         assert run("measure", bare, "--step", step) == 0
     one, other = capsys.readouterr().out.split("evaluated")[1:]
     assert one.splitlines()[0] == other.splitlines()[0]
-    line = refused(capsys, "measure", file, "--after", "10 N")
-    assert "is not in a unit of 's'" in line
+    assert "not in a unit of 's'" in refused(capsys, "measure", file, "--after", "10 N")
 
 
 def in_a_process(*arguments, reader="cat", **environment):

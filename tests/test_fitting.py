@@ -338,11 +338,11 @@ def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
     again = ss.read_rig(path)
     assert (again, again.fitted) == (rig, rig.fitted)
     assert "interface.delay" in again.assumed
-    assert "mass" not in str(again.fitted)  # it was known
+    assert "mass" not in str(again.fitted)  # it was known, as the stiffness was
     drawn = [*fitting.rigs_drawn(again)]
-    assert len(drawn) == 100
-    # it was known, too
     assert [each.value("stiffness") for each in drawn] == pytest.approx([100.0] * 100)
+    heavier = again.with_values(mass=2.0 * again.value("mass"))
+    assert len([*fitting.rigs_drawn(heavier)]) == 100
     draws = again.fitted["interface.breaking_displacement"].draws
     assert [each.unit("x_s") for each in drawn] == pytest.approx(list(draws), rel=1e-7)
 
@@ -448,13 +448,13 @@ def test_quantities_are_in_newtons_whatever_the_trace_is_in(found, unit, size):
     one = replace(found, known=exact)
     # a coefficient, under a load of 20 N
     other = replace(one, events=replace(found.events, force_unit=unit))
+    assert other.simulated()["spring_force"].units == unit
     forces = "contact_strength", "sliding_friction"
     for name in (*forces, "breaking_displacement", "speed", "friction_coefficient"):
         np.testing.assert_allclose(other.draws(name), size * one.draws(name))
     sliding = found.strength * found.draws("sliding_force")
     np.testing.assert_allclose(one.draws("sliding_friction"), sliding)
-    # the spring has 100 N/m
-    at_once = found.strength / (100.0 / found.draws("stiffness_ratio"))
+    at_once = found.strength / (100.0 / found.draws("stiffness_ratio"))  # of 100 N/m
     np.testing.assert_allclose(one.draws("breaking_displacement"), at_once)
 
 

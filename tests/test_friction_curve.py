@@ -230,8 +230,7 @@ def test_a_rig_file_takes_a_curve_of_coefficients():
     rig = stage()
     for speed, mu in ((1e-4, 0.3), (1e-3, 0.27), (1e-2, 0.205)):
         assert friction_of(rig, speed)[0] == pytest.approx(100.0 * mu, rel=1e-6)
-    # fully aged contacts are those of the distribution
-    assert rig.interface.ageing.strengths[-1] == 1.0
+    assert rig.interface.ageing.strengths[-1] == 1.0  # those of the distribution
     friction = {"normal_load": "100 N", "mu_s": 0.33, "mu_k": 0.3}
     friction["breaking_displacement"] = "20 um"
     by_peak = ss.read_rig(STAGE | {"interface": friction})
@@ -292,6 +291,7 @@ def test_viscosity_is_a_damping_of_its_own():
         ({"friction": [["1 mm/s"]]}, r"friction\[0\] = .*must be a point, such as"),
         ({"friction": [["1 mm/s", 0.3]]}, "at two speeds or more"),
         ({"friction": "mu.csv"}, "beside a rig file only"),
+        ({"friction": [["1 mm/s", 0.3], ["2 mm/s", "20 N"]]}, "must be all forces"),
         ({"friction": [["1 m", 0.3], ["2 mm/s", 0.2]]}, r"friction\[0\] = '1 m'"),
         ({"mu_s": 0.2}, r"mu_s: mu_s/mu_k = 0.6667: must be between"),
     ],

@@ -23,6 +23,7 @@ def speed(rig, prestress, **how):
 # ---------------------------------------------------------------- fronts on a lattice
 
 STIFF = 1e12  # contacts against the bulk: the limit of Amontons and Coulomb
+SI = Scales(force=100.0, stretching=1e-6, time=0.01)
 SPREAD_BY = {"kappa": 0.01, "leaf": 0.0025, "alpha": 0.1}
 
 
@@ -98,8 +99,7 @@ def test_sliding_force_strength_and_rows_enter_through_the_prestress_alone_and_u
     sheet = ss.model.Sheet(**body, damping=0.2, leaf=0.25)
     alike = ss.Rig(rig.interface, sheet, STILL)
     assert speed(alike, 0.6) == pytest.approx(one, rel=1e-12)
-    scaled = replace(rig, scales=Scales(force=100.0, stretching=1e-6, time=0.01))
-    front = elastic.front_speed(scaled, prestress=0.6)
+    front = elastic.front_speed(replace(rig, scales=SI), prestress=0.6)
     assert front.speed == pytest.approx(100 * one, rel=1e-12)
     assert front.speed / front.sound_speed == pytest.approx(one, rel=1e-12)
 
@@ -141,6 +141,7 @@ def test_no_front_below_the_threshold():
         (bar(0.25, 0.05, 0.3), 0.45, "these blocks pin it"),
         (bar(0.25, 0.05, 0.3), 0.45, "screening length is 1.8"),
         (bar(0.04, 0.01, 0.2, delay=ss.Delay(3.0)), 0.6, "re-attach within the front"),
+        (replace(bar(0.04, 0.01, 0.2, delay=ss.Delay(3)), scales=SI), 0.6, "0.03 on"),
     ],
 )
 def test_what_is_said_of_a_front(rig, prestress, words):
@@ -267,7 +268,7 @@ def test_a_length_parts_no_waves_where_softer_ones_are_stable_again():
 
 def test_modes_in_si_units():
     rig = sliding(blocks=8, coupling=40.0, side=40.0)
-    scaled = replace(rig, scales=Scales(force=100.0, stretching=1e-6, time=0.01))
+    scaled = replace(rig, scales=SI)
     natural, si = (elastic.modes(each, count=2) for each in (rig, scaled))
     assert si.growth.values == pytest.approx(100 * natural.growth.values, rel=1e-12)
     stiffness = 1e8 * natural.stiffness.values

@@ -99,6 +99,7 @@ def again(plan):
         ("mass", [1.6, 0.1, 0.4], [1.6, 0.1, 0.4], "log"),
         ("mass", [1, 2, 3], [1.0, 2.0, 3.0], "linear"),
         ("mass", [0.1, 10.0], [0.1, 10.0], "linear"),
+        ("mass", [0.1] * 3, [0.1] * 3, "linear"),
         ("mass", HUNDREDFOLD, [0.1, 10.0], "log"),
         ("seed", {"from": 7, "count": 3}, [7, 8, 9], "linear"),
         ("contacts", COUNTS, [10, 32, 100, 316, 1000], "log"),
@@ -109,8 +110,7 @@ def test_an_axis_is_as_written(name, given, values, spacing):
     plan = from_document(changed("axes", {name: given, "velocity": [1.0]}))
     assert (plan.total, [*plan.axes]) == (len(values), [name, "velocity"])
     assert again(plan) == plan
-    expected = values if name == "start" else pytest.approx(values)
-    assert list(plan.axes[name]) == expected
+    assert [*plan.axes[name]] == (values if name == "start" else pytest.approx(values))
     assert plan.attributes()[name]["spacing"] == spacing
 
 

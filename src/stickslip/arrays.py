@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 Range = tuple[float, float]
 """The ends of a range, or of a stretch of time."""
+Nodes = tuple[Array, Array]
+"""Nodes and weights of a quadrature."""
 Labelled = tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]
 """A variable for a Dataset: its dimensions, values and attributes."""
 

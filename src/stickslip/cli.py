@@ -211,8 +211,7 @@ class BenchValues:
             flip=self.flip,
         )
         if self.stiffness and self.velocity and is_value:
-            motion = ss.measure.motion
-            return motion(
+            return ss.measure.motion(
                 trace,
                 stiffness=self.stiffness,
                 velocity=self.velocity,
@@ -445,8 +444,8 @@ def _answer(text: object, content: Any, json: bool, **written: Path | None) -> N
         print(
             text,
             *(
-                f"{what}: {place}"
-                for what, place in written.items()
+                f"{name}: {place}"
+                for name, place in written.items()
                 if place is not None
             ),
             sep="\n",
@@ -469,7 +468,7 @@ app.command(
 
 
 def _rig_with(path: Path, settings: Sequence[str]) -> ss.Rig:
-    """Read a rig, with what the command line sets."""
+    """Read a rig, with the keys that the command line sets."""
     from stickslip.io.settings import read_rig_with  # slow to load
 
     return read_rig_with(path, settings)
@@ -703,14 +702,11 @@ def measure(
     )
     about = catalogue.attrs
     note = trace.attrs.get("note")
-    moves = (
-        ss.measure.kinematics(trace.sel(time=slice(since, None)), mass=bench.mass)
-        if bench.stiffness
-        else None
-    )
+    kept = trace.sel(time=slice(since, None))
+    moves = ss.measure.kinematics(kept, mass=bench.mass) if bench.stiffness else None
     if events is not None:
         files.write(events, as_csv(catalogue).encode())
-    speeds = _friction_at_speeds(trace, curve)
+    speeds = _friction_at_speeds(kept, curve)
     _draw(plot, lambda: ss.plot.overview(trace, events=catalogue, seen=seen))
     statistics = {
         str(name): {key: plain(each.attrs[key]) for key in ("mean", "std", "units")}
@@ -737,7 +733,7 @@ def measure(
             where = f"after t = {engineering(since, units_of(trace['time']))}"
         head += f" {where}; mean ± standard deviation:"
     lines = [
-        _motion(trace, seen),
+        _motion(kept, seen),
         *([str(moves)] if moves else []),
         "",
         head,
@@ -919,7 +915,7 @@ def fit(
     _answer(
         found,
         found.to_dict()
-        | {what: str(where) for what, where in written.items() if where},
+        | {name: str(place) for name, place in written.items() if place},
         json,
         **written,
     )

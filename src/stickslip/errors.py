@@ -41,8 +41,8 @@ def one_line(message: str) -> str:
 
 
 def printable(text: str) -> str:
-    """Return a text with a sign in place of what would steer a terminal: control
-    characters, marks of direction.
+    """Return a text with a sign in place of characters that would steer a terminal:
+    control characters, marks of direction.
     """
     return "".join(
         "\N{REPLACEMENT CHARACTER}" if category(c) in ("Cc", "Cf", "Zl", "Zp") else c
@@ -146,8 +146,8 @@ def number(
     `InputError`.
 
     `place` is where it stands (``"Slider.mass"``), `hint` what it means, with its
-    unit. Refused, too, is a size beyond 1e30, and one below 1e-30 of what is neither 0
-    nor may be negative.
+    unit. Refused, too, is a size beyond 1e30, and one below 1e-30 of a number that
+    is neither 0 nor may be negative.
     """
     every = (
         ("above", above, gt),

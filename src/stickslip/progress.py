@@ -70,7 +70,7 @@ def _log_of(title: str, first: float, every: float) -> Callable[..., None]:
 
 
 def in_time(seconds: float) -> str:
-    """Return a time as a person would say it: ``"14 min"``."""
+    """Return a time in the unit that people use: ``"14 min"``."""
     for size, name in (
         (31_557_600.0, "years"),
         (86_400.0, "days"),
@@ -84,7 +84,7 @@ def in_time(seconds: float) -> str:
 
 @contextmanager
 def reporting(progress: Any, title: str) -> Iterator[Progress]:
-    """Turn what a caller gave as ``progress=`` into a function: their own, a bar for
+    """Turn the argument ``progress=`` of a caller into a function: their own, a bar for
     True, or nothing.
     """
     if progress is None or progress is False:

@@ -3,7 +3,7 @@ there is none.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from scipy.optimize import minimize_scalar
@@ -28,16 +28,16 @@ class Front(Answer):
     #: in blocks per time of the rig's own units; 0 if there is no front
     speed: Annotated[float, Number("1/time")]
     sound_speed: Annotated[float, Number("1/time")]  #: in the same unit
-    #: what was asked for: from 0, the sliding force, to 1, the mean threshold
+    #: as asked for: from 0, the sliding force, to 1, the mean threshold
     prestress: float
     threshold: float  #: prestress below which there is no front in a bar of fine blocks
     screening_length: float  #: in blocks
 
-    #: What the theory takes the blocks for: "continuum", small compared with the
+    #: How the theory treats the blocks: "continuum", small compared with the
     #: screening length, if thresholds have a standard deviation.
     blocks: Literal["lattice", "continuum"]
 
-    #: what of the rig lies outside the range of the theory
+    #: features of the rig outside the range of the theory
     caveats: tuple[str, ...] = ()
 
     @property
@@ -136,9 +136,10 @@ def front_speed(rig: Rig, *, prestress: float) -> Front:
         threshold=front_threshold(rig),
         screening_length=length,
         blocks="lattice" if alike else "continuum",
-        caveats=_caveats(speed * body.sound_speed, length, interface.delay.moment(1)),
     )
-    return converted(front, lambda value, unit: value * rig.unit(unit))
+    front = converted(front, lambda value, unit: value * rig.unit(unit))
+    delay = interface.delay.moment(1) * rig.unit("time")
+    return replace(front, caveats=_caveats(front.speed, length, delay))
 
 
 def front_threshold(rig: Rig) -> float:

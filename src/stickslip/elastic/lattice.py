@@ -18,19 +18,14 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 
 import numpy as np
+from scipy.integrate import tanhsinh
 from scipy.optimize import elementwise
 
 from stickslip.arrays import Array
 from stickslip.loops import HALVINGS, bounded
 from stickslip.model import ElasticBody
 
-# Tanh-sinh nodes and weights on (0, 1): they crowd at the ends, where the phase of a
-# chain without damping jumps.
-_T = np.linspace(-4.6, 4.6, 401)
-_STEP = _T[1] - _T[0]
-_NODES = 1.0 / (1.0 + np.exp(-np.pi * np.sinh(_T)))
-_WEIGHTS = _STEP * np.pi * np.cosh(_T) * _NODES * _NODES[::-1]
-
+_LEAST = 1e-100  # a frequency next to 0, whose square is a number
 # frequency beyond which the phase is averaged over the waves of the lattice; its error
 # is 1/SMOOTH^2
 SMOOTH = 2000.0
@@ -59,25 +54,22 @@ def lattice_prestress(speed: float, body: ElasticBody) -> float:
         return 0.0
     edges, rough = _panels(kappa, leaf, alpha, zeta, period)
 
-    def phase(w: Array) -> Array:
+    def phase_over_frequency(w: Array) -> Array:
         wave = np.where(w > rough, 2.0, _bulk(w, period))
         loss = w * (alpha + zeta * wave)
         stiffness = wave - w * w + leaf
         behind = np.arctan2(loss, stiffness)
         ahead = np.arctan2(loss, stiffness + kappa)
         divided = order * np.arctan2(1.0, w)
-        return np.asarray(behind - ahead - divided)
+        return np.asarray((behind - ahead - divided) / w)
 
-    low = edges[:-1, None]
-    width = np.diff(edges)[:, None]
-    w = low + width * _NODES
-    inside = np.sum(phase(w) / w * width * _WEIGHTS)
-    # the last panel reaches to infinity: w = edge/x for x from 0 to 1
-    far = edges[-1] / _NODES
-    beyond = np.sum(phase(far) / _NODES * _WEIGHTS)
-    exponent = (float(inside) + float(beyond)) / math.pi
+    ends = np.append(edges[1:], np.inf)
+    # nodes crowd at the ends, where the phase of a chain without damping jumps
+    found = tanhsinh(
+        phase_over_frequency, edges, ends, atol=1e-9, rtol=1e-8, minlevel=5
+    )
     at_zero = math.sqrt(slope / (leaf + kappa))
-    return at_zero * math.exp(exponent)
+    return at_zero * math.exp(found.integral.sum() / math.pi)
 
 
 def _panels(
@@ -87,7 +79,7 @@ def _panels(
     zeta: float,
     period: float,
 ) -> tuple[Array, float]:
-    """Frequencies between which the phase is smooth, from 0 on, and the one beyond
+    """Frequencies between which the phase is smooth, and the one beyond
     which it is averaged.
     """
     turns = np.empty(0)
@@ -102,7 +94,7 @@ def _panels(
         marks.append(_zeros(partial(_real_part, spring, period), ends))
     steps = np.unique(np.concatenate(marks))
     if alpha == zeta == 0:  # the phase is constant between its steps
-        return np.concatenate([[0.0], steps]), math.inf
+        return np.append(_LEAST, steps), math.inf
     rough = max(20.0, SMOOTH * min(1.0, math.sqrt(zeta)))
     start = float(np.max(steps, initial=1.0, where=steps < rough))
     panels = [start]
@@ -111,7 +103,7 @@ def _panels(
         next(added)
         width = min(panels[-1], 25.0 / period)
         panels.append(panels[-1] + width)
-    edges = np.unique(np.concatenate([[0.0], steps, panels]))
+    edges = np.unique(np.concatenate([[_LEAST], steps, panels]))
     return edges, panels[-1]
 
 

@@ -272,7 +272,7 @@ def critical_length(rig: Rig) -> CriticalLength:
         return held - body.leaf - coupling
 
     reach = spare(0.0)
-    # it adds damping, which may lower K_c and cannot raise what the bulk needs
+    # it adds damping, which may lower K_c and cannot raise the need of the bulk
     if body.viscosity > 0 and reach > 0:
         reach = rising(lambda coupling: -spare(coupling), reach, reach, 2.0)
     stiffness = (body.leaf + reach) * rig.unit("k")

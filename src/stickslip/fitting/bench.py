@@ -171,13 +171,13 @@ QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "delay": ("delay of re-attachment", "s", ("speeds",)),
 }
-"""Title and unit of each quantity, and what must be known for it."""
+"""Title and unit of each quantity, and the values that must be known for it."""
 
 
 def in_si(
     values: Array, strength: Array, events: Events, known: Known
 ) -> dict[str, Array]:
-    """Draws of all quantities, each with the errors of what it is made of; only
+    """Draws of all quantities, each with the errors of its factors; only
     those that follow from known values.
     """
     count = len(values)
@@ -224,7 +224,7 @@ def in_si(
 
 
 def refusal(name: str, known: Known) -> InputError:
-    """Why a quantity cannot be determined, and what would determine it."""
+    """Why a quantity cannot be determined, and values that would determine it."""
     if name in ("delay", "ageing"):
         return InputError(
             f"fit: {name}: one speed gives bounds only; give the force at several "

@@ -1,5 +1,5 @@
-"""The slips of a measured trace as a fit needs them, and what is refused a fit, with
-the figure that decided.
+"""The slips of a measured trace as a fit needs them, and the traces that are refused,
+with the figure that decided.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Events(Answer):
     loading_rate: float = field(init=False)
     #: median loading rate in the last third of the slips over that in the first
     drift: float = field(init=False)
-    #: relative, of the loading rate: half of what it drifts by
+    #: relative, of the loading rate: half of its drift
     rate_error: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -329,7 +329,7 @@ def with_unit(value: float, unit: str, digits: int = 3) -> str:
 
 def check(events: Events) -> tuple[str, ...]:
     """Raise `InputError` where a fit would mislead, with the figure that decided;
-    return what a reader should know.
+    return notes for the reader.
     """
     for fault in _faults(events):
         raise InputError(f"fit: {fault}")

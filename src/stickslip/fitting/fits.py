@@ -56,8 +56,8 @@ class FittedInterval:
 
     #: By the width: below .5 identified, below .7 weak; weak at best where it is of
     #: decades and its ends differ by more than a factor of ten. At a bound: a tenth of
-    #: the draws lie within 2 % of an end of the prior. None for what is no parameter of
-    #: the model.
+    #: the draws lie within 2 % of an end of the prior. None for a quantity that is no
+    #: parameter of the model.
     verdict: str | None = None
 
     #: where the three quantiles lie in the range of the prior, 0 to 1
@@ -123,18 +123,18 @@ class Fit(Answer):
     """
 
     events: Events  #: the slips that were fitted
-    prior: Prior  #: what was held possible
+    prior: Prior  #: parameters that were possible
     #: (draws, 6): equally likely, in the order of `stickslip.fitting.UNKNOWNS`, each
     #: simulated again
     values: Array
     strength: Array  #: total contact strength of each draw, in the unit of the force
     predicted: Array  #: (draws, 20): statistics of one series of slips of each draw
-    known: bench.Known  #: what was known besides
+    known: bench.Known  #: values that were known besides
     #: the draws before they were made equally likely, and how they were found
     sample: Sample
-    notes: tuple[str, ...]  #: what a reader should know
-    delays: bench.Constraint | None = None  #: what other speeds say of the delay
-    strengthening: bench.Constraint | None = None  #: what holds say of ageing
+    notes: tuple[str, ...]  #: for the reader
+    delays: bench.Constraint | None = None  #: from other speeds
+    strengthening: bench.Constraint | None = None  #: from holds, of ageing
 
     def __len__(self) -> int:
         return len(self.values)
@@ -202,13 +202,16 @@ class Fit(Answer):
         nearest = self.from_the_centre[0]
         events = self.events
         rng = np.random.default_rng(nearest)
-        return sampled(
+        made = sampled(
             *self.series(nearest, slips, rng),
             events.loading_rate,
             events.step,
             events.noise,
             rng,
         )
+        made["spring_force"].attrs["units"] = events.force_unit
+        made["time"].attrs["units"] = events.time_unit
+        return made
 
     @property
     def test(self) -> pd.DataFrame:
@@ -241,8 +244,8 @@ class Fit(Answer):
 
     @property
     def next_experiments(self) -> tuple[str, ...]:
-        """Measurements of what this trace does not determine, and which intervals
-        they would narrow.
+        """Measurements of quantities that this trace does not determine, and the
+        intervals that they would narrow.
         """
         done = {one.key for one in self.parameters if one.verdict == "identified"}
         wanted = {
@@ -258,7 +261,7 @@ class Fit(Answer):
             "breaking displacement": "stiffness_ratio" not in done,
             "a tap on the free slider: the damping ratio": "damping_ratio" not in done,
         }
-        return tuple(what for what, missing in wanted.items() if missing)
+        return tuple(words for words, missing in wanted.items() if missing)
 
     def rig(self, *, name: str = "fitted rig") -> Rig:
         """The rig: the most central draw whose own run makes the trace; what was fitted
@@ -329,13 +332,13 @@ class Fit(Answer):
                 f"{min(p[name] for name in HELD_OUT):.2g}",
                 *(more.words for more in (self.delays, self.strengthening) if more),
                 *(f"note: {note}" for note in self.notes),
-                *(f"next: {what}" for what in self.next_experiments),
+                *(f"next: {words}" for words in self.next_experiments),
             ]
         )
 
 
 def _notes_on(found: Fit) -> list[str]:
-    """Return what a reader of the fit should know of its limits."""
+    """Return notes on the limits of the fit."""
     surprises = [name for name, p in found.p_values.items() if p < LOW]
     worth_saying = {
         f"the trace lies at the edge of what the model makes ({found.sample.edge:.3g} "

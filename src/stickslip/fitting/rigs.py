@@ -87,7 +87,7 @@ KEYS: Mapping[str, tuple[str, str, str]] = {
     "drive.velocity": ("speed", "m/s", "stiffness_ratio"),
     "interface.delay": ("delay", "s", "identified by the force at several speeds"),
 }
-"""Keys of a rig file that a fit fills in: what of it, the unit, and how it was found
+"""Keys of a rig file that a fit fills in: the quantity, its unit, and how it was found
 or which parameter gives it.
 """
 
@@ -474,6 +474,7 @@ def rigs_drawn(rig: Rig) -> Iterator[Rig]:
     file.
     """
     columns = {path: one.draws for path, one in rig.fitted.items() if one.draws}
-    document = to_document(rig)
+    # a rig that was changed has a damping of its own, and may have no ratio
+    document = to_document(rig, damping_ratio="slider.damping_ratio" in columns or None)
     for values in zip(*columns.values(), strict=False):
         yield _at(document, dict(zip(columns, values, strict=True)), "a draw")

@@ -101,7 +101,7 @@ _HELD_OUT: dict[str, Callable[[_Slips], Array]] = {
     "5 % quantile of drops": lambda s: s.quantiles[0],
     "95 % quantile of drops": lambda s: s.quantiles[3],
 }
-"""Statistics that are not fitted, only compared: the test of what was."""
+"""Statistics that are not fitted, only compared: the test of the fit."""
 
 FITTED = tuple(_FITTED)
 HELD_OUT = tuple(_HELD_OUT)

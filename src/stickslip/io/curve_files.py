@@ -10,11 +10,13 @@ from stickslip.errors import InputError
 from stickslip.io import files
 
 _LARGEST = 1_000_000  # bytes
+_ERROR = "error|std|standard deviation|uncertainty|sigma"
 _NAMES = {
-    "velocity": r"velocity|speed|v\b",
-    "friction": r"friction|force|coefficient|cof\b|mu\b|f\b",
-    "error": r"error|std|standard deviation|uncertainty|sigma",
+    "velocity": rf"(?!.*({_ERROR})).*(velocity|speed|v\b)",
+    "friction": rf"(?!.*({_ERROR})).*(friction|force|coefficient|cof\b|mu\b|f\b)",
+    "error": f".*({_ERROR})",
 }
+"""Patterns of the names of the columns; that of an error is none of the others."""
 _UNIT = re.compile(r"[(\[]([^)\]]*)[)\]]")
 
 
@@ -27,18 +29,18 @@ def friction_points(path: Path) -> list[list[float | str]]:
     text = files.read(path, "friction curve", largest=_LARGEST).decode("utf-8-sig")
     lines = [line for line in text.splitlines() if line.strip() and line[0] != "#"]
     heading, *rows = csv.reader(lines) if lines else [[]]
-    columns = {name: _column(heading, name) for name in _NAMES}
-    for name in ("velocity", "friction"):
-        if columns[name] is None:
+    used = []
+    for name, pattern in _NAMES.items():
+        known = [i for i, cell in enumerate(heading) if re.match(pattern, cell, re.I)]
+        if not known and name != "error":
             raise InputError(
                 f"{path.name}: no column of {name} among {', '.join(heading)}; give a "
                 "heading such as: velocity (m/s),friction coefficient,error"
             )
-    used = [at for at in columns.values() if at is not None]
+        used += known[:1]
     units = [found[1] if (found := _UNIT.search(heading[at])) else "" for at in used]
-    units[2:] = [
-        unit or units[1] for unit in units[2:]
-    ]  # the error has that of friction
+    # the error has that of friction
+    units[2:] = [unit or units[1] for unit in units[2:]]
     points = []
     for i, row in enumerate(rows):
         try:
@@ -54,13 +56,3 @@ def friction_points(path: Path) -> list[list[float | str]]:
             ]
         )
     return points
-
-
-def _column(heading: list[str], name: str) -> int | None:
-    """First column whose name begins with one of the words; of errors, has one."""
-    is_error = re.compile(_NAMES["error"], re.IGNORECASE)
-    word = re.compile(_NAMES[name], re.IGNORECASE)
-    for i, cell in enumerate(heading):
-        if word.search(cell) and (name == "error" or not is_error.search(cell)):
-            return i
-    return None

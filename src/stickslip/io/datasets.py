@@ -53,9 +53,9 @@ def records() -> dict[str, type]:
         for name, kind in vars(model).items()
         if isinstance(kind, type) and is_dataclass(kind)
     }
-    # the first holds functions, the others what bodies and structures have in common
+    # the first holds functions, the others are bases
     del ours["Parameter"], ours["ElasticBody"], ours["Structure"]
-    # what a SteadyState of a guest's distribution may hold
+    # a SteadyState of a guest's distribution may hold one
     ours[Positive.__name__] = Positive
     tables = (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS, BODIES)
     return {_name_of(kind): kind for table in tables for kind in table.values()} | ours
@@ -102,7 +102,7 @@ def encode(value: object) -> Plain:
 
 
 def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
-    """Turn what `encode` gave back into records of the kinds listed."""
+    """Turn the result of `encode` back into records of the kinds listed."""
     if isinstance(plain, dict):
         content = {
             key: decode(item, kinds) for key, item in plain.items() if key != "class"
@@ -132,7 +132,7 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
 
 
 def provenance(call: str, arguments: Mapping[str, object]) -> str:
-    """Return the JSON string that says which call made a result, with what, by which
+    """Return the JSON string with the call that made a result, its arguments and the
     version.
     """
     return json.dumps(
@@ -187,7 +187,7 @@ def as_csv(catalogue: xr.Dataset) -> str:
         name: f"{name} [{units_of(catalogue[name])}]" for name in catalogue.data_vars
     }
     table = catalogue.to_dataframe()[list(names)].rename(columns=names)
-    # Ten digits: what a difference of times has beyond them is rounding.
+    # Ten digits: the others of a difference of times are rounding.
     text: str = table.to_csv(
         index=False,
         lineterminator="\r\n",
@@ -245,7 +245,7 @@ def load(path: files.FileName) -> xr.Dataset:
 
 
 def _opened(source: Path, kind: str) -> dict[str, Any]:
-    """Return what xarray is to open, and with which of its readers."""
+    """Return the arguments with which xarray opens a file: its source and reader."""
     if kind == _CDF:
         # from memory: scipy would map the file, and warn when it is closed
         return {"filename_or_obj": io.BytesIO(source.read_bytes()), "engine": "scipy"}

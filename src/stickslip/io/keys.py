@@ -88,16 +88,17 @@ class Key:
     def _value(self, value: Any, natural: bool) -> Any:
         """Return the value; errors do not name the place."""
         kind = type(self.example)
-        is_quantity = bool(self.unit or self.si)
-        if kind is float or (is_quantity and kind is not list):
-            is_natural = not is_quantity or (natural and not self.si)
-            return self._number(
-                value, "" if is_natural else self.si or si_unit(self.unit)
-            )
-        of_kind = type(value) is kind and not (
-            kind is str and len(value) > LONGEST_TEXT
-        )
-        if value not in self.choices if self.choices else not of_kind:
+        if kind is float or ((self.unit or self.si) and kind is not list):
+            unit = self.si
+            if self.unit and not natural:
+                unit = si_unit(self.unit)
+            return self._number(value, unit)
+        if self.choices:
+            known = value in [*self.choices]
+        else:
+            too_long = kind is str and len(str(value)) > LONGEST_TEXT
+            known = type(value) is kind and not too_long
+        if not known:
             wanted = {
                 str: f"text in quotes, of at most {LONGEST_TEXT} characters",
                 bool: "true or false",
@@ -105,10 +106,8 @@ class Key:
                 list: f"a list, such as {toml(self.example)}",
             }[kind]
             choices = [*map(repr, self.choices)] or [wanted]
-            raise InputError(
-                "must be "
-                f"{' or '.join([*choices, *(f'a {other}' for other in self.also)])}"
-            )
+            others = [f"a {other}" for other in self.also]
+            raise InputError(f"must be {' or '.join(choices + others)}")
         return value
 
     def _number(self, value: Any, unit: str) -> float:
@@ -155,6 +154,10 @@ def natural_unit_of(example: str) -> str:
     )
 
 
+Keys = Mapping[str, Key]
+"""The keys of a table, by name."""
+
+
 class Either:
     """Keys of a table that exclude each other: all of one alternative, separated by
     blanks, and none of another.
@@ -164,6 +167,7 @@ class Either:
 
     def __init__(self, *alternatives: str, needed: bool = False) -> None:
         self.alternatives = [alternative.split() for alternative in alternatives]
+        self.names = " ".join(alternatives).split()
         self.needed = needed
 
 

@@ -6,16 +6,16 @@ unit of its example, and is above 0. The reader, the writer, the messages and th
 reference page (with the words of docs/reference/rig-keys.toml) are made from it.
 """
 
+import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, fields, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from stickslip.errors import InputError
-from stickslip.io.keys import Either, Key, natural_unit_of
-from stickslip.loops import bounded
+from stickslip.io.keys import Either, Key, Keys, natural_unit_of
 from stickslip.model import Areas, Chain, Interface, Prestressed, Sheet, Slider
 from stickslip.model.activation import ACTIVATIONS, Bell
 from stickslip.model.ageing import AGEING_MODELS
@@ -89,7 +89,9 @@ _USUAL = {"mean": 1.0, "scale": 1.0}
 """Default scale of a distribution: that of `breaking_displacement`."""
 
 
-_DEEPEST = 3  # lists within lists: a matrix is a list of lists
+def _first(example: Any) -> Any:
+    """Return the first item of lists within lists: a matrix is a list of lists."""
+    return _first(example[0]) if isinstance(example, list) else example
 
 
 def _keys(
@@ -100,56 +102,42 @@ def _keys(
     """
     found = {}
     for name, example in examples.items():
-        first = example
-        turns = bounded("lists in an example", _DEEPEST)
-        while isinstance(first, list):
-            next(turns)
-            first = first[0]
-        properties = (
-            _of_field(record, name)
-            if record is not None and name in declared(record)
-            else {}
-        )
-        if (
-            isinstance(first, str)
-            and not properties.get("unit")
-            and (unit := natural_unit_of(first))
-        ):
+        first = _first(example)
+        properties = {} if record is None else _of_field(record, name)
+        if unit := properties.get("unit"):
+            if not isinstance(example, (str, list)):
+                example = "2 ms" if unit == "time" else f"2 {si_unit(unit)}"
+        elif isinstance(first, str) and (unit := natural_unit_of(first)):
             properties |= {"unit": unit, "sign": "above 0"}
-        elif properties.get("unit") and not isinstance(example, (str, list)):
-            example = (
-                "2 ms"
-                if properties["unit"] == "time"
-                else f"2 {si_unit(properties['unit'])}"
-            )
         if (path := f"{table}.{name}") == "simulation.method":
-            properties["choices"] = tuple(METHODS)
+            properties["choices"] = METHODS
         found[name] = Key(example, **(properties | _MORE.get(path, {})))
     return found
 
 
 def _of_field(record: type, name: str) -> dict[str, Any]:
-    """Return unit, bounds, choices and default of a key, from its field."""
+    """Return unit, bounds, choices and default of a key, from its field, if it is one
+    of the record.
+    """
+    field = next((each for each in fields(record) if each.name == name), None)
+    if field is None:
+        return {}
     kind, mark = declared(record)[name]
     bounds = mark if isinstance(mark, Number) else Number()
-    given = next(field.default for field in fields(record) if field.name == name)
-    default = (
-        _USUAL.get(name)
-        if record in DISTRIBUTIONS.values() and given is MISSING
-        else given
-    )
+    sign = ""
+    if bounds.above == 0:
+        sign = "above 0"
+    elif bounds.at_least == 0:
+        sign = "at least 0"
+    default = None if field.default is MISSING else field.default
+    if default is None and record in DISTRIBUTIONS.values():
+        default = _USUAL.get(name)
     return {
         "unit": "" if bounds.unit == "1" else bounds.unit,
-        "sign": "above 0"
-        if bounds.above == 0
-        else "at least 0"
-        if bounds.at_least == 0
-        else "",
+        "sign": sign,
         "choices": choices_of(kind),
-        "default": None
-        if default is MISSING or default in (float("inf"), float("-inf"))
-        else default,
-        "required": given is MISSING and default in (MISSING, None),
+        "default": None if default == -math.inf else default,
+        "required": field.default is MISSING and default is None,
     }
 
 
@@ -163,7 +151,7 @@ _RECORDS = {
 _BLOCKS = {
     name: example for name, example in _EXAMPLES["chain"].items() if name != "blocks"
 }
-TOP: Mapping[str, Key] = _keys(
+TOP: Keys = _keys(
     "top",
     {
         name: dict([*each.items()][:1]) if isinstance(each, Mapping) else each
@@ -171,7 +159,7 @@ TOP: Mapping[str, Key] = _keys(
     },
 )
 """Keys at the top of the file; of a table its first key is the example."""
-TABLES: Mapping[str, Mapping[str, Key]] = {
+TABLES: Mapping[str, Keys] = {
     name: _keys(
         name,
         _EXAMPLES[name] | (_BLOCKS if name == "sheet" else {}),
@@ -180,7 +168,7 @@ TABLES: Mapping[str, Mapping[str, Key]] = {
     for name in (*_RECORDS, "drive", "simulation")
 }
 """Keys of each table, by its name."""
-STRUCTURES: Mapping[str, Mapping[str, Key]] = {
+STRUCTURES: Mapping[str, Keys] = {
     name: _keys(name, _WITHIN[name], record)
     for name, record in (
         ("modes", None),
@@ -189,32 +177,27 @@ STRUCTURES: Mapping[str, Mapping[str, Key]] = {
     )
 }
 """Keys of each of `slider.modes`, of `slider.matrices` and `slider.state_space`."""
-OF_SLIDER = {
-    "": ("mass", "stiffness", "damping", "damping_ratio"),
-    "modes": ("modes", "stiffness"),
-    "matrices": ("matrices", "stiffness"),
-    "state_space": ("state_space",),
-    "controller": ("mass", "damping"),
-    "force": ("mass", "damping", "stiffness"),
+OF_SLIDER: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "": (("mass", "stiffness", "damping", "damping_ratio"), ()),
+    "modes": (("modes",), ("stiffness",)),
+    "matrices": (("matrices",), ("stiffness",)),
+    "state_space": (("state_space",), ()),
+    "controller": (("mass",), ("damping",)),
+    "force": (("mass",), ("damping", "stiffness")),
 }
 """Keys of `slider` where it is a mass on a spring, a structure, an axis with a
-controller, or a mass that a force pulls.
+controller, or a mass that a force pulls; and those that may be left out there.
 """
 
 
 def keys_of_slider(kind: str) -> dict[str, Key]:
-    """Return the keys of `slider` where it is of a kind of `OF_SLIDER`; of a structure
-    the driving spring may be left out, of an axis and of a mass the damping.
-    """
-    keys = {name: TABLES["slider"][name] for name in OF_SLIDER[kind]}
-    optional = {
-        "": (),
-        "controller": ("damping",),
-        "force": ("damping", "stiffness"),
-    }.get(kind, ("stiffness",))
-    for name in {*optional} & {*keys}:
-        keys[name] = replace(keys[name], required=False, default=0.0, sign="at least 0")
-    return keys
+    """Return the keys of `slider` where it is of a kind of `OF_SLIDER`."""
+    slider = TABLES["slider"]
+    usual, optional = OF_SLIDER[kind]
+    return {name: slider[name] for name in usual} | {
+        name: replace(slider[name], required=False, default=0.0, sign="at least 0")
+        for name in optional
+    }
 
 
 PIECE = _keys("piece", _EXAMPLES["drive"]["pieces"][0], Piece)
@@ -229,7 +212,7 @@ FITTED = _keys("fitted", next(iter(_EXAMPLES["fitted"].values())))
 """Keys of each entry of `fitted`."""
 
 
-def tables() -> dict[str, Mapping[str, Key]]:
+def tables() -> dict[str, Keys]:
     """Return the tables of a file by their names, with bodies of the user's own."""
     return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
 
@@ -250,40 +233,54 @@ in it that names a record, and the records by name; without a word there is one.
 _BOLTZMANN = 1.380649e-23  # in J/K
 
 
-def _histogram(_length: float, samples: tuple[float, ...]) -> tuple[Any, ...]:
+def _histogram(_length: float, samples: tuple[float, ...]) -> dict[str, Any]:
     made = Empirical.from_samples(samples)
-    return made.edges, made.weights
+    return {"edges": made.edges, "weights": made.weights}
 
 
 def _width(
-    length: float, temperature: float, volume: float, strength: float
-) -> tuple[float]:
-    return (_BOLTZMANN * temperature / (strength * volume) * length,)
+    length: float, temperature: float, activation_volume: float, shear_strength: float
+) -> dict[str, Any]:
+    energy = shear_strength * activation_volume
+    return {"width": _BOLTZMANN * temperature / energy * length}
 
 
-INSTEAD: Mapping[
-    type, tuple[Mapping[str, Key], tuple[str, ...], Callable[..., tuple[Any, ...]]]
-] = {
-    Empirical: (
+class Instead(NamedTuple):
+    """Keys that a file may give in place of fields of a record, and how these follow
+    from the breaking displacement and them.
+    """
+
+    keys: Keys
+    rule: Either
+    make: Callable[..., dict[str, Any]]
+
+
+INSTEAD: Mapping[type, Instead] = {
+    Empirical: Instead(
         _keys("empirical", _WITHIN["empirical"]),
-        ("edges", "weights"),
+        Either("samples", "edges weights", needed=True),
         _histogram,
     ),
-    Bell: (_keys("bell", _WITHIN["bell"]), ("width",), _width),
+    Bell: Instead(
+        _keys("bell", _WITHIN["bell"]),
+        Either(
+            "temperature activation_volume shear_strength",
+            "width",
+            needed=True,
+        ),
+        _width,
+    ),
 }
-"""Keys that a file may give in place of fields of a record, and how these follow from
-the breaking displacement and them.
-"""
 
 
 @cache
-def keys_of(record: type) -> Mapping[str, Key]:
+def keys_of(record: type) -> Keys:
     """Return the keys of the table that makes a record that a table names.
 
     Raises `InputError` if a delay of the user's own has a number without a unit: a file
     could not say what it means.
     """
-    found = dict(INSTEAD[record][0]) if record in INSTEAD else {}
+    found = dict(INSTEAD[record].keys) if record in INSTEAD else {}
     made = {field.name for field in fields(record) if field.init}
     for name, (kind, mark) in declared(record).items():
         if (
@@ -313,7 +310,7 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
     key.
     """
     table, *names = path.split(".")
-    keys: Mapping[str, Key] = tables().get(table, TOP if not names else {})
+    keys: Keys = tables().get(table, TOP if not names else {})
     if table == "simulation":
         keys = keys_of_simulation(within(document, table).get("method"))
     content = within(document, table)
@@ -359,7 +356,6 @@ def methods_with(key: str) -> list[str]:
 def keys_of_simulation(method: object) -> dict[str, Key]:
     """Return the keys of `simulation` with a method, also one of the user's own."""
     usual = dict(TABLES["simulation"])
-    usual["method"] = replace(usual["method"], choices=tuple(METHODS))
     if not isinstance(method, str) or method not in METHODS:
         return usual
     kind = METHODS[method]

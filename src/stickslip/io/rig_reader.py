@@ -41,7 +41,8 @@ from stickslip.model.records import converted, declared
 from stickslip.model.rig import Assumption, Fitted, Operation, Rig
 from stickslip.model.units import Scales, si_unit
 
-_NUMBER = re.compile(r"\d*\.?\d+(?:e[-+]?\d+)?( \S+)?")  # with or without a unit
+_NUMBER = r"(\d*\.?\d+(?:e[-+]?\d+)?(?: \S+)?)"  # with or without a unit
+_RANGE = re.compile(f"{_NUMBER} to {_NUMBER}")
 _START = "simulation.start"
 _SPEED = replace(TABLES["drive"]["velocity"], sign="above 0", also=(), required=True)
 _SPEEDS = (
@@ -275,14 +276,11 @@ class _Reader:
             raise InputError(f"{given}: {known}", f"{place}.{word}")
         kind: Any = kinds[named]
         written = {name: value for name, value in content.items() if name != word}
-        of_others, fields, made_of = rig_keys.INSTEAD.get(kind, ({}, (), lambda _: ()))
-        rules = (
-            (Either(" ".join(of_others), " ".join(fields), needed=True),)
-            if fields
-            else ()
-        )
         keys = keys_of(kind)
-        values = self.file.whole(written, keys, place, rules)
+        instead = rig_keys.INSTEAD.get(kind)
+        values = self.file.whole(
+            written, keys, place, [instead.rule] if instead else []
+        )
         for name in [name for name in values if keys[name].is_table]:
             values[name] = self._record(values[name], f"{place}.{name}")
         if rig_keys.by_time(kind):
@@ -290,11 +288,12 @@ class _Reader:
             with at(place, {"rate": "time"}):
                 return kind(rate=1.0, **values).with_time(time)
         names: dict[str, str] = {}
-        if fields and values.keys() >= {*of_others}:
-            names = dict.fromkeys(fields, next(iter(of_others)))
+        if instead and values.keys() >= instead.keys.keys():
+            others = {name: values[name] for name in instead.keys}
             with at(place):
-                made = made_of(self.length, *(values.pop(name) for name in of_others))
-            values |= dict(zip(fields, made, strict=True))
+                made = instead.make(self.length, **others)
+            names = dict.fromkeys(made, next(iter(others)))
+            values |= made
         return _made(kind, values, place, names)
 
     def _body(self, values: Values) -> Any:
@@ -485,8 +484,11 @@ class _Reader:
                 else:
                     row.append(value)
             found.append(row)
+        are_forces = {isinstance(each, str) for point in points for each in point[1:]}
+        if len(are_forces) > 1:
+            raise refused(place, points, "must be all forces, or all coefficients")
         measured = MeasuredFriction.of_points(found, place)
-        if not isinstance(points[0][1], str):
+        if False in are_forces:
             measured = measured.scaled(load)
         return measured.without(interface.get("viscosity", 0.0))
 
@@ -609,10 +611,10 @@ class _Reader:
         by the range in which it may lie.
         """
         if isinstance(between, str):
-            ends = [_NUMBER.fullmatch(end) for end in between.split(" to ")]
-            if len(ends) != 2 or None in ends:
+            found = _RANGE.fullmatch(between)
+            if found is None:
                 return Assumption(self._value_at(path), between)
-            between = [end[0] if end[1] else float(end[0]) for end in ends if end]
+            between = [end if " " in end else float(end) for end in found.groups()]
         value = self._at(path)
         place = f"assumed.{path}"
         unit = natural_unit_of(value) if isinstance(value, str) else ""
@@ -674,13 +676,7 @@ class _Reader:
         # 0 is a limit that may be chosen, such as no mass, and is not drawn
         if own != 0 and (sign or whole or path == "drive.velocity"):
             sign = "above 0"
-        plain = replace(
-            key,
-            example=[1.0],
-            sign=sign,
-            choices=(),
-            also=(),
-        )
+        plain = replace(key, example=[1.0], sign=sign, choices=(), also=())
         self.file.part(partial(plain.read, [*draws], place, natural=True))
 
     def _at(self, path: str) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip.errors import InputError, shown
 from stickslip.io import rig_keys
-from stickslip.io.keys import Key
+from stickslip.io.keys import Keys
 from stickslip.io.rig_keys import TABLES, keys_of
 from stickslip.model import (
     Delay,
@@ -23,7 +23,7 @@ from stickslip.model import (
     Prestressed,
     Slider,
 )
-from stickslip.model.body import BODIES
+from stickslip.model.body import BODIES, ElasticBody
 from stickslip.model.delays import OnArrest
 from stickslip.model.drive import USUAL_DISTANCE
 from stickslip.model.measured_friction import MeasuredFriction
@@ -70,7 +70,7 @@ def to_document(
         "drive": writer.drive(),
         "simulation": writer.simulation(),
         "feasible": {
-            name: [writer.quantity(end, parameter_named(name).unit) for end in ends]
+            name: writer.quantity(ends, parameter_named(name).unit)
             for name, *ends in rig.operation.feasible
         },
         "assumed": {
@@ -101,23 +101,21 @@ class _Writer:
         # forces in SI units are those of all blocks
         self.blocks = 1 if self.natural else getattr(rig.slider, "size", 1)
 
-    def _refuse(self, what: str) -> InputError:
+    def _refuse(self, part: str) -> InputError:
         return InputError(
-            f"rig {self.rig.name!r}: {what} cannot be written into a rig file"
+            f"rig {self.rig.name!r}: {part} cannot be written into a rig file"
         )
 
     def _name_of(self, record: Any, kinds: Mapping[str, type]) -> str:
         """Return the name by which a file calls the kind of a record."""
-        for name, kind in kinds.items():
-            if type(record) is kind:
-                return name
-        raise self._refuse(
-            f"{shown(record)}, which has no name among {', '.join(kinds)},"
-        )
+        names = {kind: name for name, kind in kinds.items()}
+        if type(record) not in names:
+            raise self._refuse(
+                f"{shown(record)}, which has no name among {', '.join(kinds)},"
+            )
+        return names[type(record)]
 
-    def _values(
-        self, record: Any, keys: Mapping[str, Key], *, defaults: bool = True
-    ) -> Document:
+    def _values(self, record: Any, keys: Keys, *, defaults: bool = True) -> Document:
         """Write the fields of a record that its table has keys for; those that have
         their default may be left out.
         """
@@ -133,8 +131,6 @@ class _Writer:
                 continue
             if is_dataclass(value):
                 found[name] = self._named(name, value)
-            elif isinstance(value, tuple):
-                found[name] = self._list(value, key.unit or "1")
             elif name == "time" and rig_keys.by_time(type(record)):
                 read_back = lambda si: (  # noqa: E731
                     converted(record.with_time(si), self.scales.natural) == record
@@ -144,25 +140,14 @@ class _Writer:
                 found[name] = self.quantity(value, key.unit or "1")
         return found
 
-    def _list(self, values: tuple[Any, ...], unit: str) -> list[Any]:
-        """Write numbers, or the rows of a matrix."""
-        return [
-            self._list(value, unit)
-            if isinstance(value, tuple)
-            else self.quantity(value, unit)
-            for value in values
-        ]
-
     def _named(self, key: str, record: Any) -> Any:
         """Write a record as a table, or as the word or the time that stands for it."""
-        if isinstance(record, Delay):
-            return (
-                "never"
-                if math.isinf(record.time)
-                else self.quantity(record.time, "time")
-            )
         if isinstance(record, OnArrest):
             return "on arrest"
+        if record == Delay(math.inf):
+            return "never"
+        if isinstance(record, Delay):
+            return self.quantity(record.time, "time")
         word, kinds = rig_keys.KINDS[key]
         named = {word: self._name_of(record, kinds)} if word else {}
         kind: Any = type(record)
@@ -290,14 +275,12 @@ class _Writer:
 
     def _points(self, measured: MeasuredFriction) -> list[list[Any]]:
         whole = measured.scaled(self.blocks)
-        points = zip(whole.velocities, whole.forces, whole.errors, strict=True)
-        return [
-            [
-                self.quantity(v, "x_s/time"),
-                *(self.quantity(f, "f_s") for f in forces),
-            ]
-            for v, *forces in points
-        ]
+        columns = (
+            self.quantity(whole.velocities, "x_s/time"),
+            self.quantity(whole.forces, "f_s"),
+            self.quantity(whole.errors, "f_s"),
+        )
+        return [list(point) for point in zip(*columns, strict=True)]
 
     def _present(self, measured: MeasuredFriction) -> MeasuredFriction:
         """Friction of the contacts as they are now, at the speeds at which it was
@@ -339,45 +322,43 @@ class _Writer:
         if any(piece.until is not None for piece in drive.parts):
             raise self._refuse("a drive with conditions")
         load = [
-            [
-                self.quantity(point.time, "time"),
-                self._number(point.load),
-            ]
+            [self.quantity(point.time, "time"), self._number(point.load)]
             for point in drive.load
         ]
-        force = [self._values(piece, rig_keys.FORCE) for piece in drive.force]
-        found = {"force": force} if force else self._pieces()
+        found = self._pieces()
         return found | ({"load": load} if load else {})
 
     def _pieces(self) -> Document:
-        pieces = self.rig.drive.pieces
-        operation = self.rig.operation
-        if len(pieces) > 1 or pieces[0].start != pieces[0].end:
-            return {"pieces": [self._values(piece, rig_keys.PIECE) for piece in pieces]}
-        velocity = pieces[0].start
-        duration = pieces[0].duration
-        speeds = [
-            self.quantity(speed, "x_s/time")
-            for speed in operation.between or operation.speeds or (velocity,)
-        ]
-        of_range = (
-            dict(zip(("from", "to"), speeds, strict=True))
-            if operation.between
-            else None
-        )
-        found: Document = {
-            "velocity": of_range or (speeds if operation.speeds else speeds[0])
-        }
-        if velocity == 0:
+        drive = self.rig.drive
+        if drive.force:
+            return {
+                "force": [self._values(each, rig_keys.FORCE) for each in drive.force]
+            }
+        first, *others = drive.pieces
+        if others or first.start != first.end:
+            pieces = [self._values(piece, rig_keys.PIECE) for piece in drive.pieces]
+            return {"pieces": pieces}
+        found: Document = {"velocity": self._velocity(first.start)}
+        speed = abs(first.start)
+        duration = first.duration
+        if speed == 0:
             return found | {"duration": self.quantity(duration, "time")}
-        if self.digits is None and duration == USUAL_DISTANCE / abs(velocity):
+        if self.digits is None and duration == USUAL_DISTANCE / speed:
             return found  # a default, too
-        read_back = lambda si: (  # noqa: E731
-            self.scales.natural(si, "x_s") / abs(velocity) == duration
-        )
-        return found | {
-            "distance": self.quantity(abs(velocity) * duration, "x_s", read_back)
-        }
+        read_back = lambda si: self.scales.natural(si, "x_s") / speed == duration  # noqa: E731
+        return found | {"distance": self.quantity(speed * duration, "x_s", read_back)}
+
+    def _velocity(self, velocity: float) -> Any:
+        """Write a velocity, or the speeds that begin with it, or the range that it is
+        the middle of: a file gives it by these, unless another one was set.
+        """
+        operation = self.rig.operation
+        between = operation.between
+        if between and math.isclose(math.sqrt(math.prod(between)), velocity):
+            low, high = self.quantity(between, "x_s/time")
+            return {"from": low, "to": high}
+        begins = velocity in operation.speeds[:1]
+        return self.quantity(operation.speeds if begins else velocity, "x_s/time")
 
     def simulation(self) -> Document:
         method = self.rig.method
@@ -385,6 +366,10 @@ class _Writer:
         output = self.rig.output
         if isinstance(start, FromSliding) and start != FromSliding():
             raise self._refuse("a start with a perturbation, or with blocks at rest,")
+        if isinstance(start, Prestressed) and not isinstance(
+            self.rig.slider, ElasticBody
+        ):
+            raise self._refuse("a prestress of a slider that is not elastic")
         if getattr(method, "memoryless", False):
             raise self._refuse(f"the method {shown(method)}")
         kind: Any = type(method)
@@ -408,14 +393,16 @@ class _Writer:
         return value
 
     def quantity(
-        self, value: float, unit: str, same: Callable[[float], bool] | None = None
+        self, value: Any, unit: str, same: Callable[[float], bool] | None = None
     ) -> Any:
         """Write a natural value as it stands in a file: the shortest text that reads
-        back as the same, or the nearest.
+        back as the same, or the nearest; of several, or of the rows of a matrix, each.
 
         `same` decides whether a value in SI units is the one to be written, where it is
         not divided by the unit.
         """
+        if isinstance(value, (tuple, list)):
+            return [self.quantity(item, unit) for item in value]
         if self.natural or unit == "1":
             return self._number(value)
         scales = self.scales

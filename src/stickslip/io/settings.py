@@ -64,7 +64,7 @@ def _replaced(tables: Sequence[str], name: str) -> set[str]:
     """Return the keys of the same table in whose place this one stands."""
     replaced = set[str]()
     for rule in RULES.get(".".join(tables), ()):
-        if any(name in keys for keys in rule.alternatives):
+        if name in rule.names:
             others = [keys for keys in rule.alternatives if name not in keys]
             replaced.update(*others)
     return replaced

@@ -87,12 +87,7 @@ def _modes(file: Tables, content: object, spring: float) -> Modes:
     keys = rig_keys.STRUCTURES["modes"]
     rules = rig_keys.RULES["modes"]
     read = [
-        file.whole(
-            _without_hertz(mode),
-            keys,
-            f"{place}[{i}]",
-            rules,
-        )
+        file.whole(_without_hertz(mode), keys, f"{place}[{i}]", rules)
         for i, mode in enumerate(content)
     ]
     for mode in read:
@@ -120,12 +115,7 @@ def _modes(file: Tables, content: object, spring: float) -> Modes:
 def _without_hertz(mode: object) -> object:
     """Return a mode with its frequency, cycles per time, in a unit of `quantities`."""
     given = mode.get("frequency") if isinstance(mode, Mapping) else None
-    found = (
-        re.fullmatch(r"(.*[\d.]) *([kM]?Hz)", given) if isinstance(given, str) else None
-    )
+    found = re.fullmatch(r"(.*[\d.]) *([kM]?Hz)", str(given))
     if found is None or not isinstance(mode, Mapping):
         return mode
-    return {
-        **mode,
-        "frequency": f"{found[1]} {_HERTZ[found[2]]}",
-    }
+    return {**mode, "frequency": f"{found[1]} {_HERTZ[found[2]]}"}

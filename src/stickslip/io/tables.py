@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from stickslip.errors import InputError, shortened, shown, together
+from stickslip.errors import InputError, refused, shortened, together
 from stickslip.io import files
-from stickslip.io.keys import Either, Key, toml
+from stickslip.io.keys import Either, Key, Keys, toml
 from stickslip.words import listed
 
 Values = dict[str, Any]
@@ -82,9 +82,9 @@ class Tables:
         if not isinstance(error, NotedError):
             self.mistakes.append(error)
 
-    def wrong(self, place: str, what: str) -> None:
-        """Note what is wrong with a key."""
-        self.note(InputError(f"{place}: {what}", place))
+    def wrong(self, place: str, words: str) -> None:
+        """Note a mistake in a key, in these words."""
+        self.note(InputError(f"{place}: {words}", place))
 
     def missing(self, place: str, key: Key) -> None:
         """Note that a key is missing, once."""
@@ -105,7 +105,7 @@ class Tables:
     def table(
         self,
         content: object,
-        keys: Mapping[str, Key],
+        keys: Keys,
         place: str = "",
         rules: Iterable[Either] = (),
     ) -> Values:
@@ -113,24 +113,14 @@ class Tables:
         are returned as they are.
         """
         if not isinstance(content, Mapping):
-            self.note(
-                InputError(
-                    f"{place} = {shown(content)}: must be a table, as in [{place}]",
-                    place,
-                )
-            )
+            self.note(refused(place, content, f"must be a table, as in [{place}]"))
             return {}
         path = f"{place}." if place else ""
         for i, name in enumerate(str(name) for name in content if name not in keys):
             word = f"; {unknown(name, keys)}" if i < _MOST_WORDS else ""
             self.wrong(path + name[:60], f"unknown key{word}")
         found: Values = {}
-        of_rules = {
-            name
-            for rule in rules
-            for alternative in rule.alternatives
-            for name in alternative
-        }
+        of_rules = {name for rule in rules for name in rule.names}
         for name, key in keys.items():
             if name in content:
                 try:
@@ -157,7 +147,7 @@ class Tables:
         self,
         content: Mapping[str, Any],
         rule: Either,
-        keys: Mapping[str, Key],
+        keys: Keys,
         place: str,
     ) -> None:
         """Note where a table breaks a rule."""
@@ -177,7 +167,7 @@ class Tables:
     def whole(
         self,
         content: object,
-        keys: Mapping[str, Key],
+        keys: Keys,
         place: str,
         rules: Iterable[Either] = (),
     ) -> Values:

@@ -1,7 +1,7 @@
 """How the thresholds of contacts grow with their age."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -26,7 +26,7 @@ class AgeingModel(Record):
 
     A model of one's own derives from this class, is registered under the name that rig
     files use, and has an engine (`stickslip.simulation.engines.base.solves`). Of smooth
-    sliding it answers what it knows; the rest is refused.
+    sliding it gives the force and the response, as far as they are known.
     """
 
     def friction(
@@ -52,11 +52,11 @@ class AgeingModel(Record):
             "the stability of smooth sliding", "response(thresholds, delay)"
         )
 
-    def _unknown(self, what: str, method: str) -> InputError:
+    def _unknown(self, quantity: str, method: str) -> InputError:
         kind = type(self).__name__
         return InputError(
-            f"Interface.ageing = {self}: {what} is not known; simulate, or give {kind} "
-            f"a method {method}"
+            f"Interface.ageing = {self}: {quantity} is not known; simulate, or give "
+            f"{kind} a method {method}"
         )
 
 
@@ -107,7 +107,7 @@ class ExponentialGrowth(AgeingModel):
 
     @property
     def time(self) -> float:
-        """Time ``1/rate`` in which what lacks to the full thresholds falls to 1/e."""
+        """Time ``1/rate`` in which the lack of strength falls to 1/e."""
         return 1.0 / self.rate
 
     def with_time(self, value: float) -> Self:
@@ -175,9 +175,13 @@ class TabulatedGrowth(AgeingModel):
                 f"{given}: are {len(self.ages)}, but there are {len(self.strengths)} "
                 "strengths; give one for each age"
             )
-        steep = np.flatnonzero(_steepest(self.table) >= 1.0)
+        log_age = np.log(self.ages)
+        slope = _slope(self.ages, self.strengths)
+        turns = slope.derivative().roots(extrapolate=False)
+        places = np.append(log_age, turns[np.isfinite(turns)])
+        steep = np.sort(places[slope(places) >= 1.0])
         if steep.size:
-            at = int(steep[0])
+            at = max(int(np.searchsorted(log_age, steep[0])) - 1, 0)
             raise InputError(
                 f"TabulatedGrowth.strengths = {shown(self.strengths)}: rise as steeply "
                 f"as the ages between {self.ages[at]:g} and {self.ages[at + 1]:g}, so "
@@ -185,35 +189,23 @@ class TabulatedGrowth(AgeingModel):
                 "steps"
             )
 
-    @property
+    @cached_property
     def table(self) -> Array:
         """Logarithms of ages and strengths, slopes of these, and lowest later
         strengths, shape (4, n): `stickslip.kernels.hazard.Growth`.
         """
-        return _table(self.ages, self.strengths)
+        x, y = np.log([self.ages, self.strengths])
+        slope = _slope(self.ages, self.strengths)(x)
+        lowest = np.minimum.accumulate(y[::-1])[::-1]
+        return np.stack([x, y, slope, np.append(lowest[1:], lowest[-1])])
 
 
 @lru_cache(maxsize=128)
-def _table(ages: tuple[float, ...], strengths: tuple[float, ...]) -> Array:
+def _slope(ages: tuple[float, ...], strengths: tuple[float, ...]) -> Any:
+    """Slope of the logarithm of a strength against that of the age, by pieces."""
     from scipy.interpolate import PchipInterpolator  # half a second
 
-    log_age, log_strength = np.log([ages, strengths])
-    slope = PchipInterpolator(log_age, log_strength).derivative()(log_age)
-    lowest = np.minimum.accumulate(log_strength[::-1])[::-1]
-    return np.stack([log_age, log_strength, slope, np.append(lowest[1:], lowest[-1])])
-
-
-def _steepest(table: Array) -> Array:
-    """Largest slope of the cubics between the nodes of a table, shape (n - 1,)."""
-    secant = np.diff(table[1]) / np.diff(table[0])
-    begin = table[2, :-1]
-    end = table[2, 1:]
-    # The slope is a parabola of u, of which the ends and the vertex matter.
-    bend = 3.0 * (begin + end - 2.0 * secant)
-    tilt = 2.0 * (3.0 * secant - 2.0 * begin - end)
-    vertex = np.clip(-tilt / (2.0 * np.where(bend < 0.0, bend, -np.inf)), 0.0, 1.0)
-    within = begin + vertex * (tilt + bend * vertex)
-    return np.asarray(np.maximum(np.maximum(begin, end), within))
+    return PchipInterpolator(*np.log([ages, strengths])).derivative()
 
 
 FixedGrowth = ExponentialGrowth | LogarithmicGrowth | TabulatedGrowth

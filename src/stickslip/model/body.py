@@ -2,8 +2,8 @@
 coupled by springs and dashpots.
 
 An elastic body is masses, a symmetric network of springs, dashpots beside them, and the
-springs that pull it. `Chain` and `Sheet` say so in a few numbers; what solvers and
-theory ask of either is the same: how many blocks there are (`size`), which springs pull
+springs that pull it. `Chain` and `Sheet` are given by a few numbers; solvers and
+theory ask the same of either: how many blocks there are (`size`), which springs pull
 them (`pulled`) and which couple them (`links`).
 """
 
@@ -101,7 +101,7 @@ gives a class its name there.
 @dataclass(frozen=True, kw_only=True)
 class ElasticBody(Record):
     """Equal blocks, each on contacts of its own; all numbers are per contact of a
-    block. What every body has.
+    block. The base of all bodies.
 
     A body of the user's own derives from this class, is registered under the name of
     its table in rig files, and gives its `size`, the springs that pull its blocks

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from stickslip.arrays import Array, ComplexArray
+from stickslip.arrays import Array, ComplexArray, Nodes
 from stickslip.errors import InputError
 from stickslip.model.distribution import nodes_between
 from stickslip.model.distributions import Distribution, Gaussian
 from stickslip.model.records import Number, Record, registry
 
-Parts = tuple[tuple[Array, Array], list[tuple[float, Distribution]]]
+Parts = tuple[Nodes, list[tuple[float, Distribution]]]
 NegativeDelay = Literal["clip", "redraw", "fold"]
 
 
@@ -40,7 +40,7 @@ class DelayModel(Record):
         """
         return self.quadrature(), []
 
-    def quadrature(self) -> tuple[Array, Array]:
+    def quadrature(self) -> Nodes:
         """Rising delays and their weights, for the mean of a smooth function of the
         delay.
         """
@@ -125,7 +125,7 @@ class Delay(DelayModel):
         del rng
         return np.full(size, self.time)
 
-    def quadrature(self) -> tuple[Array, Array]:
+    def quadrature(self) -> Nodes:
         count = 0 if math.isinf(self.time) else 1
         return np.full(count, self.time), np.ones(count)
 
@@ -148,7 +148,7 @@ class OnArrest(DelayModel):
         del rng
         return np.full(size, math.inf)
 
-    def quadrature(self) -> tuple[Array, Array]:
+    def quadrature(self) -> Nodes:
         return np.empty(0), np.empty(0)
 
 

@@ -14,10 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import elementwise
 
-from stickslip.arrays import Array, ComplexArray
+from stickslip.arrays import Array, ComplexArray, Nodes, Range
 from stickslip.errors import InputError
 from stickslip.loops import HALVINGS, bounded
 from stickslip.model.records import Record, hashable, registry
+
+Transforms = tuple[ComplexArray, ComplexArray]
+"""Means of ``exp(-q x)`` and of ``x exp(-q x)``."""
 
 NEGLIGIBLE = 1e-16
 """Probability below which the tail of a distribution is left out of a table (double
@@ -87,7 +90,7 @@ class Distribution(Record):
             args=(wanted, low, high, top, bottom),
         ).x
 
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def transform(self, q: ComplexArray) -> Transforms:
         """Means of ``exp(-q x)`` and of ``x exp(-q x)`` at complex `q`, ``Re q`` not
         far below 0.
 
@@ -176,7 +179,7 @@ class Distribution(Record):
         )
 
     @property
-    def support(self) -> tuple[float, float]:
+    def support(self) -> Range:
         """Interval that holds all but a negligible part of the probability on each
         side.
         """
@@ -264,7 +267,7 @@ def sums_beyond(values: Array) -> Array:
 _legendre = lru_cache(np.polynomial.legendre.leggauss)
 
 
-def nodes_between(left: Array, right: Array, count: int = 16) -> tuple[Array, Array]:
+def nodes_between(left: Array, right: Array, count: int = 16) -> Nodes:
     """Nodes and weights of Gauss-Legendre quadrature between pairs of edges, shapes
     (..., count).
     """
@@ -446,14 +449,14 @@ def _fine_nodes(
     distribution: Distribution,
     power: float,
     least: float,
-) -> tuple[Array, Array]:
+) -> Nodes:
     """Nodes and weights for ``|q|`` up to 2 to the `power` and ``Re q >= least``."""
     table = table_of(hashable(distribution))
     with np.errstate(over="ignore", invalid="ignore"):
         part = table.weight.sum(axis=1) * np.exp(
             -least * (table.edges[:-1] - table.edges[0])
         )
-    # what is left out is below rounding: tails, and all that has decayed
+    # tails, and panels on which all has decayed, are below rounding
     kept = ~(part <= 1e-20 * part.max())
     left = table.edges[:-1][kept]
     right = table.edges[1:][kept]
@@ -478,7 +481,7 @@ def transforms_on_a_path(
     q: ComplexArray,
     x: ComplexArray,
     weight: ComplexArray,
-) -> tuple[ComplexArray, ComplexArray]:
+) -> Transforms:
     """Transforms of orders 0 and 1 on a path turned off the real axis, for densities
     without a closed form.
 

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from stickslip.arrays import Array, ComplexArray
+from stickslip.arrays import Array, ComplexArray, Range
 from stickslip.errors import InputError, number, numbers, whole
 from stickslip.model.distribution import DISTRIBUTIONS as DISTRIBUTIONS
 from stickslip.model.distribution import NEGLIGIBLE as NEGLIGIBLE
 from stickslip.model.distribution import (
     TRAPEZOID,
+    Transforms,
     bin_of,
     sums_beyond,
     transforms_on_a_path,
@@ -111,7 +112,7 @@ class Gaussian(Distribution):
         values[cut] = self.inverse_survival(1.0 - rng.random(int(cut.sum())))
         return values
 
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def transform(self, q: ComplexArray) -> Transforms:
         variance = self.std**2
         if math.isinf(self.lower) or variance == 0:
             mean = np.exp(-q * self.mean + 0.5 * q * q * variance)
@@ -143,17 +144,21 @@ class Gaussian(Distribution):
         return () if math.isinf(self.lower) else (self.lower,)
 
     @property
-    def support(self) -> tuple[float, float]:
+    def support(self) -> Range:
         low = special.ndtri(NEGLIGIBLE / 2)
         high = special.ndtri(NEGLIGIBLE / 2 * self._beyond_lower())
         return max(self.lower, self.mean + low * self.std), self.mean - high * self.std
+
+
+_Bins = tuple[Array, Array]
+"""Rising edges, and the probability between them."""
 
 
 class _Histogram(Distribution):
     """A distribution whose density is constant within each of some bins."""
 
     @property
-    def _bins(self) -> tuple[Array, Array]:
+    def _bins(self) -> _Bins:
         """Rising edges, and the probability between them."""
         raise NotImplementedError
 
@@ -196,7 +201,7 @@ class _Histogram(Distribution):
         p = np.asarray(probability, dtype=float)
         return np.asarray(np.interp(p, survival[::-1], edges[::-1]))
 
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def transform(self, q: ComplexArray) -> Transforms:
         edges, weights = self._bins
         q = q[..., None]
         centre = 0.5 * (edges[1:] + edges[:-1])
@@ -216,7 +221,7 @@ class _Histogram(Distribution):
         return tuple(self._bins[0].tolist())
 
     @property
-    def support(self) -> tuple[float, float]:
+    def support(self) -> Range:
         return self.knots[0], self.knots[-1]
 
 
@@ -233,7 +238,7 @@ class Uniform(_Histogram):
         number("Uniform.high", self.high, above=self.low, hint="in x_s")
 
     @property
-    def _bins(self) -> tuple[Array, Array]:
+    def _bins(self) -> _Bins:
         return np.array([self.low, self.high]), np.ones(1)
 
     def _with(self, edges: Sequence[float]) -> Self:
@@ -245,13 +250,17 @@ def _above_0(x: ArrayLike) -> Array:
     return np.asarray(np.maximum(np.asarray(x, dtype=float), np.finfo(float).tiny))
 
 
+_Form = tuple[float, float, float]
+"""Scale, shape and power."""
+
+
 class _PowerOfGamma(Distribution):
     """Values ``scale t**(1/power)``, `t` of a gamma distribution of the given shape
     and the scale 1.
     """
 
     @property
-    def _form(self) -> tuple[float, float, float]:
+    def _form(self) -> _Form:
         """Scale, shape and power."""
         raise NotImplementedError
 
@@ -283,7 +292,7 @@ class _PowerOfGamma(Distribution):
         scale, shape, power = self._form
         return _above_0(scale * rng.standard_gamma(shape, size) ** (1.0 / power))
 
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def transform(self, q: ComplexArray) -> Transforms:
         scale, shape, power = self._form
         if power == 1:
             base = 1.0 + scale * q
@@ -313,7 +322,7 @@ class Exponential(_PowerOfGamma):
     mean: Above0
 
     @property
-    def _form(self) -> tuple[float, float, float]:
+    def _form(self) -> _Form:
         return self.mean, 1.0, 1.0
 
 
@@ -326,7 +335,7 @@ class Gamma(_PowerOfGamma):
     std: Above0
 
     @property
-    def _form(self) -> tuple[float, float, float]:
+    def _form(self) -> _Form:
         return self.std**2 / self.mean, (self.mean / self.std) ** 2, 1.0
 
 
@@ -374,7 +383,7 @@ class LogNormal(Distribution):
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         return rng.lognormal(self.log_mean, self.log_std, size)
 
-    def transform(self, q: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def transform(self, q: ComplexArray) -> Transforms:
         # x = exp(log_mean + log_std (z - i turn)): the density grows by exp(turn^2/2),
         # at most 90.
         turn = min(3.0, 0.7 / self.log_std)
@@ -397,7 +406,7 @@ class Weibull(_PowerOfGamma):
     shape: Annotated[float, Number(at_least=0.1)]
 
     @property
-    def _form(self) -> tuple[float, float, float]:
+    def _form(self) -> _Form:
         return self.scale, 1.0, self.shape
 
 
@@ -464,7 +473,7 @@ class Empirical(_Histogram):
         )
 
     @property
-    def _bins(self) -> tuple[Array, Array]:
+    def _bins(self) -> _Bins:
         return np.array(self.edges), np.array(self.weights)
 
     def _with(self, edges: Sequence[float]) -> Self:
@@ -510,5 +519,5 @@ class SteadyState(Distribution):
     knots = (0.0,)
 
     @property
-    def support(self) -> tuple[float, float]:
+    def support(self) -> Range:
         return 0.0, self.thresholds.support[1]

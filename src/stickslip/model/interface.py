@@ -161,7 +161,7 @@ class Interface(Record):
         name = "thresholds" if self.areas is None else "areas"
         place = f"Interface.{name}"
         median = float(self.threshold_distribution.inverse_survival(0.5))
-        # what solvers call small is small beside x_s
+        # small numbers of solvers are small beside x_s
         if not _SIZES[0] <= median <= _SIZES[1]:
             raise InputError(
                 f"{place} = {getattr(self, name)}: half of them lie below "

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, Nodes
 from stickslip.errors import InputError
 from stickslip.model.distribution import Positive, nodes_between
 from stickslip.model.distributions import Distribution, Gaussian
@@ -18,7 +18,7 @@ def stretching_nodes(
     distribution: Distribution,
     thresholds: Distribution,
     finer: float = 1.0,
-) -> tuple[Array, Array]:
+) -> Nodes:
     """Quadrature nodes of stretchings below the largest threshold, between jumps, and
     their weights of sum 1.
 

@@ -24,12 +24,12 @@ class Parameter:
 
     name: str
     unit: str  #: natural unit, ``"x_s/time"``, or the quantity it measures
-    title: str = ""  #: what it is, in words
+    title: str = ""  #: its name in words
     zero: bool = False  #: whether it may be 0
     #: whether it is a unit of the rig's own: varying it changes all that is measured in
     #: it
     rescales: bool = False
-    #: name of a parameter that stays, though what a file may give in its place does not
+    #: name of a parameter that stays, though its substitute in a file does not
     holds: str = ""
     #: the value in a rig in natural units
     get: Callable[[Rig], float] = field(repr=False)
@@ -126,6 +126,9 @@ def _set_velocity(rig: Rig, value: float) -> Rig:
     before = VELOCITY.get(rig)
     if value == before:
         return rig
+    if value > 0 and rig.operation.speeds:  # that of the drive is the first
+        speeds = (value, *rig.operation.speeds[1:])
+        rig = replace(rig, operation=replace(rig.operation, speeds=speeds))
     if before == 0 or drive == constant(before, drive.duration):
         longer = abs(before / value) if before and value else 1.0
         pieces = constant(value, drive.duration * longer).pieces
@@ -294,8 +297,8 @@ _OF_BODIES = (
     ),
 )
 _OF_CONTROLLERS = tuple(
-    _parameter_of_part(name, unit, f"{what} gain of the controller", zero=name != "kp")
-    for name, unit, what in (
+    _parameter_of_part(name, unit, f"{kind} gain of the controller", zero=name != "kp")
+    for name, unit, kind in (
         ("kp", "k", "proportional"),
         ("ki", "k/time", "integral"),
         ("kd", "f_s time/x_s", "derivative"),

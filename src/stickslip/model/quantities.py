@@ -182,8 +182,12 @@ def _nearest(value: Fraction) -> float:
     return result
 
 
+Size = tuple[Fraction, dict[str, int]]
+"""Size of a unit in SI base units, exactly, and the exponents of these."""
+
+
 @lru_cache(maxsize=256)
-def _size_of(unit: str) -> tuple[Fraction, dict[str, int]]:
+def _size_of(unit: str) -> Size:
     """Size of a unit in SI base units, exactly, and the exponents of these."""
     size = Fraction(1)
     dimensions = Counter[str]()
@@ -216,11 +220,11 @@ def unit_size(unit: str) -> tuple[float, dict[str, int]] | None:
 
 
 @lru_cache(maxsize=1)
-def _unit_spellings() -> dict[str, tuple[Fraction, dict[str, int]]]:
+def _unit_spellings() -> dict[str, Size]:
     """Every spelling of one unit, with its size and the exponents of the SI base
     units.
     """
-    spellings: dict[str, tuple[Fraction, dict[str, int]]] = {}
+    spellings: dict[str, Size] = {}
     # without a prefix last: "ft" is not a femtotonne
     for symbol, (name, power) in {**PREFIXES, "": ("", 0)}.items():
         for symbols, names, size, parts in _UNITS[:_PREFIXED] if symbol else _UNITS:
@@ -256,11 +260,11 @@ _SLIPS = (
     ),
     (re.compile(r"(?<=[A-Za-zµμÅ¹²³]) +(?=[A-Za-zµμÅ])"), "*", "'*' between units"),
 )
-"""Ways of writing that are plain enough to say what would be right."""
+"""Slips of writing that are plain enough to suggest the right form."""
 
 
 def _remedy(text: str) -> str:
-    """Return how to write what can only have meant one thing; empty if that is not
+    """Return how to write a text that has one meaning alone; empty if that is not
     clear.
     """
     if re.match(r" *[-+]?(nan|inf)", text, re.IGNORECASE):

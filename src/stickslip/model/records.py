@@ -177,7 +177,7 @@ def _number(
 
 @lru_cache(maxsize=256)
 def choices_of(kind: Any) -> tuple[str, ...]:
-    """All that a field may be, if its type says so."""
+    """All that a field may be, if its type lists them."""
     return next(
         (
             get_args(each)
@@ -222,16 +222,16 @@ def hashable(record: object) -> Any:
 
 
 def registry(
-    what: str,
+    noun: str,
 ) -> tuple[dict[str, type], Callable[[str], Callable[[Kind], Kind]]]:
     """Return a table of frozen dataclasses by name, and the decorator that enters one;
-    `what` it holds, in words.
+    `noun` names one of them.
 
     The decorator raises `InputError` if the class is no frozen dataclass, or if another
     class has the name.
     """
     known: dict[str, type] = {}
-    return known, lambda name: partial(_enter, known, f"{what} {shown(name)}", name)
+    return known, lambda name: partial(_enter, known, f"{noun} {shown(name)}", name)
 
 
 def _enter(

@@ -10,6 +10,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from stickslip.answers import Answer
+from stickslip.arrays import Range
 from stickslip.errors import InputError, instance, number, pair
 from stickslip.model.body import ElasticBody, Mass
 from stickslip.model.drive import Drive
@@ -41,6 +42,7 @@ USUAL_RANGE = 30.0
 """Factor by which a parameter is varied up and down from its value in a rig where no
 range is given.
 """
+_NATURAL = Scales(force=1.0, stretching=1.0)
 
 _Speeds = tuple[
     Annotated[float, Number("x_s/time", above=0, hint="speeds, such as (0.5, 2.0)")],
@@ -80,7 +82,7 @@ class Operation(Record):
                     f"Operation.{name}",
                 )
 
-    def range_of(self, parameter: str) -> tuple[float, float] | None:
+    def range_of(self, parameter: str) -> Range | None:
         """Return the range of a parameter that could be built; None if nothing is
         known of it.
         """
@@ -96,7 +98,7 @@ class Assumption:
     it.
     """
 
-    value: str  # as it stands in the rig's file; empty if the file does not say
+    value: str  # as it stands in the rig's file; empty if it is not in the file
     how: str
     default: bool = False  # whether it was taken because the file has none
     # where it may lie, as it stands in the file, if it is given there
@@ -264,8 +266,7 @@ class Rig(Answer):
 
         Raises `InputError` if there is no such unit or quantity.
         """
-        unit = natural_unit(natural)
-        return 1.0 if self.scales is None else self.scales.unit(unit)
+        return (self.scales or _NATURAL).unit(natural)
 
     def unit_name(self, natural: str) -> str:
         """Name of the rig's own unit for a natural unit or a quantity, as in `unit`:
@@ -369,7 +370,7 @@ class Rig(Answer):
             natural
         )
 
-    def around(self, parameter: Parameter) -> tuple[float, float]:
+    def around(self, parameter: Parameter) -> Range:
         """Return the range of a factor `USUAL_RANGE` above and below the value in
         the rig, in natural units.
         """
@@ -386,7 +387,7 @@ class Rig(Answer):
         parameter: Parameter,
         between: Ends,
         place: str = "between",
-    ) -> tuple[float, float]:
+    ) -> Range:
         """Return a range of a parameter, given as in `Ends`, in its natural unit."""
         first, last = pair(place, between, "two values, such as (0.1, 10)")
         unit = parameter.unit

@@ -162,6 +162,10 @@ _Participations = tuple[Annotated[float, Number(hint="numbers, such as (1.0,)")]
 _Spring = Annotated[float, Number("k", at_least=0, hint="K/N")]
 
 
+_Matrices = tuple[Array, Array, Array]
+"""Of mass, damping and stiffness."""
+
+
 class _SecondOrder(Structure):
     """``M q'' + C q' + K q = drive spring (D - drive q) - contact F``; without the
     driving spring the drive moves the track.
@@ -172,7 +176,7 @@ class _SecondOrder(Structure):
     stiffness: float
 
     @property
-    def matrices(self) -> tuple[Array, Array, Array]:
+    def matrices(self) -> _Matrices:
         """Mass, damping and stiffness, without the driving spring."""
         raise NotImplementedError
 
@@ -307,12 +311,12 @@ class Modes(_SecondOrder):
         return "mode", _first(np.diag(self.contact))
 
     @property
-    def _diagonals(self) -> tuple[Array, Array, Array]:
+    def _diagonals(self) -> _Matrices:
         mass = np.array(self.masses)
         return mass, mass * np.array(self.dampings), np.array(self.stiffnesses)
 
     @property
-    def matrices(self) -> tuple[Array, Array, Array]:
+    def matrices(self) -> _Matrices:
         """Diagonal matrices of mass, damping and stiffness."""
         mass, damping, stiffness = map(np.diag, self._diagonals)
         return mass, damping, stiffness
@@ -324,17 +328,12 @@ class Modes(_SecondOrder):
         s = np.asarray(s, dtype=complex)
         m, loss, k = (np.reshape(a, (-1, *[1] * s.ndim)) for a in self._diagonals)
         weight = np.reshape(np.square(self.contact), m.shape)
-        scale = np.maximum(np.maximum(m, k), 1e-300)
-        # 1/G as a product over sums of products: finite where a mode alone would be.
-        scaled = (s * (m * s + loss) + k) / scale
-        others = [
-            weight[i] * np.prod(np.delete(scaled, i, axis=0), axis=0) / scale[i]
-            for i in range(len(scale))
-        ]
+        each = s * (m * s + loss) + k
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(
-                self.stiffness + np.prod(scaled, axis=0) / np.sum(others, axis=0)
-            )
+            together = 1.0 / np.sum(weight / each, axis=0)
+        # a mode that does not resist moves alone
+        gives_way = np.any((each == 0) & (weight > 0), axis=0)
+        return np.asarray(self.stiffness + np.where(gives_way, 0.0, together))
 
 
 def _rows(unit: str) -> Any:
@@ -351,9 +350,9 @@ def _check_shape(place: str, value: Any, shape: tuple[int, ...]) -> None:
         raise _wrong(place, f"must be {wanted} numbers, as the others are")
 
 
-def _wrong(place: str, what: str) -> InputError:
+def _wrong(place: str, words: str) -> InputError:
     """Return the refusal of a field."""
-    return InputError(f"{place}: {what}", place)
+    return InputError(f"{place}: {words}", place)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -448,7 +447,7 @@ class Matrices(_SecondOrder):
         return replace(self, C=tuple(map(tuple, larger.tolist())))
 
     @property
-    def matrices(self) -> tuple[Array, Array, Array]:
+    def matrices(self) -> _Matrices:
         """Mass, damping and stiffness."""
         return np.array(self.M), np.array(self.C), np.array(self.K)
 
@@ -610,7 +609,7 @@ class ControlledAxis(Structure):
 
     @property
     def energies(self) -> Quadratics:
-        """Kinetic energy, and what the axis itself loses; gains store nothing."""
+        """Kinetic energy, and the loss of the axis itself; gains store nothing."""
         at_velocity = np.zeros_like(self.system.A)
         at_velocity[1, 1] = self.mass
         nothing = np.zeros_like(at_velocity)

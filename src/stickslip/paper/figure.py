@@ -99,7 +99,7 @@ def extremes(
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, what it rests on, and our verdict."""
+    """A claim of the paper, the numbers it rests on, and our verdict."""
 
     #: in the list of the paper's claims that are checked, 1 to 18; None for one outside
     #: it
@@ -161,7 +161,7 @@ class Claim:
         return "\n    ".join([f"{'ok' if self.ok else 'FAILED'}  {self.title}", *lines])
 
     def plain(self) -> dict[str, object]:
-        """Return what JSON can hold; None stands for a missing bound and for a value
+        """Return plain values for JSON; None stands for a missing bound and for a value
         that is not a number.
         """
         names = (
@@ -289,7 +289,7 @@ class Reproduction:
         return "\n".join(parts)
 
     def to_dict(self) -> dict[str, object]:
-        """Return what JSON can hold."""
+        """Return plain values for JSON."""
         return {
             "figure": self.figure.name,
             "title": self.figure.title,

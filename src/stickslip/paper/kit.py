@@ -12,6 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from stickslip.arrays import Array as Array
+from stickslip.arrays import Range
 from stickslip.plot import GREY, VERMILLION
 from stickslip.plot import panel as panel
 from stickslip.progress import Progress as Progress
@@ -127,7 +128,7 @@ def second_axis(
     ax: Axes,
     x: xr.DataArray,
     y: xr.DataArray,
-    limits: tuple[float, float],
+    limits: Range,
     ticks: Sequence[float],
     **style: Any,
 ) -> Axes:

@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 import stickslip as ss
 from stickslip import plot
+from stickslip.arrays import Range
 from stickslip.cycles import cycle_branch
 from stickslip.model import Start
 from stickslip.paper.cases import FIG7, FIG9, FIG10, V1, aged
@@ -169,7 +170,7 @@ _TOP = 8.0  # of (b): far enough for stick-slip to end
 _EACH_WAY = 400.0
 _SHOWN = 16.0  # time units of an inset
 _MEAN = 0.2
-_PERSISTS: dict[str, tuple[tuple[float, float], ...]] = {
+_PERSISTS: dict[str, tuple[Range, ...]] = {
     "0.06, clip": ((0.25, 0.5), (3.0, 8.0)),
     "0.08, clip": ((0.36, 0.6), (2.0, 4.0)),
     "0.12, clip": (),

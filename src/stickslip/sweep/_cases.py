@@ -94,8 +94,8 @@ class NamedStudy:
                 )
 
     def identity(self, axes: Iterable[str]) -> dict[str, str]:
-        """Return what must be equal for a finished case to be the same case, part by
-        part: a message can name what differs.
+        """Return the parts that must be equal for a finished case to be the same case,
+        by name: a message can name those that differ.
         """
         return {
             "stickslip version": __version__,

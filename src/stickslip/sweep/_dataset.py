@@ -179,7 +179,7 @@ class Summary:
     def __str__(self) -> str:
         others = {"failed": self.failed, "not run yet": self.missing}
         return f"{self.done} of {self.total} cases done" + "".join(
-            f", {n} {what}" for what, n in others.items() if n
+            f", {n} {state}" for state, n in others.items() if n
         )
 
 

@@ -73,7 +73,7 @@ class Runs:
     cycles: float = CYCLES
     #: how often a run that cannot be classified is made again, twice as long
     extensions: int = 1
-    #: what is in the results; see `stickslip.sweep.study.MEASURES`
+    #: names of the results; see `stickslip.sweep.study.MEASURES`
     measure: Sequence[str] | None = None
     max_cases: int = MAX_CASES  #: cases beyond which the sweep is refused
 
@@ -138,7 +138,7 @@ def _end_with(parent: BaseProcess) -> None:
 
 
 def _check_executor(executor: Executor, study: NamedStudy) -> None:
-    """Refuse what runs no cases, and a study that its processes cannot load."""
+    """Refuse any other object, and a study that its processes cannot load."""
     instance(
         "executor",
         executor,
@@ -290,12 +290,12 @@ class Runner:
         if self._progress is not None:
             self._progress(Progress(total=self._total, **self._count))
 
-    def _refusal(self, what: str) -> InputError:
+    def _refusal(self, words: str) -> InputError:
         kept = (
             f"{self._count['finished']} of {self._total} cases are kept in "
             f"{str(self.table.path)!r}: start again"
         )
         return InputError(
-            f"executor: {what}; "
+            f"executor: {words}; "
             f"{kept if self.table.path else 'nothing is kept without a store'}"
         )

@@ -26,7 +26,7 @@ from stickslip.errors import InputError, instance
 from stickslip.io.files import FileName
 
 FORMAT = 0x53545332  # "STS2"
-# seconds between commits: what a kill can cost, together with the batches in flight
+# seconds between commits: a kill can cost as much work, and the batches in flight
 EVERY = 1.0
 PATIENCE = 60.0  # seconds that a commit waits for those who read
 
@@ -50,7 +50,7 @@ class Store:
         self.path = path
         self.rows: dict[str, str] = {}
         self.head: dict[str, Any] = json.loads(json.dumps(head or {}, default=str))
-        self._due = math.inf  # when what was added is to be committed
+        self._due = math.inf  # when rows that were added are to be committed
         with _in_one_line(path), ExitStack() as held:
             if path is not None and head is not None:
                 held.enter_context(_locked(path))
@@ -105,7 +105,7 @@ class Store:
         self.commit()
 
     def commit(self, *, if_due: bool = False) -> bool:
-        """Commit what was added, or, `if_due`, only where that is some time ago;
+        """Commit rows that were added, or, `if_due`, only where that is some time ago;
         return whether it was done.
         """
         if if_due and time.monotonic() < self._due:
@@ -199,25 +199,25 @@ def _in_one_line(path: Path | None) -> Iterator[None]:
         # the code of an operation is SQLITE_ERROR where there is no such table
         unwritten = (OSError, sqlite3.OperationalError)
         if code == "SQLITE_NOTADB":
-            what = (
+            words = (
                 "is not the store of a sweep, or its beginning is damaged; choose "
                 "another"
             )
         elif isinstance(error, unwritten) and code != "SQLITE_ERROR":
-            what = (
+            words = (
                 f"cannot be written ({getattr(error, 'strerror', None) or error}); "
                 "what was written is kept: free some "
                 "space, make it writable or choose another place, and start again"
             )
         else:
-            # sqlite quotes what it stumbled over, line ends included
+            # sqlite quotes the place of the fault, line ends included
             short = " ".join(str(error).split())[:100]
-            what = (
+            words = (
                 f"is damaged ({short}): what it holds cannot be trusted; put back a "
                 "copy of it, or delete it to start "
                 "afresh"
             )
-        raise InputError(f"{place}: {what}", place) from error
+        raise InputError(f"{place}: {words}", place) from error
 
 
 def _lock_of(path: Path) -> Path:
@@ -243,5 +243,5 @@ def _locked(path: Path) -> Iterator[None]:
             file.flush()
             yield
         finally:
-            with suppress(OSError):  # what is left behind holds no lock
+            with suppress(OSError):  # a file that is left behind holds no lock
                 lock.unlink(missing_ok=True)

@@ -390,7 +390,7 @@ def _is_logarithmic(given: Any, values: Any) -> bool:
         return False
     steps = np.diff(np.sort(values))
     ratios = np.diff(np.log(np.sort(values)))
-    return bool(np.ptp(ratios) / ratios.mean() < np.ptp(steps) / steps.mean())
+    return bool(np.ptp(ratios) * steps.mean() < np.ptp(steps) * ratios.mean())
 
 
 def _check_keys(content: object, known: Iterable[str], place: str) -> None:
