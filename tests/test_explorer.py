@@ -195,7 +195,8 @@ def test_a_run_is_thinned_out_and_keeps_its_peaks():
 
 
 def test_answers_are_json():
-    for answer in simulate.run({"document": small(interface__delay="never")}, silent):
+    request = {"document": small(interface__delay="never"), "cursor": 7}  # of 0 to 1
+    for answer in simulate.run(request, silent):
         json.dumps(answer, allow_nan=False)
 
 
@@ -318,6 +319,14 @@ def test_a_front_that_a_push_sets_off_runs_through_the_bar():
 
 
 # ---------------------------------------------------------------- fit
+
+
+def test_a_trace_in_milliseconds_shows_its_frequency_in_hertz():
+    rows = [f"{10 * i},{5 + i % 150}" for i in range(3000)]
+    content = "\n".join(["time (ms),force (N)", *rows]).encode()
+    *_, found = traces.trace({"content": content}, silent)
+    value, unit = found["regime"]["frequency"].split()
+    assert (float(value), unit) == (pytest.approx(1 / 1.5, rel=0.01), "Hz")
 
 
 BENCH = {"stiffness": "350 N/m", "speed": "1.5 mm/s", "mass": "75.6 g"}

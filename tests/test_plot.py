@@ -94,6 +94,14 @@ def test_only_what_is_printed_has_a_prefix(run_si):
     assert speed.yaxis.get_major_formatter()(0.002, 0) == "2"
 
 
+def test_a_short_logarithmic_axis_is_numbered_in_the_unit_of_its_label():
+    table = {name: ("speed", [0.01, 0.03, 0.1]) for name in ("friction", "error")}
+    table["velocity"] = ("speed", [0.01, 0.03, 0.1], {"units": "m/s"})
+    axis = plot.friction_at_speeds(xr.Dataset(table)).axes[0].xaxis
+    assert axis.get_label_text() == "velocity (mm/s)"
+    assert axis.get_major_formatter()(0.02) == "20"
+
+
 def test_labels_of_panels_do_not_overlap(run):
     figure = plot.overview(run)
     figure.canvas.draw()

@@ -4,7 +4,7 @@ The nonlinear side of stability.
 
 `stickslip.stability` says where smooth sliding is unstable to the smallest
 perturbation. Stick-slip that has started may persist where smooth sliding is stable.
-The names keep the two apart: what is *critical* is linear, what is *sustained* is
+The names keep the two apart: *critical* values are linear, *sustained* ones are
 nonlinear and belongs to a start, and the branch of a cycle that is followed ends at its
 *fold*.
 

@@ -37,7 +37,7 @@ class BistableRange(Intervals):
     bands: tuple[Interval, ...]  #: rising
     crossings: Crossings  #: the linear boundaries in the range
     contacts: int | None = None  #: of the runs of a structure; no noise without
-    notes: tuple[str, ...] = ()  #: what was looked at and found to be no band, and why
+    notes: tuple[str, ...] = ()  #: places without a band, and why
 
     def __str__(self) -> str:
         found = f"no bistable band found {self.where}"

@@ -25,7 +25,7 @@ _TITLES = {
     "mean_force": ("mean spring force", "f_s"),
     "linearly_unstable": ("whether smooth sliding is unstable by linear theory", "1"),
 }
-"""Titles and units of what a cycle has at each value of the parameter."""
+"""Titles and units of the features of a cycle at each value of the parameter."""
 
 
 def cycle_branch(

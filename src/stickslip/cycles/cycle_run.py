@@ -163,7 +163,7 @@ class _Meter:
 
     def __call__(self, _: float) -> None:
         """Raise `UndecidedError` once a look has taken longer than the run by estimate:
-        what it waits for is not in reach.
+        the end of a cycle is not in reach.
         """
         self.spent += self.engine.seconds
         if self.spent > self.most:
@@ -234,13 +234,13 @@ class CycleRun:
         return cls(rig, engine, Quadratic(0.0, place, velocity, 0.0), cycle)
 
     def look(self) -> tuple[Self, Look]:
-        """Go on for a few cycles and say what they show; stretches of the drive too
+        """Go on for a few cycles and measure them; stretches of the drive too
         short for that are doubled.
         """
         velocity = self.drive.velocity
         engine = self.engine.copy()
         rows = self._samples(engine, LOOK * self.cycle / velocity)
-        # One by one cycles go on from look to look; what the look shows is its own.
+        # One by one cycles go on from look to look; its own are those of the look.
         joined = (
             rows if self.begun is None else np.concatenate([self.begun, rows], axis=1)
         )
@@ -253,26 +253,18 @@ class CycleRun:
         cycles = completed if self.begun is None else _cycles(rows)[0]
         _, force, speed, _ = rows
         fastest = float(speed.max()) / velocity
-        if cycles.shape[1] == 0:
-            oscillation = float(np.ptp(force))
+        if cycles.size:
+            oscillation = np.median(cycles[0])
+            period = np.mean(cycles[1])
+            mean = np.average(cycles[2], weights=cycles[1])
+        else:
+            oscillation = np.ptp(force)
+            period = math.nan
+            mean = force.mean()
             if oscillation > TINY:  # cycles longer than expected
                 run = replace(run, cycle=2.0 * run.cycle)
-            return run, Look(
-                oscillation,
-                math.nan,
-                fastest,
-                float(force.mean()),
-                completed[0],
-            )
-        oscillation = np.median(cycles[0])
-        period = np.mean(cycles[1])
-        mean = np.average(cycles[2], weights=cycles[1])
         return run, Look(
-            float(oscillation),
-            float(period),
-            fastest,
-            float(mean),
-            completed[0],
+            float(oscillation), float(period), fastest, float(mean), completed[0]
         )
 
     def _samples(self, engine: CycleEngine, duration: float) -> Array:

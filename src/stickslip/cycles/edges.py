@@ -1,4 +1,4 @@
-"""Where to look along a parameter, what is found there, and the edges between."""
+"""The scan along a parameter, its points, and the edges between them."""
 
 import math
 from collections.abc import Callable
@@ -54,13 +54,7 @@ class Edge(Answer):
         persists_at: float | None = None,
     ) -> Self:
         """Return an edge at a value, or bracketed by runs at two."""
-        if persists_at is None:
-            return cls(
-                value=decays_at,
-                kind=kind,
-                decays_at=decays_at,
-                persists_at=decays_at,
-            )
+        persists_at = decays_at if persists_at is None else persists_at
         return cls(
             value=math.sqrt(decays_at * persists_at),
             kind=kind,
@@ -88,7 +82,7 @@ _KINDS = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Interval(Answer):
-    """An interval of a parameter, and what its ends are."""
+    """An interval of a parameter, and the kinds of its ends."""
 
     low: Edge
     high: Edge

@@ -28,7 +28,8 @@ from stickslip.stability import count_unstable
 # looks after which an amplitude that has not settled is undecided, unless its trend
 # decides
 PATIENCE = 60
-# strengths of the contacts: what still grows is unstable without their friction, too
+# strengths of the contacts: an oscillation that still grows is unstable without their
+# friction, too
 _RUNAWAY = 1e3
 
 

@@ -125,17 +125,18 @@ def sustained(
     values = scan.grid(max(2, math.ceil(points * math.log10(scan.high / scan.low)) + 1))
     scan.check_work(len(values))
     decided = [value for value in values if persists(value) is not None]
-    ends = [
-        Edge.of("end of range", value) if persists(value) else None for value in decided
-    ]
-    edges = [edge for edge in ends[:1] if edge]
+    low, high = (
+        [Edge.of("end of range", value) for value in end if persists(value)]
+        for end in (decided[:1], decided[-1:])
+    )
+    edges = low
     for one, two in itertools.pairwise(decided):
         if persists(one) != persists(two):
             fails_at, holds_at = (two, one) if persists(one) else (one, two)
             edges.append(
                 Edge.of("decay", *halved(persists, fails_at, holds_at, scan.tolerance))
             )
-    edges += [edge for edge in ends[-1:] if edge]
+    edges += high
     return Sustained(
         **scan.about,
         start=start,

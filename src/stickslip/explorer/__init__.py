@@ -5,7 +5,7 @@
 It needs the extra ``pip install stickslip[explorer]`` and asks no other host for
 anything.
 
-- `server`: pages and sessions in which the newest request wins, and what is refused.
+- `server`: pages and sessions in which the newest request wins, and refusals.
 - `workers`: processes that compute, bounded and killed if they do not stop; `warm` is
   loaded before they are made.
 - `simulate`, `stability`, `traces`, `fronts`: a page each: a request in, `plain` data
@@ -32,7 +32,7 @@ Shared with this network until you stop it: whoever has this link can simulate o
 second and searches of at most a minute each, and have force traces of up to 5 MB read. Visitors see the rig that you
 opened it with, none of your files, and no rig or trace of another visitor. The link is the only lock, and it is sent in
 the clear (http): give it to people in the room, not to the internet."""  # noqa: E501
-"""Warning that ``--share`` prints: what visitors can do, and what they cannot see."""
+"""Warning that ``--share`` prints: the rights of visitors, and their limits."""
 
 
 def serve(

@@ -1,6 +1,6 @@
 """Rigs as the page holds them: the content of a rig file, as a plain mapping.
 
-What the page shows in a field is what stands in the document; every check is made here,
+A field of the page shows the text in the document; every check is made here,
 by `stickslip.io`.
 """
 
@@ -68,7 +68,7 @@ pmma_slider.
 
 
 def from_json(content: str | bytes) -> object:
-    """Read what a page sends: JSON of bounded size with finite numbers and texts
+    """Read a message of a page: JSON of bounded size with finite numbers and texts
     that can be written.
     """
     if len(content) > LARGEST_REQUEST:
@@ -151,15 +151,15 @@ def extended(rig: Rig, seconds: float) -> Rig | None:
     return longer if estimate(longer).reference_seconds <= seconds else None
 
 
-def with_duration(rig: Rig, duration: object) -> Rig:
-    """Return the rig with the duration, in its own units, that its run on the page
-    had; without one, as it is.
+def rig_asked_for(request: Mapping[str, Any]) -> Rig:
+    """Make the rig of a request, with the duration, in its own units, that its run on
+    the page had, if that is given.
     """
-    return (
-        rig
-        if duration is None
-        else lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
-    )
+    rig = rig_of(request.get("document"))
+    duration = request.get("duration")
+    if duration is None:
+        return rig
+    return lasting(rig, number("duration", duration, above=0) / rig.unit("time"))
 
 
 def check_size(rig: Rig, seconds: float = LONGEST) -> None:
@@ -340,7 +340,7 @@ def presets() -> tuple[dict[str, Any], ...]:
     found += [
         {"group": "Benches and machines", "title": rig.name, "document": of(rig)}
         for rig in map(io.example, io.example_names())
-        # A slow fault whose contacts heat breaks slips twice in what a page waits for:
+        # A slow fault whose contacts heat breaks slips twice while a page waits:
         # too few for a verdict.
         if rig.name != bench["name"]
         and rig.interface.activation is None

@@ -1,4 +1,4 @@
-"""Runs of an elastic slider for the page Fronts: its force, what happens along the
+"""Runs of an elastic slider for the page Fronts: its force, the motion along the
 bar, and each event closer.
 """
 
@@ -92,7 +92,6 @@ def fronts(request: Plain, watch: Watch) -> Iterator[Plain]:
         "events": [
             {
                 "start": event["start"] / times["factor"],
-                "end": event["end"] / times["factor"],
                 "drop": event["drop"] / force["factor"],
                 "blocks": event["blocks"],
                 "from": event["first_block"] + 1,

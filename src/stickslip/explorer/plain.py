@@ -16,7 +16,7 @@ from stickslip import measure
 from stickslip.arrays import Array as Array
 from stickslip.arrays import units_of
 from stickslip.plot import envelope
-from stickslip.words import prefixed
+from stickslip.words import number, prefixed
 
 Plain = dict[str, Any]
 Watch = Callable[[float], None]
@@ -43,7 +43,9 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
         slips[name].values[:_MOST_MARKED] for name in ("start", "end", "force_before")
     )
     kind = "in parts" if seen.is_in_turn else seen.kind
-    has_period = math.isfinite(seen.period) and not words and not seen.is_in_turn
+    frequency = ""
+    if not (words or seen.is_in_turn or seen.kind == "smooth sliding"):
+        frequency = _frequency(seen)
     # parts stand in a table of their own
     evidence = str(replace(seen, segments=())).splitlines()
     return {
@@ -69,20 +71,26 @@ def force_trace(data: xr.Dataset, width: int) -> Plain:
             "kind": "speed sweep" if words else kind,
             "reason": words or seen.reason,
             "evidence": [] if words else evidence[1:],
-            "period": seen.period if has_period else None,
+            "frequency": frequency,
         },
     }
+
+
+def _frequency(seen: measure.Regime) -> str:
+    """Frequency of an oscillation in words; empty without a period."""
+    if math.isfinite(seen.frequency):
+        return f"{number(seen.frequency, 3)} Hz"
+    if math.isfinite(seen.period):
+        return f"{number(1.0 / seen.period, 3)} cycles per time unit"
+    return ""
 
 
 def within(request: Plain, key: str, low: float, high: float, usual: float) -> float:
     """Return a number of a request within its bounds, or `usual` if it is missing."""
     value = request.get(key)
-    number = (
-        float(value)
-        if isinstance(value, (int, float)) and math.isfinite(value)
-        else usual
-    )
-    return min(max(number, low), high)
+    if isinstance(value, (int, float)) and math.isfinite(value):
+        return min(max(float(value), low), high)
+    return usual
 
 
 def width_of(request: Plain) -> int:

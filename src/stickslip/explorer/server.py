@@ -212,7 +212,7 @@ class _Guard:
         )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what comes from our own pages."""
+        """Pass on the requests of our own pages."""
         refusal: ASGIApp = PlainTextResponse(
             "This server answers its own pages only.\n", 403
         )

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from stickslip import advise, io, plot, rigid, sliding
+from stickslip import io, plot, rigid, sliding
 from stickslip.errors import InputError, UndecidedError, instance
 from stickslip.explorer import documents
 from stickslip.explorer.plain import (
+    Array,
     Plain,
     Watch,
     along_path,
@@ -46,7 +47,7 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     A drive that would take too long is cut short. A run whose regime is undecided is
     made twice as long, up to `_EXTENSIONS` times.
     """
-    asked = documents.rig_of(request.get("document"))
+    asked = documents.rig_asked_for(request)
     seconds = documents.seconds_of(request)
     rig = documents.shortened(asked, seconds)
     lasts = rig.in_units(rig.drive.duration, "time")
@@ -62,10 +63,8 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
     for step in range(_EXTENSIONS + 1):
         made = _run(rig, watch, seconds, snapshots=(_cursor_time(request, rig),))
         answer = force_trace(made, width_of(request))
-        regime = answer["regime"]
-        undecided = regime["kind"] == "undecided" and step < _EXTENSIONS
+        undecided = answer["regime"]["kind"] == "undecided" and step < _EXTENSIONS
         longer = documents.extended(rig, seconds) if undecided else None
-        period = regime["kind"] != "smooth sliding" and regime["period"]
         yield {
             **answer,
             "phase": _phase(made),
@@ -74,9 +73,6 @@ def run(request: Plain, watch: Watch) -> Iterator[Plain]:
             "notes": notes,
             "going_on": longer is not None,
             "parameters": documents.values_of(rig),
-            "period": f"{1.0 / period:.3g} {advise.frequency_unit(rig)}"
-            if period
-            else "",
         }
         if longer is None:
             break
@@ -96,7 +92,7 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Yield the kinetic friction against speed, about the speed of the drive, with the
     speeds at which it is largest or smallest.
     """
-    rig = documents.rig_of(request.get("document"))
+    rig = documents.rig_asked_for(request)
     documents.check_decades(rig)
     documents.check_thresholds(rig)
     velocity = rig.natural.velocity
@@ -142,23 +138,15 @@ def law(request: Plain, watch: Watch) -> Iterator[Plain]:
 
 def stretchings(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The distribution of stretchings at another time of the same run."""
-    rig = documents.with_duration(
-        documents.rig_of(request.get("document")), request.get("duration")
-    )
-    made = _run(
-        rig,
-        watch,
-        documents.seconds_of(request),
-        snapshots=(_cursor_time(request, rig),),
-    )
+    rig = documents.rig_asked_for(request)
+    seconds = documents.seconds_of(request)
+    made = _run(rig, watch, seconds, snapshots=(_cursor_time(request, rig),))
     yield {"stretchings": _stretchings(made)}
 
 
 def contacts(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Frames of the contacts one by one, from the cursor on; see `plot.frames`."""
-    rig = documents.with_duration(
-        documents.rig_of(request.get("document")), request.get("duration")
-    )
+    rig = documents.rig_asked_for(request)
     documents.check_size(rig, documents.seconds_of(request))
     seen = plot.frames(rig, within(request, "cursor", 0.0, 1.0, 0.0), FRAMES, watch)
     frames = {
@@ -222,18 +210,21 @@ def _phase(data: xr.Dataset) -> Plain:
         "velocity": {
             **velocity,
             "values": packed(v),
-            "range": _room(min(v.min(), 0.0), max(v.max(), 2 * drive)),
+            "range": _room(v, 2 * drive),
         },
         "force": {
             **force,
             "values": packed(f),
-            "range": _room(min(f.min(), 0.0), max(f.max(), largest)),
+            "range": _room(f, largest),
         },
         "drive": drive,
     }
 
 
-def _room(low: float, high: float) -> list[float]:
+def _room(values: Array, least: float) -> list[float]:
+    """The range of values, 0 and a number, with a margin."""
+    low = min(values.min(), 0.0)
+    high = max(values.max(), least)
     margin = 0.04 * (high - low or 1.0)
     return [float(low - margin), float(high + margin)]
 
@@ -291,13 +282,12 @@ def download(form: str, request: Plain, watch: Watch) -> Iterator[Plain]:
     """The rig as TOML; or the run on the page, of that duration, as NetCDF or as a
     picture.
     """
-    rig = documents.rig_of(request.get("document"))
+    rig = documents.rig_asked_for(request)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"run.{form}"
         if form == "toml":
             file.write_text(io.to_toml(rig), "utf-8")
         else:
-            rig = documents.with_duration(rig, request.get("duration"))
             made = _run(rig, watch, documents.seconds_of(request))
             made.attrs["rig"] = io.to_toml(rig)
             if form == "nc":

@@ -1,5 +1,5 @@
-"""The pages Map and Stop: linear stability over two parameters, and what would stop
-stick-slip.
+"""The pages Map and Stop: linear stability over two parameters, and changes that
+stop stick-slip.
 """
 
 import math
@@ -22,7 +22,7 @@ _POINTS_AGED = 24
 
 def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     """The stability map over two parameters, in the rig's units."""
-    rig = documents.rig_of(request.get("document"))
+    rig = documents.rig_asked_for(request)
     documents.check_thresholds(rig)
     over = request.get("over")
     known = documents.NAMES
@@ -47,7 +47,6 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
     rate = found["growth_rate"].transpose(over[1], over[0])
     values = rate.values
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 1.0
-    shade = _shade(values / largest)
     levels = np.array([-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0])
     curve_of = found["curve"].values
     x, y = (found[f"edge_{name}"].values for name in over)
@@ -56,7 +55,7 @@ def chart(request: Plain, watch: Watch) -> Iterator[Plain]:
         "x": _map_axis(found[over[0]]),
         "y": _map_axis(found[over[1]]),
         "over": over,
-        "shade": [floats(row) for row in shade],
+        "shade": [floats(row) for row in _shade(values / largest)],
         "rate": [[f"{value:.3g}" for value in row] for row in values],
         "rate_unit": units_of(rate),
         "levels": {
@@ -93,10 +92,9 @@ def _shade(fraction: Array) -> Array:
 
 def advice(request: Plain, watch: Watch) -> Iterator[Plain]:
     """Verdict, numbers, margins and mitigations."""
-    rig = documents.shortened(
-        documents.rig_of(request.get("document")), documents.seconds_of(request)
-    )
-    documents.check_size(rig, documents.seconds_of(request))
+    seconds = documents.seconds_of(request)
+    rig = documents.shortened(documents.rig_asked_for(request), seconds)
+    documents.check_size(rig, seconds)
     documents.check_thresholds(rig)
     found = advise.predict(rig, progress=watch)
     # elastic sliders have a page of their own

@@ -214,7 +214,7 @@ def _quick(
 
 
 def _rig(rig: Rig) -> Plain:
-    """A rig for the page Simulate, and as a file with the draws of what was fitted."""
+    """A rig for the page Simulate, and as a file with the draws of its fit."""
     return {
         "document": documents.of(replace(rig, fitted={})),
         "toml": io.to_toml(rig),
@@ -285,7 +285,7 @@ def _window(events: fitting.Events) -> tuple[float, float, float]:
 def _beside(
     events: fitting.Events, series: list[Plain], begin: float, end: float
 ) -> Plain:
-    """A part of the trace, with what was simulated beside it, in the units of the
+    """A part of the trace, with simulated forces beside it, in the units of the
     trace.
     """
     seen = (events.time >= begin) & (events.time <= end)
@@ -351,7 +351,7 @@ def posterior(request: Plain, watch: Watch) -> Iterator[Plain]:
                 "text": str(one),
                 "says": _VERDICTS[str(one.verdict)],
                 "prior": "{:g} to {:g}".format(*getattr(found.prior, one.key)),
-                # where its interval lies within what was held possible, 0 to 1
+                # ends of its interval within the prior, 0 to 1
                 "part": list(one.parts or ()),
             }
             for one in found.parameters

@@ -5,8 +5,8 @@ The server itself never computes, so that no question of one window can hold up 
 window's. Workers are forked from a process that has loaded the kernels already, so that
 a new one is ready at once.
 
-An answer is a generator, from a document to plain data, without state: what it yields
-is sent at once, so that the force trace does not wait for what takes longer. It calls
+An answer is a generator, from a document to plain data, without state: each part
+is sent at once, so that the force trace does not wait for slower ones. It calls
 its `Watch` now and then with the fraction of the work done, which ends work that nobody
 waits for any more by raising.
 """

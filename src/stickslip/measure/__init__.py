@@ -1,5 +1,5 @@
-"""What a force trace shows: its slips, its regime, and where the regime changes on a
-ramp.
+"""Measurements of a force trace: its slips, its regime, and where the regime changes
+on a ramp.
 
 Every function takes an `xarray.Dataset` with `spring_force`, the force of the driving
 spring, along `time`, in any unit: a run, or a trace read with `read_trace`. A slip is a

@@ -80,7 +80,7 @@ def drops(
 def regime_and_drops(
     data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None
 ) -> tuple[Regime, xr.Dataset]:
-    """Return what `regime` and `drops` do, from one look at the data."""
+    """Return the results of `regime` and `drops`, found together."""
     import xarray as xr
 
     if minimum_drop is not None:

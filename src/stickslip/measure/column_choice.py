@@ -29,15 +29,15 @@ _UNEVEN = 0.5
 class Column(NamedTuple):
     """A column of numbers."""
 
-    #: what `stickslip.read_trace` takes for it: its name or, where others share that,
-    #: its number from 1
+    #: argument of `stickslip.read_trace` that chooses it: its name or, where others
+    #: share that, its number from 1
     key: str
     heading: str  #: its number and its heading
     preview: str = ""  #: its range, and whether it rises evenly
 
 
 class Choice(NamedTuple):
-    """A column that was chosen, and what it holds."""
+    """A column that was chosen, with its heading."""
 
     place: int  # from 0
     heading: Heading
@@ -90,7 +90,7 @@ def choose(
     table: Table, asked: Mapping[str, ColumnName], *, timed: bool
 ) -> tuple[dict[str, Choice], list[str]]:
     """Choose the columns that were asked for, and those that names, units and numbers
-    show; note what was taken for granted. A step stands in place of times.
+    show; note the assumptions. A step stands in place of times.
 
     Raises `InputError` where two columns could be the force or the time, or none; its
     note is a table of all columns.
@@ -136,7 +136,7 @@ def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
         ]
     for kinds in preferred:
         found = [i for i in free if quantities[i] in kinds]
-        named = [i for i in found if table.headings[i].is_told_by_name]
+        named = [i for i in found if table.headings[i].is_named]
         if found:
             return named or found
     if name == "force" and not _unnamed(table, free):
@@ -145,8 +145,8 @@ def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
 
 
 def _is_pulled_with(heading: Heading) -> bool:
-    """Whether a load may be the force of the test: testing machines call so what they
-    pull with.
+    """Whether a load may be the force of the test: testing machines call so the force
+    that they pull with.
     """
     words = {*simple(heading.name).split()}
     across = {"normal", "vertical", "nominal", "applied", "axial"}
@@ -217,7 +217,7 @@ def _question(table: Table, name: str, found: list[int]) -> InputError:
 
 
 def _preview(table: Table) -> str:
-    """All columns of numbers: number, heading, range, first values, what they do."""
+    """All columns of numbers: number, heading, range, first values, even rise."""
     rows = [("column", "heading", "from", "to", "first values", "")]
     for i, values in table.read(table.numeric[:_MOST_SHOWN]).items():
         low, high, rises = _range(values)

@@ -76,8 +76,8 @@ def episodes(
     noise : float
         Standard deviation of the force that the noise of contacts makes. Normal noise
         of a narrow band drops farther than `x` with the probability ``exp(-x^2/8)``, in
-        standard deviations: no drop counts that one of so many reaches by chance in 5 %
-        of the cases.
+        standard deviations: no drop counts that one of their number reaches by chance
+        in 5 % of the cases.
     """
     # slow to load
     import pandas as pd

@@ -20,9 +20,9 @@ from stickslip.measure.slips import (
     Slips,
     fast_slips,
     find_slips,
+    fitted_locally,
     speeds,
     weighted_median,
-    without_waves,
 )
 from stickslip.measure.trace import (
     CHANCE,
@@ -41,13 +41,13 @@ from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.stability import contact_noise, count_unstable
 
-# Conventions: what the words mean.
+# Conventions: the meaning of the words.
 TINY = 0.02  # an oscillation below this part of the largest force is smooth sliding ...
 SMALL = 0.10  # ... and one that decays, or noise that may hide another, below this
 MOST = 0.5  # of the time, or of a force
 STEADY = 0.05  # change of the logarithm of the amplitude that is none
-# change of the logarithm of the amplitude from half to half that what persists
-# excludes; what is seen of it is at most half of that
+# change of the logarithm of the amplitude from half to half that persistence excludes;
+# the change that is seen is at most half of it
 LASTING = math.log(2.0)
 # part of a drop that the loading before it makes up, at least; and the other way round
 CLIMBS = 0.25
@@ -94,10 +94,10 @@ class Loading(NamedTuple):
 class Criterion:
     """One test of a regime."""
 
-    name: str  #: what is asked
-    statistic: float  #: what was found
+    name: str  #: of the statistic
+    statistic: float  #: its value
     error: float  #: its standard error; 0 where it is not known
-    limit: float  #: what it is compared with
+    limit: float  #: value with which it is compared
     source: Source  #: where the limit comes from: theory, statistics or a convention
     passed: bool  #: the answer
 
@@ -118,9 +118,9 @@ class Window:
     found: Slips
 
     @classmethod
-    def of(cls, trace: Trace, found: Slips | None = None) -> Self:
+    def of(cls, trace: Trace) -> Self:
         """A window, with its drops."""
-        return cls(trace, found or find_slips(trace))
+        return cls(trace, find_slips(trace))
 
     @cached_property
     def largest(self) -> float:
@@ -278,7 +278,7 @@ class Window:
         scatter = (
             max(scatter**2 - weighted_median(noise, waits) ** 2, 0.0) ** 0.5 / rate
         )
-        gain = rate * float(waits.sum()) / float(self.found.drops[1:][long].sum())
+        gain = float(rate * waits.sum() / self.found.drops[1:][long].sum())
         return Loading(
             rate,
             scatter,
@@ -365,10 +365,10 @@ class Window:
         at = at - at.mean()
         rate = slope(sizes, at)
         rest = sizes - sizes.mean() - rate * at
-        square = float((rest**2).sum())
-        power = square / float((at**2).sum()) / (sizes.size - 2)
+        square = (rest**2).sum()
+        power = square / (at**2).sum() / (sizes.size - 2)
         # Alternating large and small cycles determine a mean better (Bartlett).
-        turn = float((rest[1:] * rest[:-1]).sum()) / (square or 1.0)
+        turn = (rest[1:] * rest[:-1]).sum() / (square or 1.0)
         turn = min(max(turn, 1.0 / sizes.size - 1.0), 0.0)
         power *= (1.0 + turn) / (1.0 - turn)
         return Feature(0.5 * rate, 0.5 * math.sqrt(power))
@@ -447,7 +447,7 @@ class Window:
 
     @property
     def tests(self) -> tuple[Criterion, ...]:
-        """The tests of a regime, but for those of what is not known."""
+        """The tests of a regime, except those of unknown features."""
         value, error = self.change
         change = Feature(abs(value), error * self.errors(CHANCE) / ERRORS)
         gain = self.loading.gain
@@ -547,7 +547,7 @@ def look_past_waves(seen: Window) -> Window:
         width = trace.t.size // part
         if width < 2 * FEWEST_READINGS:
             break
-        wave = trace.force - without_waves(trace.force, width)
+        wave = fitted_locally(trace.force, width, 2)
         wave -= np.median(wave)
         shown = Window.of(replace(trace, force=trace.force - wave))
         found = shown.found

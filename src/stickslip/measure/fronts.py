@@ -33,7 +33,7 @@ _SLOWEST = 0.01
 # it is fast
 _BREAKING = 0.01
 # fronts that are listed, and blocks of the smallest event that is
-_TOLD = 5
+_LISTED = 5
 _LARGE = 3
 # neighbours in time, for tables of samples and blocks
 _IN_TIME = np.array([[0, 1, 0]] * 3)
@@ -57,8 +57,8 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
     """Return where and how fast contacts first broke along an elastic slider.
 
     A front runs from the block that breaks first to either side. It stops where the
-    next block breaks only after ten times what each of the twenty before took (their
-    median); what goes on from there is a front of its own. The `run` is one of a
+    next block breaks only after ten times the median wait of the twenty before; the
+    blocks that break from there on are a front of their own. The `run` is one of a
     `Chain`, or one row of that of a `Sheet`; else `InputError`.
 
     Returns
@@ -124,7 +124,7 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
     rows = list[Row]()
     for i in range(1, waits.size):
         before = np.abs(waits[max(starts[-1], i - _BEFORE) : i])
-        if before.size >= _FEWEST and waits[i] > _WAIT * float(np.median(before)):
+        if before.size >= _FEWEST and waits[i] > _WAIT * np.median(before):
             starts.append(i + 1)
     for start, beyond in itertools.pairwise([*starts, line.size]):
         end = beyond - 1
@@ -134,19 +134,9 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
             # leave out the first fifth, in which the front accelerates
             under_way = line[start + (count - 1) // 5 : beyond]
             speed = _speed(under_way) if count >= _FEWEST else np.nan
-            ends = (
-                origin + way * start,
-                origin + way * end,
-            )
-            rows.append(
-                (
-                    *ends,
-                    count,
-                    line[start],
-                    line[end],
-                    speed,
-                )
-            )
+            first = origin + way * start
+            last = origin + way * end
+            rows.append((first, last, count, line[start], line[end], speed))
     return rows
 
 
@@ -339,7 +329,7 @@ def _fronts_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> Iterator[s
         return
     unit = units_of(run["time"])
     last = run.sizes["block"] - 1
-    for row in rows(fronts(run), "front", most=_TOLD):
+    for row in rows(fronts(run), "front", most=_LISTED):
         natural = row["front_speed"] / rig.unit("1/time")
         during = (large["start"] >= row["start"]) & (large["start"] <= row["end"])
         if not np.isfinite(natural) or during.sum() > 1:

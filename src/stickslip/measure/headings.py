@@ -50,7 +50,7 @@ def unit_named(text: str) -> tuple[str, float] | None:
     if it is not one of these.
     """
     plain = text.strip()
-    # Nm is no nanometre, but Newton and MIN are what they are in small letters
+    # Nm is no nanometre, but Newton and MIN mean the same in small letters
     return (
         _simple_unit(plain)
         or _torque(plain)
@@ -94,14 +94,14 @@ def ratio(unit: str, of: str) -> float | None:
 
 
 def simple(name: str) -> str:
-    """A name as it is compared: in small letters, with blanks for what parts words."""
+    """A name as it is compared: in small letters, with blanks between words."""
     plain = re.sub("[\N{MICRO SIGN}\N{GREEK SMALL LETTER MU}]", "mu", name).lower()
     return re.sub(r"[\s_.\-:/]+", " ", plain).strip()
 
 
 def _named(name: str) -> Quantity:
     """Return the quantity that a name means: the whole, or the longest known one in it,
-    the last of equally long ones; of "torque of the motor" what stands before.
+    the last of equally long ones; of "torque of the motor" the part before "of the".
 
     A single letter counts only where it stands alone, or behind the name of an
     instrument: ``DAQ.F``.
@@ -161,8 +161,8 @@ class Heading(NamedTuple):
         return named if fits else "other" if named else by_unit
 
     @property
-    def is_told_by_name(self) -> bool:
-        """Whether the name says what the column holds, rather than its unit alone."""
+    def is_named(self) -> bool:
+        """Whether the name, rather than the unit alone, gives the quantity."""
         return bool(_named(self.name))
 
     @property
@@ -180,7 +180,7 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
     """Return names and units of `width` columns, from lines above them: the last that
     holds names, and the units in the line below it or above it.
 
-    Lines of dashes, and what labels a line ("Unit"), are left out.
+    Lines of dashes, and the label of a line ("Unit"), are left out.
     """
     plain = [[_text_of(cell) for cell in row] for row in rows]
     plain = [row for row in plain[-_MOST_ROWS:] if any(row)]
@@ -212,7 +212,7 @@ def _are_units(row: Sequence[str], *, alone: bool) -> bool:
 
 
 def _joined(name: str, unit: str) -> Heading:
-    """A name and what stands in the line of units: that may be a second name."""
+    """A name and the cell in the line of units, which may be a second name."""
     heading = Heading.read(name)
     plain = unit.strip("[]()")
     if plain and unit_named(plain) is None and _named(plain):

@@ -1,4 +1,4 @@
-"""The kind of motion in a window, by its features: what is missing for a verdict
+"""The kind of motion in a window, by its features: missing evidence for a verdict
 first, then a few rules, each a test that would deny its word.
 """
 
@@ -88,7 +88,7 @@ def _missing(seen: Window) -> str:
 
 
 def _changes(seen: Window) -> str:
-    """Why what is seen of an oscillation may not persist; empty if it does."""
+    """Why an oscillation that is seen may not persist; empty if it does."""
     if seen.trend < 0 or (seen.trend > 0 and not seen.are_slips):
         return _change(seen)
     if seen.persists or not (seen.is_stick_slip or _oscillates(seen)):

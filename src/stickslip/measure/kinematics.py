@@ -16,7 +16,7 @@ from stickslip.errors import InputError, whole
 from stickslip.measure.headings import ratio
 from stickslip.measure.periods import REGULAR, find_cycles
 from stickslip.measure.sensor import white_noise
-from stickslip.measure.slips import EDGE, find_slips
+from stickslip.measure.slips import EDGE, find_slips, fitted_locally
 from stickslip.measure.trace import (
     FEWEST_CYCLES,
     RESTS,
@@ -45,22 +45,11 @@ def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
     """Return slopes by least squares over as many samples as give the loading rate to
     a tenth; none if that takes more than a twelfth of all.
     """
-    # slow to load, and not needed where the motion is known
-    from scipy.signal import oaconvolve, savgol_coeffs
-
     narrowest = (12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)
     width = max(math.ceil(narrowest) | 1, 3)
     if 12 * width > force.size:
         return np.empty(0)
-    # odd reflection continues a straight line as one
-    padded = np.pad(
-        force - force.mean(),
-        width // 2,
-        "reflect",
-        reflect_type="odd",
-    )
-    line = savgol_coeffs(width, 1, deriv=1, delta=step)
-    return np.asarray(oaconvolve(padded, line, "valid"))
+    return fitted_locally(force, width, 1, 1, step)
 
 
 def _full_rate(force: Array, step: float, noise: float) -> float:
@@ -71,7 +60,7 @@ def _full_rate(force: Array, step: float, noise: float) -> float:
     for _ in range(20):
         before = rate
         found = _slopes(force, step, noise, rate)
-        rate = float(np.quantile(found, 0.9)) if found.size else 0.0
+        rate = np.quantile(found, 0.9) if found.size else 0.0
         if not rate > 0:
             return math.nan
         if abs(rate - before) <= _STEADY * rate:
@@ -95,7 +84,7 @@ def motion(
     With a drive at velocity ``V`` and a spring of stiffness ``K`` the slider is at
     ``X = V t - F/K`` (`displacement`, in m), its velocity ``V - (dF/dt)/K``
     (`velocity`, beside `drive_velocity`, in m/s). Slopes are read by least squares over
-    as many samples as tell the velocity to a tenth of the drive's, so that faster
+    as many samples as give the velocity to a tenth of the drive's, so that faster
     motion is smoothed. `regime`, `drops` and pictures then know how fast the slider
     moves, as they do of a run. Raises `InputError` if the data know the motion already,
     or the force is no force, or its noise hides the motion.
@@ -109,7 +98,7 @@ def motion(
         sensor, contacts that are held), and of the drive: in N/m and m/s, or texts with
         a unit.
     contacts : int, optional
-        How many there are: what is no more than their noise is no oscillation.
+        Their number: motion within their noise is no oscillation.
 
     Examples
     --------
@@ -196,7 +185,7 @@ def rms_velocity_deviation(trace: Trace) -> float:
 class Kinematics(Answer):
     """Motion of a slider, in units of its drive and in SI units."""
 
-    mass: float  #: what is given, in kg; NaN if nothing is
+    mass: float  #: the given one, in kg; NaN without
     motion: str  #: in words
     #: fraction of the time in which the slider is slower than a quarter of the drive
     stuck: float
@@ -214,7 +203,7 @@ class Kinematics(Answer):
     #: full rate of the force over stiffness times velocity: 1 of a slider that sticks,
     #: .2 if never
     loading: float
-    #: in kg: what this spring moves as quickly as slips or oscillation go; NaN if
+    #: in kg: that this spring moves as quickly as slips or oscillation go; NaN if
     #: unresolved
     effective_mass: float
     noise: float  #: of the sensor, in m of the spring
@@ -250,8 +239,8 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     """Return how a slider moves, from a trace with the motion that `motion` found, or a
     part of it; else `InputError`.
 
-    The `mass` of the slider, in kg, or a text with a unit, is what the effective mass
-    is compared with.
+    The effective mass is compared with the `mass` of the slider, in kg, or a text with
+    a unit.
 
     Examples
     --------

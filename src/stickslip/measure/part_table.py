@@ -24,7 +24,7 @@ _COLUMNS = {
     "each": "time",
     "cycles": "",
 }
-"""The numbers of a part, and what they are."""
+"""The numbers of a part, and their quantities."""
 
 
 def _numbers(part: "Regime") -> list[float | None]:

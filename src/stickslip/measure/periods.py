@@ -14,7 +14,7 @@ from stickslip.measure.trace import (
     without_drift,
 )
 
-PERIODIC = 0.7  # least autocorrelation at one period of what is called periodic
+PERIODIC = 0.7  # least autocorrelation at one period of a periodic force
 JITTER = math.sqrt(-2.0 * math.log(PERIODIC)) / (2.0 * math.pi)
 """Variation of the cycles that leaves a sine this correlation at one period, as
 ``exp(-(2 pi CV)^2 / 2)``: .13.
@@ -39,7 +39,7 @@ class Cycles:
 
     period: float  #: mean time of a cycle; NaN if there are fewer than two rises
     variation: float  #: coefficient of variation of the times of the cycles
-    #: autocorrelation of the force at one period: 1 for what repeats, near 0 for noise
+    #: autocorrelation of the force at one period: 1 if it repeats, near 0 for noise
     correlation: float
     #: when the cycles begin, in their rise; the last one ends the last complete cycle
     times: Array

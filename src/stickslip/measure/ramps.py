@@ -58,7 +58,7 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
 
     The drive speeds up, or slows down, or first speeds up and then slows down; it may
     keep its velocity for a while. Raises `InputError` if it turns back or is not known,
-    or the run is in SI units and does not say what rig it was made of; `UndecidedError`
+    or the run is in SI units and does not hold the rig it was made of; `UndecidedError`
     if the drive does not change, goes up and down more than once, or travels less than
     two windows, or there are too few samples in a window.
 
@@ -161,7 +161,7 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
     travel = cumulative_trapezoid(trace.drive, trace.t, initial=0)
     width = _WINDOW * (rig.unit("x_s") if rig else 1.0) * np.ones_like(travel)
     if rig and isinstance(rig.slider, Slider):
-        swing = max(float(np.ptp(trace.force)), level) / rig.unit("f_s")
+        swing = max(np.ptp(trace.force), level) / rig.unit("f_s")
         loading = swing * (1.0 + 1.0 / rig.slider.stiffness) * rig.unit("x_s")
         period = (
             2
@@ -214,7 +214,7 @@ def _turning_time(t: Array, drive: Array) -> float:
     """Time at which the drive is fastest: its start if it only slows down, its end
     if it only speeds up.
     """
-    top = float(drive.max())
+    top = drive.max()
     loops = len(turning_points(np.pad(drive, 1), 1e-3 * top)[0])
     if loops > 1 or np.ptp(drive) <= CONSTANT_DRIVE * top:
         seen = (

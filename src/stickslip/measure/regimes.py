@@ -27,11 +27,12 @@ from stickslip.measure.features import (
     Window,
     look_past_waves,
 )
+from stickslip.measure.headings import ratio
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
 from stickslip.measure.part_table import part_table
 from stickslip.measure.segments import parts_between_pauses, segments
 from stickslip.measure.sensor import note_saturation, spikes
-from stickslip.measure.slips import Slips, fast_slips, find_slips
+from stickslip.measure.slips import Slips, fast_slips
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import (
     CONSTANT_DRIVE,
@@ -69,7 +70,7 @@ class Regime(Answer):
     #: reason says whether the slider sticks. *Smooth sliding*: no oscillation, or noise
     #: of the contacts or distributed as noise, or an oscillation below 2 % of the
     #: largest force, or one that decays and is below 10 %. *Undecided*: the evidence
-    #: does not suffice; the reason says what would decide it.
+    #: does not suffice; the reason names the data that would decide it.
     kind: Kind
 
     reason: str  #: why, in plain words
@@ -77,7 +78,7 @@ class Regime(Answer):
     window: Range
     peak_to_peak: float  #: of the force of the driving spring in the window
     mean_force: float  #: of the driving spring in the window
-    #: largest force in all of the data: what amplitudes are compared with
+    #: largest force in all of the data, with which amplitudes are compared
     static_friction: float
     #: second half over first, by a line through the logarithms of drops, or of the
     #: scatter in eight parts
@@ -108,16 +109,16 @@ class Regime(Answer):
     #: with a normal load: the coefficient of friction, on average in the window
     mean_mu: float | None = None
     static_mu: float | None = None  #: the largest in all of the data
-    quantity: str = "force"  #: what the force is: or "coefficient of friction"
+    quantity: str = "force"  #: or "coefficient of friction", "torque"
     time_unit: str = ""  #: of the times above; empty where the data do not say
     force_unit: str = ""  #: of the forces above
     velocity_unit: str = ""  #: of a measured speed
-    #: what a reader should know of the data: a saturated sensor, gaps, a drift
+    #: remarks on the data: a saturated sensor, gaps, a drift
     notes: tuple[str, ...] = ()
     #: of a reciprocating test: half the difference of the two plateaus of its strokes
     half_width: float | None = None
     offset: float | None = None  #: and their middle
-    #: what lies between gaps, steps of level or amplitude, and reversals, each judged
+    #: stretches between gaps, steps of level or amplitude, and reversals, each judged
     #: by itself; empty where there are none
     segments: tuple[Regime, ...] = ()
     table: tuple[Criterion, ...] = ()  #: the tests that kind and reason are read off
@@ -132,6 +133,12 @@ class Regime(Answer):
                 "slips" if self.stuck is not None and self.stuck >= RESTS else "cycles"
             )
         return "slips" if self.kind == "stick-slip" else "drops"
+
+    @property
+    def frequency(self) -> float:
+        """Cycles per second; NaN where the period or its unit is not known."""
+        seconds = ratio(self.time_unit, "s")
+        return 1.0 / (seconds * self.period) if seconds else math.nan
 
     @property
     def is_in_turn(self) -> bool:
@@ -168,12 +175,8 @@ class Regime(Answer):
                 f"(kinetic), {words.number(self.static_mu, 3)} at most (static)"
             )
         lines += part_table(self.segments) if self.segments else self._evidence()
-        return "\n".join(
-            [
-                *lines,
-                *(f"note: {note}" for note in self.notes),
-            ]
-        )
+        lines += [f"note: {note}" for note in self.notes]
+        return "\n".join(lines)
 
     def _evidence(self) -> list[str]:
         """Return the evidence of a window that is one part, in lines."""
@@ -252,7 +255,7 @@ def regime(
         A run, a measured trace, or the force alone over its times: coordinate or index,
         which may be dates.
     after : float, optional
-        Judge what comes after this time, in the unit of the times. By default the last
+        Judge the data after this time, in the unit of the times. By default the last
         40 % of the last stretch of constant driving, or 80 % if that holds fewer than
         five drops; of a force alone, all after the first loading.
 
@@ -267,14 +270,14 @@ def regime(
 
 
 def regime_of_run(run: Recording) -> Regime:
-    """Return the regime of a run with a drive, as its engine left it: what `regime`
-    says of its Dataset.
+    """Return the regime of a run with a drive, as its engine left it: the same as
+    `regime` of its Dataset.
     """
-    return _combine_parts(_judge_parts(*_select_late_window(Trace.of_run(run))))
+    return _combine_parts(_judge_parts(_late_window(Trace.of_run(run))))
 
 
 def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
-    """The trace that data hold, or what comes after a time, and its regime; a
+    """The trace that data hold, or the part after a time, and its regime; a
     coefficient of friction by its size.
     """
     trace = Trace.of(data)
@@ -294,10 +297,9 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
             raise InputError(f"after = {given}: {least}; the data end at t = {last}")
     if trace.measured:
         seen = _judge_measured(trace, whole=after is None)
-    elif after is None:
-        seen = _combine_parts(_judge_parts(*_select_late_window(trace)))
     else:
-        seen = _combine_parts(_judge_parts(trace))
+        window = _late_window(trace) if after is None else Window.of(trace)
+        seen = _combine_parts(_judge_parts(window))
     if "mu" in data and data["mu"].dims == ("time",):
         size = abs(data["mu"])  # it changes sign with the direction
         seen = replace(
@@ -314,9 +316,9 @@ def _with_mu(seen: Regime, size: xr.DataArray) -> Regime:
     return replace(seen, mean_mu=float(inside.mean()), static_mu=float(inside.max()))
 
 
-def _select_late_window(trace: Trace) -> tuple[Trace, Slips | None]:
+def _late_window(trace: Trace) -> Window:
     """The last part of the last stretch of constant driving, or twice as much if
-    that holds few drops; its drops.
+    that holds few drops.
     """
     assert trace.drive is not None
     last = trace.drive[-1]
@@ -324,14 +326,14 @@ def _select_late_window(trace: Trace) -> tuple[Trace, Slips | None]:
     first = int(differs[-1]) + 1 if differs.size else 0
     first = max(first, int(np.searchsorted(trace.t, trace.steady_load_from)))
     if trace.t.size - first < max(FEWEST_READINGS, 0.05 * trace.t.size):
-        return trace, None
+        return Window.of(trace)
     end = trace.t[-1]
     for part in (LATE_PART, 2.0 * LATE_PART):
-        late = trace.part(end - part * (end - trace.t[first]))
-        found = find_slips(late)
-        if late.t.size >= FEWEST_READINGS and not 0 < found.size <= FEWEST_CYCLES:
+        late = Window.of(trace.part(end - part * (end - trace.t[first])))
+        is_long = late.trace.t.size >= FEWEST_READINGS
+        if is_long and not 0 < late.found.size <= FEWEST_CYCLES:
             break
-    return late, found
+    return late
 
 
 def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
@@ -347,10 +349,10 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     for stretch in long or [trace]:
         found, friction, offset = find_strokes(stretch)
         if not found:
-            loaded = _skip_loading(stretch) if whole else (stretch, None)
-            parts += _judge_parts(*loaded)
+            loaded = _skip_loading(stretch) if whole else Window.of(stretch)
+            parts += _judge_parts(loaded)
             continue
-        parts += [_doubt_oscillation(_judge(stroke)) for stroke in found]
+        parts += [_doubt_oscillation(_judge(Window.of(stroke))) for stroke in found]
         strokes += len(found)
         loops.append((friction, trace.sign * offset))
     seen = _combine_parts(parts, strokes)
@@ -363,7 +365,7 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
 def _note_gaps(stretches: Sequence[Trace]) -> list[str]:
     """Note gaps in the readings, between stretches of one part of a record."""
     gaps = [
-        (float(one.t[-1]), float(other.t[0]))
+        (one.t[-1], other.t[0])
         for one, other in itertools.pairwise(stretches)
         if one.part_number is None
         or other.part_number is None
@@ -384,23 +386,24 @@ def _doubt_oscillation(stroke: Regime) -> Regime:
     return replace(stroke, kind=OPEN, reason=f"{stroke.reason}; {doubt}")
 
 
-def _skip_loading(trace: Trace) -> tuple[Trace, Slips | None]:
-    """What comes behind the first loading of a force, and behind its breakaway: a few
-    drops after which it does not climb again; its drops, where they were sought.
+def _skip_loading(trace: Trace) -> Window:
+    """The part behind the first loading of a force, and behind its breakaway: a few
+    drops after which it does not climb again.
     """
-    usual = float(np.median(trace.force[trace.force.size // 2 :]))
+    usual = np.median(trace.force[trace.force.size // 2 :])
     first = int(np.argmax(trace.force >= usual))
-    late = trace.part(float(trace.t[first]))
+    late = trace.part(trace.t[first])
     rises = _drift_rate(trace.part(-math.inf, late.t[0])) > 0
     if not rises or 2 * first > trace.t.size or late.t.size < FEWEST_READINGS:
-        return trace, None
-    found = find_slips(late)
+        return Window.of(trace)
+    loaded = Window.of(late)
+    found = loaded.found
     if not 0 < found.size < FEWEST_CYCLES:
-        return late, found
-    rest = late.part(float(late.t[found.end[-1]]))
+        return loaded
+    rest = late.part(late.t[found.end[-1]])
     if rest.t.size < FEWEST_READINGS or rest.length < rest.t[0] - trace.t[0]:
-        return late, found
-    return (rest, None) if rest.rise < CLIMBS * found.drops.max() else (late, found)
+        return loaded
+    return Window.of(rest) if rest.rise < CLIMBS * found.drops.max() else loaded
 
 
 def _drift_rate(trace: Trace) -> float:
@@ -409,12 +412,11 @@ def _drift_rate(trace: Trace) -> float:
     return trace.rise / trace.length if drifts else 0.0
 
 
-def _judge_parts(trace: Trace, found: Slips | None = None) -> list[Regime]:
-    """Judge what lies between steps of level or amplitude by itself."""
-    found = found or find_slips(trace)
-    parts = segments(trace, found)
+def _judge_parts(seen: Window) -> list[Regime]:
+    """Judge the parts between steps of level or amplitude by themselves."""
+    parts = segments(seen.trace, seen.found)
     if not parts:
-        return [_judge(trace, found)]
+        return [_judge(seen)]
     judged_parts = [pair for part in parts for pair in _judge_part(part)]
     climbs = [
         each.loading_rate / _speed(part)
@@ -422,7 +424,7 @@ def _judge_parts(trace: Trace, found: Slips | None = None) -> list[Regime]:
         if each.loading_rate
     ]
     return [
-        _judge(level)
+        _judge(Window.of(level))
         if each.kind == OPEN and (level := _as_sliding(part, climbs))
         else each
         for part, each in judged_parts
@@ -431,11 +433,12 @@ def _judge_parts(trace: Trace, found: Slips | None = None) -> list[Regime]:
 
 def _judge_part(part: Trace) -> list[tuple[Trace, Regime]]:
     """A part and its regime; where that is open, as drops end that are small beside
-    those of other parts, what lies before and after, each with its own.
+    those of other parts, the parts before and after, each with its own.
     """
-    seen = _judge(part)
-    finer = parts_between_pauses(part, find_slips(part)) if seen.kind == OPEN else []
-    return [(each, _judge(each)) for each in finer] or [(part, seen)]
+    window = Window.of(part)
+    seen = _judge(window)
+    finer = parts_between_pauses(part, window.found) if seen.kind == OPEN else []
+    return [(each, _judge(Window.of(each))) for each in finer] or [(part, seen)]
 
 
 def _speed(trace: Trace) -> float:
@@ -473,10 +476,9 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
         counts = ", ".join(f"{count} {kind}" for kind, count in many)
         reason = f"reciprocating test, {strokes} strokes judged separately ({counts}); "
         reason += seen.reason + ("" if agree else "; judge a part of the strokes")
-        kind = kind if agree else OPEN
         return replace(
             seen,
-            kind=kind,
+            kind=kind if agree else OPEN,
             reason=reason,
             window=window,
             segments=tuple(parts),
@@ -484,8 +486,6 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
     if len(parts) == 1:
         return seen
     seen = replace(seen, segments=tuple(parts))
-    if kind == OPEN:
-        return seen
     if agree and {*lasts} <= {kind, OPEN}:
         return _with_its_decay(seen, parts)
     runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
@@ -520,7 +520,7 @@ def _until(run: Sequence[Regime]) -> str:
     if first is None or last is None:
         return end
     change = last[1] - first[0]
-    if abs(change) <= CONSTANT_DRIVE * max(last[1], first[0]):
+    if abs(change) <= CONSTANT_DRIVE * first[0]:
         return end
     speed = words.engineering(last[1], run[-1].velocity_unit, 2)
     return f"{end} ({'up' if change > 0 else 'down'} to {speed})"
@@ -537,9 +537,10 @@ def _end(part: Regime) -> str:
     return words.engineering(end, part.time_unit, digits)
 
 
-def _judge(trace: Trace, found: Slips | None = None) -> Regime:
-    """Classify the motion in a window; `found` are its drops, if known."""
-    seen = look_past_waves(Window.of(trace, found))
+def _judge(window: Window) -> Regime:
+    """Classify the motion in a window."""
+    trace = window.trace
+    seen = look_past_waves(window)
     kind = OPEN
     reason = _find_fault(trace, seen)
     if not reason:
@@ -606,9 +607,9 @@ def _driven_by_force(trace: Trace) -> str:
     """Report the motion of a slider that a force drives, which holds it at no speed."""
     assert trace.rig is not None
     assert trace.X is not None
-    late = trace.part(0.5 * float(trace.t[0] + trace.t[-1]))
+    late = trace.part(0.5 * (trace.t[0] + trace.t[-1]))
     assert late.X is not None
-    way = abs(float(late.X[-1] - late.X[0]))
+    way = abs(late.X[-1] - late.X[0])
     # so far contacts stretch without sliding
     moves = "slides" if way > trace.rig.unit("length") else "rests"
     return f"the force is the drive itself, and holds no speed; the slider {moves}"

@@ -68,23 +68,17 @@ def _steps(trace: Trace, count: int) -> list[float]:
             continue
         size = blocks.shape[1]
         start = first + size * (edge - 2)
-        about = slice(start, start + 4 * size)
-        at = _likeliest(trace.force[about])
-        times.append(float(trace.t[about][at]))
+        at = start + _likeliest(trace.force[start : start + 4 * size])
+        times.append(float(trace.t[at]))
     return times
 
 
 def _levels_and_amplitudes(blocks: Array) -> Array:
     """Means of blocks, in their usual scatter, and the logarithms of their scatter."""
     scatter = blocks.std(axis=1)
-    scale = float(np.median(scatter)) or float(scatter.max())
-    amplitudes = np.log(np.maximum(scatter / scale, 1e-6))
-    return np.array(
-        [
-            blocks.mean(axis=1) / scale,
-            amplitudes,
-        ]
-    )
+    scale = np.median(scatter) or scatter.max()
+    levels = blocks.mean(axis=1) / scale
+    return np.array([levels, np.log(np.maximum(scatter / scale, 1e-6))])
 
 
 def _noise(series: Array) -> Array:
@@ -94,10 +88,8 @@ def _noise(series: Array) -> Array:
     the next but one are larger by 1 + r in squares, and means scatter as if it were
     larger by (1 + r)/(1 - r).
     """
-    one = _scatter(series[:, 1:] - series[:, :-1])
-    two = _scatter(series[:, 2:] - series[:, :-2])
-    one = np.maximum(one, STEADY)
-    two = np.maximum(two, STEADY)
+    one = np.maximum(_scatter(np.diff(series)), STEADY)
+    two = np.maximum(_scatter(series[:, 2:] - series[:, :-2]), STEADY)
     r = np.clip((two / one) ** 2 - 1.0, 0.0, 0.99)
     return np.asarray(one * np.sqrt(0.5 * (1.0 + r)) / (1.0 - r))
 
@@ -179,7 +171,7 @@ def _likeliest(force: Array) -> int:
     """
     count = np.arange(2, force.size - 1)
     rest = force - force.mean()
-    floor = 1e-12 * float((rest**2).sum()) + 1e-300
+    floor = 1e-12 * (rest**2).sum() + 1e-300
     likely = np.zeros(count.size)
     for direction in (1, -1):
         mean = rest[::direction].cumsum()[1:-2] / count

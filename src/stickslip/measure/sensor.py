@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
 from stickslip.measure.trace import FEWEST_READINGS, Array
 
-SIGMAS = 6.0  # standard deviations of the noise: what lies farther off is none of it
+SIGMAS = 6.0  # standard deviations: a sample farther off is no noise
 Mask = NDArray[np.bool_]
 FEW = 0.05  # largest part of the samples that may be faults of the sensor
 # samples, consecutive samples and peaks that make a saturated sensor
@@ -124,12 +124,12 @@ def spikes(force: Array) -> Mask:
     beyond = np.maximum(lowest - values, values - highest)
     apart = beyond > highest - lowest
     # not less those that slips spoil: these are no spikes
-    noise = 1.4826 * float(np.median(_bends(values))) / math.sqrt(6.0)
-    noise = max(noise, resolution(values) / math.sqrt(12.0))
+    usual = 1.4826 * np.median(_bends(values)) / math.sqrt(6.0)
+    noise = max(usual, resolution(values) / math.sqrt(12.0))
     off = np.abs(values - median_filter(values, 5))
     apart &= off > SIGMAS * noise
     # At an end it is not seen whether a force comes back as a spike does: there it must
-    # exceed what slips make of four, and be no bench without load.
+    # exceed the range of four samples in a slip, and be no bench without load.
     for end, beside in ((0, 1), (-1, -2)):
         if apart[end]:
             inner = values[1:-1][~apart[1:-1]]
@@ -154,5 +154,5 @@ def _is_flat(force: Array) -> bool:
         return False
     near = force[~at & (force > top - 0.2 * np.ptp(force))]
     _, counts = np.unique(near, return_counts=True)
-    usual = float(np.median(counts)) if near.size else 1.0
+    usual = np.median(counts) if near.size else 1.0
     return bool(FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size)

@@ -35,8 +35,8 @@ FEWEST_IN_A_DROP = FEWEST_CYCLES
 # noise over drop above which peaks and troughs are taken from lines through their
 # neighbours
 CORRECTED = 0.005
-# over the root of the samples: what a force that is noise may exceed its scatter by, by
-# chance
+# over the root of the samples: excess of the scatter of a force that is noise over that
+# noise, by chance
 WHITE = 5.0
 
 
@@ -140,16 +140,21 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
     return force, _chance_drop(size / width, cycle / width, noise)
 
 
-def without_waves(force: Array, width: int) -> Array:
-    """Subtract from a force its local quadratics over `width` samples."""
+def fitted_locally(
+    force: Array, width: int, degree: int, derivative: int = 0, step: float = 1.0
+) -> Array:
+    """Polynomial, or its derivative, that fits the `width` samples about each sample of
+    a force best; up to a constant.
+    """
     # slow to load, and seldom needed
     from scipy.signal import oaconvolve, savgol_coeffs
 
     width |= 1
-    rest = force - force.mean()
+    weights = savgol_coeffs(width, degree, deriv=derivative, delta=step)
     # odd reflection continues a straight line as one
+    rest = force - force.mean()
     padded = np.pad(rest, width // 2, "reflect", reflect_type="odd")
-    return np.asarray(rest - oaconvolve(padded, savgol_coeffs(width, 2), "valid"))
+    return np.asarray(oaconvolve(padded, weights, "valid"))
 
 
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
@@ -314,7 +319,7 @@ def _edges(
     end = troughs.copy()
     for i, peak in enumerate(peaks):
         slip = force[peak : troughs[i] + 1]
-        drop = float(slip[0] - slip[-1])
+        drop = slip[0] - slip[-1]
         margin = min(max(EDGE * drop, 2.5 * noise), 0.4 * drop)
         low = int(np.argmax(slip <= slip[-1] + margin))
         high = np.flatnonzero(slip[:low] >= slip[0] - margin)[-1]

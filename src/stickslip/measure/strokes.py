@@ -26,11 +26,8 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
     edges = _reversals(trace)
     if len(edges) < 3:
         return [], math.nan, math.nan
-    last = trace.t.size
-    parts = [
-        trace.part(trace.t[begin], trace.t[end] if end < last else np.inf)
-        for begin, end in itertools.pairwise(edges)
-    ]
+    times = np.append(trace.t, np.inf)[edges]
+    parts = [trace.part(*ends) for ends in itertools.pairwise(times)]
     levels = np.array([_plateau(part.force) for part in parts])
     even = float(np.median(levels[::2]))
     odd = float(np.median(levels[1::2]))
@@ -62,7 +59,7 @@ def _reversals(trace: Trace) -> list[int]:
     """
     size = trace.t.size
     if (way := trace.displacement) is not None:
-        least = LEAST_WAY * float(np.ptp(way))
+        least = LEAST_WAY * np.ptp(way)
         peaks, troughs = turning_points(way, least) if least > 0 else ((), ())
         return [
             0,
@@ -103,5 +100,5 @@ def _plateaus(force: Array) -> Range | None:
         low = float(force[~above].mean())
         high = float(force[above].mean())
     rest = force - np.where(above, high, low)
-    explained = float((rest**2).mean()) <= (1.0 - PLATEAUS) * float(force.var())
+    explained = (rest**2).mean() <= (1.0 - PLATEAUS) * force.var()
     return (low, high) if explained else None

@@ -28,7 +28,7 @@ _EXPORTED = {
     b"\xff\xd8\xff": "a picture: export the table as .csv",
     b"\x80\x04": "a pickle of Python: write the columns as .csv or .npy",
 }
-"""By its first bytes, what a binary file is that is not read, and what exports it."""
+"""Binary files that are not read, by their first bytes, and how to export them."""
 
 
 def read_table(

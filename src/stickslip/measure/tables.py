@@ -64,7 +64,7 @@ class Table(NamedTuple):
     each row; the step in s where the file says so.
 
     `read` returns columns by their places, NaN where a cell holds none; `line` the text
-    of a line; `notes` say what of the file was left out.
+    of a line; `notes` name the parts of the file that were left out.
     """
 
     headings: list[Heading]

@@ -190,7 +190,6 @@ class Trace:
             backwards = np.mean(drive) < 0
         sign = -1.0 if backwards else 1.0
         arrays |= _along_drive(arrays, sign)
-        velocity = data["measured_velocity"] if "measured_velocity" in arrays else None
         measured = drive is None or "stiffness" in data.attrs
         moves = arrays.get("measured_velocity")
         if moves is not None and drive is None and _is_of_the_slider(moves, force):
@@ -218,7 +217,7 @@ class Trace:
             measured=measured,
             time_unit=printable(units_of(data["time"])),
             force_unit=printable(units_of(data["spring_force"])),
-            velocity_unit=printable(units_of(velocity)),
+            velocity_unit=printable(units_of(data.get("measured_velocity"))),
             quantity=next(
                 (
                     name
@@ -231,7 +230,7 @@ class Trace:
 
     @classmethod
     def of_run(cls, run: Recording) -> Self:
-        """Take them from a run with a drive, as its engine left it: what `of` takes
+        """Take them from a run with a drive, as its engine left it: as `of` does
         from its Dataset.
         """
         series = run.series(_VARIABLES.values())
@@ -300,11 +299,9 @@ class Trace:
         if self.measured_velocity is None:
             return None
         speed = np.abs(self.measured_velocity)
-        first, last = (
-            float(np.median(part))
-            for part in (speed[:FEWEST_READINGS], speed[-FEWEST_READINGS:])
-        )
-        return first, last
+        first = np.median(speed[:FEWEST_READINGS])
+        last = np.median(speed[-FEWEST_READINGS:])
+        return float(first), float(last)
 
     @property
     def stuck(self) -> float | None:
@@ -373,10 +370,10 @@ def _contacts_of(rig: Rig) -> int | None:
 
 def _is_of_the_slider(velocity: Array, force: Array) -> bool:
     """Whether a velocity is that of the slider rather than of the drive: then what
-    the spring loses is most of what varies in it.
+    the loss of the spring is most of its variation.
     """
     count = (velocity.size - 1) // FEWEST_READINGS
-    if count < FEWEST_READINGS or not np.ptp(velocity):
+    if count < FEWEST_READINGS:
         return False
     means = np.array(
         [

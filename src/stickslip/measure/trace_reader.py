@@ -286,9 +286,9 @@ def _put_in_turn(
             f"before; times must rise: {remedy}, or give the step instead (--step, or "
             "step=)"
         )
-    usual = float(np.nanmedian(np.diff(times)))
+    usual = np.nanmedian(np.diff(times))
     for at in back:
-        times[at:] += float(np.nanmax(times[:at])) + usual - times[at]
+        times[at:] += np.nanmax(times[:at]) + usual - times[at]
     steps = values.pop("part", np.zeros(times.size))
     # a number that changes with each few rows counts something else
     turns = np.flatnonzero(np.diff(steps)) + 1
@@ -322,7 +322,7 @@ def _dataset(
     flip: bool,
     is_torque: bool,
 ) -> xr.Dataset:
-    """Fill the gaps, and label what was read."""
+    """Fill the gaps, and label the columns."""
     import pandas as pd
     import xarray as xr
 

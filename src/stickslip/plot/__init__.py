@@ -1,7 +1,7 @@
 """Pictures: a Dataset in, matplotlib Axes out.
 
-Every function draws what the Dataset holds, a run of the model or a measured trace, in
-its own units: labels come from ``long_name`` and ``units`` of the variables. Without
+Every function draws the content of a Dataset, a run of the model or a measured trace,
+in its own units: labels come from ``long_name`` and ``units`` of the variables. Without
 `ax` a function makes a figure of its own; write it with `save`:
 
 >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
@@ -146,7 +146,7 @@ __all__ = [
 
 
 class _Plot(ModuleType):
-    """A module that draws what it is called with: what a notebook tries first."""
+    """A module that draws its argument: the first thing to try in a notebook."""
 
     def __call__(self, what: object) -> Figure:
         """Draw a run, a measured trace or a sweep at a glance, or the picture of an

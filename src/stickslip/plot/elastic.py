@@ -58,7 +58,7 @@ def spacetime(
     *,
     upright: bool = True,
 ) -> Axes:
-    """Draw what happens on each block of an elastic slider, blocks to the right and
+    """Draw the state of each block of an elastic slider, blocks to the right and
     time upwards.
 
     Parameters
@@ -68,7 +68,7 @@ def spacetime(
         event: ``run.sel(time=slice(0, 200))``.
     what : {"attached", "velocity", "force"}
         Fraction of attached contacts, relative to that of each block at the beginning
-        of what is drawn; velocity of the blocks, in decades; or friction force.
+        of the picture; velocity of the blocks, in decades; or friction force.
     ax : Axes, optional
         Where to draw; by default a new figure.
     upright : bool
@@ -179,8 +179,8 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
-    """Draw the speed of fronts against the prestress ahead of them: theory, and what a
-    run with a profile of it met.
+    """Draw the speed of fronts against the prestress ahead of them: theory, and a
+    run with a profile of it.
 
     Of a run of a `Chain` from a `Prestressed` start, local speeds against the local
     prestress, with the exact curve; of a rig, the curve alone.

@@ -187,7 +187,7 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
         raise InputError(
             f"sound: there is none: {seen.kind}, no oscillation with a period"
         )
-    frequency = 1.0 / (seconds * seen.period)
+    frequency = seen.frequency
     if not _AUDIBLE[0] <= frequency <= _AUDIBLE[1]:
         remedy = (
             "see a run as a film, --kind contacts as .gif; a stiffer spring or a "

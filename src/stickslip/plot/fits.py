@@ -34,7 +34,7 @@ _SHOWN = 12
 
 @house_style()
 def slips(data: xr.Dataset) -> Figure:
-    """Draw what `Events.to_dataset` returns: trace and slips, drops, peaks against
+    """Draw the result of `Events.to_dataset`: trace and slips, drops, peaks against
     troughs, and the loading rate.
     """
     figure = new_figure(PAGE, 4.6)
@@ -228,7 +228,7 @@ def velocity_step(
 
 @house_style()
 def steps_and_holds(found: Fit) -> Figure:
-    """Draw what `fit_record` returns: the record with its steps and holds marked, each
+    """Draw the result of `fit_record`: the record with its steps and holds marked, each
     step with its fit, and the peaks after holds over their times.
     """
     length, clock, unit = found.record.units

@@ -13,7 +13,7 @@ from matplotlib.colors import ListedColormap, SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
-from matplotlib.ticker import FuncFormatter, LogLocator
+from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 
 from stickslip.answers import COLOURS
@@ -41,8 +41,8 @@ REGIMES: dict[str, tuple[str, str, str]] = {
     "failed": ("#FFFFFF", "x", "xxxxxxx"),
     "not run": ("#FFFFFF", "", ""),
 }
-"""Colour, mark and hatching of what a case of a sweep can be; light to dark in print
-without colour, too.
+"""Colour, mark and hatching of each outcome of a case of a sweep; light to dark in
+print without colour, too.
 """
 _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
@@ -413,9 +413,9 @@ def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
         ax=ax,
         ticks=[*-decades, 0.0, *decades[::-1]],
         pad=0.02,
+        label=label(found["growth_rate"]),
+        format=lambda value, _: minus(value),
     )
-    bar.set_label(label(found["growth_rate"]))
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: minus(value)))
     bar.ax.yaxis.set_minor_locator(LogLocator(subs=()))
 
 

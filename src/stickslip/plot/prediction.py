@@ -12,7 +12,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from stickslip.answers import COLOURS, with_micro
 from stickslip.model.parameters import parameter_named
@@ -33,7 +33,7 @@ _BY_THEORY = {
 
 @house_style()
 def prediction(answer: Prediction) -> Figure:
-    """Draw what `predict` returns: motion at each speed, force at the rig's own, how
+    """Draw the result of `predict`: motion at each speed, force at the rig's own, how
     far each parameter may be varied.
     """
     rows = len(answer.margins)
@@ -202,7 +202,7 @@ def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
 
 def _margins(ax: Axes, answer: Prediction) -> None:
     """A bar for each parameter, as a factor on its value: where smooth sliding is
-    stable, and what would stop it.
+    stable, and the mitigations.
     """
     stops = {each.parameter: each.to / each.now for each in answer.mitigations}
     names = list(
@@ -244,7 +244,7 @@ def _margins(ax: Axes, answer: Prediction) -> None:
     ax.set(xscale="log", xlim=(1 / widest, widest))
     ax.set_yticks(range(len(names)), [parameter_named(name).title for name in names])
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"× {v:.3g}"))
+    ax.xaxis.set_major_formatter(lambda v, _: f"× {v:.3g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.invert_yaxis()
     ax.tick_params(axis="y", length=0)
@@ -255,8 +255,8 @@ def _margins(ax: Axes, answer: Prediction) -> None:
 
 @house_style()
 def waves(answer: Any) -> Figure:
-    """Draw what `predict` returns for a `Chain` or a `Sheet`: at which speeds each wave
-    on it grows.
+    """Draw the result of `predict` for a `Chain` or a `Sheet`: the speeds at which each
+    wave on it grows.
     """
     rows = max(len(answer.waves), 1)
     figure = new_figure(PAGE, 1.4 + 0.3 * rows)

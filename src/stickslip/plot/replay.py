@@ -1,5 +1,5 @@
-"""The contacts of a run, one by one: what a film of them, and the drawing of the
-explorer, replay.
+"""The contacts of a run, one by one, as a film of them, and the drawing of the
+explorer, replay them.
 
 The run is made once more, in steps from frame to frame, and each contact is looked at
 in each frame. Frames lie closer where the slider moves fast, so that shown at an even

@@ -8,13 +8,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from stickslip.arrays import Range, units_of
 from stickslip.errors import printable
 from stickslip.measure import Regime, counted, regime, regime_and_drops
 from stickslip.measure.fronts import is_of_a_chain
-from stickslip.measure.headings import ratio
 from stickslip.plot import style
 from stickslip.plot.elastic import elastic_overview
 from stickslip.plot.palette import (
@@ -108,11 +106,7 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
             # decades within the linear part would crowd around 0
             ax.set_yscale("symlog", linthresh=usual)
             ax.yaxis.set_major_formatter(
-                FuncFormatter(
-                    lambda value, _: (
-                        "" if 0 < abs(value) < usual else style.minus(value)
-                    )
-                )
+                lambda value, _: "" if 0 < abs(value) < usual else style.minus(value)
             )
         dress(ax.yaxis, speed)
         legend_above(ax)
@@ -140,7 +134,7 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
     """Draw the spring force against the velocity of the slider: a point for smooth
     sliding, a loop for stick-slip.
 
-    Select of a run what comes after the transient: ``run.sel(time=slice(10, None))``.
+    Select the part of a run after the transient: ``run.sel(time=slice(10, None))``.
     """
     speed = variable(run, "velocity")
     force = variable(run, "spring_force")
@@ -407,14 +401,11 @@ def _title(run: xr.Dataset, seen: Regime) -> str:
         return f"friction loop, ±{engineering(seen.half_width, seen.force_unit, 3)}"
     if seen.drops_are == "drops" or not math.isfinite(seen.period):
         return seen.kind
-    seconds = ratio(seen.time_unit, "s")
-    period = f"period {engineering(seen.period, seen.time_unit, 3)}"
-    how_often = (
-        engineering(1.0 / (seconds * seen.period), "Hz", 3) if seconds else period
-    )
-    return (
-        f"{seen.kind}, {how_often}, drop {engineering(seen.drop, seen.force_unit, 3)}"
-    )
+    how_often = f"period {engineering(seen.period, seen.time_unit, 3)}"
+    if math.isfinite(seen.frequency):
+        how_often = engineering(seen.frequency, "Hz", 3)
+    drop = engineering(seen.drop, seen.force_unit, 3)
+    return f"{seen.kind}, {how_often}, drop {drop}"
 
 
 def _speed(value: float, run: xr.Dataset) -> str:

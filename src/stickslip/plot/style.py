@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from stickslip.arrays import Array as Array
 from stickslip.arrays import units_of
@@ -53,8 +53,8 @@ MOST_POINTS = 6_000
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw in the style of the house within this context; what is set outside it stays
-    as it is.
+    """Draw in the style of the house within this context; settings outside it stay
+    as they are.
 
     To set it for good: ``matplotlib.style.use("stickslip.plot.house")``.
     """
@@ -130,9 +130,9 @@ def minus(value: float) -> str:
     return f"{value:.6g}".replace("-", "\N{MINUS SIGN}")
 
 
-def dress(axis: Axis, variable: xr.DataArray) -> None:
+def dress(axis: Axis, variable: xr.DataArray) -> float:
     """Label an axis with the name and unit of a variable; SI units get the prefix that
-    suits the values.
+    suits the values, by a factor that is returned.
 
     An axis of equal ratios (``spacing`` is "log") is logarithmic, with plain numbers.
     """
@@ -140,27 +140,35 @@ def dress(axis: Axis, variable: xr.DataArray) -> None:
     log = variable.attrs.get("spacing") == "log"
     values = np.abs(np.asarray(variable.values, dtype=float))
     upright = isinstance(axis, YAxis)
-    largest = float(np.nanmax(values, initial=0.0))
+    largest = middle = float(np.nanmax(values, initial=0.0))
+    if log:
+        # over decades the middle decides
+        middle = float(np.exp(np.nanmean(np.log(values[values > 0]))))
+    factor = 1.0
+    if not 0.5 <= middle < 5e3:
+        factor, units = prefixed(middle, units)
+    # else matplotlib writes it above
+    if factor == 1.0 and not log and middle > 0.0 and not 1e-5 <= middle < 1e6:
+        power = math.floor(math.log10(middle))
+        factor = 10.0**power
+        units = f"$10^{{{power}}}$ {'' if units == '1' else units}".strip()
+    named = variable.assign_attrs(units=units)
+    axis.set_label_text(label(named, 24 if upright else 200))
     if log:
         (axis.axes.set_yscale if upright else axis.axes.set_xscale)("log")
-        subs = (1.0,) if largest > 3000 * np.nanmin(values) else (1.0, 2.0, 5.0)
-        axis.set_major_locator(LogLocator(subs=subs))
-        axis.set_minor_formatter(NullFormatter())
-        # over decades the middle decides
-        largest = float(np.exp(np.nanmean(np.log(values[values > 0]))))
-    factor, units = (1.0, units) if 0.5 <= largest < 5e3 else prefixed(largest, units)
-    # else matplotlib writes it above
-    if factor == 1.0 and not log and largest > 0.0 and not 1e-5 <= largest < 1e6:
-        power = math.floor(math.log10(largest))
-        factor, units = (
-            10.0**power,
-            f"$10^{{{power}}}$ {'' if units == '1' else units}".strip(),
-        )
-    axis.set_label_text(
-        label(variable.assign_attrs(units=units), 24 if upright else 200)
-    )
-    if log or factor != 1.0:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value / factor)))
+        number_plainly(axis, factor, decades=largest > 3000 * np.nanmin(values))
+    elif factor != 1.0:
+        axis.set_major_formatter(lambda value, _: minus(value / factor))
+    return factor
+
+
+def number_plainly(axis: Axis, factor: float = 1.0, *, decades: bool = False) -> None:
+    """Number a logarithmic axis without powers, over a factor, its decades alone or
+    others, too.
+    """
+    axis.set_major_locator(LogLocator(subs=(1.0,) if decades else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(lambda value, _: minus(value / factor))
+    axis.set_minor_formatter(NullFormatter())
 
 
 _FEW_DECADES = 30.0  # an axis of equal ratios up to it is numbered without powers
@@ -193,16 +201,14 @@ def panel(
     """
     ax.set(**properties)
     for axis, named in ((ax.xaxis, x), (ax.yaxis, y)):
+        factor = 1.0
         if isinstance(named, str):
             axis.set_label_text(named)
         elif named is not None:
-            dress(axis, named)
+            factor = dress(axis, named)
         low, high = axis.get_view_interval()
         if axis.get_scale() == "log" and high < _FEW_DECADES * low:
-            # else such as 6 x 10^-2
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axis.set_major_formatter(FuncFormatter(lambda value, _: minus(value)))
-            axis.set_minor_formatter(NullFormatter())
+            number_plainly(axis, factor)  # else such as 6 x 10^-2
     if legend == "above":
         legend_above(ax)
     elif legend is not None:
@@ -216,7 +222,7 @@ def variable(data: xr.Dataset, name: str) -> xr.DataArray:
     if name not in data:
         there = ", ".join(map(str, data.data_vars)) or "none"
         raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")
-    # of an elastic slider, what its blocks do on average
+    # of an elastic slider, the mean over its blocks
     if data[name].dims == ("time", "block"):
         return data[name].mean("block", keep_attrs=True)
     if data[name].dims != ("time",):

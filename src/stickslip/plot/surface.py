@@ -1,4 +1,4 @@
-"""Pictures of a rough surface: its contacts, their sizes, and what follows for a rig.
+"""Pictures of a rough surface: its contacts, their sizes, and a rig that follows.
 
 `stickslip.surface` stands beside pictures, which take its Datasets and attributes.
 """
@@ -10,11 +10,16 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator
 
 from stickslip.answers import COLOURS
 from stickslip.plot.palette import BLACK, BLUE, GREEN, GREY, PAGE, SKY, VERMILLION
-from stickslip.plot.style import given_or_new, house_style, minus, new_figure, panel
+from stickslip.plot.style import (
+    given_or_new,
+    house_style,
+    new_figure,
+    number_plainly,
+    panel,
+)
 from stickslip.words import number
 
 _MICRO = 1e6  # micrometres in a metre
@@ -62,8 +67,7 @@ def surface_map(found: xr.Dataset, ax: Axes | None = None) -> Axes:
     )
     touching = np.ma.masked_equal(found["pressure"].to_numpy() > 0.0, False)
     ax.imshow(touching.T, cmap=ListedColormap([VERMILLION]), **look)
-    bar = ax.figure.colorbar(shades, ax=ax, pad=0.02, aspect=30)
-    bar.set_label("height (µm)")
+    ax.figure.colorbar(shades, ax=ax, pad=0.02, aspect=30, label="height (µm)")
     count = int(found["number"][0])
     covered = 100.0 * float(found["contact_area"][0])
     ax.set_aspect("equal")
@@ -100,17 +104,11 @@ def contact_sizes(found: xr.Dataset, ax: Axes | None = None) -> Axes:
         "diameter of a contact (µm)",
         "fraction of the stiffness",
         "upper left",
+        xscale="log",
         ylim=(0.0, 1.0),
     )
-    _decades(ax)
+    number_plainly(ax.xaxis, decades=True)
     return ax
-
-
-def _decades(ax: Axes) -> None:
-    """Number the decades along an axis without powers."""
-    ax.set_xscale("log")
-    ax.xaxis.set_major_locator(LogLocator())
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: minus(value)))
 
 
 def _draw_ranges(ax: Axes, estimate: Any) -> None:
@@ -136,10 +134,11 @@ def _draw_ranges(ax: Axes, estimate: Any) -> None:
         "which length counts, a map does not say",
         "breaking displacement (µm)",
         None,
+        xscale="log",
         xlim=(low, high),
         ylim=(-0.6, 1.6),
     )
-    _decades(ax)
+    number_plainly(ax.xaxis, decades=True)
     ax.set_yticks([0, 1], [name for name, *_ in rows])
 
 

@@ -97,10 +97,10 @@ export function labelled(id, { symbol, title, help = "" }, ...content) {
   const label = element("label", { htmlFor: id, title: help }, ...(symbol ? [element("i", { textContent: symbol }), " "] : []), title);
   return element("div", { className: "field" }, label, ...content);
 }
-export function showRegime(prefix, regime, often = "") {
+export function showRegime(prefix, regime) {
   $(prefix).textContent = regime.kind;
   const beside = $(`${prefix.replace(/regime$/, "")}often`);
-  if (beside) beside.textContent = often;
+  if (beside) beside.textContent = regime.frequency;
   $(prefix).parentElement.className = `verdict ${regime.kind.replaceAll(" ", "-")}`;
 }
 

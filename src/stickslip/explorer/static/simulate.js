@@ -27,7 +27,7 @@ on("run", async (reply) => {
   reply.asked = structuredClone(newest ? state.doc : {});
   shown.run = reply;
   shown.stretchings = reply.stretchings;
-  showRegime("regime", reply.regime, reply.period);
+  showRegime("regime", reply.regime);
   $("reason").textContent = reply.regime.reason;
   list("notes", reply.notes);
   list("evidence", reply.regime.evidence);

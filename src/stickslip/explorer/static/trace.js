@@ -1,7 +1,6 @@
 /* The page Measured trace, and the trace itself, which the page Fit uses too. */
 
 import { draw, forceLayout, forceTraces, zoom } from "./figures.js";
-import { short } from "./fields.js";
 import { $, element, list, parts, showRegime, state, table, tellParts } from "./page.js";
 import { ask, on, refuse } from "./talk.js";
 
@@ -43,8 +42,7 @@ function offer(columns) {
 }
 function show(found) {
   $("trace-state").textContent = [`${found.name}: ${found.rows} rows`, found.note, `read: ${found.read}`].filter(Boolean).join("; ");
-  const per = found.regime.period;
-  showRegime("trace-regime", found.regime, per && found.regime.kind !== "smooth sliding" && found.time.unit.endsWith("s") ? `${short(1 / per, 3)} Hz` : "");
+  showRegime("trace-regime", found.regime);
   $("trace-reason").textContent = found.regime.reason;
   list("trace-evidence", found.regime.evidence);
   showParts(found);
