@@ -10,7 +10,7 @@ from stickslip import stability, words
 from stickslip.advise.mitigations import highest
 from stickslip.cycles import METHOD, bistable_region
 from stickslip.cycles.cycle_run import check_rig
-from stickslip.errors import InputError, number, whole
+from stickslip.errors import InputError, number, refused, whole
 from stickslip.model import FromRest
 from stickslip.model.parameters import parameter_named
 from stickslip.model.rig import Rig
@@ -53,6 +53,8 @@ def chart(
         p.name: number(f"map: {p.name} of the rig", p.get(natural), above=0)
         for p in map(parameter_named, over)
     }
+    if len(here) < 2:
+        raise refused("map: over", over, "must be two different parameters")
     one, other = here
     if bistable:
         check_rig(natural, FromRest(), METHOD)
@@ -74,10 +76,18 @@ def chart(
     ]
     low, high = (np.geomspace(*each, max(points // 2, 4)) for each in ends)
     found = stability.stability_map(
-        natural, over=(one, other), values=(low, high), growth=True
+        natural,
+        over=(one, other),
+        values=(low, high),
+        growth=True,
+        progress=part(report, 0.0, 0.5),
     )
-    report(0.7)
-    edge = stability.boundary(natural, over=(one, other), between=(ends[0], ends[1]))
+    edge = stability.boundary(
+        natural,
+        over=(one, other),
+        between=(ends[0], ends[1]),
+        progress=part(report, 0.5, 0.7 if bistable else 1.0),
+    )
     edges = {name: f"edge_{name}" for name in (one, other, "frequency")}
     found = found.merge(edge.rename(edges), combine_attrs="override")
     if bistable:
