@@ -11,13 +11,7 @@ from scipy.integrate import RK45
 
 import stickslip as ss
 from stickslip.errors import InputError
-from stickslip.simulation.engines.base import (
-    Beginning,
-    Leg,
-    Quadratic,
-    Stop,
-    advances,
-)
+from stickslip.simulation.engines.base import Beginning, Leg, Quadratic, Stop, advances
 from stickslip.simulation.engines.contacts import EventByEvent
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)

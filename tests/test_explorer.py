@@ -582,10 +582,7 @@ DAMAGED = {
     ],
     "whole number": [request_of('"run"', number) for number in ("1.5", "true", '"1"')],
     "not known": ["[]", "null", "3", *(request_of(kind, 1) for kind in KINDS)],
-    "must be a table": [
-        request_of('"run"', 1),
-        '{"kind":"run","id":1,"document":[1]}',
-    ],
+    "must be a table": [request_of('"run"', 1), '{"kind":"run","id":1,"document":[1]}'],
     "more": [asked("run", document=LONG)],
     "2.0 MB": ['"' + "x" * 2_000_000 + '"'],
     "NetCDF": [asked("trace", b"\x89HDF\r\n\x1a\n" + bytes(100), name="x.nc")],

@@ -25,10 +25,7 @@ def test_quantiles_are_those_of_the_distributions():
 
 @pytest.mark.parametrize(
     ("word", "hashed"),
-    [
-        (0, (0x6B200159, 0x99BA4EFE)),
-        (0xFFFFFFFF, (0x1CB996FC, 0xBB002BE7)),
-    ],
+    [(0, (0x6B200159, 0x99BA4EFE)), (0xFFFFFFFF, (0x1CB996FC, 0xBB002BE7))],
 )
 def test_the_hash_is_threefry(word, hashed):
     # known answers of the Random123 library
