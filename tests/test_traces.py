@@ -259,6 +259,11 @@ def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
         (1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n", {}, "begins by line 1000"),
         (b"\x89HDF\r\n" + bytes(100), {}, "HDF5"),
         (b"CDF\x01" + bytes(100), {}, "NetCDF"),
+        (
+            b"\x93NUMPY" + bytes(9),
+            {"delimiter": ";"},
+            "is no text: leave out its delim",
+        ),
         (NUMBERS.replace("\n", "foo\n"), STEP, "no column of numbers"),
         ("Load cell (N)\n" + NUMBERS, STEP | {"load": "7"}, "no such column"),
         ("F (N)\n" + NUMBERS, STEP | {"load": "-7 N"}, "load = '?-7"),

@@ -299,6 +299,12 @@ class Surface:
                 "--material: is missing: glass or pmma; of others give --young '200 "
                 "GPa' --poisson 0.3 --hardness '6 GPa'"
             )
+        given = "young" if self.young is not None else "hardness"
+        if self.material is not None and getattr(self, given) is not None:
+            raise InputError(
+                f"--{given}: is known of --material {self.material}; leave out one of "
+                "them"
+            )
         if self.young is None:
             return ss.surface.material_named(str(self.material))
         young = read_value("--young", self.young, "Pa", "200 GPa")
@@ -1149,6 +1155,11 @@ def sweep(
 
     _check_outputs(picture=plot, read=file)
     if status:
+        if plot is not None:
+            raise InputError(
+                "--plot: is not drawn with --status; `stickslip plot STORE PICTURE` "
+                "draws what is done"
+            )
         found = status_of(store)
         _answer(found, plain(found), json)
         return 0

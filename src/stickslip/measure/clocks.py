@@ -39,8 +39,8 @@ def seconds_of(text: str) -> float | None:
     match = next((found for each in _CLOCKS if (found := each.fullmatch(text))), None)
     if match is None:
         return None
-    fields = dict.fromkeys(("hours", "half", "east", "least", "sign"))
-    fields |= match.groupdict()
+    optional = ("hours", "half", "east", "least", "sign")
+    fields: dict[str, str] = dict.fromkeys(optional, "") | match.groupdict("")
     hours = int(fields["hours"] or 0)
     if fields["half"]:
         if not 1 <= hours <= 12:

@@ -346,8 +346,8 @@ def _check_times(t: Array) -> None:
     if t.size < FEWEST_READINGS:
         raise InputError(
             f"measure: {t.size} samples of spring_force are too few: "
-            f"{FEWEST_READINGS} is the least; record longer, or of a run choose a "
-            "shorter interval of its output or a longer drive"
+            f"{FEWEST_READINGS} is the least; record longer, or sample a run more "
+            "often (simulation.interval) or for longer (drive.distance)"
         )
     if not (np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
         raise InputError(
