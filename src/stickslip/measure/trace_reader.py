@@ -245,15 +245,13 @@ def _rows(
     values.setdefault("time", step * np.arange(table.rows.size, dtype=float))
     lines, notes = _without_a_last_row(table, values)
     blank = np.isfinite(values["time"]) & np.isnan(values["force"])
-    if many := int(np.count_nonzero(blank)):
-        done = f"up to {FEWEST_READINGS} in turn are interpolated, more are left out"
-        # half of the rows or more: the force was read less often than something else
-        if 2 * many >= blank.size:
-            done = "they are left out"
-            lines = lines[~blank]
-            values = {name: each[~blank] for name, each in values.items()}
-        notes.append(f"{many} of {blank.size} rows hold no force; {done}")
-        blank = np.isnan(values["force"]) & np.isfinite(values["time"])
+    many = np.count_nonzero(blank)
+    # the force was read less often than something else
+    if 0.5 * blank.size <= many < blank.size:
+        notes.append(f"{many} of {blank.size} rows hold no force and are left out")
+        lines = lines[~blank]
+        values = {name: each[~blank] for name, each in values.items()}
+        blank = blank[~blank]
     for each in values.values():
         each[np.isinf(each)] = np.nan
     unread = _unreadable(table, values, lines, blank)
@@ -283,8 +281,8 @@ def _without_a_last_row(
 def _unreadable(
     table: Table, values: dict[str, Array], lines: NDArray[np.int64], blank: Mask
 ) -> list[str]:
-    """Leave out forces that stand for none, and note all rows that cannot be read, the
-    blank ones aside; `InputError` if many cannot, or few are left.
+    """Leave out forces that stand for none, and note all rows that cannot be read;
+    `InputError` if these, the blank ones aside, are many, or few are left.
     """
     force = values["force"]
     outside = far_outside(force)
@@ -292,12 +290,12 @@ def _unreadable(
     # and after a test may be anything.
     first, last = np.flatnonzero(~outside)[[0, -1]]
     within = force[first:last][outside[first:last]]
-    stands_for_none = outside.copy()
+    no_reading = outside | blank
     if np.unique(within).size > 1:
-        stands_for_none[first:last] = False
+        no_reading[first:last] = blank[first:last]
     force[outside] = np.nan
-    bad = ~np.isfinite(values["time"] + force) & ~blank
-    wrong = np.count_nonzero(bad & ~stands_for_none)
+    bad = ~np.isfinite(values["time"] + force)
+    wrong = np.count_nonzero(bad & ~no_reading)
     shown_lines = [
         f"line {line}: {shortened(table.line(line))!r}"
         for line in lines[bad][:5].tolist()
@@ -322,9 +320,10 @@ def _unreadable(
         return []
     if many > 5:
         shown_lines.append(f"and {many - 5} more")
+    most = f", up to {FEWEST_READINGS} in turn" if many > FEWEST_READINGS else ""
     return [
         f"{many} of {lines.size} rows could not be read; the force there is "
-        f"interpolated in time ({'; '.join(shown_lines)})"
+        f"interpolated in time{most} ({'; '.join(shown_lines)})"
     ]
 
 
