@@ -211,7 +211,17 @@ def test_what_cannot_be_used_is_refused_in_one_line(command, words, capsys):
     assert len(line) < 420
 
 
-@pytest.mark.parametrize("command", ["measure", "fit", "rerun", "predict", "sweep"])
+READERS = (
+    "measure",
+    "fit",
+    "rerun",
+    "predict",
+    "sweep --store s",
+    "surface --pressure 1",
+)
+
+
+@pytest.mark.parametrize("command", READERS)
 def test_a_file_that_may_not_be_read_is_named_with_a_remedy(
     command, capsys, monkeypatch, sawtooth
 ):
@@ -220,12 +230,12 @@ def test_a_file_that_may_not_be_read_is_named_with_a_remedy(
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(file))
         return call(file, *given, **options)
 
-    store = ["--store", sawtooth.with_name("new")] if command == "sweep" else []
+    material = ["--material", "pmma"] if "surface" in command else []
     for calls in ({"builtins.open": open, "io.open": open}, {"os.stat": os.stat}):
         with monkeypatch.context() as patch:
             for name, call in calls.items():
                 patch.setattr(name, partial(closed, call))
-            code = run(command, sawtooth, *store)
+            code = run(*command.split(), sawtooth, *material)
         line = capsys.readouterr().err
         assert code == 2
         assert f"{sawtooth}: cannot be " in line
