@@ -704,44 +704,24 @@ def test_stick_slip_beside_a_limit_is_no_noise_though_theory_allows_as_much():
     """It does not fade with the contacts, of which the theory of noise knows nothing
     where the velocity sways by more than a fifth.
     """
-    rig = make(
-        thresholds=ss.LogNormal(1.0, 0.041),
-        delay=ss.Delay(0.1174),
-        stiffness=3.745,
-        mass=0.0033,
-        damping=0.698,
-        drive=ss.constant(0.6185),
-        contacts=186,
-    )
+    few = {"stiffness": 3.745, "mass": 0.0033, "damping": 0.698, "contacts": 186}
+    few |= {"thresholds": ss.LogNormal(1.0, 0.041), "delay": ss.Delay(0.1174)}
+    rig = make(**few, drive=ss.constant(0.6185))
     assert survives_noise(rig)
     assert Budget(300.0).regime(trial(rig)).kind == "stick-slip"
-    small = make(
-        thresholds=ss.LogNormal(1.0, 0.0187),
-        delay=ss.Delay(0.0378),
-        newborn=ss.Gaussian(-0.218, 0.05),
-        initial=ss.Gaussian(0.0, 0.05),
-        stiffness=0.537,
-        mass=2.7e-4,
-        damping=6.78,
-        drive=ss.constant(0.8),
-        contacts=2000,
-    )
+    many = {"stiffness": 0.537, "mass": 2.7e-4, "damping": 6.78, "contacts": 2000}
+    many |= {"thresholds": ss.LogNormal(1.0, 0.0187), "delay": ss.Delay(0.0378)}
+    many |= {"newborn": ss.Gaussian(-0.218, 0.05), "initial": ss.Gaussian(0.0, 0.05)}
+    small = make(**many, drive=ss.constant(0.8))
     assert ss.regime(ss.simulate(trial(small))).kind == "smooth sliding"
     assert Budget(300.0).regime(trial(small)).kind == "undecided"
 
 
 @pytest.mark.takes(5)  # a search by runs
 def test_what_one_run_cannot_decide_is_judged_by_eight():
-    rig = make(
-        stiffness=0.36,
-        mass=1.5e-3,
-        damping=12.0,
-        drive=ss.constant(5.0),
-        delay=ss.OnArrest(),
-        slip_to_slip_scatter=0.1,
-        contacts=30,
-        seed=0,
-    )
+    few = {"stiffness": 0.36, "mass": 1.5e-3, "damping": 12.0, "contacts": 30}
+    few |= {"drive": ss.constant(5.0), "delay": ss.OnArrest()}
+    rig = make(**few, slip_to_slip_scatter=0.1, seed=0)
     runs = (trial(rig, other=other) for other in range(1, 9))
     kinds = [ss.regime(ss.simulate(run)).kind for run in runs]
     found = ss.predict(rig)

@@ -177,10 +177,7 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("simulate rig.toml -o run.csv", "a run is written as .nc"),
         ("export rig.toml --to statespace --poles 5.5", "must be a whole number"),
         ("sweep --status --store s --plot a.png", "--plot: is not drawn with --status"),
-        (
-            "surface h.csv --pressure 2MPa --material pmma --young 7GPa",
-            "--young: is kn",
-        ),
+        ("surface h --pressure 1 --material pmma --young 7GPa", "--young: is known"),
         ("map rig.toml --over mass,mass", "must be two different parameters"),
         ("map rig.toml --over leaf,mass", "Slider has no leaf to vary; choose stiff"),
         ("map rig.toml --over stiffness", "two parameters"),
