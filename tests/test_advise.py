@@ -252,25 +252,15 @@ def test_a_slow_decay_is_waited_for():
         "thresholds": ss.Gaussian(1.0, 0.1996),
         "delay": scattered(0.7828, 0.078629),
     }
-    slow = {
-        "stiffness": 0.45803,
-        "mass": 1.6253e-6,
-        "damping": 389.13,
-        "drive": ss.constant(14.8, 120 / 14.8),
-    }
+    slow = {"stiffness": 0.45803, "mass": 1.6253e-6, "damping": 389.13}
+    slow["drive"] = ss.constant(14.8, 120 / 14.8)
     rig = make(**slow, **random, contacts=10_000, seed=20)
     assert Budget(100.0).regime(trial(rig)).kind == "smooth sliding"
 
 
 def test_a_mode_that_decays_more_slowly_than_runs_last_is_not_called_sustained():
-    rig = make(
-        stiffness=15.0,
-        mass=5e-4,
-        damping=12.0,
-        contacts=500,
-        thresholds=ss.Gamma(1.0, 0.18),
-        delay=ss.Delay(0.5),
-    )
+    light = {"stiffness": 15.0, "mass": 5e-4, "damping": 12.0, "contacts": 500}
+    rig = make(**light, thresholds=ss.Gamma(1.0, 0.18), delay=ss.Delay(0.5))
     rig = replace(rig, drive=ss.constant(20.0, 4.0))
     assert -0.01 < ss.stability.growth_rate(rig).real < 0.0
     assert Budget(500.0).regime(trial(rig)).kind == "undecided"
@@ -307,11 +297,8 @@ def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
     )
     assert looks_of(replace(case, interface=wide, scales=None)) > 5.0 * looks_of(case)
     # runs that are followed in steps: a second, or a minute
-    ageing = {
-        "thresholds": ss.Gaussian(1.0, 0.0366, lower=0.0),
-        "delay": ss.Delay(0.0),
-        "ageing": ss.Langevin(rate=1.2),
-    }
+    ageing = {"delay": ss.Delay(0.0), "ageing": ss.Langevin(rate=1.2)}
+    ageing["thresholds"] = ss.Gaussian(1.0, 0.0366, lower=0.0)
     stiff = {"stiffness": 11.2, "mass": 1.54e-3, "damping": 3.6, "contacts": 960}
     slow, fast = (make(**ageing, **stiff, drive=ss.constant(v, 45.0)) for v in (1, 13))
     assert runs_of(fast) > 100.0 * runs_of(slow)
@@ -586,13 +573,8 @@ def test_mitigations_stay_within_what_could_be_built():
 def test_where_linear_theory_ends_nothing_is_called_a_limit_of_stability():
     """Beyond 50 times the velocity of ageing the theory cannot decide."""
     ageing = ss.Langevin(rate=0.38)
-    slow = {
-        "stiffness": 0.15,
-        "mass": 0.05,
-        "damping": 4.8,
-        "drive": ss.constant(1.6, 20.0),
-        "contacts": 200,
-    }
+    slow = {"stiffness": 0.15, "mass": 0.05, "damping": 4.8, "contacts": 200}
+    slow["drive"] = ss.constant(1.6, 20.0)
     rig = make(
         **slow, thresholds=ss.Gaussian(1.0, 0.15), delay=ss.Delay(0.0), ageing=ageing
     )
@@ -662,11 +644,8 @@ def test_contacts_that_break_by_heat():
         interface, ss.Slider(stiffness=0.5, mass=1e-3, damping=20.0), ss.constant(1.0)
     )
     found = ss.predict(rig, fast=True)
-    assert (found.regime.kind, found.unstable_modes, found.theory_note) == (
-        "stick-slip",
-        2,
-        "",
-    )
+    assert (found.regime.kind, found.unstable_modes) == ("stick-slip", 2)
+    assert not found.theory_note
     cold = replace(interface, activation=None)
     assert found.static_friction == ss.static_friction(cold)[0]
     assert (
@@ -679,11 +658,8 @@ def test_contacts_that_break_by_heat():
         "0.6457 f_s",
     ) in sections.numbers(found)
     stable, unstable = found.bands
-    assert (stable.kind, unstable.kind, stable.high) == (
-        "stable",
-        "unstable",
-        unstable.low,
-    )
+    assert (stable.kind, unstable.kind) == ("stable", "unstable")
+    assert stable.high == unstable.low
     for factor, modes in ((0.99, 0), (1.01, 2)):
         there = replace(rig, drive=ss.constant(factor * stable.high))
         assert ss.stability.count_unstable(there) == modes
@@ -695,27 +671,15 @@ def test_noise_of_few_contacts_is_no_oscillation():
         "thresholds": ss.LogNormal(1.0, 0.3222),
         "delay": scattered(0.09368, 0.053667),
     }
-    light = {
-        "stiffness": 0.3941,
-        "mass": 0.004138,
-        "damping": 0.4808,
-        "drive": ss.constant(1.0, 400.0),
-    }
+    light = {"stiffness": 0.3941, "mass": 0.004138, "damping": 0.4808}
+    light["drive"] = ss.constant(1.0, 400.0)
     found = ss.predict(make(**light, **random, contacts=1000, seed=701), fast=True)
     assert found.unstable_modes == 0
-    assert (found.smooth, found.bistable, found.needs_mitigation) == (
-        True,
-        False,
-        False,
-    )
-    assert re.match(
-        (
-            r"at 1 x_s/time: smooth sliding; the force fluctuates by .* % rms, noise "
-            r"of "
-            r"1000 c"
-        ),
-        found.verdict,
-    )
+    assert found.smooth
+    assert not found.bistable
+    assert not found.needs_mitigation
+    words = "smooth sliding; the force fluctuates by .* % rms, noise of 1000 c"
+    assert re.match(f"at 1 x_s/time: {words}", found.verdict)
     run = ss.simulate(
         found.recording.rig, start=ss.FromSliding(), method=ss.Contacts(1000, seed=5)
     )
@@ -726,13 +690,8 @@ def test_noise_of_few_contacts_is_no_oscillation():
 
 def test_slips_of_few_contacts_are_noise_where_those_of_more_are_less():
     """Contacts that break one by one slip each, though smooth sliding is stable."""
-    rig = make(
-        stiffness=8.0,
-        mass=1e-3,
-        damping=20.0,
-        drive=ss.constant(0.005, 2e4),
-        contacts=144,
-    )
+    few = {"stiffness": 8.0, "mass": 1e-3, "damping": 20.0, "contacts": 144}
+    rig = make(**few, drive=ss.constant(0.005, 2e4))
     assert ss.regime(ss.simulate(rig)).kind == "stick-slip"
     assert not survives_noise(rig)
     assert Budget(300.0).regime(trial(rig)).kind == "smooth sliding"
@@ -742,44 +701,24 @@ def test_stick_slip_beside_a_limit_is_no_noise_though_theory_allows_as_much():
     """It does not fade with the contacts, of which the theory of noise knows nothing
     where the velocity sways by more than a fifth.
     """
-    rig = make(
-        thresholds=ss.LogNormal(1.0, 0.041),
-        delay=ss.Delay(0.1174),
-        stiffness=3.745,
-        mass=0.0033,
-        damping=0.698,
-        drive=ss.constant(0.6185),
-        contacts=186,
-    )
+    few = {"stiffness": 3.745, "mass": 0.0033, "damping": 0.698, "contacts": 186}
+    few |= {"thresholds": ss.LogNormal(1.0, 0.041), "delay": ss.Delay(0.1174)}
+    rig = make(**few, drive=ss.constant(0.6185))
     assert survives_noise(rig)
     assert Budget(300.0).regime(trial(rig)).kind == "stick-slip"
-    small = make(
-        thresholds=ss.LogNormal(1.0, 0.0187),
-        delay=ss.Delay(0.0378),
-        newborn=ss.Gaussian(-0.218, 0.05),
-        initial=ss.Gaussian(0.0, 0.05),
-        stiffness=0.537,
-        mass=2.7e-4,
-        damping=6.78,
-        drive=ss.constant(0.8),
-        contacts=2000,
-    )
+    many = {"stiffness": 0.537, "mass": 2.7e-4, "damping": 6.78, "contacts": 2000}
+    many |= {"thresholds": ss.LogNormal(1.0, 0.0187), "delay": ss.Delay(0.0378)}
+    many |= {"newborn": ss.Gaussian(-0.218, 0.05), "initial": ss.Gaussian(0.0, 0.05)}
+    small = make(**many, drive=ss.constant(0.8))
     assert ss.regime(ss.simulate(trial(small))).kind == "smooth sliding"
     assert Budget(300.0).regime(trial(small)).kind == "undecided"
 
 
 @pytest.mark.takes(5)  # a search by runs
 def test_what_one_run_cannot_decide_is_judged_by_eight():
-    rig = make(
-        stiffness=0.36,
-        mass=1.5e-3,
-        damping=12.0,
-        drive=ss.constant(5.0),
-        delay=ss.OnArrest(),
-        slip_to_slip_scatter=0.1,
-        contacts=30,
-        seed=0,
-    )
+    few = {"stiffness": 0.36, "mass": 1.5e-3, "damping": 12.0, "contacts": 30}
+    few |= {"drive": ss.constant(5.0), "delay": ss.OnArrest()}
+    rig = make(**few, slip_to_slip_scatter=0.1, seed=0)
     runs = (trial(rig, other=other) for other in range(1, 9))
     kinds = [ss.regime(ss.simulate(run)).kind for run in runs]
     found = ss.predict(rig)
@@ -791,17 +730,9 @@ def test_what_one_run_cannot_decide_is_judged_by_eight():
 
 @pytest.mark.slow
 def test_contacts_that_attach_on_arrest_are_judged_by_runs():
-    light = {
-        "stiffness": 0.36,
-        "mass": 1.5e-3,
-        "damping": 3.0,
-        "drive": ss.constant(0.85),
-    }
-    found = ss.predict(
-        make(
-            **light, delay=ss.OnArrest(), slip_to_slip_scatter=0.1, contacts=300, seed=0
-        )
-    )
+    light = {"stiffness": 0.36, "mass": 1.5e-3, "damping": 3.0}
+    light |= {"drive": ss.constant(0.85), "delay": ss.OnArrest()}
+    found = ss.predict(make(**light, slip_to_slip_scatter=0.1, contacts=300, seed=0))
     assert found.regime.kind == "stick-slip"
     assert "no smooth sliding for linear theory to judge" in found.verdict
     assert any(
@@ -838,11 +769,8 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     budget = Budget(math.inf)
     found = advise.Doubt.of(rig, budget)
     count = 60
-    names = {
-        "slider.stiffness": "stiffness",
-        "interface.thresholds": "std",
-        "interface.delay": "delay",
-    }
+    names = {"slider.stiffness": "stiffness", "interface.thresholds": "std"}
+    names["interface.delay"] = "delay"
     names |= {"interface.breaking_displacement": "contact_stiffness"}
     assert {key for key, *_ in found.matters} == set(names)
     seen = []
@@ -871,12 +799,8 @@ def test_the_doubt_is_the_fraction_of_rigs_that_oscillate():
     ("key", "now", "then"), [("mu_s", 0.47, 0.55), ("mu_k", 0.33, 0.31)]
 )
 def test_an_assumed_coefficient_of_friction_is_varied_as_in_the_file(key, now, then):
-    coefficients = {
-        "normal_load": "3.1 kN",
-        "mu_s": 0.47,
-        "mu_k": 0.33,
-        "breaking_displacement": "12 um",
-    }
+    coefficients = {"normal_load": "3.1 kN", "mu_s": 0.47, "mu_k": 0.33}
+    coefficients["breaking_displacement"] = "12 um"
     rest = {
         "slider": {"mass": "1.7 kg", "stiffness": "6 MN/m", "damping_ratio": 0.02},
         "drive": {"velocity": "40 mm/s"},

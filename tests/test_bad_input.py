@@ -361,5 +361,4 @@ def test_a_system_without_locks_of_files_is_told_at_the_import():
     )
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    told = done.stdout
-    assert "under Windows, use WSL" in told
+    assert "under Windows, use WSL" in done.stdout

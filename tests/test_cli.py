@@ -1,5 +1,6 @@
 """The command line: the user's path, and one line with code 2 for unusable input."""
 
+import errno
 import json
 import os
 import shlex
@@ -7,9 +8,11 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
+import xarray as xr
 from benches import WARM
 
 import stickslip as ss
@@ -123,6 +126,9 @@ def unusable(tmp_path, monkeypatch):
     Path("binary.csv").write_bytes(bytes(range(256)) * 10)
     Path("half.toml").write_text("slider = ")
     Path("warm.toml").write_text(WARM)
+    Path("latin.toml").write_bytes("# µ".encode("latin-1"))
+    Path("link.csv").symlink_to("gone.csv")
+    ss.save(xr.Dataset({"spring_force": ("time", [1.0])}, {"time": [0.0]}), "run.nc")
     Path("damaged.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + b"nonsense" * 100)
 
 
@@ -158,6 +164,22 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("measure trace.csv --step '4 kg'", "not in a unit of 's'"),
         ("measure trace.csv --minimum-drop 0x10", "cannot be read as"),
         ("measure trace.csv --load '-20 N'", IS_NO_OPTION),
+        *((f"measure trace.csv --contacts={n}", "--contacts") for n in (-3, 0, 3.5)),
+        ("measure trace.csv --scale 0", "--scale = '0': must be what a reading"),
+        ("measure trace.csv --velocity 0.0008", "a value needs its unit"),
+        ("measure trace.csv --to 0", "--to 0: fewer than 16 samples lie before it"),
+        ("measure link.csv", "it is a link to gone.csv, which is not there"),
+        *((f"measure run.nc {o}", "a table") for o in ("--force 2", "--flip")),
+        *((f"plot trace.csv a.png {o}", "a sweep") for o in ("--at a=1", "--bistable")),
+        ("plot trace.csv a.png --kind phase --beside trace.csv", "excludes --beside"),
+        ("predict rig.toml --fast --thorough", "excludes --thorough"),
+        ("predict latin.toml", "line 1 is not in UTF-8"),
+        ("predict rig.toml --set drive.speed=1", "did you mean 'velocity'?"),
+        ("simulate rig.toml -o run.csv", "a run is written as .nc"),
+        ("export rig.toml --to statespace --poles 5.5", "must be a whole number"),
+        ("sweep --status --store s --plot a.png", "--plot: is not drawn with --status"),
+        ("surface h --pressure 1 --material pmma --young 7GPa", "--young: is known"),
+        ("map rig.toml --over leaf,mass", "Slider has no leaf to vary; choose stiff"),
         *((f"map rig.toml --over mass{s}", " parameters") for s in ("", ",mass")),
         ("map rig.toml --over stiffness,colour", "'colour'"),
         ("map rig.toml --points 1", "points"),
@@ -185,6 +207,53 @@ def test_what_cannot_be_used_is_refused_in_one_line(command, words, capsys):
     line = refused(capsys, *shlex.split(command))
     assert words in line
     assert len(line) < 420
+
+
+READERS = (
+    "measure",
+    "fit",
+    "rerun",
+    "predict",
+    "sweep --store s",
+    "surface --pressure 1",
+)
+
+
+@pytest.mark.parametrize("command", READERS)
+def test_a_file_that_may_not_be_read_is_named_with_a_remedy(
+    command, capsys, monkeypatch, sawtooth
+):
+    def closed(call, file, *given, **options):
+        if str(file) == str(sawtooth):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(file))
+        return call(file, *given, **options)
+
+    material = ["--material", "pmma"] if "surface" in command else []
+    for calls in ({"builtins.open": open, "io.open": open}, {"os.stat": os.stat}):
+        with monkeypatch.context() as patch:
+            for name, call in calls.items():
+                patch.setattr(name, partial(closed, call))
+            code = run(*command.split(), sawtooth, *material)
+        line = capsys.readouterr().err
+        assert code == 2
+        assert f"{sawtooth}: cannot be " in line
+        assert "(Permission denied); ask its owner, or make it" in line
+
+
+def test_output_that_is_not_written_is_told_in_a_line(tmp_path, capsys, monkeypatch):
+    with monkeypatch.context() as patch, open("/dev/full", "w") as full:
+        patch.setattr(sys, "stdout", full)
+        assert run("new") == 2
+    assert "standard output: cannot be written (No sp" in capsys.readouterr().err
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", None)
+        assert run("new") == 0
+        sys.stdout.close()
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    os.rmdir(tmp_path / "gone")
+    monkeypatch.setattr(cli, "app", lambda *_, **__: os.getcwd())
+    assert "change to another (cd)" in refused(capsys)
 
 
 def test_what_can_be_refused_is_before_the_run(rig, tmp_path, capsys, monkeypatch):

@@ -18,6 +18,7 @@ _FORMS = {
     "%Y-%m-%d %H:%M:%S,%f": " -0530",
     "%m/%d/%Y %I:%M:%S %p": "",
     "%I:%M:%S %p": "",
+    "%M:%S.%f": "",
     "run0.dat;%H:%M:%S": "",
 }
 
@@ -71,13 +72,11 @@ def test_the_offset_decides_the_order_across_a_change_of_the_clock(tmp_path):
     assert "sort" not in str(refused.value)
 
 
-@pytest.mark.parametrize("count", [-3, 0])
-def test_a_number_of_contacts_below_one_is_refused_in_one_line(tmp_path, count, capsys):
-    from stickslip.cli import main
-
-    path = _table(tmp_path, [str(i) for i in range(_FORCES.size)], ";", False)
-    assert main(["measure", str(path), f"--contacts={count}"]) == 2
-    assert "--contacts" in capsys.readouterr().err
+def test_days_of_a_spreadsheet_are_seconds(tmp_path):
+    stamps = [f"{46000.123 + i / 86_400:.10f}" for i in range(_FORCES.size)]
+    trace = read_trace(_table(tmp_path, stamps, ";", False))
+    assert np.allclose(trace["time"], np.arange(_FORCES.size), atol=1e-4)
+    assert "taken for days" in trace.attrs["note"]
 
 
 @pytest.mark.parametrize("unit", ["$x^$", "$\\frac$", "a$b$c", "$", "$k$", "$N_1"])

@@ -18,10 +18,8 @@ from stickslip import cli
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
     (folder / "rig.toml").write_text(SMALL.replace("distance = 40.0", "distance = 4.0"))
-    assert (
-        cli.main(["simulate", str(folder / "rig.toml"), "-o", str(folder / "run.nc")])
-        == 0
-    )
+    command = "simulate", folder / "rig.toml", "-o", folder / "run.nc"
+    assert cli.main([*map(str, command)]) == 0
     return folder / "run.nc"
 
 

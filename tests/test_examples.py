@@ -33,15 +33,11 @@ def test_example_rigs_can_be_read_and_say_what_was_assumed(name):
 
 
 def test_an_example_that_is_not_there_is_told():
-    with pytest.raises(
-        ss.InputError,
-        match=r"^whiper: no such file or example; examples are axis, .*wiper$",
-    ):
+    words = r"^whiper: no such file or example; examples are axis, .*wiper$"
+    with pytest.raises(ss.InputError, match=words):
         rig.example_file("whiper")
-    with pytest.raises(
-        ss.InputError,
-        match=r"^phase_diagram: a sweep, not a rig; `stickslip sweep phase_diagram ",
-    ):
+    words = "^phase_diagram: a sweep, not a rig; `stickslip sweep phase_diagram "
+    with pytest.raises(ss.InputError, match=words):
         ss.read_rig("phase_diagram")
     assert read_plan("phase_diagram").total == 3200
 
@@ -66,10 +62,8 @@ def test_an_example_is_its_own_command(name, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [name, str(picture)])
     runpy.run_path(str(page), run_name="__main__")
     assert picture.stat().st_size > 10_000
-    assert (
-        "brake_pad" not in name
-        or "damping times 10: groans from " in capsys.readouterr().out
-    )
+    printed = capsys.readouterr().out
+    assert "brake_pad" not in name or "damping times 10: groans from " in printed
 
 
 def test_the_wiper_chatters_at_both_ends_of_its_stroke():
@@ -132,16 +126,10 @@ def test_a_stiffer_spring_turns_stick_slip_into_sliding():
 def test_a_trace_tells_the_strength_of_its_contacts():
     trace = example("measured_trace")
     found = trace.fitted(draws=1500)
-    assert (
-        found["contact_strength"].low
-        < trace.BENCH.strength
-        < found["contact_strength"].high
-    )
-    assert (
-        found["stiffness_ratio"].low
-        < trace.TRUTH["stiffness_ratio"]
-        < found["stiffness_ratio"].high
-    )
+    strength = found["contact_strength"]
+    assert strength.low < trace.BENCH.strength < strength.high
+    ratio = found["stiffness_ratio"]
+    assert ratio.low < trace.TRUTH["stiffness_ratio"] < ratio.high
 
 
 @pytest.mark.parametrize(

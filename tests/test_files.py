@@ -68,10 +68,8 @@ def test_only_a_regular_file_is_read(place, words):
 
 def test_a_file_larger_than_allowed_is_not_read_and_one_of_the_kernel_is_empty():
     assert files.read("file", "trace", largest=3) == b"old"
-    with pytest.raises(
-        InputError,
-        match=r"^file: has 3e-06 MB, more than a trace may have \(2e-06 MB\)$",
-    ):
+    message = r"^file: has 3e-06 MB, more than a trace may have \(2e-06 MB\)$"
+    with pytest.raises(InputError, match=message):
         files.read("file", "trace", largest=2)
     assert files.read("/proc/kmsg", "trace", largest=3) == b""
 

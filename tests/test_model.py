@@ -24,9 +24,8 @@ def test_an_interface_stays_a_value_after_its_distribution_was_asked_for():
     copy = pickle.loads(pickle.dumps(interface))
     assert copy.threshold_distribution == interface.threshold_distribution
     # Varied, it does not keep the distribution of the one it was made from.
-    assert (
-        replace(interface, thresholds=TENTH).threshold_distribution == TENTH.positive()
-    )
+    varied = replace(interface, thresholds=TENTH)
+    assert varied.threshold_distribution == TENTH.positive()
 
 
 DELAYS = [

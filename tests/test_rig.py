@@ -466,6 +466,9 @@ def test_a_file_that_is_no_rig(tmp_path):
         file.write_bytes(content)
         with pytest.raises(ss.InputError, match=words):
             rigs.read_rig(file)
+    text = rigs.example_file("wiper").read_text()
+    file.write_text(text, encoding="utf-8-sig")
+    assert rigs.read_rig(file) == ss.example("wiper")
 
 
 BRAKE = tomllib.loads(rigs.example_file("brake_pad").read_text(encoding="utf-8"))

@@ -527,8 +527,12 @@ def curves(dataset):
 
 
 def test_boundary_over_stiffness_and_velocity_against_the_pointwise_answer():
-    found = boundary(rig(), between=((0.2, 10.0), (0.2, 10.0)))
+    shares = []
+    window = (0.2, 10.0), (0.2, 10.0)
+    found = boundary(rig(), between=window, progress=shares.append)
     assert found.sizes["point"] > 20
+    assert shares == sorted(shares)
+    assert 0.5 < shares[0] < shares[-1] == pytest.approx(1.0, abs=0.05)
     names = "stiffness", "velocity", "frequency"
     stiffness, velocity, frequency = (found[name].to_numpy() for name in names)
     springs = [critical_spring(rig(v)) for v in velocity[::4]]
@@ -543,11 +547,8 @@ def test_boundary_over_stiffness_and_velocity_against_the_pointwise_answer():
 @pytest.mark.slow
 def test_boundary_holds_the_limit_without_oscillation():
     growth = ExponentialGrowth(rate=1.0, newborn=0.5)
-    light = {
-        "on": replace(case(delay=Delay(0)), ageing=growth),
-        "mass": 0,
-        "damping": 0,
-    }
+    light = {"mass": 0, "damping": 0}
+    light["on"] = replace(case(delay=Delay(0)), ageing=growth)
     found = boundary(rig(**light), between=((0.05, 1.0), (0.8, 1.25)))
     still = found.isel(point=np.isinf(found.frequency.values))
     assert still.sizes["point"] > 5

@@ -413,7 +413,7 @@ def test_a_cut_through_three_axes(tmp_path, capsys):
     capsys.readouterr()
     picture = tmp_path / "s.png"
     drawn = "plot", store, picture
-    assert "a picture holds two; select the others" in refused(capsys, *drawn)
+    assert "select values of the others (--at)" in refused(capsys, *drawn)
     assert run("plot", store, picture, "--at", "delay=0.19,start=from rest") == 0
     assert "linear stability" in capsys.readouterr().out
     for at, words in (

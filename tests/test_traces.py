@@ -58,26 +58,23 @@ LATE = {3: "x,1", 10: "1,1"}
 ASKS_FORCE = r"is the force\? .*--force .* force= .* 1 't', 2 'position'"
 ASKS_TIME = "which column is the time.*--time .* time=.*--step.* step="
 NO_COLUMN = r"no such column.* 1 'a' \(no numbers"
-UNREADABLE = ["NaN N1", "inf", "---", "1e999", "overload", "True", "1.2.3"]
+UNREADABLE = ["NaN N1", "inf", "1e999", "overload", "True", "1.2.3"]
 UNREADABLE += ["1" + 400 * "0", "1," * 9_000]
 GERMAN = (
     "Prüfung;Reibung 7\nDatum;01.02.2024\nNormalkraft;1920 "
     "N\n\nZeit;Kraft;Weg;Normalkraft\ns;N;mm;N\n"
 ) + commas("{t:.2f};{f:.2f};{2 * t:.2f};20,00")
 LABVIEW = (
-    "LabVIEW "
-    "Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\n"
-    "Multi_Headings\tNo\nX_Columns\t{columns}\nTime_Pref\tRelative\nOperator\tN. "
-    "N.\nDate\t2024/02/01\n"
-    "Time\t12:00:00\n***End_of_Header***\t\n\t\nChannels\t1\t\nSamples\t60\t\nDate\t2024/02/01\t\n"
-    "Y_Unit_Label\tkN\t\nX_Dimension\tTime\t\nX0\t0.0000000000000000E+0\t\nDelta_X\t0.250000\t\n"
-    "***End_of_Header***\t\t\nX_Value\tForce\tComment\n"
+    "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\n"
+    "Decimal_Separator\t.\nMulti_Headings\tNo\nX_Columns\t{columns}\n"
+    "Time_Pref\tRelative\nOperator\tN. N.\nDate\t2024/02/01\nTime\t12:00:00\n"
+    "***End_of_Header***\t\n\t\nChannels\t1\t\nSamples\t60\t\nDate\t2024/02/01\t\n"
+    "Y_Unit_Label\tkN\t\nX_Dimension\tTime\t\nX0\t0.0000000000000000E+0\t\n"
+    "Delta_X\t0.250000\t\n***End_of_Header***\t\t\nX_Value\tForce\tComment\n"
 )
-
 BARE_LABVIEW = (
-    "LabVIEW "
-    "Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\nChannels\t1\n"
-    "Y_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
+    "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n"
+    "Channels\t1\nY_Unit_Label\tNewtons\nX0\t0.0\nDelta_X\t0.25\n***End_of_Header***\t\n"
 )
 NEWTONS = {"units": ("s", "Newtons")}
 
@@ -192,7 +189,7 @@ def test_a_few_unreadable_rows_are_filled_and_reported(tmp_path, form, row):
 
 def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
     """A comment is no row, though a force follows in it."""
-    changes = {10: "2.5,", 30: "??", 31: "7.75,8,5", 40: "# paused,7\n10.0,7.0"}
+    changes = {10: "2.5,x", 30: "??", 31: "7.75,8,5", 40: "# paused,7\n10.0,7.0"}
     data = read_trace(written(tmp_path, "t,F_d\n" + rows("{t},{f}", changes=changes)))
     assert data.sizes["time"] == FORCES.size - 2  # the times of two rows are not known
     assert not {7.5, 7.75} & {*data["time"].values}
@@ -200,10 +197,35 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
     assert "3 of 60 rows" in data.attrs["note"]
 
 
+@pytest.mark.parametrize("none", ["", "nan", "N/A", "null", "---"])
+def test_rows_without_a_reading_are_a_gap(tmp_path, none):
+    """Short ones are interpolated; in half of the rows or more, they are left out."""
+    forces = np.concatenate([FORCES, FORCES])
+    for blank, left, filled in (
+        ([*range(5, 120, 10)], 120, 12),
+        ([*range(40, 60)], 100, 0),
+        ([*range(1, 120, 2)], 60, 0),
+    ):
+        changes = {i: f"{0.25 * i},{none}" for i in blank}
+        text = "t (s),F (N)\n" + rows("{t},{f}", forces, changes)
+        data = read_trace(written(tmp_path, text))
+        assert (data.sizes["time"], int(data["filled"].sum())) == (left, filled)
+        assert f"{len(blank)} of 120 rows" in data.attrs["note"]
+
+
+@pytest.mark.parametrize("last", ["1", "14.75,5.5", "x", "14.75,5.5\nend"])
+def test_a_last_row_that_is_cut_off_or_repeated_is_left_out(tmp_path, last):
+    data = read_trace(written(tmp_path, "t (s),F (N)\n" + PAIRS + last))
+    np.testing.assert_array_equal(data["spring_force"], FORCES)
+    assert f"line 62: '{last[:9]}'" in data.attrs["note"]
+
+
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
         (NUMBERS, {}, "step="),
+        ("t (s),F\n" + PAIRS, {"step": 0.1}, "rises by 250 ms instead; leave out the"),
+        ("t (s),F\n" + PAIRS, {"load": "20"}, "a value needs its unit, as in '20 N'"),
         (NUMBERS, {"step": 0.0}, "step = 0"),
         (NUMBERS, {"step": 0.25, "force": 2}, "no such column"),
         (NUMBERS, {"step": 0.25, "delimiter": ";;"}, "delimiter"),
@@ -239,6 +261,11 @@ def test_unreadable_rows_with_times_leave_a_gap_in_time(tmp_path):
         (1000 * "pulled, slowly\n" + 4000 * "0.25,1.5\n", {}, "begins by line 1000"),
         (b"\x89HDF\r\n" + bytes(100), {}, "HDF5"),
         (b"CDF\x01" + bytes(100), {}, "NetCDF"),
+        (
+            b"\x93NUMPY" + bytes(9),
+            {"delimiter": ";"},
+            "is no text: leave out its delim",
+        ),
         (NUMBERS.replace("\n", "foo\n"), STEP, "no column of numbers"),
         ("Load cell (N)\n" + NUMBERS, STEP | {"load": "7"}, "no such column"),
         ("F (N)\n" + NUMBERS, STEP | {"load": "-7 N"}, "load = '?-7"),
@@ -253,16 +280,6 @@ def test_what_could_be_misread_is_refused_in_one_line(tmp_path, text, options, m
     assert time.process_time() - begin < 1.0
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
-
-
-def test_paths_that_are_no_file_are_refused(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match="no such file"):
-        read_trace(tmp_path / "none.csv", step=1.0)
-    with pytest.raises(InputError, match="is a directory, not a force trace"):
-        read_trace(tmp_path, step=1.0)
-    monkeypatch.setattr("stickslip.measure.trace_reader.LARGEST_FILE", 100)
-    with pytest.raises(InputError, match="MB"):
-        read_trace(written(tmp_path, NUMBERS), step=1.0)
 
 
 def test_a_table_that_is_packed_is_read_as_the_one_that_is_not(tmp_path):

@@ -20,6 +20,7 @@ from stickslip.errors import (
     InputError,
     UndecidedError,
     one_line,
+    refused,
     shortened,
     shown,
     whole,
@@ -148,12 +149,34 @@ class Columns:
 
     def named(self) -> dict[str, Any]:
         """Arguments of `read_trace`."""
+        from stickslip.measure.trace_reader import SCALE
+
         named = {key: each for key, each in vars(self).items() if key != "to"}
         scale = named.pop("scale")
-        return named | ({"force": f"{self.force or ''}:{scale}"} if scale else {})
+        if scale is None:
+            return named
+        if not SCALE.fullmatch(scale):
+            raise refused(
+                "--scale",
+                scale,
+                "must be what a reading of the force stands for: '2.5 N/V', '3 mN'",
+            )
+        return named | {"force": f"{self.force or ''}:{scale}"}
+
+    def refuse(self, data: Path, kind: str, **more: Any) -> None:
+        """Refuse options of tables, these and `more`, for data of another kind."""
+        of_tables = {name: each for name, each in vars(self).items() if name != "to"}
+        given = [name for name, each in (of_tables | more).items() if each]
+        if given:
+            raise InputError(
+                f"--{given[0]}: is for a table, and {data} is {kind}; leave it out"
+            )
 
     def cut(self, data: xr.Dataset) -> xr.Dataset:
         """The data up to the time that was given."""
+        from stickslip.measure.trace import FEWEST_READINGS
+        from stickslip.words import engineering
+
         end = _quantity(
             "--to",
             self.to,
@@ -161,7 +184,16 @@ class Columns:
             "60 s",
             unit=units_of(data["time"]),
         )
-        return data if end is None else data.sel(time=slice(None, end))
+        if end is None:
+            return data
+        before = data.sel(time=slice(None, end))
+        if before.sizes["time"] < FEWEST_READINGS:
+            first = engineering(float(data["time"][0]), units_of(data["time"]))
+            raise InputError(
+                f"--to {self.to}: fewer than {FEWEST_READINGS} samples lie before it; "
+                f"the data begin at t = {first}"
+            )
+        return before
 
 
 @Parameter(name="*")
@@ -192,12 +224,13 @@ class BenchValues:
     stiffness: Text = None
     velocity: Text = None
     mass: Text = None
-    contacts: int | None = None
+    contacts: Whole | None = None
 
     def read(self, data: Path, columns: Columns) -> xr.Dataset:
         """Read a run, or a measured trace with the known values of its bench."""
-        if self.contacts is not None:
-            whole("--contacts", self.contacts, at_least=1, hint="their number")
+        contacts = self.contacts
+        if contacts is not None:
+            contacts = whole("--contacts", contacts, at_least=1, hint="their number")
         from stickslip.measure.tables import read_cell
 
         # a number with a unit is no column
@@ -215,7 +248,7 @@ class BenchValues:
                 trace,
                 stiffness=self.stiffness,
                 velocity=self.velocity,
-                contacts=self.contacts,
+                contacts=contacts,
             )
         if self.stiffness or is_value or self.mass:
             missing = "velocity" if self.stiffness else "stiffness"
@@ -223,11 +256,7 @@ class BenchValues:
                 f"--{missing}: is missing; the motion of the slider needs --stiffness "
                 "and --velocity"
             )
-        return (
-            trace
-            if self.contacts is None
-            else trace.assign_attrs(contacts=self.contacts)
-        )
+        return trace if contacts is None else trace.assign_attrs(contacts=contacts)
 
 
 @Parameter(name="*")
@@ -270,6 +299,12 @@ class Surface:
                 "--material: is missing: glass or pmma; of others give --young '200 "
                 "GPa' --poisson 0.3 --hardness '6 GPa'"
             )
+        given = "young" if self.young is not None else "hardness"
+        if self.material is not None and getattr(self, given) is not None:
+            raise InputError(
+                f"--{given}: is known of --material {self.material}; leave out one of "
+                "them"
+            )
         if self.young is None:
             return ss.surface.material_named(str(self.material))
         young = read_value("--young", self.young, "Pa", "200 GPa")
@@ -285,6 +320,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 2 for input that cannot be used, 1
     for a claim or case that fails.
     """
+    console.open_missing_streams()
     console.replace_missing_letters()
     try:
         code = _run(arguments)
@@ -292,6 +328,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader went away, as `head` does
         console.discard_output()
         return 0
+    except OSError as error:
+        if error.filename is None:
+            console.discard_output()
+        return _fail(files.in_words(error))
     except SystemExit as left:
         # rich ends so where the reader of a help went away
         if isinstance(left.__context__, BrokenPipeError):
@@ -338,7 +378,8 @@ _RENAMED = {"fit": {"--smallest": "--minimum-drop", "--speed": "--velocity"}}
 
 
 def _fail(message: str, code: int = 2) -> int:
-    print(f"stickslip: {one_line(message)}", file=sys.stderr)
+    with suppress(OSError):  # of a terminal that is gone, or a log on a full disk
+        print(f"stickslip: {one_line(message)}", file=sys.stderr, flush=True)
     return code
 
 
@@ -374,6 +415,13 @@ def _check_outputs(
         format_of(picture, kind)
 
 
+def _check_suffix(output: Path | None, what: str, suffix: str) -> None:
+    """Refuse to write a file under the suffix of another kind."""
+    if output is not None and output.suffix not in ("", suffix):
+        name = output.with_suffix(suffix).name
+        raise InputError(f"{output}: {what} is written as {suffix}; name it {name}")
+
+
 def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
     """Read a run, in its units, or a measured trace."""
     from stickslip.io.datasets import is_netcdf
@@ -384,6 +432,7 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
             raise InputError(
                 f"{data}: is not a run: it has no spring_force along a time"
             )
+        columns.refuse(data, "a run", **more)
         return columns.cut(run)
     return columns.cut(ss.read_trace(data, **columns.named(), **more))
 
@@ -502,6 +551,8 @@ def predict(
     from stickslip.advise import complete, predict
     from stickslip.advise.sections import ARROWS
 
+    if fast and thorough:
+        raise InputError("--fast: excludes --thorough; leave out one of them")
     _check_outputs(picture=plot, read=rig)
     described = _rig_with(rig, settings)
     with console.working("predicting") as progress:
@@ -598,6 +649,7 @@ def simulate(
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=rig)
+    _check_suffix(output, "a run", ".nc")
     described = _rig_with(rig, settings)
     text = to_toml(described)  # what can be refused is refused before the run
     with console.working("simulating") as progress:
@@ -624,6 +676,7 @@ def rerun(
         Write the new run as NetCDF.
     """
     _check_outputs(output, picture=plot, read=run)
+    _check_suffix(output, "a run", ".nc")
     before = ss.load(run)
     with console.working("simulating") as progress:
         again = ss.rerun(before, progress=progress)
@@ -693,6 +746,7 @@ def measure(
     from stickslip.words import engineering
 
     _check_outputs(events, curve, picture=plot, read=data)
+    _check_suffix(events, "the catalogue of slips", ".csv")
     if curve is not None and curve.suffix != ".csv":
         _check_outputs(picture=curve)
     trace = bench.read(data, columns)
@@ -814,6 +868,7 @@ def plot(
     from stickslip.sweep import is_store
 
     swept = is_store(data)
+    _refuse_options_of_others(data, swept, kind, beside, columns, at, bistable)
     kind = (
         "overview"
         if swept or beside
@@ -838,6 +893,30 @@ def plot(
         ss.plot.save(figure, output)
     written = {"contacts": "film", "sound": "sound"}.get(kind, "picture")
     print(f"{written}: {output}")
+
+
+def _refuse_options_of_others(
+    data: Path,
+    swept: bool,
+    kind: Kind | None,
+    beside: Path | None,
+    columns: Columns,
+    at: str | None,
+    bistable: bool,
+) -> None:
+    """Refuse options that `plot` has for other data than these."""
+    if swept:
+        columns.refuse(data, "a sweep", to=columns.to)
+        for name, given in (("kind", kind), ("beside", beside)):
+            if given is not None:
+                raise InputError(f"--{name}: is not for a sweep; leave it out")
+    elif at is not None or bistable:
+        name = "bistable" if at is None else "at"
+        raise InputError(f"--{name}: is for a sweep, and {data} is none; leave it out")
+    elif beside is not None and kind not in (None, "overview"):
+        raise InputError(
+            f"--kind {kind}: excludes --beside, an overview; leave out one of them"
+        )
 
 
 @app.command
@@ -886,6 +965,7 @@ def fit(
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=trace)
+    _check_suffix(output, "a rig", ".toml")
     if output is not None and stiffness is None:
         raise InputError(
             f"-o {output}: a rig needs the stiffness of the driving spring, without "
@@ -956,6 +1036,7 @@ def surface(
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=heights)
+    _check_suffix(output, "a rig", ".toml")
     body = options.body()
     read = ss.surface.read(heights, unit=options.unit, spacing=options.spacing)
     with bar("pressing") as progress:
@@ -1074,6 +1155,11 @@ def sweep(
 
     _check_outputs(picture=plot, read=file)
     if status:
+        if plot is not None:
+            raise InputError(
+                "--plot: is not drawn with --status; `stickslip plot STORE PICTURE` "
+                "draws what is done"
+            )
         found = status_of(store)
         _answer(found, plain(found), json)
         return 0

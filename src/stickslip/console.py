@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import InputError
@@ -134,6 +134,14 @@ def stoppable() -> Iterator[None]:
             signal.signal(n, handler)
 
 
+def open_missing_streams() -> None:
+    """Discard what goes to a stream that the caller closed, as `>&-` does."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            nowhere = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+            setattr(sys, name, nowhere)
+
+
 def replace_missing_letters() -> None:
     """Replace letters that the terminal lacks, as in ASCII or Latin-1, instead of
     failing.
@@ -153,9 +161,12 @@ def can_write(letters: str) -> bool:
 
 
 def discard_output() -> None:
-    """Discard the rest of the output: its reader has closed the pipe."""
+    """Discard the rest of the output: its reader has closed the pipe, or the disk is
+    full.
+    """
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
+    with suppress(OSError):  # a caller from Python may have replaced it by any object
+        os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)
 
 

@@ -72,9 +72,19 @@ def chart(
         for p, v in zip(parameters, here, strict=True)
     ]
     low, high = (np.geomspace(*each, max(points // 2, 4)) for each in ends)
-    found = stability.stability_map(natural, over=over, values=(low, high), growth=True)
-    report(0.7)
-    edge = stability.boundary(natural, over=over, between=(ends[0], ends[1]))
+    found = stability.stability_map(
+        natural,
+        over=over,
+        values=(low, high),
+        growth=True,
+        progress=part(report, 0.0, 0.5),
+    )
+    edge = stability.boundary(
+        natural,
+        over=over,
+        between=(ends[0], ends[1]),
+        progress=part(report, 0.5, 0.7 if bistable else 1.0),
+    )
     one, other = (p.name for p in parameters)
     edges = {name: f"edge_{name}" for name in (one, other, "frequency")}
     found = found.merge(edge.rename(edges), combine_attrs="override")

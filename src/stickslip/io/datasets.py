@@ -268,7 +268,6 @@ def is_netcdf(path: files.FileName) -> bool:
 
 def _kind_of(source: Path) -> str | None:
     """Return the kind of a NetCDF file, from its first bytes."""
-    with source.open("rb") as file:
-        begin = file.read(8)
+    begin = files.begin(source, 8)
     kinds = (kind for mark, kind in _MARKS.items() if begin.startswith(mark))
     return next(kinds, None)

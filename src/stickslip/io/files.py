@@ -5,6 +5,7 @@ that it leads to is replaced.
 """
 
 import difflib
+import errno
 import gzip
 import os
 import secrets
@@ -25,6 +26,15 @@ _KINDS = {
 }
 """Files that are not regular, by the first letter of `stat.filemode`."""
 _GZIP = b"\x1f\x8b"
+_REMEDIES = {
+    errno.EACCES: "ask its owner, or make it and its folders accessible (chmod)",
+    errno.EPERM: "ask its owner, or make it and its folders accessible (chmod)",
+    errno.ENOSPC: "free some space, or choose another place",
+    errno.EDQUOT: "free some space, or choose another place",
+    errno.ELOOP: "name the file that the links should lead to",
+}
+"""What puts right an error of the system, by its number."""
+_OF_WRITING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
 
 
 def size(path: FileName, kind: str, *, largest: int) -> int:
@@ -45,6 +55,8 @@ def size(path: FileName, kind: str, *, largest: int) -> int:
 
 def _nearest_name(path: Path) -> str:
     """Name the file beside a missing one that its name may mean, as a hint."""
+    if path.is_symlink():
+        return f"; it is a link to {os.readlink(path)}, which is not there"
     with suppress(OSError):
         names = [file.name for file in path.parent.iterdir()]
         near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.8)
@@ -74,6 +86,15 @@ def read(path: FileName, kind: str, *, largest: int) -> bytes:
     return content
 
 
+def begin(path: FileName, count: int) -> bytes:
+    """Return the first bytes of a file."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(count)
+    except OSError as error:
+        raise _failed(path, "read", error) from None
+
+
 def _regular(path: FileName, done: str, kind: str) -> os.stat_result | None:
     """Status of a regular file, links followed; None if there is no such file."""
     instance("path", path, (str, os.PathLike), "the name of a file")
@@ -91,11 +112,31 @@ def _regular(path: FileName, done: str, kind: str) -> os.stat_result | None:
 
 
 def _failed(path: FileName, done: str, error: Exception) -> InputError:
-    why = getattr(error, "strerror", None) or error
-    return InputError(
-        f"{path}: cannot be {done} ({why})"
-        + ("; nothing was lost" if done == "written" else "")
-    )
+    kept = "; nothing was lost" if done == "written" else ""
+    return InputError(f"{path}: cannot be {done} ({_why(error)}){_remedy(error)}{kept}")
+
+
+def _why(error: Exception) -> object:
+    return getattr(error, "strerror", None) or error
+
+
+def _remedy(error: Exception) -> str:
+    remedy = _REMEDIES.get(getattr(error, "errno", None) or 0)
+    return f"; {remedy}" if remedy else ""
+
+
+def in_words(error: OSError) -> str:
+    """Describe an error of the system: the place, why it failed, and a remedy."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return "the working directory is not there any more; change to another (cd)"
+    place = "the system: this cannot be done"
+    if error.filename is not None:
+        place = f"{error.filename}: cannot be used"
+    elif error.errno in _OF_WRITING:  # our own files name their place
+        place = "standard output: cannot be written"
+    return f"{place} ({_why(error)}){_remedy(error)}"
 
 
 def target(path: FileName) -> Path:

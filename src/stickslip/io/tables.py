@@ -28,7 +28,14 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
     if not content.strip():
         raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
     try:
-        return tomllib.loads(content.decode())
+        # a mark of byte order is no part of the text
+        return tomllib.loads(content.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path}: is not valid TOML, as a {kind} is: line {line} is not in UTF-8; "
+            "save the file as UTF-8"
+        ) from None
     # it is binary, no TOML, nested too deep, or holds endless integers
     except (ValueError, RecursionError) as error:
         raise InputError(
@@ -200,9 +207,16 @@ _RENAMED = {"temperature": "activation", "track_scatter": "slip_to_slip_scatter"
 """Names that keys had in files of earlier versions, with the present names."""
 
 
+_MEANT = {"speed": "velocity", "law": "distribution"}
+"""Words that users write, with the keys that they mean."""
+
+
 def unknown(name: str, known: Iterable[str]) -> str:
     """Suggest a known word in place of one that is not."""
     known = tuple(known)
+    meant = _MEANT.get(name)
+    if meant in known:
+        return f"did you mean {meant!r}?"
     renamed = _RENAMED.get(name)
     if renamed in known:
         return f"it is called {renamed!r} now"

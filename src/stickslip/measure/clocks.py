@@ -14,17 +14,21 @@ _DATES = {
 }
 _TIME = r"(?P<hours>\d{1,3}):(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d(?:[.,]\d*)?))?"
 _HALF = r"\s?(?P<half>[AaPp])\.?[Mm]\.?"
+_MINUTES = r"(?P<minutes>\d{1,3}):(?P<seconds>[0-5]\d[.,]\d+)"  # as Excel shows them
 _OFFSET = r"\s?(?:Z|UTC|(?P<sign>[-+])(?P<east>\d\d):?(?P<least>[0-5]\d)?)"
 _BETWEEN = r"(?:[Tt]|,?\s)"
 _CLOCKS = [
     re.compile(rf"(?:{_DATES['year']}{_BETWEEN})?{_TIME}(?:{_HALF})?(?:{_OFFSET})?"),
     re.compile(rf"{_DATES['day']}{_BETWEEN}{_TIME}(?:{_HALF})?(?:{_OFFSET})?"),
     re.compile(rf"{_DATES['month']}{_BETWEEN}{_TIME}{_HALF}(?:{_OFFSET})?"),
+    re.compile(_MINUTES),
 ]
 _SINCE_1970 = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}
 """Reading of a clock since 1970 in 2001, in its units; it shows 2.2 times as much in
 2038, the end of its signed 32 bits.
 """
+_DAYS = 40_000.0, 60_000.0
+"""Days since 1900, as a spreadsheet counts them, in 2009 and in 2064."""
 _FIRST_DAY = dt.date(2000, 1, 1).toordinal()
 
 
@@ -35,8 +39,9 @@ def seconds_of(text: str) -> float | None:
     match = next((found for each in _CLOCKS if (found := each.fullmatch(text))), None)
     if match is None:
         return None
-    fields = match.groupdict()
-    hours = int(fields["hours"])
+    optional = ("hours", "half", "east", "least", "sign")
+    fields: dict[str, str] = dict.fromkeys(optional, "") | match.groupdict("")
+    hours = int(fields["hours"] or 0)
     if fields["half"]:
         if not 1 <= hours <= 12:
             return None
@@ -58,6 +63,21 @@ def seconds_of(text: str) -> float | None:
         east = -east
     seconds = float((fields["seconds"] or "0").replace(",", "."))
     return _DAY * days + 3600.0 * hours + 60.0 * int(fields["minutes"]) + seconds - east
+
+
+def turn_of(text: str) -> float:
+    """The seconds after which a time of the day begins anew: a day, or an hour where
+    it shows minutes and seconds only.
+    """
+    return 3600.0 if re.fullmatch(_MINUTES, text.strip().strip('"')) else _DAY
+
+
+def are_days(first: float, last: float) -> bool:
+    """Whether times look as the days since 1900 of a spreadsheet, within one day: in
+    seconds they would be half a day after the begin, and all within a second.
+    """
+    low, high = _DAYS
+    return low <= first and last <= high and last - first < 1.0
 
 
 def unit_since_1970(count: float) -> str:

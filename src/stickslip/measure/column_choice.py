@@ -19,6 +19,8 @@ from stickslip.measure.trace import Array
 
 ColumnName = str | int | None
 """A column by its name, or by its number from 1; None if it is to be found."""
+_VALUES = {"load": "'20 N'", "velocity": "--velocity '0.1 mm/s'"}
+"""Quantities that may be given as values in place of a column."""
 _MOST_SHOWN = 20  # columns of a table that asks for one
 _LONGEST_NAME = 28  # characters of a name in it
 # The largest difference between two steps of a column that rises evenly, in steps: a
@@ -197,9 +199,12 @@ def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
         if len(found) == 1 and found[0] in table.numeric:
             heading = table.headings[found[0]]
             return Choice(found[0], heading._replace(unit=given or heading.unit))
+    value = _VALUES.get(name)
+    is_number = re.fullmatch(r"[-+.\d]+", text.strip())
+    hint = f"; a value needs its unit, as in {value}" if value and is_number else ""
     raise InputError(
         f"{name} = {shown(wanted)}: no such column of numbers, or several of this "
-        f"name; counted from 1, there are {table.listed()}"
+        f"name; counted from 1, there are {table.listed()}{hint}"
     )
 
 

@@ -41,6 +41,8 @@ def read_table(
     read = next((read for magic, read in _READERS if raw.startswith(magic)), None)
     if read is None:
         return read_text(raw, delimiter, decimal)
+    if delimiter or decimal:
+        raise InputError("is no text: leave out its delimiter and decimal sign")
     try:
         return read(raw)
     except InputError:

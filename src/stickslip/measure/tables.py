@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.errors import InputError, refused, shortened
-from stickslip.measure.clocks import seconds_of
+from stickslip.measure.clocks import seconds_of, turn_of
 from stickslip.measure.headings import (
     Heading,
     headings_of,
@@ -38,7 +38,6 @@ _SAMPLE = 400  # lines looked at to find out how a table is laid out
 _HEAD = 1000  # lines among which a table must start
 _LOOKED_AT = 50  # rows, and cells of each, by which a layout is chosen
 _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
-_DAY = 86_400.0  # s
 
 _CONTROLS = bytes([*range(9), *range(13, 32), 127])
 _ROW = re.compile(r"\s*(?![#%!]|//)\S")  # neither blank nor a comment
@@ -52,8 +51,9 @@ where units stand behind it.
 """
 _FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
 _COMMAS = str.maketrans(".,", ",.")
-_NO_VALUE = {"nan", "inf", "-inf", "+inf", "na", "n/a", "null", "none"}
-_NO_VALUE |= {"-", "--", "---", ""}
+_NONE = {"nan", "na", "n/a", "null", "none", "-", "--", "---", ""}
+_NO_VALUE = _NONE | {"inf", "-inf", "+inf"}
+"""What stands for no value; the first of them for one that was not taken."""
 
 Numbered = list[tuple[int, str]]
 """Lines with their numbers, from zero."""
@@ -63,8 +63,9 @@ class Table(NamedTuple):
     """A table: its headings, the places of its columns of numbers, and the line of
     each row; the step in s where the file says so.
 
-    `read` returns columns by their places, NaN where a cell holds none; `line` the text
-    of a line; `notes` name the parts of the file that were left out.
+    `read` returns columns by their places, NaN where a cell holds no value, infinite
+    where it holds what cannot be read; `line` the text of a line; `notes` name the
+    parts of the file that were left out.
     """
 
     headings: list[Heading]
@@ -237,7 +238,7 @@ def read_text(
     headings = headings_of(named, width)
     step = _labview(labview, headings, numeric, layout)
     units = {}
-    clocks = {i for i in numeric if ":" in columns[i][0]}
+    clocks = {i: turn_of(columns[i][0]) for i in numeric if ":" in columns[i][0]}
     for i in numeric:
         units[i] = mode(read_cell(cell, layout.comma)[1] for cell in columns[i])
         if i in clocks:  # its heading may hold the form of a clock, hh:mm:ss
@@ -254,9 +255,9 @@ def read_text(
         numbers = {}
         for i in places:
             values = _as_numbers(cells.pop(i), units[i], layout.comma)
-            values[surplus] = math.nan
+            values[surplus] = math.inf
             values = values[keep]
-            numbers[i] = _since_first(values) if i in clocks else values
+            numbers[i] = _since_first(values, clocks[i]) if i in clocks else values
         return numbers
 
     return Table(
@@ -362,11 +363,18 @@ def _is_surplus(beyond: pd.Series[Any], comma: bool) -> NDArray[np.bool_]:
     return np.isin(beyond.cat.codes, np.flatnonzero(wrong))
 
 
-def _since_first(times: Array) -> Array:
-    """Times since the first; each leap backwards of a time of the day is a midnight."""
-    if not np.nanmax(times) > _DAY:
-        times = times + _DAY * np.cumsum(np.diff(times, prepend=times[0]) < -0.5 * _DAY)
-    return times - times[np.isfinite(times)][:1]
+def _since_first(times: Array, turn: float) -> Array:
+    """Times since the first; at each leap backwards a time of the day, or of the hour,
+    begins anew.
+    """
+    known = np.isfinite(times)
+    since = times[known]
+    if since.max(initial=0.0) <= turn:
+        leaps = np.diff(since, prepend=since[:1]) < -0.5 * turn
+        since = since + turn * np.cumsum(leaps)
+    times = times.copy()
+    times[known] = since - since[:1]
+    return times
 
 
 def _cells(
@@ -410,18 +418,18 @@ def _cells(
 
 
 def _as_numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
-    """The numbers of a column, NaN where a cell holds none, or one in another unit
-    than usual.
+    """The numbers of a column, NaN where a cell stands for no value, infinite where it
+    cannot be read, or holds a number in another unit than usual.
     """
 
     def number(cell: Any) -> Any:
         if not isinstance(cell, str):  # of some parts pandas makes numbers
             return cell
+        if cell.strip().strip('"').lower() in _NONE:
+            return math.nan
         value, unit = read_cell(cell, comma)
-        return value if unit in ("", usual) else None
+        return math.inf if value is None or unit not in ("", usual) else value
 
     if cells.dtype.kind not in "fiu":
         cells = cells.map({cell: number(cell) for cell in cells.unique()})
-    numbers = np.array(cells, dtype=float)
-    numbers[np.isinf(numbers)] = np.nan
-    return numbers
+    return np.array(cells, dtype=float)

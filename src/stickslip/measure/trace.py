@@ -346,7 +346,8 @@ def _check_times(t: Array) -> None:
     if t.size < FEWEST_READINGS:
         raise InputError(
             f"measure: {t.size} samples of spring_force are too few: "
-            f"{FEWEST_READINGS} is the least"
+            f"{FEWEST_READINGS} is the least; record longer, or sample a run more "
+            "often (simulation.interval) or for longer (drive.distance)"
         )
     if not (np.all(np.diff(t) > 0) and t[-1] - t[0] >= SMALLEST):
         raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from itertools import pairwise
@@ -15,10 +16,10 @@ from stickslip import words
 from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
-from stickslip.measure.clocks import unit_since_1970
-from stickslip.measure.column_choice import Choice, ColumnName, choose
+from stickslip.measure.clocks import are_days, unit_since_1970
+from stickslip.measure.column_choice import Choice, ColumnName, choose, rises_evenly
 from stickslip.measure.headings import WEIGHTS, ratio, unit_named
-from stickslip.measure.sensor import far_outside, spikes
+from stickslip.measure.sensor import Mask, far_outside, spikes
 from stickslip.measure.table_files import read_table
 from stickslip.measure.tables import Table, read_cell
 from stickslip.measure.trace import FEWEST_READINGS, Array
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 LARGEST_FILE = 100_000_000  # bytes
 # 2.5 N/V: a number, a unit, and that of the reading, if it has one
-_SCALE = re.compile(
+SCALE = re.compile(
     r"\s*([-+.\d]+(?:[eE][-+\d]+)?)\s*([^/\d\s][^/]*?)\s*(?:/\s*(\S+))?\s*"
 )
 FEW_UNREADABLE = 3  # rows, or ...
@@ -58,9 +59,9 @@ def read_trace(
     comments (``#``, ``%``, ``//``, ``!``), and one unit in the cells (``0.04 N``).
     Where rows cannot be read, and at spikes of a single sample, six standard deviations
     off, the force is interpolated linearly in time, and that is reported; more than 3
-    unreadable rows, and more than 1 %, are an error, those aside that hold one value
-    far outside the others, which stands for no reading: -9999. More than 16 rows
-    without a reading are a gap, and left out.
+    unreadable rows, and more than 1 %, are an error. No reading is a blank cell, nan,
+    N/A, or one value far outside the others, such as -9999; where such rows are more
+    than 16 in turn, a gap, or half of all, they are left out.
 
     A clock that restarts begins another test: tests stand behind one another, in parts.
 
@@ -126,7 +127,7 @@ def read_trace(
         None if step is None else read_value("step", step, "s", "0.5 ms", bare=True)
     )
     column, colon, scale = str(force).rpartition(":")
-    if colon and _SCALE.fullmatch(scale):
+    if colon and SCALE.fullmatch(scale):
         force = column or None
     else:
         scale = ""
@@ -150,6 +151,7 @@ def read_trace(
         chosen, taken = choose(table, asked, timed=bool(interval))
         if seconds:
             chosen.pop("time", None)
+            taken += _other_time(table, seconds)
         values, notes = _rows(table, chosen, interval)
         notes = [*table.notes, *taken, *notes]
         del table
@@ -181,6 +183,31 @@ def read_trace(
     return data.assign_attrs(source=Path(path).name, read=_described(data, chosen))
 
 
+def _other_time(table: Table, step: float) -> list[str]:
+    """Note a column of times that the step replaces; `InputError` if it rises by steps
+    of another size in a unit that it names.
+    """
+    for i in table.numeric:
+        heading = table.headings[i]
+        if heading.quantity != "time":
+            continue
+        times = table.read([i])[i]
+        if not rises_evenly(times[:-1]):  # the last row may be cut off
+            continue
+        usual = float(np.median(np.diff(times[np.isfinite(times)])))
+        size = ratio(heading.unit or "s", "s") or 1.0
+        if math.isclose(usual * size, step, rel_tol=0.01):
+            continue
+        column = Choice(i, heading)
+        by = words.engineering(usual, heading.unit) if heading.unit else f"{usual:.4g}"
+        if heading.unit:
+            raise InputError(
+                f"step = {step:g} s: {column} rises by {by} instead; leave out the step"
+            )
+        return [f"{column}, which rises by {by}, is no time, as the step is given"]
+    return []
+
+
 def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     """Describe in words which columns hold what, and how often the force was read."""
     order = [name for name in ("time", *_TEXTS) if name in chosen and name != "part"]
@@ -197,7 +224,7 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
 
 def _scale(text: str, unit: str) -> tuple[float, str]:
     """Factor to a force, and its unit, of a text such as 2.5 N/V."""
-    match = _SCALE.fullmatch(text)
+    match = SCALE.fullmatch(text)
     if match:
         size = read_cell(match[1])[0]
         kind = (unit_named(match[2]) or ("",))[0]
@@ -217,43 +244,91 @@ def _rows(
     """The columns that were chosen, with times, and a note of rows that cannot be
     read; `InputError` if many cannot.
     """
-    lines = table.rows
     read = table.read([each.place for each in chosen.values()])
     values = {name: read[each.place] for name, each in chosen.items()}
+    values.setdefault("time", step * np.arange(table.rows.size, dtype=float))
+    lines, notes = _without_a_last_row(table, values)
+    blank = np.isfinite(values["time"]) & np.isnan(values["force"])
+    many = np.count_nonzero(blank)
+    # the force was read less often than something else
+    if 0.5 * blank.size <= many < blank.size:
+        notes.append(f"{many} of {blank.size} rows hold no force and are left out")
+        lines = lines[~blank]
+        values = {name: each[~blank] for name, each in values.items()}
+        blank = blank[~blank]
+    for each in values.values():
+        each[np.isinf(each)] = np.nan
+    unread = _unreadable(table, values, lines, blank)
+    notes += _put_in_turn(table, values, lines)
+    return values, notes + unread
+
+
+def _without_a_last_row(
+    table: Table, values: dict[str, Array]
+) -> tuple[NDArray[np.int64], list[str]]:
+    """Leave out a last row whose time does not rise, as one that is cut off or written
+    twice, with a note; return the lines of the others.
+    """
+    times = values["time"]
+    known = np.flatnonzero(np.isfinite(times))
+    if known.size < 2 or times[known[-1]] > times[known[-2]]:
+        return table.rows, []
+    last = int(known[-1])
+    for name, each in values.items():
+        values[name] = each[:last]
+    line = table.rows[last]
+    text = shortened(table.line(line))
+    note = "is left out, as its time does not come after that of the row before"
+    return table.rows[:last], [f"the last row, line {line}: {text!r}, {note}"]
+
+
+def _unreadable(
+    table: Table, values: dict[str, Array], lines: NDArray[np.int64], blank: Mask
+) -> list[str]:
+    """Leave out forces that stand for none, and note all rows that cannot be read;
+    `InputError` if these, the blank ones aside, are many, or few are left.
+    """
     force = values["force"]
     outside = far_outside(force)
     # What a logger writes for no reading is one value, however often it comes; before
     # and after a test may be anything.
     first, last = np.flatnonzero(~outside)[[0, -1]]
     within = force[first:last][outside[first:last]]
-    none = np.count_nonzero(outside) - (np.unique(within).size > 1) * within.size
+    no_reading = outside | blank
+    if np.unique(within).size > 1:
+        no_reading[first:last] = blank[first:last]
     force[outside] = np.nan
-    times = values.setdefault("time", step * np.arange(force.size, dtype=float))
-    bad = lines[~np.isfinite(times + force)].tolist()
-    shown_lines = [f"line {line}: {shortened(table.line(line))!r}" for line in bad[:5]]
-    if len(bad) - none > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
+    bad = ~np.isfinite(values["time"] + force)
+    wrong = np.count_nonzero(bad & ~no_reading)
+    shown_lines = [
+        f"line {line}: {shortened(table.line(line))!r}"
+        for line in lines[bad][:5].tolist()
+    ]
+    many = np.count_nonzero(bad)
+    if wrong > max(FEW_UNREADABLE, UNREADABLE_FRACTION * lines.size):
         needed = (
             "each needs a finite number, in the unit of the others and not far "
             "outside the rest"
         )
         raise InputError(
-            f"{len(bad)} of {lines.size} rows cannot be read, first {shown_lines[0]}; "
+            f"{many} of {lines.size} rows cannot be read, first {shown_lines[0]}; "
             f"{needed}"
         )
-    if (left := lines.size - len(bad)) < FEWEST_READINGS:
+    left = np.count_nonzero(np.isfinite(values["time"] + force))
+    if left < FEWEST_READINGS:
         raise InputError(
             f"{left} readings are too few to judge; at least {FEWEST_READINGS} are "
             "needed"
         )
-    notes = _put_in_turn(table, values, lines)
-    if len(bad) > 5:
-        shown_lines.append(f"and {len(bad) - 5} more")
-    if bad:
-        notes.append(
-            f"{len(bad)} of {lines.size} rows could not be read; the force there is "
-            f"interpolated in time ({'; '.join(shown_lines)})"
-        )
-    return values, notes
+    if not many:
+        return []
+    if many > 5:
+        shown_lines.append(f"and {many - 5} more")
+    most = f", up to {FEWEST_READINGS} in turn" if many > FEWEST_READINGS else ""
+    return [
+        f"{many} of {lines.size} rows could not be read; the force there is "
+        f"interpolated in time{most} ({'; '.join(shown_lines)})"
+    ]
 
 
 def _put_in_turn(
@@ -342,9 +417,17 @@ def _dataset(
         missing = rows["force"].isna()
         rows = rows.interpolate("index", limit_direction="both")
     rows["force"] *= -1.0 if flip else 1.0
-    if not units["time"] and (unit := unit_since_1970(float(rows.index[0]))):
+    first, last = rows.index[[0, -1]].tolist()
+    if not units["time"] and (unit := unit_since_1970(first)):
         units["time"] = unit
         notes.append(f"the times are taken for {unit} since 1970")
+    if not units["time"] and are_days(first, last):
+        units["time"] = "s"
+        rows.index = pd.Index(86_400.0 * (rows.index - first), name="time")
+        notes.append(
+            "the times are taken for days, as spreadsheets count them from 1900; where "
+            "they are none, write their unit into the heading, as in time (s)"
+        )
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:
             units[name] = usual

@@ -40,6 +40,10 @@ class Parameter:
         object.__setattr__(self, "unit", natural_unit(self.unit))
 
 
+_FIELDS = dict[str, dict[str, str]]()
+"""Parameters of a part of a rig, each with the field that holds it."""
+
+
 def _parameter_of_part(
     name: str, unit: str, title: str, part: str = "slider", field: str = "", **more: Any
 ) -> Parameter:
@@ -47,14 +51,20 @@ def _parameter_of_part(
     by this name and sets `with_`.
     """
     field = field or name
+    _FIELDS.setdefault(part, {})[name] = field
 
     def held(rig: Rig) -> Any:
         found = rig.slider if part == "slider" else getattr(rig.interface, part)
         if not hasattr(found, field):
             where = "Rig" if part == "slider" else "Interface"
+            fields = _FIELDS[part].items()
+            others = [other for other, of in fields if hasattr(found, of)]
+            remedy = f"give the rig a {part} first"
+            if others:
+                remedy = f"choose {', '.join(others)} or a Parameter of your own"
             raise InputError(
-                f"{where}.{part} = {found!r}: has no {name} to vary; give a Parameter "
-                "of your own"
+                f"{where}.{part}: {type(found).__name__} has no {name} to vary; "
+                f"{remedy}"
             )
         return found
 

@@ -88,8 +88,8 @@ def sweep_picture(data: xr.Dataset) -> Figure:
     axes = [dim for dim in varied if dim != "seed"] or varied
     if not 0 < len(axes) <= 2:
         raise InputError(
-            f"plot: this sweep has the axes {', '.join(axes)}: a picture holds two; "
-            "select the others"
+            f"plot: this sweep has {', '.join(axes) or 'no parameter'} to draw over: "
+            "a picture has one axis or two; select values of the others (--at)"
         )
     data = data.sortby(varied)
     return (

@@ -20,6 +20,7 @@ from stickslip.errors import (
 from stickslip.io import datasets as store
 from stickslip.model.parameters import STIFFNESS, VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Ends, Rig
+from stickslip.progress import Progress, part
 from stickslip.stability import roots
 from stickslip.stability.critical import Line, LinePoint
 from stickslip.stability.impedances import spring_at_contact
@@ -42,6 +43,7 @@ def boundary(
     *,
     over: Over = (STIFFNESS, VELOCITY),
     between: Window,
+    progress: Progress | None = None,
 ) -> xr.Dataset:
     """Find where smooth sliding loses or regains stability in a window of two
     parameters.
@@ -60,6 +62,8 @@ def boundary(
         The two parameters, see `critical`.
     between : ((float, float), (float, float))
         Range of each, in the rig's own units.
+    progress : callable, optional
+        Called with the fraction done.
 
     Returns
     -------
@@ -89,7 +93,7 @@ def boundary(
     )
     grids = [np.geomspace(low, high, lines) for low, high in window]
     grid = _MapGrid(parameters, rig.natural, grids)
-    curves = grid.contour()
+    curves = grid.contour(progress or _unheard)
     points = np.concatenate([np.empty((0, 3)), *curves]).T
     which = np.repeat(np.arange(len(curves)), [len(curve) for curve in curves])
     columns = {
@@ -110,6 +114,7 @@ def stability_map(
     over: Over = (STIFFNESS, VELOCITY),
     values: tuple[ArrayLike, ArrayLike],
     growth: bool = False,
+    progress: Progress | None = None,
 ) -> xr.Dataset:
     """Count the growing modes of smooth sliding on a grid of two parameters.
 
@@ -128,6 +133,8 @@ def stability_map(
     growth : bool
         Whether to give the growth rate and frequency of the fastest mode as well, which
         takes some milliseconds a point.
+    progress : callable, optional
+        Called with the fraction done.
 
     Returns
     -------
@@ -162,8 +169,10 @@ def stability_map(
         for parameter, value in given
     ]
     grid = _MapGrid(parameters, rig.natural, grids)
+    report = progress or _unheard
+    points = grid.neutral(part(report, 0.0, 0.5 if growth else 1.0))
     counts = np.array(
-        [[neutral.unstable() for neutral in row] for row in grid.neutral()],
+        [[neutral.unstable() for neutral in row] for row in points],
         dtype=np.int64,
     )
     columns = {
@@ -174,7 +183,7 @@ def stability_map(
     title = "growing modes of smooth sliding"
     columns["unstable_modes"] = labelled(title, names, counts, "1")
     if growth:
-        fastest = grid.fastest(counts)
+        fastest = grid.fastest(counts, part(report, 0.5, 1.0))
         for name, title, value in (
             ("growth_rate", "growth rate of the fastest mode", fastest.real),
             ("frequency", "its angular frequency", fastest.imag),
@@ -184,6 +193,10 @@ def stability_map(
     return rig.in_its_units(
         grid.dataset("stability_map", columns, values=plain, growth=growth)
     )
+
+
+def _unheard(_done: float) -> None:
+    """Progress that nobody asked for."""
 
 
 def _two_parameters(
@@ -214,7 +227,7 @@ class _MapGrid(NamedTuple):
     rig: Rig
     values: list[Array]
 
-    def neutral(self) -> list[list[Neutral]]:
+    def neutral(self, report: Progress) -> list[list[Neutral]]:
         """Neutral frequencies at each point, by the first parameter and then by the
         second.
         """
@@ -227,7 +240,10 @@ class _MapGrid(NamedTuple):
         rows = self.values[outer].tolist()
         line = self.values[1 - outer].tolist()
         if free is None:
-            found = [self.line(1 - outer, value).neutral(line) for value in rows]
+            found = []
+            for value in rows:
+                found.append(self.line(1 - outer, value).neutral(line))
+                report(len(found) / len(rows))
         else:  # a stiffer spring lacks less by its difference
             softest = min(rows)
             known = self.line(1 - outer, softest).neutral(line, softest=softest)
@@ -253,7 +269,9 @@ class _MapGrid(NamedTuple):
             self.rig,
         )
 
-    def fastest(self, counts: NDArray[np.int64]) -> NDArray[np.complex128]:
+    def fastest(
+        self, counts: NDArray[np.int64], report: Progress
+    ) -> NDArray[np.complex128]:
         """Root furthest right at each point, carried from neighbour to neighbour and
         checked against the count.
         """
@@ -276,31 +294,34 @@ class _MapGrid(NamedTuple):
                         found[i, j] = growth_rate(here)
                     except UndecidedError:
                         known = known[:0]
+            report((j + 1) / self.values[1].size)
         return found
 
-    def contour(self) -> list[Array]:
+    def contour(self, report: Progress) -> list[Array]:
         """Lines between stable and unstable points: both parameters and the
         frequency, shape (n, 3) each.
         """
         import contourpy
 
-        points = self.neutral()
+        points = self.neutral(part(report, 0.0, 0.5))
         unstable = np.array(
             [[neutral.unstable() > 0 for neutral in row] for row in points]
         )
+        lines = contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(0.0)
+        # Each point of the contour lies half way between a stable and an unstable
+        # point of the grid.
+        sides_of_lines = [
+            [(i, j) for j, i in np.asarray(line).tolist()] for line in lines
+        ]
+        total = sum(map(len, sides_of_lines))
         crossed: dict[tuple[float, float], tuple[float, float, float] | None] = {}
         curves = []
-        for line in contourpy.contour_generator(z=np.where(unstable, 1.0, -1.0)).lines(
-            0.0
-        ):
-            # Each point of the contour lies half way between a stable and an unstable
-            # point of the grid.
-            found = []
-            for j, i in np.asarray(line).tolist():
-                if (i, j) not in crossed:
-                    crossed[i, j] = self.on_side(points, i, j)
-                if (point := crossed[i, j]) is not None:
-                    found.append(point)
+        for sides in sides_of_lines:
+            for side in sides:
+                if side not in crossed:
+                    crossed[side] = self.on_side(points, *side)
+                    report(0.5 + 0.5 * len(crossed) / total)
+            found = [point for side in sides if (point := crossed[side]) is not None]
             if found:
                 curves.append(np.array(found))
         return curves

@@ -5,7 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from stickslip.errors import whole
 from stickslip.io.settings import read_rig_with
+from stickslip.model.quantities import read_value
 from stickslip.structures.exports import Target
 from stickslip.structures.exports import export as write_export
 
@@ -16,7 +18,7 @@ def export(
     to: Target,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     speeds: Annotated[tuple[str, str] | None, Parameter(negative="")] = None,
-    poles: int | None = None,
+    poles: str | None = None,
     settings: Annotated[
         tuple[str, ...],
         Parameter(name="--set", negative="", consume_multiple=False),
@@ -41,11 +43,15 @@ def export(
         A key of the rig file and its value, drive.velocity="2 mm/s"; may be given
         again.
     """
+    count = None
+    if poles is not None:
+        given = read_value("--poles", poles, "1", "6", bare=True)
+        count = whole("--poles", given, at_least=2, hint="even")
     text = write_export(
         read_rig_with(rig, settings),
         to,
         output,
         speeds=speeds,
-        poles=poles,
+        poles=count,
     )
     print(text if output is None else f"{to}: {output}\n", end="")

@@ -19,6 +19,7 @@ from scipy import fft
 
 from stickslip.arrays import Array
 from stickslip.errors import SMALLEST, InputError, instance, refused, shown, whole
+from stickslip.io import files
 from stickslip.model.quantities import read_value
 from stickslip.surface.halfspace import wave_numbers
 from stickslip.words import engineering, percent
@@ -26,6 +27,7 @@ from stickslip.words import engineering, percent
 Length = float | str
 """A length in m, or a text with its unit."""
 
+LARGEST_FILE = 1_000_000_000  # bytes
 FEWEST_NODES = 32  # along an axis
 _ALIKE = 1e-3  # spacings along both axes that differ by less are one
 _HEADER = re.compile(r"^#?\s*(?:([A-Za-z][\w ]*?)\s*[:=]|([A-Za-z]\w*)\s)\s*(.+?)\s*$")
@@ -309,8 +311,8 @@ def read(
     if not isinstance(file, (str, os.PathLike)):
         return _of_topography(file, "topography")
     path = Path(file)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    files.size(path, "map of heights", largest=LARGEST_FILE)
+    files.begin(path, 1)
     readers = {".npz": _arrays, ".csv": _rows, ".asc": _rows, ".txt": _rows}
     reader = readers.get(path.suffix.lower())
     if reader is None:

@@ -45,6 +45,9 @@ def with_theory(
     try:
         if not 1 <= len(ranges) <= 2:
             raise InputError("it is drawn over one parameter or two")
+        for name, (low, high) in ranges.items():
+            if low == high:
+                raise InputError(f"{name} has one value in this sweep")
         found = (
             _on_line(rig, ranges, bistable)
             if len(ranges) == 1
@@ -87,7 +90,12 @@ def _in_plane(
 ) -> xr.Dataset:
     one, other = ranges
     between = (*ranges.values(),)
-    edge = boundary(rig, over=(one, other), between=(between[0], between[1]))
+    edge = boundary(
+        rig,
+        over=(one, other),
+        between=(between[0], between[1]),
+        progress=None if bistable else progress,
+    )
     found = edge[[one, other, "curve"]].rename(
         {name: f"edge_{name}" for name in (one, other, "curve")}
     )
