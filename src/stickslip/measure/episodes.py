@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
+from stickslip.loops import bounded
 from stickslip.measure.periods import REGULAR
 from stickslip.measure.slips import SLIP_VELOCITY, find_slips, weighted_median
 from stickslip.measure.trace import FEWEST_CYCLES, Trace
@@ -108,7 +109,10 @@ def episodes(
     begins = np.flatnonzero(np.diff(stands[first], prepend=0) > 0)
     left = [each for each in np.split(table.index, begins) if len(each) >= _FEWEST]
     found_episodes = list[Episode]()
+    # each turn takes a row of drops, and leaves its parts or none of it
+    turns = bounded("episodes", 2 * len(table))
     while left:
+        next(turns)
         drops = left.pop()
         part = table.loc[drops]
         inner = waits.loc[drops].copy()
