@@ -98,7 +98,7 @@ def rigs(draw):
                 del node[last]
             case 1:
                 node[draw(st.text(min_size=1, max_size=8))] = draw(VALUES)
-            case 2 if isinstance(node[last], (int, float)):
+            case 2 if isinstance(node[last], (int, float)) and abs(node[last]) < 1e300:
                 node[last] = node[last] * draw(st.sampled_from(FACTORS))
             case _:
                 node[last] = draw(VALUES)

@@ -8,6 +8,7 @@ import csv
 import io
 import math
 import re
+import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from itertools import chain
@@ -423,6 +424,8 @@ def _as_numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
     """
 
     def number(cell: Any) -> Any:
+        if isinstance(cell, int):  # pandas keeps those beyond 64 bits as they are
+            return cell if abs(cell) < sys.float_info.max else math.inf
         if not isinstance(cell, str):  # of some parts pandas makes numbers
             return cell
         if cell.strip().strip('"').lower() in _NONE:
