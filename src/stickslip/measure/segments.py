@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.special import stdtrit
 
@@ -43,35 +44,48 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
 def pulls(trace: Trace) -> list[Trace]:
     """The parts of a trace in which its bench is loaded, all in one direction; the
     trace itself where its force does not rest near zero.
-
-    An even climb to the largest force spends the part `TINY` of its time near zero:
-    where a force stays there five times as long, the bench is unloaded.
     """
-    smooth = median_filter(trace.force, _SMOOTHED, mode="nearest")
-    near = np.abs(smooth) <= TINY * np.abs(smooth).max()
-    edges = np.flatnonzero(np.diff(near)) + 1
-    runs = [*pairwise([0, *edges.tolist(), near.size])]
-    lasts = [trace.t[end - 1] - trace.t[begin] for begin, end in runs]
-    ends = []
-    for i, (begin, end) in enumerate(runs):
-        beside = max(lasts[i - 1 : i] + lasts[i + 1 : i + 2], default=math.inf)
-        rests = near[begin] and lasts[i] >= 5.0 * TINY * beside
-        if rests and end - begin >= FEWEST_READINGS:
-            ends += [begin, end]
-    if not ends:
+    size = np.abs(median_filter(trace.force, _SMOOTHED, mode="nearest"))
+    rests = _rests(trace.t, size <= TINY * size.max())
+    if not rests:
         return [trace]
+    begins = [0, *(end for _, end in rests)]
+    ends = [*(begin for begin, _ in rests), size.size]
     parts = []
-    for begin, end in [*pairwise([0, *ends, near.size])][::2]:
-        if begin < end < near.size:  # less the unloading
-            late = np.abs(smooth[(begin + end) // 2 : end])
-            high = np.flatnonzero(np.abs(smooth[begin:end]) >= np.median(late))
-            end = begin + int(high[-1]) + 1
+    for begin, end in zip(begins, ends, strict=True):
+        if begin < end < size.size:
+            end = _before_unloading(size, begin, end)
         if end - begin >= FEWEST_READINGS:
-            parts.append(
-                trace.part(trace.t[begin], np.nextafter(trace.t[end - 1], np.inf))
-            )
+            last = np.nextafter(trace.t[end - 1], np.inf)
+            parts.append(trace.part(trace.t[begin], last))
     signs = {math.copysign(1.0, np.median(part.force)) for part in parts}
     return parts if len(signs) == 1 else [trace]
+
+
+def _rests(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First samples in which an unloaded bench rests near zero, and first after them.
+
+    An even climb to the largest force spends the part `TINY` of its time near zero: a
+    bench that stays there five times as long is unloaded.
+    """
+    edges = [0, *(np.flatnonzero(np.diff(near)) + 1).tolist(), near.size]
+    runs = [*pairwise(edges)]
+    lasts = [t[end - 1] - t[begin] for begin, end in runs]
+    found = []
+    for i, (begin, end) in enumerate(runs):
+        beside = [*lasts[i - 1 : i], *lasts[i + 1 : i + 2]]
+        is_long = lasts[i] >= 5.0 * TINY * max(beside, default=math.inf)
+        if near[begin] and is_long and end - begin >= FEWEST_READINGS:
+            found.append((begin, end))
+    return found
+
+
+def _before_unloading(size: Array, begin: int, end: int) -> int:
+    """First sample of a pull that is only unloaded from there on: behind the last one
+    as large as usual in its second half.
+    """
+    usual = np.median(size[(begin + end) // 2 : end])
+    return begin + int(np.flatnonzero(size[begin:end] >= usual)[-1]) + 1
 
 
 def parts_between_pauses(trace: Trace, found: Slips) -> list[Trace]:
