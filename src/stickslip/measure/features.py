@@ -601,10 +601,12 @@ def look_past_waves(seen: Window) -> Window:
     trace = seen.trace
     if trace.pace is not None or seen.swing.value < TINY or seen.is_stick_slip:
         return seen
-    smooth, period = _without_hum(trace)
-    calm = Window.of(replace(trace, force=smooth))
-    if _slips_one_way(calm) and calm.found.waits.mean() > FEWEST_CYCLES * period:
-        return calm
+    if (period := _fast_period(trace.force)) > 1:
+        force = uniform_filter1d(trace.force, period, mode="nearest")
+        calm = Window.of(replace(trace, force=force))
+        hum = period * trace.step
+        if _slips_one_way(calm) and calm.found.waits.mean() > FEWEST_CYCLES * hum:
+            return calm
     for part in WAVES:
         width = trace.t.size // part
         if width < 2 * FEWEST_READINGS:
@@ -629,22 +631,19 @@ def _slips_one_way(seen: Window) -> bool:
     return seen.is_stick_slip and not seen.reversed.is_stick_slip
 
 
-def _without_hum(trace: Trace) -> tuple[Array, float]:
-    """The force averaged over the period of its strongest fast wave, and that period;
-    as it is where none stands out by more than chance.
+def _fast_period(force: Array) -> int:
+    """Period, in samples, of the strongest fast wave of a force, such as hum of the
+    mains; 0 where none stands out by more than chance.
 
     Second differences leave little of a slow wave, and a short pulse of a drop, which
     has no line in a spectrum.
     """
-    power = np.abs(fft.rfft(np.diff(trace.force, 2))) ** 2
+    power = np.abs(fft.rfft(np.diff(force, 2))) ** 2
     line = max(int(np.argmax(power)), 1)
+    beside = uniform_filter1d(power, _BESIDE)[line]
     # powers of noise are exponential
-    stands_out = (
-        power[line]
-        > math.log(power.size / CHANCE) * uniform_filter1d(power, _BESIDE)[line]
-    )
-    width = max(round(trace.force.size / line), 1) if stands_out else 1
-    return uniform_filter1d(trace.force, width, mode="nearest"), width * trace.step
+    stands_out = power[line] > math.log(power.size / CHANCE) * beside
+    return round(force.size / line) if stands_out else 0
 
 
 def _means(trace: Trace, first: Array, last: Array) -> Array:
