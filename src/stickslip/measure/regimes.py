@@ -382,7 +382,8 @@ def _note_gaps(trace: Trace) -> list[str]:
         gaps = gaps[np.diff(trace.part_number)[gaps] == 0.0]
     if not gaps.size:
         return []
-    begin, end = map(words.number, trace.t[gaps[0] : gaps[0] + 2])
+    ends = trace.t[gaps[0] : gaps[0] + 2]
+    begin, end = (words.engineering(t, trace.time_unit) for t in ends)
     many = f" and in {gaps.size - 1} more" if gaps.size > 1 else ""
     return [f"no readings in a gap from t = {begin} to {end}{many}"]
 
