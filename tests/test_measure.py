@@ -194,6 +194,10 @@ def tone(size, t):
     return size * np.sin(2.0 * np.pi * t)
 
 
+def ramp_and_slips(t):
+    return np.where(t < 12.0, t - 6.5, 5.5 + t % 1.0)
+
+
 def stops(when, noise):
     return alone(40.0, 0.01, f"np.where(t < {when}, slips_of_a_second(t), 2.5)", noise)
 
@@ -302,7 +306,7 @@ slips that stop: undecided | parts=["stick-slip", "smooth sliding"]
 that stop late: undecided | parts=["stick-slip", "smooth sliding"]
     stops(35.0, 0.0)
 that become a sine: - | end=35.3
-    alone(50, 0.01, "2 + np.where(t < 35.3, t % 1, 0.5 + tone(0.5, t))", 0.02, 4)
+    alone(50, 0.01, "2 + np.where(t < 35.3, t % 1, 0.5 + tone(0.5, t))", 0.02, 5)
 smaller ones: stick-slip | parts=["stick-slip", "stick-slip"]
     alone(60.0, 0.01, "2 + np.where(t < 30, 1, 0.4) * (t % 1)", 0.01)
 that hum: stick-slip | drop=1.0
@@ -313,12 +317,14 @@ smooth pulls: smooth sliding | note="unloaded for 20"
     alone(80.0, 0.01, "np.where(t % 20 < 15, 5, 0)", 0.02)
 two strokes: smooth sliding | half_width=5.0
     alone(40.0, 0.01, "np.where(t < 20, 5, -5)", 0.02)
-in one half: undecided | enough="one half"
+in one half: undecided | enough="a part of the window"
     alone(50.0, 0.01, "3 + np.where(t < 25, tone(0.4, t), 0.8 * (t % 1) - 0.4)")
 under a wavy load: undecided | enough="a steady load"
     alone(60.0, 0.01, "(3 + t % 1.02) * (1 + tone(0.3, t / 30))")
 pulses: sustained oscillation | periodic=True
     alone(60.0, 0.01, "3 + np.exp(-(((t % 1 - 0.5) / 0.05) ** 2))")
+to and fro, in ramps: undecided | enough="strokes"
+    alone(180.0, 0.01, "np.where(t % 36 < 18, 1, -1) * ramp_and_slips(t % 18)")
 a sine and a half: undecided | enough="too short"
     alone(1.5, 0.01, "3 + tone(0.3, t)", 0.003)
 paper, K 168, V 42: stick-slip | periodic=False
@@ -423,6 +429,14 @@ def test_irregular_slips_of_a_force_alone_are_stick_slip(seed, std):
     result = regime(trace(t, force))
     assert result.kind == "stick-slip"
     assert result.period == pytest.approx(drawn.mean(), rel=0.3)
+
+
+def test_slips_faster_than_slopes_are_known_by_are_slips():
+    noise = white(740, std=0.06, seed=3)
+    slipping = at(60.0, 1 / 12.3, lambda t: 10.0 + t % 1.0 + noise[: t.size])
+    slipping.spring_force.attrs["units"] = "N"
+    moving = ss.measure.motion(slipping, stiffness=1000.0, velocity=0.00106)
+    assert [regime(each).kind for each in (moving, slipping)] == 2 * ["stick-slip"]
 
 
 @pytest.mark.parametrize("size", [200, 500, 2000])

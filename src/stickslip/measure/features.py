@@ -128,6 +128,11 @@ class Window:
         return cls(trace, find_slips(trace))
 
     @cached_property
+    def past_waves(self) -> "Window":
+        """The window without a slow or a fast wave, where it then slips."""
+        return look_past_waves(self)
+
+    @cached_property
     def largest(self) -> float:
         """Largest force in all of the data."""
         return abs(self.trace.largest) or 1.0
@@ -310,9 +315,12 @@ class Window:
         """Largest velocity of the slider in a typical drop over the drive's; NaN where
         it is not known, or the drop too short to show it.
         """
-        usual = self.found.typical(speeds(self.trace, self.found))
-        samples = self.found.typical(self.found.trough - self.found.peak)
-        shown = usual >= SLIP_VELOCITY or samples >= FEWEST_IN_A_DROP
+        found = self.found
+        usual = found.typical(speeds(self.trace, found))
+        samples = found.typical(found.trough - found.peak)
+        lasts = found.typical(self.trace.t[found.trough] - found.times)
+        resolved = samples >= FEWEST_IN_A_DROP and lasts >= self.trace.slope_window
+        shown = usual >= SLIP_VELOCITY or resolved
         return usual if shown else math.nan
 
     @cached_property
@@ -322,17 +330,16 @@ class Window:
         """
         if not math.isnan(self.seen_velocity):
             return self.seen_velocity
-        return self.velocity_by_rates if self.climbs else math.nan
+        known = self.climbs or self.trace.full_rate is not None
+        return self.velocity_by_rates if known else math.nan
 
     @property
     def velocity_by_rates(self) -> float:
         """Velocity of a drop over the drive's by the rates of the force: 1 + falling
-        over loading, if the slider is held between drops; on a bench of known stiffness
-        and velocity by as much as it is held.
+        over loading, if the slider is held between drops; that of a held slider where
+        stiffness and velocity are known.
         """
-        pace = self.trace.pace if self.trace.measured else None
-        held = 1.0 if pace is None else 1.0 - float(np.median(pace))
-        return 1.0 + held * self.falling_rate / self.loading.rate
+        return 1.0 + self.falling_rate / (self.trace.full_rate or self.loading.rate)
 
     @property
     def climbs(self) -> bool:
@@ -343,13 +350,16 @@ class Window:
 
     @property
     def slips_throughout(self) -> bool:
-        """Whether the typical drops of either half are as fast as slips."""
+        """Whether the typical drops of each quarter, or of each half of few, are as
+        fast as slips.
+        """
         found = self.found
-        if not self.trace.measured or found.size < 2 * FEWEST_CYCLES:
+        count = min(found.size // FEWEST_CYCLES, 4)
+        if not self.trace.measured or count < 2:
             return True
-        first = np.arange(found.size) < found.size // 2
-        halves = (replace(self, found=found.only(half)) for half in (first, ~first))
-        return all(half.falls_fast or half.are_slips for half in halves)
+        number = np.arange(found.size) * count // found.size
+        parts = (replace(self, found=found.only(number == i)) for i in range(count))
+        return all(part.falls_fast or part.are_slips for part in parts)
 
     @property
     def shows_cycles(self) -> bool:
@@ -639,10 +649,10 @@ def _fast_period(force: Array) -> int:
     has no line in a spectrum.
     """
     power = np.abs(fft.rfft(np.diff(force, 2))) ** 2
-    line = max(int(np.argmax(power)), 1)
-    beside = uniform_filter1d(power, _BESIDE)[line]
+    over = power / np.maximum(uniform_filter1d(power, _BESIDE), 1e-300)
+    line = max(int(np.argmax(over)), 1)
     # powers of noise are exponential
-    stands_out = power[line] > math.log(power.size / CHANCE) * beside
+    stands_out = over[line] > math.log(power.size / CHANCE)
     return round(force.size / line) if stands_out else 0
 
 

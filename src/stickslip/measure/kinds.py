@@ -8,7 +8,14 @@ from typing import Literal
 import numpy as np
 
 from stickslip import words
-from stickslip.measure.features import NORMAL, ONE_SIDED, SLIP_PHASE, SMALL, Window
+from stickslip.measure.features import (
+    MOST,
+    NORMAL,
+    ONE_SIDED,
+    SLIP_PHASE,
+    SMALL,
+    Window,
+)
 from stickslip.measure.periods import PERIODIC
 from stickslip.measure.slips import WHITE
 from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, RESTS
@@ -36,13 +43,18 @@ def decide(seen: Window) -> tuple[Kind, str]:
         return OPEN, reason
     if seen.is_stick_slip and not seen.slips_throughout:
         return OPEN, (
-            "drops as fast as slips in one half of the window only: judge each part by "
+            "drops as fast as slips in a part of the window only: judge each part by "
             "itself (--from, --to)"
         )
     manner = "periodic" if seen.cycles else "irregular"
     if seen.is_stick_slip:
         few = f", of few contacts ({contacts})," if seen.is_contact_noise else ""
         return SLIPS, f"{manner}{few} and persistent; {_how_fast(seen)}"
+    if _oscillates(seen) and _goes_to_and_fro(seen):
+        return OPEN, (
+            "the force goes to and fro about zero: strokes, of which a measured "
+            "displacement would tell, or an oscillation about a mean that was lost"
+        )
     if _oscillates(seen):
         size = f"{_percent(seen.part)}, peak to peak"
         return LASTS, f"{manner}, {size}; {_sticking(seen)}; {_how_fast(seen)}"
@@ -132,6 +144,15 @@ def _oscillates(seen: Window) -> bool:
     normal = seen.kurtosis.value >= NORMAL and not seen.is_even
     as_noise = normal or seen.contact_noise[0] < ERRORS
     return not (seen.trace.measured and (as_noise or seen.falls_fast))
+
+
+def _goes_to_and_fro(seen: Window) -> bool:
+    """Whether a measured force reaches as far to one side of zero as to the other, or
+    half as far.
+    """
+    force = seen.trace.force
+    smaller, larger = sorted((-float(force.min()), float(force.max())))
+    return seen.trace.measured and smaller >= MOST * larger
 
 
 def _uneven(seen: Window) -> tuple[Kind, str]:

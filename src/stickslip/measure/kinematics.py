@@ -45,12 +45,19 @@ _LOWER = 0.25
 _BETWEEN = (math.acos(1.0 - 2.0 * _UPPER) - math.acos(1.0 - 2.0 * _LOWER)) / math.pi
 
 
+def _slope_width(step: float, noise: float, rate: float) -> int:
+    """Samples over which a slope is known to a part `SLOPE_ERROR` of the loading rate,
+    by least squares.
+    """
+    narrowest = (12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)
+    return max(math.ceil(narrowest) | 1, 3)
+
+
 def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
     """Return slopes by least squares over as many samples as give the loading rate to
     a tenth; none if that takes more than a twelfth of all.
     """
-    narrowest = (12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)
-    width = max(math.ceil(narrowest) | 1, 3)
+    width = _slope_width(step, noise, rate)
     if 12 * width > force.size:
         return np.empty(0)
     return fitted_locally(force, width, 1, 1, step)
@@ -157,7 +164,8 @@ def motion(
     if contacts is not None:
         count = whole("contacts", contacts, at_least=1)
         data = data.assign_attrs(contacts=count)
-    return data.assign_attrs(stiffness=K).assign(
+    window = step * _slope_width(step, noise, rate)
+    return data.assign_attrs(stiffness=K, full_rate=rate, slope_window=window).assign(
         {
             name: labelled(
                 title,

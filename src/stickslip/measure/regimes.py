@@ -25,7 +25,6 @@ from stickslip.measure.features import (
     TINY,
     Criterion,
     Window,
-    look_past_waves,
 )
 from stickslip.measure.headings import ratio
 from stickslip.measure.kinds import LASTS, OPEN, SLIPS, SMOOTH, Kind, decide
@@ -435,6 +434,9 @@ def _drift_rate(trace: Trace) -> float:
 
 def _judge_parts(seen: Window) -> list[Regime]:
     """Judge the parts between steps of level or amplitude by themselves."""
+    calm = seen.past_waves
+    if calm is not seen and not segments(calm.trace, calm.found):
+        return [_judge(seen)]
     parts = segments(seen.trace, seen.found)
     if not parts:
         return [_judge(seen)]
@@ -558,7 +560,7 @@ def _end(part: Regime) -> str:
 def _judge(window: Window) -> Regime:
     """Classify the motion in a window."""
     trace = window.trace
-    seen = look_past_waves(window)
+    seen = window.past_waves
     kind = OPEN
     reason = _find_fault(trace, seen)
     if not reason:

@@ -158,6 +158,10 @@ class Trace:
     force_unit: str = ""
     velocity_unit: str = ""
     quantity: str = "force"
+    # of a known spring and drive: rate at which a held slider is loaded, and time over
+    # which the slopes are taken that the motion is known by
+    full_rate: float | None = None
+    slope_window: float = 0.0
 
     @classmethod
     def of(cls, data: xr.Dataset | xr.DataArray | pd.Series) -> Self:
@@ -215,6 +219,8 @@ class Trace:
             if contacts is None
             else whole("measure: contacts", contacts, at_least=1, hint="their number"),
             measured=measured,
+            full_rate=data.attrs.get("full_rate"),
+            slope_window=data.attrs.get("slope_window", 0.0),
             time_unit=printable(units_of(data["time"])),
             force_unit=printable(units_of(data["spring_force"])),
             velocity_unit=printable(units_of(data.get("measured_velocity"))),
