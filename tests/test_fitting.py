@@ -18,12 +18,7 @@ from refusals import refused
 import stickslip as ss
 from stickslip import cli, fitting
 from stickslip.advise.budget import Budget
-from stickslip.fitting.bench import (
-    half_speed_of,
-    measured_velocity,
-    read_pairs,
-    strengthening_of,
-)
+from stickslip.fitting.bench import half_speed_of, measured_velocity, strengthening_of
 from stickslip.fitting.inference import infer
 from stickslip.fitting.model import KEYS, Prior, sampled, simulate
 from stickslip.fitting.rigs import remade
@@ -473,11 +468,11 @@ SPEEDS = (0.002, 11.0), (0.003, 10.0)
 def test_speeds_in_a_file(tmp_path, text, pairs):
     (path := tmp_path / "speeds.txt").write_text(text)
     if pairs:
-        np.testing.assert_allclose(read_pairs(path, "m/s"), pairs)
+        np.testing.assert_allclose(fitting.bench.read_pairs(path, "m/s"), pairs)
     else:
         message = "needs two columns of numbers, in m/s and N; there are"
         with pytest.raises(ss.InputError, match=rf"speeds\.txt: {message}"):
-            read_pairs(path, "m/s")
+            fitting.bench.read_pairs(path, "m/s")
 
 
 @pytest.mark.parametrize("number", [3, 3.0, -3, 0.5, np.float64(3.0), np.int64(-2)])
