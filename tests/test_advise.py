@@ -79,10 +79,8 @@ def test_the_paper_s_rig_is_bistable_with_its_margins(paper_s_rig):
 
 def test_a_verdict_is_about_the_speed_that_it_names():
     """A drive that goes on faster than stick-slip lasts has its first speed judged."""
-    drives = (
-        ss.constant(1.0, 80.0),
-        ss.constant(1.0, 80.0).then(ss.constant(30.0, 10.0)),
-    )
+    steady = ss.constant(1.0, 80.0)
+    drives = steady, steady.then(ss.constant(30.0, 10.0))
     kinds = {
         advise.predict(make(stiffness=2.0, drive=drive), fast=True).regime.kind
         for drive in drives
@@ -144,18 +142,13 @@ def test_the_speeds_of_the_paper_s_rig(paper_s_rig):
     # the slowest speeds take long to simulate
     seen = [band for band in found.bands if band.kind != "stable"]
     kinds = [(band.kind, band.bistable) for band in seen]
-    assert kinds[:3] == [
-        ("smooth sliding", False),
-        ("stick-slip", True),
-        ("stick-slip", False),
-    ]
+    first = [("smooth sliding", False), ("stick-slip", True), ("stick-slip", False)]
+    assert kinds[:3] == first
     # v1', to the precision of the search
     assert seen[1].low == pytest.approx(0.71, rel=0.06)
     assert seen[1].high == pytest.approx(1.388221, abs=1e-6)  # v1
-    assert re.match(
-        r"at 1 x_s/time: stick-slip, 0.74\d cycles per time unit, force ±0.44",
-        found.verdict,
-    )
+    words = r"at 1 x_s/time: stick-slip, 0.74\d cycles per time unit, force ±0.44"
+    assert re.match(words, found.verdict)
     bistable = (
         r"stick-slip from 0\.\d+ to 1.39 x_s/time if started from rest; "
         r"stick-slip from 1.39 "
@@ -536,15 +529,8 @@ def test_a_change_in_words_written_into_its_file_is_that_change(changes):
         written[table][name] = float(value) if name == "damping_ratio" else value
     there = rigs.from_document(written)
     wanted = rig.with_values(**{each.parameter: each.to for each in made})
-    for name in (
-        "mass",
-        "stiffness",
-        "damping",
-        "contact_stiffness",
-        "delay",
-        "friction",
-        "load",
-    ):
+    handles = "mass stiffness damping contact_stiffness delay friction load"
+    for name in handles.split():
         assert there.value(name) == pytest.approx(wanted.value(name), rel=5e-3), words
     # which gives the contact strength
     for each in (rig, rigs.from_document(rigs.to_document(rig))):
@@ -612,17 +598,9 @@ def test_a_narrow_range_of_instability_is_told():
 
 def test_an_oscillation_is_no_smooth_sliding_however_slow_it_is():
     """The slider never exceeds three times the drive, yet the force oscillates on."""
-    rig, stiff = (
-        make(
-            stiffness=k,
-            mass=0.01,
-            damping=2.0,
-            drive=ss.constant(3.0, 30.0),
-            contacts=2000,
-            delay=ss.Delay(0.2),
-        )
-        for k in (2.0, 50.0)
-    )
+    both = {"mass": 0.01, "damping": 2.0, "contacts": 2000, "delay": ss.Delay(0.2)}
+    both["drive"] = ss.constant(3.0, 30.0)
+    rig, stiff = (make(stiffness=k, **both) for k in (2.0, 50.0))
     seen = ss.regime(ss.simulate(rig))
     assert (seen.kind, seen.largest_velocity < 3.0) == ("sustained oscillation", True)
     assert not Budget(300.0).slide_smoothly([rig], range(1, SEEDS + 1))

@@ -14,17 +14,7 @@ import pytest
 from refusals import refused
 
 import stickslip as ss
-from stickslip.errors import (
-    LARGEST,
-    LONGEST_MESSAGE,
-    SMALLEST,
-    InputError,
-    number,
-    numbers,
-    sequence,
-    together,
-    whole,
-)
+from stickslip.errors import LARGEST, LONGEST_MESSAGE, SMALLEST, number, together
 
 TENTH = ss.Gaussian(mean=1.0, std=0.1)
 INTERFACE = ss.Interface(thresholds=TENTH, delay=ss.Delay(0.2))
@@ -83,9 +73,9 @@ number("place", 0.9 * SMALLEST, at_least=0)
     ^place = 9e-31: must be between 1e-30 and 1e
 number("place", 1.1 * LARGEST)
     ^place = 1\.1e\+30: must be between 1e-30 and 1e
-whole("n", 2.5, at_least=1, hint="contacts")
+ss.errors.whole("n", 2.5, at_least=1, hint="contacts")
     ^n = 2\.5: must be a whole number \(contacts\)$
-whole("n", 0, at_least=1, at_most=9)
+ss.errors.whole("n", 0, at_least=1, at_most=9)
     ^n = 0: must be a finite number at least 1 and at most 9$
 instance("place", [], int | str, "a number")
     ^place = \[\]: must be a number$
@@ -298,7 +288,7 @@ ss.velocity_step(INTERFACE, before=1.0, after=2.0, distance=1.0, stiffness=1.0)
 
 @refused(REFUSED, globals())
 def test_what_is_refused_and_in_which_words(call, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with pytest.raises(ss.InputError, match=message) as caught:
         call()
     assert len(str(caught.value)) <= LONGEST_MESSAGE
     assert "\n" not in str(caught.value)
@@ -311,7 +301,7 @@ REAL = 2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)
 def test_number_takes_every_real_number_and_gives_a_float(value):
     assert type(number("place", value)) is float
     assert number("place", value) == 2.0
-    assert type(whole("place", value, at_least=1)) is int
+    assert type(ss.errors.whole("place", value, at_least=1)) is int
 
 
 def test_what_lies_on_a_bound_is_taken():
@@ -322,22 +312,22 @@ def test_what_lies_on_a_bound_is_taken():
     assert number("place", math.inf, infinite=True) == math.inf
     assert math.copysign(1.0, number("place", -0.0)) == 1.0
     # a seed has no size, and keeps every digit
-    assert whole("place", 2**127 + 1, at_least=0) == 2**127 + 1
-    assert numbers("place", [[0, 1], [2, 3]], at_least=0).dtype == float
-    assert sequence("place", np.array([1.0, 2.0]), "numbers") == (1.0, 2.0)
+    assert ss.errors.whole("place", 2**127 + 1, at_least=0) == 2**127 + 1
+    assert ss.errors.numbers("place", [[0, 1], [2, 3]], at_least=0).dtype == float
+    assert ss.errors.sequence("place", np.array([1.0, 2.0]), "numbers") == (1.0, 2.0)
     speeds = np.array([[0.5, 1.0], [2.0, 4.0]])
     assert ss.kinetic_friction(INTERFACE, speeds).shape == (2, 2)
 
 
 def test_messages_are_one_short_line_that_steers_no_terminal():
-    assert issubclass(InputError, ValueError)
+    assert issubclass(ss.InputError, ValueError)
     both = "a: is missing; b = 1: must be 2"
     assert together(["a: is missing", "b = 1: must be 2"]) == both
     assert together(["a" * 320, "b", "c", "d"]) == f"{'a' * 320}; b; and 2 more"
     assert together(["a" * 321, "b"]) == f"{'a' * 321}; and 1 more"
-    said = str(InputError("a\x1b[2J\x07\x9b\u202e\u2028b = 1"))
+    said = str(ss.InputError("a\x1b[2J\x07\x9b\u202e\u2028b = 1"))
     assert said.isprintable()
-    message = str(InputError("place: " + "x" * 4_000_000 + ": remedy"))
+    message = str(ss.InputError("place: " + "x" * 4_000_000 + ": remedy"))
     assert len(message) <= LONGEST_MESSAGE
     assert message.startswith("place: x")
     assert message.endswith("x: remedy")

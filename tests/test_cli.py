@@ -209,14 +209,8 @@ def test_what_cannot_be_used_is_refused_in_one_line(command, words, capsys):
     assert len(line) < 420
 
 
-READERS = (
-    "measure",
-    "fit",
-    "rerun",
-    "predict",
-    "sweep --store s",
-    "surface --pressure 1",
-)
+READERS = "measure", "fit", "rerun", "predict"
+READERS += "sweep --store s", "surface --pressure 1"
 
 
 @pytest.mark.parametrize("command", READERS)

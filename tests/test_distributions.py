@@ -14,19 +14,8 @@ import pytest
 from scipy.special import iv
 
 import stickslip as ss
-from stickslip.errors import InputError
 from stickslip.model.distribution import table_of
-from stickslip.model.distributions import (
-    Distribution,
-    Empirical,
-    Exponential,
-    Gamma,
-    Gaussian,
-    LogNormal,
-    SteadyState,
-    Uniform,
-    excess,
-)
+from stickslip.model.distributions import Distribution, SteadyState, excess
 
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(16)
 
@@ -43,9 +32,9 @@ def quadrature(
     # Moments and transforms feel more of a tail than the probability does.
     steady = isinstance(distribution, SteadyState)
     tail = distribution.thresholds if steady else distribution
-    least = 1e-200 if isinstance(tail, Gaussian) else 1e-60
+    least = 1e-200 if isinstance(tail, ss.Gaussian) else 1e-60
     high = max(high, float(tail.inverse_survival(least)))
-    if isinstance(distribution, Gaussian):
+    if isinstance(distribution, ss.Gaussian):
         low = max(distribution.lower, 2 * distribution.mean - high)
     inner = {knot for knot in kinks(distribution) if low < knot < high}
     if low < above < high:
@@ -186,7 +175,7 @@ def test_samples_beyond_a_bound_follow_the_distribution_there(any_distribution, 
     assert values.min() >= bound
     # J(x)/J(bound) is uniform: compare it with the uniform distribution.
     share = any_distribution.survival(values) / any_distribution.survival(bound)
-    assert largest_gap(Uniform(low=0.0, high=1.0), share) < allowed_gap(n)
+    assert largest_gap(ss.Uniform(low=0.0, high=1.0), share) < allowed_gap(n)
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (2, 3), (0,)])
@@ -244,7 +233,7 @@ def test_another_standard_deviation_keeps_the_mean_and_the_form(any_distribution
 
 
 def test_gaussian_laplace_in_closed_form_far_left():
-    distribution = Gaussian(mean=1.0, std=0.1)
+    distribution = ss.Gaussian(mean=1.0, std=0.1)
     q = -30 + 5j
     expected = np.exp(-q + 0.005 * q * q)
     assert distribution.laplace(q) == pytest.approx(expected, rel=1e-14)
@@ -256,7 +245,7 @@ def test_gaussian_laplace_in_closed_form_far_left():
 
 
 def test_a_distribution_of_one_value():
-    distribution = Gaussian(mean=1.5, std=0.0)
+    distribution = ss.Gaussian(mean=1.5, std=0.0)
     survival = distribution.survival([1.0, 1.4999, 1.5, 2.0])
     assert survival.tolist() == [1.0, 1.0, 0.0, 0.0]
     assert [distribution.moment(n) for n in range(4)] == [1.0, 1.5, 2.25, 3.375]
@@ -272,19 +261,19 @@ def test_a_distribution_of_one_value():
     np.testing.assert_allclose(means, [1.0, 0.0, 0.0])
     for ask in (distribution.density, distribution.hazard):
         message = "give a standard deviation above 0, or use the method"
-        with pytest.raises(InputError, match=rf"^Gaussian\.std = 0: .*{message}"):
+        with pytest.raises(ss.InputError, match=rf"^Gaussian\.std = 0: .*{message}"):
             ask(1.0)
 
 
 def test_empirical_from_samples_is_the_histogram():
     values = np.random.default_rng(7).normal(1.0, 0.1, 500)
-    distribution = Empirical.from_samples(values.reshape(50, 10), bins=12)
+    distribution = ss.Empirical.from_samples(values.reshape(50, 10), bins=12)
     counts, edges = np.histogram(values, bins=12)
     assert distribution.edges == tuple(edges.tolist())
     np.testing.assert_allclose(distribution.weights, counts / 500, rtol=1e-15)
     # The density is constant within a bin, so the mean is off by at most half a bin.
     assert abs(distribution.moment(1) - values.mean()) < 0.5 * (edges[1] - edges[0])
-    assert len(Empirical.from_samples(values).weights) > 5
+    assert len(ss.Empirical.from_samples(values).weights) > 5
 
 
 @pytest.mark.eq(1)
@@ -325,9 +314,9 @@ class Told(Distribution):
 @pytest.mark.parametrize(
     ("other", "leftmost"),
     [
-        (Exponential(mean=0.5), -2.0),
-        (LogNormal(mean=1.0, std=0.6), 0.0),
-        (Uniform(low=0.6, high=1.5), -math.inf),
+        (ss.Exponential(mean=0.5), -2.0),
+        (ss.LogNormal(mean=1.0, std=0.6), 0.0),
+        (ss.Uniform(low=0.6, high=1.5), -math.inf),
     ],
 )
 def test_where_a_transform_ends_is_told_from_the_density(other, leftmost):
@@ -335,7 +324,7 @@ def test_where_a_transform_ends_is_told_from_the_density(other, leftmost):
 
 
 def test_a_gaussian_of_which_little_is_left_is_sampled_at_once():
-    tail = Gaussian(mean=0.0, std=1.0, lower=4.7)  # one value in 770,000
+    tail = ss.Gaussian(mean=0.0, std=1.0, lower=4.7)  # one value in 770,000
     values = tail.sample(np.random.default_rng(0), 10_000)
     assert values.min() > 4.7
     error = 5 * tail.standard_deviation() / 100
@@ -384,7 +373,7 @@ def test_a_density_of_few_digits_has_its_transform(kind, half):
 
 
 @pytest.mark.parametrize("std", [0.002, 0.0137, 0.05, 0.3, 0.9])
-@pytest.mark.parametrize("kind", [Gamma, Gaussian, LogNormal])
+@pytest.mark.parametrize("kind", [ss.Gamma, ss.Gaussian, ss.LogNormal])
 def test_the_table_of_any_width_is_bounded_and_right(kind, std):
     wanted = kind(mean=1.0, std=std)
     told = Told(wanted)
@@ -400,9 +389,9 @@ def test_the_table_of_any_width_is_bounded_and_right(kind, std):
 def test_narrow_thresholds_of_every_kind_slide_alike(std, delay):
     """Rates of growth differ by the skewness alone, by some std."""
     rates = []
-    for kind in (Gamma, Gaussian, LogNormal):
+    for kind in (ss.Gamma, ss.Gaussian, ss.LogNormal):
         thresholds = kind(mean=1.0, std=std)
-        newborn = Gaussian(mean=0.5, std=0.0)
+        newborn = ss.Gaussian(mean=0.5, std=0.0)
         interface = ss.Interface(thresholds=thresholds, newborn=newborn)
         interface = replace(interface, delay=ss.Delay(delay))
         slider = ss.Slider(stiffness=1.0, mass=0.003, damping=5.0)
@@ -419,12 +408,12 @@ class Noisy(Distribution):
     def density(self, x):
         x = np.asarray(x, dtype=float)
         noise = np.sin(1e11 * x)
-        return Gaussian(mean=1.0, std=0.2).density(x) * (1.0 + self.error * noise)
+        return ss.Gaussian(mean=1.0, std=0.2).density(x) * (1.0 + self.error * noise)
 
 
 def test_a_noisy_density_ends_as_one_or_in_a_refusal():
     assert Noisy(1e-7).moment(1) == pytest.approx(1.0, abs=1e-7)
-    with pytest.raises(InputError, match="do not resolve its density near x = "):
+    with pytest.raises(ss.InputError, match="do not resolve its density near x = "):
         Noisy(0.1).moment(1)
 
 
@@ -432,7 +421,7 @@ def test_a_noisy_density_ends_as_one_or_in_a_refusal():
 @pytest.mark.parametrize("own", [RaisedCosine(0.4), Semicircle(0.4)])
 def test_a_smooth_density_is_enough_for_a_critical_mass(own):
     """Lighter sliders stick and slip, heavier ones do not."""
-    newborn = Gaussian(mean=0.5, std=0.0)
+    newborn = ss.Gaussian(mean=0.5, std=0.0)
     interface = ss.Interface(thresholds=own, newborn=newborn, delay=ss.Delay(0.1))
     slider = ss.Slider(stiffness=1.0, mass=0.02, damping=5.0)
     rig = ss.Rig(interface, slider, ss.constant(1.0))

@@ -38,15 +38,8 @@ def test_a_shared_app_is_behind_a_token(lesson):
 
     assert get(path) == 200
     assert get(f"{path}explorer.js") == 200
-    for wrong in (
-        "/",
-        "/explorer.js",
-        path[:-2] + "/",
-        path + "x/",
-        path.rstrip("/"),
-        "/session",
-        path.upper(),
-    ):
+    paths = ["/", "/explorer.js", "/session", path[:-2] + "/", path + "x/"]
+    for wrong in (*paths, path.rstrip("/"), path.upper()):
         assert get(wrong) in (403, 404), wrong
     assert get(path, Host="evil.example") == 403
     assert get(path, Origin="http://evil.example") == 403
@@ -57,11 +50,8 @@ def test_a_shared_app_is_behind_a_token(lesson):
 def test_a_long_computation_holds_up_nobody(lesson):
     with ExitStack() as stack:
         first, *rest = [stack.enter_context(headless.session(lesson)) for _ in range(4)]
-        long = {
-            "kind": "advice",
-            "id": 1,
-            "document": preset("Fig. 8: ageing contacts"),
-        }
+        ageing = preset("Fig. 8: ageing contacts")
+        long = {"kind": "advice", "id": 1, "document": ageing}
         for session in rest:
             session.websocket.send(json.dumps(long))
             session.websocket.recv(timeout=60)  # it is being worked on

@@ -17,27 +17,13 @@ from refusals import refused
 
 import stickslip as ss
 from stickslip import cli, fitting
-from stickslip.advise import Doubt
 from stickslip.advise.budget import Budget
-from stickslip.errors import InputError
-from stickslip.fitting.bench import (
-    half_speed_of,
-    measured_velocity,
-    read_pairs,
-    strengthening_of,
-)
+from stickslip.fitting.bench import half_speed_of, measured_velocity, strengthening_of
 from stickslip.fitting.inference import infer
 from stickslip.fitting.model import KEYS, Prior, sampled, simulate
 from stickslip.fitting.rigs import remade
-from stickslip.fitting.series_table import (
-    Observation,
-    Recording,
-    SeriesTable,
-    folder_of,
-    table,
-)
+from stickslip.fitting.series_table import Observation, Recording, folder_of, table
 from stickslip.fitting.summary import FITTED, NAMES, resampled, statistics
-from stickslip.io.rig_files import to_toml
 from stickslip.rate_state.fitting import Estimate
 
 BENCH = Path(__file__).parent / "data" / "guldstrand_force7.txt"
@@ -176,7 +162,7 @@ def with_column(**made):
 
 @refused(NOT_STICK_SLIP, globals())
 def test_what_is_refused(call, message):
-    with pytest.raises(InputError, match=message) as error:
+    with pytest.raises(ss.InputError, match=message) as error:
         ss.fit(call(), draws=100)
     assert "\n" not in str(error.value)
 
@@ -235,7 +221,7 @@ def seen_of(observation, peaks, troughs, **how):
     """Statistics of one series of slips, as a bench sees it."""
     slips = {"count": np.array([peaks.size]), "peaks": peaks[None]}
     slips["troughs"] = troughs[None]
-    one = SeriesTable(prior=Prior(), parts=np.empty((1, 6)), **slips)
+    one = ss.fitting.SeriesTable(prior=Prior(), parts=np.empty((1, 6)), **slips)
     return observation.see(one, **how)[0][0]
 
 
@@ -310,7 +296,7 @@ def test_quantities_go_as_far_as_what_is_known(found):
         # slower than the slips
         (heavy.rig, "no rig is written: runs of .* draws all miss"),
     ):
-        with pytest.raises(InputError, match=why):
+        with pytest.raises(ss.InputError, match=why):
             ask()
 
 
@@ -327,14 +313,14 @@ def test_speed_and_stiffness_tell_how_stiff_the_interface_is():
     assert found["stiffness_ratio"].median == pytest.approx(0.25, abs=0.06)
     known["velocity"] = 0.5 * speed
     message = "cannot rise faster than stiffness times velocity"
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ss.InputError, match=message):
         ss.fit(trace, prior=NARROW, draws=1500, known=known)
 
 
 def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
     rig = found.rig(name="bench")
     path = tmp_path / "rig.toml"
-    path.write_text(to_toml(rig))
+    path.write_text(ss.io.to_toml(rig))
     again = ss.read_rig(path)
     assert (again, again.fitted) == (rig, rig.fitted)
     assert "interface.delay" in again.assumed
@@ -350,7 +336,7 @@ def test_a_fitted_rig_file_reads_back_with_its_draws(found, tmp_path):
 @pytest.mark.slow
 def test_a_fitted_rig_is_judged_over_its_draws(found):
     """By runs, as contacts re-attach on arrest; a trace of stick-slip was fitted."""
-    doubt = Doubt.of(found.rig(), Budget(math.inf))
+    doubt = ss.advise.Doubt.of(found.rig(), Budget(math.inf))
     assert doubt.draws == 64
     assert doubt.oscillates > 0.9
     assert "of 64 draws of the fit" in str(doubt)
@@ -394,15 +380,15 @@ def test_speeds_add_the_delay_and_holds_ageing():
     assert np.all((margin > 0) & (margin < 2.0 * found.draws("breaking_displacement")))
     assert found.delays.value == pytest.approx(half, rel=1e-6)
     assert found.strengthening.value == pytest.approx(0.03, abs=1e-6)
-    with pytest.raises(InputError, match="speeds: 3 are different; at least 4 are"):
+    with pytest.raises(ss.InputError, match="speeds: 3 are different; at least 4 are"):
         ss.fit(bench(), **given, speeds=[*pairs[:3], pairs[0]])
     assert "changes by (3 ± " in found.strengthening.words
     assert "contacts age" in str(found)
     close, _ = half_speed_of(speeds, np.random.default_rng(0).normal(forces, 0.2))
     assert abs(math.log(close / half)) < 3.0 * close.error / close < 1.0
-    with pytest.raises(InputError, match="does not show at which speed it halves"):
+    with pytest.raises(ss.InputError, match="does not show at which speed it halves"):
         half_speed_of(speeds, forces[::-1])
-    with pytest.raises(InputError, match="at least 3"):
+    with pytest.raises(ss.InputError, match="at least 3"):
         strengthening_of(((1.0, 10.0), ("10 s", "11 N")))
 
 
@@ -430,7 +416,7 @@ def test_the_quick_recipe_inverts_the_closed_forms():
     assert rig.unit("x_s") == pytest.approx(x_s, rel=5e-3)
     assert rig.interface.thresholds.std == pytest.approx(0.2, abs=2e-3)
     assert rig.interface.delay.time == pytest.approx(0.5, rel=5e-3)
-    with pytest.raises(InputError, match="must be at least 1 % more"):
+    with pytest.raises(ss.InputError, match="must be at least 1 % more"):
         ss.quick_fit(**readings | {"loading_rate": K * speed})
 
 
@@ -482,11 +468,11 @@ SPEEDS = (0.002, 11.0), (0.003, 10.0)
 def test_speeds_in_a_file(tmp_path, text, pairs):
     (path := tmp_path / "speeds.txt").write_text(text)
     if pairs:
-        np.testing.assert_allclose(read_pairs(path, "m/s"), pairs)
+        np.testing.assert_allclose(fitting.bench.read_pairs(path, "m/s"), pairs)
     else:
         message = "needs two columns of numbers, in m/s and N; there are"
-        with pytest.raises(InputError, match=rf"speeds\.txt: {message}"):
-            read_pairs(path, "m/s")
+        with pytest.raises(ss.InputError, match=rf"speeds\.txt: {message}"):
+            fitting.bench.read_pairs(path, "m/s")
 
 
 @pytest.mark.parametrize("number", [3, 3.0, -3, 0.5, np.float64(3.0), np.int64(-2)])
@@ -545,5 +531,5 @@ def test_a_fit_takes_the_options_of_a_reading(options, words, tmp_path, capsys):
 
 
 def test_the_velocity_of_a_drive_has_one_name():
-    with pytest.raises(InputError, match="known: 'speed': is called 'velocity' now"):
+    with pytest.raises(ss.InputError, match="known: 'speed': is called 'velocity' now"):
         fitting.bench.read_known({"speed": "1 mm/s"})

@@ -26,13 +26,7 @@ from test_noise import DRAWN
 import stickslip as ss
 from stickslip.cli import main
 from stickslip.errors import InputError, UndecidedError
-from stickslip.rate_state import (
-    RateAndState,
-    finite_step,
-    fit_rate_and_state,
-    small_step,
-    velocity_step_in,
-)
+from stickslip.rate_state import RateAndState, finite_step, fit_rate_and_state
 from stickslip.stability import dynamic_stiffness, friction_slope
 
 
@@ -331,7 +325,7 @@ def test_finite_steps_that_are_small_are_the_linear_one(interface):
     sizes = math.exp(size), math.exp(-size)
     steps = (finite_step(interface, 1.0, each, 4.0) for each in sizes)
     up, down = (np.interp(x, *step) for step in steps)
-    expected = small_step(interface, 1.0, x)
+    expected = ss.rate_state.small_step(interface, 1.0, x)
     assert 0.5 * (up - down) / size == pytest.approx(expected, abs=2e-4)
 
 
@@ -513,7 +507,7 @@ def test_the_time_of_a_step_is_fitted(at):
     for value, true in zip(found, (0.0, 5.0, 0.01, -0.004), strict=True):
         assert abs(value - true) < 3.0 * value.error
     moved = FAST.assign(displacement=("time", np.where(SOON < 0, 10.0, 100.0) * SOON))
-    assert velocity_step_in(moved, **GIVEN).measured
+    assert ss.rate_state.velocity_step_in(moved, **GIVEN).measured
     # more before than after
     short = fit_rate_and_state(FAST, **given, span=(10.0, 20.0))
     assert abs(short.at) < 3.0 * short.at.error
@@ -525,7 +519,7 @@ DATA = Path(__file__).parent / "data"
 def test_a_measured_step_on_basalt():
     trace = ss.read_trace(DATA / "giacomel_basalt_step.txt")
     given = {"at": 11676.28, "before": 3.0, "after": 10.0, "span": (5.0, 120.0)}
-    step = velocity_step_in(trace, **given, bins=200)
+    step = ss.rate_state.velocity_step_in(trace, **given, bins=200)
     laws = "slip", "ageing"
     slip, ageing = (fit_rate_and_state(step, law=law, trend=True) for law in laws)
     for fit, expected in (

@@ -19,16 +19,9 @@ TIMES = np.linspace(0.0, 1.0, 50)
 
 
 def state():
-    return (
-        sys.unraisablehook,
-        sys.excepthook,
-        sys.stdout,
-        sys.stderr,
-        id(warnings.filters),
-        [*warnings.filters],
-        warnings.showwarning,
-        dict(mpl.rcParams),
-    )
+    system = sys.unraisablehook, sys.excepthook, sys.stdout, sys.stderr
+    warned = id(warnings.filters), [*warnings.filters], warnings.showwarning
+    return (*system, *warned, dict(mpl.rcParams))
 
 
 def run(folder):

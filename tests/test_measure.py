@@ -19,17 +19,7 @@ from refusals import refused
 from scipy.signal import lfilter
 
 import stickslip as ss
-from stickslip.measure import (
-    counted,
-    drops,
-    find_cycles,
-    friction_at_speeds,
-    read_trace,
-    regime,
-    regime_and_drops,
-    statistics,
-    transitions,
-)
+from stickslip.measure import counted, drops, regime, regime_and_drops, statistics
 from stickslip.measure.regimes import regime_of_run
 from stickslip.measure.trace import Trace
 from stickslip.simulation import record
@@ -746,13 +736,13 @@ def test_the_coefficient_of_friction_is_told_beside_the_force(tmp_path):
     heading = "time [s],force [mN],normal load [N]"
     file = tmp_path / "mu.csv"
     np.savetxt(file, rows, "%.5f", ",", header=heading, comments="")
-    seen, found = regime_and_drops(read_trace(file))
+    seen, found = regime_and_drops(ss.read_trace(file))
     assert [seen.mean_mu, seen.static_mu] == pytest.approx([0.249, 0.298], abs=0.002)
     assert "friction 0.249 on average (kinetic), 0.298 at most (static)" in str(seen)
     np.testing.assert_allclose(found["mu_before"], 0.298, atol=1e-3)
     np.testing.assert_allclose(found["mu_drop"], 0.098, atol=1e-3)
     assert dict(statistics(found))["mu after"].startswith("0.2")
-    axes = ss.plot.overview(read_trace(file)).axes
+    axes = ss.plot.overview(ss.read_trace(file)).axes
     assert "coefficient of friction" in {ax.get_ylabel() for ax in axes}
 
 
@@ -770,7 +760,7 @@ def test_spikes_are_replaced_and_slips_are_not(tmp_path):
         force[spikes] += np.resize([1.0, -1.0], spikes.size) * heights
         file = tmp_path / "spikes.csv"
         np.savetxt(file, force, "%.4f", header="force [N]", comments="")
-        data = read_trace(file, step=0.01)
+        data = ss.read_trace(file, step=0.01)
         assert int(data["filled"].sum()) == spikes[1:].size  # a first row is left out
         note = f"{spikes.size} spikes of a single sample"
         assert (note in data.attrs["note"]) == (spikes.size > 0)
@@ -831,7 +821,7 @@ MANY = np.cumsum(np.where(np.arange(263_000) < 131_500, 0.0005, 0.0015))
     ],
 )
 def test_the_period_is_found_however_a_force_is_sampled(t, period):
-    found = find_cycles(t, np.sin(2.0 * math.pi * t / period))
+    found = ss.measure.find_cycles(t, np.sin(2.0 * math.pi * t / period))
     assert found.period == pytest.approx(period, rel=0.01 if t.size == 1046 else 1e-4)
     assert found.correlation > 0.9
     assert found.periodic
@@ -842,7 +832,7 @@ def test_the_period_is_found_however_a_force_is_sampled(t, period):
 
 def labelled_paper(name):
     """Paper on paper, with units, and the stiffness and velocity of its name."""
-    data = read_trace(TRACE.parent / "paper_on_paper" / f"{name}.csv.gz")
+    data = ss.read_trace(TRACE.parent / "paper_on_paper" / f"{name}.csv.gz")
     stiffness, velocity = (float(each[1:]) for each in name.split("_"))
     return data, {"stiffness": stiffness, "velocity": 1e-6 * velocity}
 
@@ -1108,7 +1098,7 @@ def loop(up, down, *, noise=0.0, start=0.0):
     down=st.tuples(st.floats(0.3, 1.0), st.floats(1.6, 2.6)),
 )
 def test_transitions_of_a_made_up_loop(up, down):
-    found = transitions(loop(up, down, noise=0.01))
+    found = ss.transitions(loop(up, down, noise=0.01))
     assert (found.v1, found.v2) == pytest.approx(up, abs=0.04)
     assert (found.v1_down, found.v2_down) == pytest.approx(down, abs=0.04)
     assert found.attrs["notes"] == ""
@@ -1141,7 +1131,7 @@ HIGH = {"v1_down": 2.4, "v2_down": 1.0}
     ],
 )
 def test_what_a_ramp_does_not_show_is_not_seen_and_why(made, part, seen, note):
-    found = transitions(run := loop(**made).sel(time=part))
+    found = ss.transitions(run := loop(**made).sel(time=part))
     for name in ("v1", "v2", "v1_down", "v2_down"):
         expected = pytest.approx(seen.get(name, math.nan), abs=0.04, nan_ok=True)
         assert float(found[name]) == expected
@@ -1155,19 +1145,19 @@ def test_what_a_ramp_does_not_show_is_not_seen_and_why(made, part, seen, note):
 
 RAMP = loop((1.4, 2.4), (0.7, 2.0))
 UNREAD = r"""
-transitions(RAMP[["spring_force"]])
+ss.transitions(RAMP[["spring_force"]])
     InputError: .*drive_velocity
-transitions(RAMP, level=0.0)
+ss.transitions(RAMP, level=0.0)
     InputError: .*level
-transitions(RAMP.assign(drive_velocity=RAMP.drive_velocity - 1.0))
+ss.transitions(RAMP.assign(drive_velocity=RAMP.drive_velocity - 1.0))
     InputError: .*turns back
-transitions(RAMP.assign(drive_velocity=1.0 + 0.0 * RAMP.time))
+ss.transitions(RAMP.assign(drive_velocity=1.0 + 0.0 * RAMP.time))
     UndecidedError: .*keeps its velocity
-transitions(RAMP.assign(drive_velocity=2 - np.cos(RAMP.time / 64)))
+ss.transitions(RAMP.assign(drive_velocity=2 - np.cos(RAMP.time / 64)))
     UndecidedError: .*2 times
-transitions(RAMP.isel(time=slice(None, 300)))
+ss.transitions(RAMP.isel(time=slice(None, 300)))
     UndecidedError: .*run it longer
-transitions(RAMP.isel(time=slice(None, None, 100)))
+ss.transitions(RAMP.isel(time=slice(None, None, 100)))
     UndecidedError: .*record more often
 """
 
@@ -1186,7 +1176,7 @@ def wiper():
 
 def test_a_window_holds_two_cycles_at_every_velocity(wiper):
     """At .5 m/s the wiper's cycle of 28 ms takes the drive 14 mm, at .05 m/s 3 mm."""
-    found = transitions(wiper)
+    found = ss.transitions(wiper)
     for v, period in ((0.3, 28e-3), (0.65, 28e-3)):
         up = found.isel(travel=found.middle.to_numpy() < 0.5)
         nearest = int(np.abs(up.drive_velocity.to_numpy() - v).argmin())
@@ -1204,14 +1194,14 @@ def test_a_window_holds_two_cycles_at_every_velocity(wiper):
     del (unknown := wiper.copy()).attrs["provenance"]  # of a rig that is not known
     message = "spring_force is in N: the run does not say what f_s"
     with pytest.raises(ss.InputError, match=message):
-        transitions(unknown)
+        ss.transitions(unknown)
 
 
 # ------------------------------------------------------------------------- a real bench
 
 
 def test_the_real_trace():
-    data = read_trace(TRACE, step=0.25)
+    data = ss.read_trace(TRACE, step=0.25)
     note = r"1 of 4262 rows could not be read.*\(line 3295: 'NaN N1'\)"
     assert re.search(note, data.note)
     found = drops(data)
@@ -1246,7 +1236,7 @@ def test_friction_against_speed_is_found_in_a_record(told_by):
         named = {"measured_displacement": np.cumsum(v) * 0.02}
     if told_by == "strokes":
         force = force + 30.0
-    found = friction_at_speeds(trace(t, force, **named))
+    found = ss.measure.friction_at_speeds(trace(t, force, **named))
     assert found["velocity"].values == pytest.approx(speeds, rel=0.01)
     off = found["friction"].values - (4.0 + 2.0 / (1.0 + speeds))
     bias = 0.02 if told_by == "strokes" else 0.0  # plateaus of several levels
@@ -1259,4 +1249,4 @@ def test_friction_against_speed_is_found_in_a_record(told_by):
 def test_friction_against_speed_needs_a_speed():
     t = np.arange(0.0, 10.0, 0.01)
     with pytest.raises(ss.InputError, match="needs a column of the velocity"):
-        friction_at_speeds(trace(t, 5.0 + 0.01 * np.sin(t)))
+        ss.measure.friction_at_speeds(trace(t, 5.0 + 0.01 * np.sin(t)))

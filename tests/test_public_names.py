@@ -15,16 +15,8 @@ import pytest
 import stickslip as ss
 
 ROOT = Path(__file__).parents[1]
-HEAVY = (
-    "numba",
-    "xarray",
-    "matplotlib",
-    "pandas",
-    "h5py",
-    "h5netcdf",
-    "rich",
-    "scipy.stats",
-)
+HEAVY = "numba", "xarray", "matplotlib", "pandas", "h5py", "h5netcdf"
+HEAVY += "rich", "scipy.stats"
 
 
 def said_and_loaded(code: str) -> set[str]:

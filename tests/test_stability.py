@@ -12,20 +12,7 @@ from test_distributions import RaisedCosine
 
 import conftest
 import stickslip as ss
-from stickslip.errors import InputError, UndecidedError
 from stickslip.io.datasets import read_provenance
-from stickslip.model import (
-    Bell,
-    Delay,
-    ExponentialGrowth,
-    Interface,
-    Langevin,
-    RandomDelay,
-    Rig,
-    Slider,
-    constant,
-)
-from stickslip.model.ageing import LogarithmicGrowth
 from stickslip.model.distributions import Gaussian
 from stickslip.model.parameters import parameter_named
 from stickslip.paper.cases import FIG7, FIG8
@@ -56,24 +43,24 @@ TENTH = Gaussian(mean=1.0, std=0.1)
 
 DISTRIBUTIONS = [*conftest.DISTRIBUTIONS.values(), Gaussian(mean=1.0, std=0.01)]
 DELAYS = [
-    Delay(0.1),
-    Delay(1.3),
-    RandomDelay(mean=0.2, std=0.12),
-    RandomDelay(mean=0.2, std=0.12, negative="redraw"),
-    RandomDelay(mean=0.2, std=0.12, negative="fold"),
-    RandomDelay(mean=0.2, std=0.02),
+    ss.Delay(0.1),
+    ss.Delay(1.3),
+    ss.RandomDelay(mean=0.2, std=0.12),
+    ss.RandomDelay(mean=0.2, std=0.12, negative="redraw"),
+    ss.RandomDelay(mean=0.2, std=0.12, negative="fold"),
+    ss.RandomDelay(mean=0.2, std=0.02),
 ]
 every_distribution = pytest.mark.parametrize("distribution", DISTRIBUTIONS, ids=str)
 
 
-def case(distribution=TENTH, delay=Delay(0.1)):
-    return Interface(thresholds=distribution, initial=NARROW, delay=delay)
+def case(distribution=TENTH, delay=ss.Delay(0.1)):
+    return ss.Interface(thresholds=distribution, initial=NARROW, delay=delay)
 
 
 def rig(velocity=1.0, *, on=INTERFACE, body=None, **changes):
     """The rig of Fig. 7 at a velocity, on another interface or with another slider."""
     body = replace(SLIDER, **changes) if body is None else body
-    return Rig(on, body, constant(velocity))
+    return ss.Rig(on, body, ss.constant(velocity))
 
 
 # ----------------------------------- an independent model: formulas of a plain Gaussian
@@ -125,7 +112,7 @@ def test_first_critical_velocity_of_fig_7a():
     assert (found[0].unstable_below, found[0].unstable_above) == (0, 2)
     assert "loses stability at 1.388221" in str(found)
     message = r"on its stability boundary .* at angular frequency 7\.26513"
-    with pytest.raises(UndecidedError, match=message):
+    with pytest.raises(ss.UndecidedError, match=message):
         count_unstable(rig(found[0].value))
 
 
@@ -159,7 +146,7 @@ def test_linear_critical_delays(stiffness, damping, expected, tolerance):
 def test_windows_of_random_delays(std, stick_slip, smooth):
     # Fig. 7b: the same speeds that runs of the contacts find on either side; wide
     # delays leave no window.
-    wide = rig(on=case(delay=RandomDelay(mean=0.2, std=std)))
+    wide = rig(on=case(delay=ss.RandomDelay(mean=0.2, std=std)))
     found = critical(wide, "velocity", between=(0.1, 20))
     ends = [True, False] if stick_slip else []
     assert [edge.loses_stability for edge in found.edges] == ends
@@ -189,7 +176,8 @@ def test_slow_shaking_sees_the_slope_of_kinetic_friction(distribution, delay):
 @pytest.mark.parametrize("sliding_force", [0.0, 0.5])  # which nothing feels
 @pytest.mark.parametrize("distribution", [*DISTRIBUTIONS, Gaussian(1.0, 0.0)], ids=str)
 def test_without_delay_smooth_sliding_is_neutral(distribution, sliding_force):
-    held = rig(on=replace(case(distribution, Delay(0.0)), sliding_force=sliding_force))
+    on = replace(case(distribution, ss.Delay(0.0)), sliding_force=sliding_force)
+    held = rig(on=on)
     s = np.array([1j, 3.0, 0.5 + 20j])
     assert np.all(dynamic_stiffness(held.interface, 1.0, s) == 0)
     assert count_unstable(held) == critical_spring(held) == 0
@@ -255,7 +243,7 @@ def test_dynamic_stiffness_is_that_of_lives_of_contacts_one_by_one(name):
 def test_counts_and_growth_rates_by_hand(velocity, delay, stiffness, mass, damping):
     body = {"stiffness": stiffness, "mass": mass, "damping": damping}
     known = roots_by_hand(-0.3, velocity=velocity, delay=delay, **body)
-    held = rig(velocity, on=case(delay=Delay(delay)), **body)
+    held = rig(velocity, on=case(delay=ss.Delay(delay)), **body)
     assert count_unstable(held) == 2 * np.sum(known.real > 0)
     assert growth_rate(held) == pytest.approx(known[0], rel=1e-9)
 
@@ -271,14 +259,14 @@ def test_two_counts_and_the_growth_rate_agree(distribution, seed):
     stiffness = 10 ** rng.uniform(-1.5, 1)
     mass = 10 ** rng.uniform(-5, 0)
     damping = math.sqrt(stiffness / mass) * 10 ** rng.uniform(-2, 0.5)
-    slider = Slider(stiffness=stiffness, mass=mass, damping=damping)
+    slider = ss.Slider(stiffness=stiffness, mass=mass, damping=damping)
     held = rig(v, on=interface, body=slider)
     sliding = SmoothSliding(respond(interface), impedance(slider), v)
     count = count_unstable(held)
     assert count_right_of(sliding, 1e-6 / sliding.scales.cycle) in (count, None)
     try:
         root = growth_rate(held)
-    except UndecidedError:
+    except ss.UndecidedError:
         # Only a stable rig may have no slowest mode, and only with a distribution whose
         # tail decays more slowly.
         assert count == 0
@@ -295,7 +283,7 @@ def test_two_counts_and_the_growth_rate_agree(distribution, seed):
 
 
 SPRINGS = {f"velocity {v}": (INTERFACE, v) for v in (0.3, 1.0, 1.4, 3.0, 30.0)}
-SPRINGS |= {str(each): (case(each, Delay(0.3)), 1.0) for each in DISTRIBUTIONS}
+SPRINGS |= {str(each): (case(each, ss.Delay(0.3)), 1.0) for each in DISTRIBUTIONS}
 
 
 @pytest.mark.parametrize("name", SPRINGS)
@@ -315,8 +303,8 @@ def test_the_critical_spring_divides_stable_from_unstable(name):
 def test_the_critical_spring_is_the_stiffest_at_any_frequency():
     # Light, hardly damped: sharp resonances of the lives of contacts, and turns of the
     # delay where they are forgotten.
-    growth = LogarithmicGrowth(slope=0.11, time=0.28)
-    grown = replace(case(Gaussian(1.0, 0.18), Delay(0.41)), ageing=growth)
+    growth = ss.LogarithmicGrowth(slope=0.11, time=0.28)
+    grown = replace(case(Gaussian(1.0, 0.18), ss.Delay(0.41)), ageing=growth)
     held = rig(2.9, on=grown, stiffness=7.0, mass=1.6e-4, damping=2.4e-3)
     s = 1j * np.arange(0.05, 600.0, 0.05)
     total = impedance(held.slider)(s) + dynamic_stiffness(grown, 2.9, s)
@@ -356,9 +344,9 @@ def test_each_parameter_changes_the_count_where_it_says_so(held, parameter, betw
 
 def test_no_critical_delay_says_so_with_the_range():
     stiff = rig(on=case(Gaussian(mean=1.0, std=0.4)), stiffness=50.0, damping=200.0)
-    with pytest.raises(UndecidedError, match=r"stable for delay from 0.01 to 5"):
+    with pytest.raises(ss.UndecidedError, match=r"stable for delay from 0.01 to 5"):
         onset(stiff, "delay", between=(0.01, 5.0))
-    with pytest.raises(UndecidedError, match=r"no onset by delay.*unstable"):
+    with pytest.raises(ss.UndecidedError, match=r"no onset by delay.*unstable"):
         onset(rig(), "delay", between=(0.2, 0.21))
 
 
@@ -369,7 +357,7 @@ def test_the_range_that_is_searched_is_told_in_the_units_of_the_rig():
     # Without a range a factor 30 either way is searched.
     everywhere = critical(rig(), "velocity", between=(1 / 30, 30.0))
     assert critical(rig(), "velocity") == everywhere
-    with pytest.raises(InputError, match=r"between: delay is 0, so give a range"):
+    with pytest.raises(ss.InputError, match=r"between: delay is 0, so give a range"):
         critical(rig().replace(delay=0.0), "delay")
 
 
@@ -377,7 +365,7 @@ def test_the_last_bit_of_a_range_is_found_before_it_is_gone():
     """Damping closes the unstable range of velocities, however small what is left."""
 
     def limits(damping):
-        body = Slider(stiffness=0.3, mass=1e-3, damping=damping)
+        body = ss.Slider(stiffness=0.3, mass=1e-3, damping=damping)
         found = critical(rig(body=body), "velocity", between=(0.01, 1000.0))
         return [crossing.value for crossing in found.edges]
 
@@ -398,13 +386,13 @@ def test_cold_contacts_answer_as_without_temperature_however_fast(thresholds):
     assert cold == pytest.approx(dynamic_stiffness(bare, 1.0, s), abs=1e-8)
 
 
-HEAT = Bell(width=0.01, attempts=1e6)
-WARM = Interface(thresholds=TENTH, ageing=Langevin(rate=1.0), activation=HEAT)
-SHARP = Interface(thresholds=Gaussian(mean=1.0, std=1e-5), ageing=Langevin(rate=1.0))
+HEAT = ss.Bell(width=0.01, attempts=1e6)
+WARM = ss.Interface(thresholds=TENTH, ageing=ss.Langevin(rate=1.0), activation=HEAT)
+SHARP = ss.Interface(thresholds=Gaussian(1.0, 1e-5), ageing=ss.Langevin(rate=1.0))
 
 
 NO_ANSWER = r"""
-dynamic_stiffness(case(delay=Delay(math.inf)), 1.0, 1j)
+dynamic_stiffness(case(delay=ss.Delay(math.inf)), 1.0, 1j)
     never re-attach
 growth_rate(rig(on=case(Gaussian(mean=1.0, std=0.0))))
     share one threshold
@@ -440,9 +428,9 @@ count_unstable(rig(body=lambda s: 1e-4 * s * s))
 count_unstable(rig(body=lambda s: 2.0 - 0.01 * s + 1e-4 * s * s))
     puts energy in
 growth_rate(rig(on=replace(
-  case(delay=Delay(0.0)), ageing=ExponentialGrowth(rate=0.2))))
+  case(delay=ss.Delay(0.0)), ageing=ss.ExponentialGrowth(rate=0.2))))
 growth_rate(rig(0.27, on=replace(
-  case(delay=Delay(0.0)), ageing=ExponentialGrowth(rate=0.2))))
+  case(delay=ss.Delay(0.0)), ageing=ss.ExponentialGrowth(rate=0.2))))
     nearly all contacts break as they attach
 Modes(masses=(1.0, 1.0), stiffnesses=(1.0, 1.0), dampings=(1.0, 0.0))
     Modes.dampings\[1\] = 0
@@ -453,7 +441,7 @@ Modes(masses=(1.0,), stiffnesses=(0.0,), dampings=(1.0,))
 
 @refused(NO_ANSWER, globals())
 def test_what_has_no_answer_is_refused(call, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ss.InputError, match=message):
         call()
 
 
@@ -546,9 +534,9 @@ def test_boundary_over_stiffness_and_velocity_against_the_pointwise_answer():
 
 @pytest.mark.slow
 def test_boundary_holds_the_limit_without_oscillation():
-    growth = ExponentialGrowth(rate=1.0, newborn=0.5)
+    growth = ss.ExponentialGrowth(rate=1.0, newborn=0.5)
     light = {"mass": 0, "damping": 0}
-    light["on"] = replace(case(delay=Delay(0)), ageing=growth)
+    light["on"] = replace(case(delay=ss.Delay(0)), ageing=growth)
     found = boundary(rig(**light), between=((0.05, 1.0), (0.8, 1.25)))
     still = found.isel(point=np.isinf(found.frequency.values))
     assert still.sizes["point"] > 5
@@ -638,8 +626,8 @@ def test_a_map_is_the_count_and_the_growth_rate_at_each_point(over):
 
 def aged(rate, velocity=1.0, interface=FIG8.interface, **changes):
     """The rig of Fig. 8 at a rate of ageing."""
-    contacts = replace(interface, ageing=Langevin(rate=rate))
-    return Rig(contacts, replace(FIG8.slider, **changes), constant(velocity))
+    contacts = replace(interface, ageing=ss.Langevin(rate=rate))
+    return ss.Rig(contacts, replace(FIG8.slider, **changes), ss.constant(velocity))
 
 
 def lost_balance(rate, velocity, s, **changes):
@@ -654,7 +642,7 @@ def test_growth_rates_of_ageing_contacts_solve_the_equation_of_modes():
     assert s.real > 0
     assert lost_balance(1.5, 1.0, s) < 1e-4
     assert growth_rate(aged(1.7)).real < 0
-    with pytest.raises(UndecidedError, match="is stable"):
+    with pytest.raises(ss.UndecidedError, match="is stable"):
         growth_rate(aged(2.0, stiffness=5.0))
 
 
@@ -679,8 +667,8 @@ def test_to_fast_perturbations_most_contacts_are_springs(speed, newborn, delay):
     """Kappa falls short of the attached fraction by ``C (1 - i)/sqrt(omega)``, due to
     contacts that diffuse to their thresholds.
     """
-    ageing = Langevin(rate=1.0, newborn=newborn)
-    contacts = replace(FIG8.interface, ageing=ageing, delay=Delay(delay))
+    ageing = ss.Langevin(rate=1.0, newborn=newborn)
+    contacts = replace(FIG8.interface, ageing=ageing, delay=ss.Delay(delay))
     omega = np.array([1e5, 1e6, 1e7, 1e14])
     *kappa, attached = dynamic_stiffness(contacts, speed, 1j * omega)
     short = (attached.real - np.array(kappa)) * np.sqrt(omega[:-1])
@@ -691,7 +679,7 @@ def test_to_fast_perturbations_most_contacts_are_springs(speed, newborn, delay):
 
 
 def test_rates_of_ageing_at_the_edges_of_figure_8():
-    unaged = Rig(FIG8.interface, FIG8.slider, constant(1.0))
+    unaged = ss.Rig(FIG8.interface, FIG8.slider, ss.constant(1.0))
     found = critical(unaged, AGEING, between=(0.2, 3.0))
     widths = sorted(edge.value**-0.5 for edge in found.edges)
     assert widths == pytest.approx([0.80, 1.63], abs=0.03)
@@ -702,9 +690,9 @@ def test_a_spring_and_a_delay_of_ageing_contacts_are_critical_where_the_count_ch
     spring = critical_spring(aged(1.5, 1.2))
     sides = (aged(1.5, 1.2, stiffness=factor * spring) for factor in (0.97, 1.03))
     assert [count_unstable(side) for side in sides] == [2, 0]
-    ageing = Langevin(rate=1.5, newborn=0.3)
-    strong = replace(FIG8.interface, ageing=ageing, delay=Delay(0.01))
-    held = Rig(strong, FIG8.slider, constant(3.5))
+    ageing = ss.Langevin(rate=1.5, newborn=0.3)
+    strong = replace(FIG8.interface, ageing=ageing, delay=ss.Delay(0.01))
+    held = ss.Rig(strong, FIG8.slider, ss.constant(3.5))
     delay = onset(held, "delay", between=(1e-3 / 3.5, 1e2 / 3.5))
     sides = (held.replace(delay=factor * delay) for factor in (0.9, 1.1))
     assert [count_unstable(side) for side in sides] == [0, 2]
@@ -727,7 +715,7 @@ def test_a_map_and_a_boundary_of_ageing_contacts():
 @pytest.mark.parametrize("half", [0.126, 0.2])
 def test_a_mode_on_the_stability_boundary_grows_by_rounding_or_not(half):
     """At a critical mass, where the count of growing modes may go either way."""
-    with_mass = rig(on=case(RaisedCosine(half), Delay(0.1)), mass=3e-3, damping=3.0)
+    with_mass = rig(on=case(RaisedCosine(half), ss.Delay(0.1)), mass=3e-3, damping=3.0)
     crossings = critical(with_mass, "mass", between=(1e-4, 1e-1))
     assert crossings.edges
     for edge in crossings.edges:
@@ -760,9 +748,9 @@ def test_lives_of_contacts_that_draw_are_computed_once_for_all_speeds(monkeypatc
 
 def test_delays_longer_than_lives_are_followed_where_contacts_age_too():
     """Contacts that hardly age make modes grow as those that do not."""
-    on = case(TENTH, Delay(2.0))
-    body = Slider(stiffness=0.2, mass=1e-3, damping=1.0)
-    growth = LogarithmicGrowth(slope=1e-7, time=1.0)
+    on = case(TENTH, ss.Delay(2.0))
+    body = ss.Slider(stiffness=0.2, mass=1e-3, damping=1.0)
+    growth = ss.LogarithmicGrowth(slope=1e-7, time=1.0)
     settled = rig(100.0, on=on, body=body)
     ageing = rig(100.0, on=replace(on, ageing=growth), body=body)
     assert count_unstable(ageing) == count_unstable(settled) > 0

@@ -22,23 +22,9 @@ import pytest
 import xarray as xr
 from refusals import refused
 
+import stickslip as ss
 from stickslip.errors import InputError
-from stickslip.sweep import (
-    NamedStudy,
-    Processes,
-    Progress,
-    Refinement,
-    Span,
-    Threads,
-    _cases,
-    _run,
-    _table,
-    failures,
-    open_sweep,
-    run_study,
-    status_of,
-    summary,
-)
+from stickslip.sweep import Span, _cases, _run, _table, open_sweep, status_of, summary
 from stickslip.sweep._cases import case_key, case_seed
 
 AXES = {
@@ -58,13 +44,13 @@ def product(a, b, seed):  # noqa: ARG001
 
 
 def named(run, name="some study", version="1", **more):
-    return NamedStudy(run=run, name=name, version=version, **more)
+    return ss.sweep.NamedStudy(run=run, name=name, version=version, **more)
 
 
 def run_cases(function, axes, **how):
     """Results of a function, or of a study, over some axes."""
-    study = function if isinstance(function, NamedStudy) else named(function)
-    return run_study(study, axes, **how)
+    study = function if isinstance(function, ss.sweep.NamedStudy) else named(function)
+    return ss.sweep.run_study(study, axes, **how)
 
 
 ONE = {"a": [1], "b": [1]}
@@ -158,8 +144,8 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
     attributes = {"large": units | {"odd": {3}}, "x": {"units": "1/time"}}
     categories = {"kind": ["soft", "hard", "never seen"]}
     study = named(odd, attributes=attributes, categories=categories)
-    kept = run_study(study, axes, store=tmp_path / "s.sqlite")
-    xr.testing.assert_identical(kept, run_study(study, axes))
+    kept = ss.sweep.run_study(study, axes, store=tmp_path / "s.sqlite")
+    xr.testing.assert_identical(kept, ss.sweep.run_study(study, axes))
     xr.testing.assert_identical(kept, open_sweep(tmp_path / "s.sqlite"))
     kept = kept.isel(flag=0)
     assert kept["large"].attrs == units | {"odd": "{3}"}
@@ -178,8 +164,9 @@ def test_numbers_texts_and_nothing_come_back_as_they_were(tmp_path):
 
 @pytest.mark.slow
 def test_threads_processes_and_executors_handed_in_give_the_same_bits(cases, tmp_path):
-    expected = run_cases(cases.logged, LOGGED_AXES, executor=Threads(1))
-    executors = Threads(2), Threads(5), Processes(2), ThreadPoolExecutor(2)
+    expected = run_cases(cases.logged, LOGGED_AXES, executor=ss.sweep.Threads(1))
+    executors = [ss.sweep.Threads(count) for count in (2, 5)]
+    executors += [ss.sweep.Processes(2), ThreadPoolExecutor(2)]
     for i, executor in enumerate(executors):
         where = {"executor": executor, "store": tmp_path / f"{i}.sqlite"}
         found = run_cases(cases.logged, LOGGED_AXES, **where)
@@ -207,7 +194,7 @@ def moody(a, b, seed):  # noqa: ARG001
 def test_a_case_that_raises_is_recorded_and_run_again_on_request_only(tmp_path):
     COUNT.clear()
     BROKEN.set()
-    seen: list[Progress] = []
+    seen: list[ss.sweep.Progress] = []
 
     def result(**options):
         seen.clear()
@@ -217,14 +204,14 @@ def test_a_case_that_raises_is_recorded_and_run_again_on_request_only(tmp_path):
 
     found = result()
     assert str(summary(found)) == "11 of 12 cases done, 1 failed"
-    (failure,) = failures(found)
+    (failure,) = ss.sweep.failures(found)
     assert str(failure).startswith("a = 2, b = 1: OSError: not today (test_sweep.py:")
     assert np.isnan(found["product"].sel(a=2, b=1))
-    begun = Progress(total=12, finished=0, failed=0, found=0)
+    begun = ss.sweep.Progress(total=12, finished=0, failed=0, found=0)
     assert (seen[0], seen[-1]) == (begun, replace(begun, finished=12, failed=1))
     BROKEN.clear()
     assert summary(result()).failed == 1
-    assert seen == [Progress(total=12, finished=12, failed=1, found=12)]
+    assert seen == [ss.sweep.Progress(total=12, finished=12, failed=1, found=12)]
     assert summary(result(retry_failed=True)).failed == 0
     assert COUNT[2, 1] == sum(COUNT.values()) - 11 == 2
 
@@ -241,8 +228,8 @@ def test_what_a_case_must_not_return_is_its_error():
         ({}, "returned {}: must be"),
     ]
     study = named(lambda a, seed: wrong[a][0], categories={"kind": ["even"]})  # noqa: ARG005
-    result = run_study(study, {"a": range(len(wrong))})
-    for failure, (_, words) in zip(failures(result), wrong, strict=True):
+    result = ss.sweep.run_study(study, {"a": range(len(wrong))})
+    for failure, (_, words) in zip(ss.sweep.failures(result), wrong, strict=True):
         assert words in failure.error
 
 
@@ -324,7 +311,7 @@ def test_a_study_is_its_name_and_version_and_nothing_is_guessed(tmp_path):
 
     def found(k, **other):
         study = named(closing_over(k), **({"name": "beam"} | other))
-        return run_study(study, **same)["y"].values.tolist()
+        return ss.sweep.run_study(study, **same)["y"].values.tolist()
 
     assert found(2) == [2.0, 4.0]
     assert found(3) == [2.0, 4.0]
@@ -466,11 +453,11 @@ def test_a_disk_that_refuses_more_ends_with_a_line_and_keeps_what_was_written(tm
 @pytest.mark.slow
 def test_a_case_that_kills_its_worker_is_found_and_recorded(cases, tmp_path):
     axes = {"a": range(6), "b": range(4)}
-    where = {"executor": Processes(2), "store": tmp_path / "s.sqlite"}
+    where = {"executor": ss.sweep.Processes(2), "store": tmp_path / "s.sqlite"}
     result = run_cases(cases.deadly, axes, **where)
     assert str(summary(result)) == "23 of 24 cases done, 1 failed"
-    assert failures(result)[0].parameters == {"a": 3, "b": 2}
-    assert failures(result)[0].error.startswith("WorkerDied: ")
+    assert ss.sweep.failures(result)[0].parameters == {"a": 3, "b": 2}
+    assert ss.sweep.failures(result)[0].error.startswith("WorkerDied: ")
 
 
 @pytest.mark.slow
@@ -501,7 +488,7 @@ def refine(function, plane, **how):
     """A search for where the side changes."""
     names = {"store", "executor", "progress"} & how.keys()
     options = {name: how.pop(name) for name in names}
-    refinement = Refinement(**{"label": "side", **how})
+    refinement = ss.sweep.Refinement(**{"label": "side", **how})
     return run_cases(function, plane, refinement=refinement, **options)
 
 
@@ -531,11 +518,11 @@ def test_refinement_is_the_same_for_any_number_of_workers():
 
     study = named(patchy, categories={"side": ["below", "above"]})
     plane = {"x": Span(low=0, high=1), "y": Span(low=0.01, high=1.0, log=True)}
-    one = refine(study, plane, executor=Threads(1), runs=80)
-    more = refine(study, plane, executor=Threads(3), runs=80)
+    one = refine(study, plane, executor=ss.sweep.Threads(1), runs=80)
+    more = refine(study, plane, executor=ss.sweep.Threads(3), runs=80)
     xr.testing.assert_identical(one, more)
     assert (one["error"].values[one["x"].values > 0.8] != "").all()
-    assert failures(one)[0].parameters.keys() == {"x", "y"}
+    assert ss.sweep.failures(one)[0].parameters.keys() == {"x", "y"}
     assert one.sizes["crossing"] > 3
     assert np.abs(one["y_at"] - 0.25 - 0.5 * one["x_at"] ** 2).max() < 0.03
     assert set(one["from_side"].values) | set(one["to_side"].values) == {0, 1}
@@ -606,13 +593,13 @@ run_cases(product, dict.fromkeys("ab", range(2000)))
     4e\+06 cases are more than max_cases = 1e\+06; take fewer values, or set
 run_cases(product, ONE, executor=4)
     executor = 4: must be Threads\(n\)
-Threads(0)
+ss.sweep.Threads(0)
     Threads\.workers = 0: must be
 run_cases(product, ONE, executor=closed())
     takes no more cases
-run_cases(closing_over(2), {"x": [1]}, executor=Processes(1))
+run_cases(closing_over(2), {"x": [1]}, executor=ss.sweep.Processes(1))
     NamedStudy\.run, some study: cannot be sent .* process .*use Threads
-run_study(product, ONE)
+ss.sweep.run_study(product, ONE)
     study = .*: must be a NamedStudy
 summary(xr.Dataset())
     must be the result of a sweep
@@ -624,7 +611,7 @@ Span(low=1, high=0)
     Span\.high = 0: must be
 Span(low=0, high=1, log=True)
     Span\.low = 0: must be
-Refinement(runs=3)
+ss.sweep.Refinement(runs=3)
     runs = 3: must be
 refine(parabola, UNIT, runs=16, label="colour")
     label = 'colour': is none of the names under

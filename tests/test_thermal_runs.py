@@ -26,12 +26,9 @@ def of_areas(kept, activation=None):
 
 
 def noisy(activation, std=0.1, delay=0.0, newborn=0.3):
-    return ss.Interface(
-        thresholds=ss.Gaussian(mean=1.0, std=std),
-        activation=activation,
-        ageing=ss.Langevin(rate=1.5, newborn=newborn),
-        delay=ss.Delay(delay),
-    )
+    thresholds = ss.Gaussian(mean=1.0, std=std)
+    again = {"ageing": ss.Langevin(rate=1.5, newborn=newborn), "delay": ss.Delay(delay)}
+    return ss.Interface(thresholds=thresholds, activation=activation, **again)
 
 
 BARRIERS = {
