@@ -49,7 +49,7 @@ def _slope_width(step: float, noise: float, rate: float) -> int:
     """Samples over which a slope is known to a part `SLOPE_ERROR` of the loading rate,
     by least squares.
     """
-    narrowest = (12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)
+    narrowest: float = (12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)
     return max(math.ceil(narrowest) | 1, 3)
 
 
