@@ -73,8 +73,14 @@ def _still(seen: Window) -> str:
     normal = seen.kurtosis.value >= NORMAL + ONE_SIDED * seen.kurtosis.error
     masked = small and seen.is_mostly_noise
     white = seen.is_white_noise and normal and seen.is_narrow
-    if seen.found.size == 0 and seen.is_level and (masked or white):
+    if not (seen.is_level and (masked or white)):
+        return ""
+    if seen.found.size == 0:
         return f"the force shows noise only, {_percent(seen.swing.value)}"
+    few = seen.trace.measured and seen.count < FEWEST_CYCLES
+    if few and not seen.shows_cycles:
+        noise = _percent(seen.found.noise / seen.largest)
+        return f"the force shows no series of cycles, beside noise of {noise} (rms)"
     return ""
 
 
