@@ -204,6 +204,12 @@ def tangential_stiffness(
 
     count = np.count_nonzero(inside)
     response = linalg.LinearOperator((count, count), matvec=moved, dtype=float)
-    # As many steps as unknowns in exact arithmetic; rounding takes some more.
-    traction, _ = linalg.cg(response, np.ones(count), rtol=_RESIDUAL)
+    # As many steps as unknowns in exact arithmetic; rounding takes some more, and
+    # ten times as many are the most.
+    traction, failed = linalg.cg(response, np.ones(count), rtol=_RESIDUAL)
+    if failed:
+        raise RuntimeError(
+            "tangential_stiffness: conjugate gradients do not converge: a fault of "
+            "this package, please report it"
+        )
     return float(traction.sum()) / inside.size
