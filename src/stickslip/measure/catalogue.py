@@ -10,7 +10,7 @@ import numpy as np
 from stickslip import words
 from stickslip.arrays import labelled, units_of
 from stickslip.errors import number, printable
-from stickslip.measure.features import Window, look_past_waves
+from stickslip.measure.features import Window
 from stickslip.measure.regimes import Regime, judged
 from stickslip.measure.slips import Slips, fast_slips, find_slips
 from stickslip.measure.strokes import find_strokes
@@ -124,7 +124,7 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
     if seen.kind == "stick-slip":
         return fast_slips(
             trace,
-            look_past_waves(Window(trace, found)).found,
+            Window(trace, found).past_waves.found,
         )
     if seen.kind != "smooth sliding":
         return found

@@ -3,7 +3,7 @@
 import datetime as dt
 import re
 
-_DAY = 86400.0  # s
+DAY = 86400.0  # s
 _DATES = {
     # 2024-02-01, 2024/02/01
     "year": r"(?P<year>\d{4})(?P<mark>[-/.])(?P<month>\d\d?)(?P=mark)(?P<day>\d\d?)",
@@ -62,14 +62,14 @@ def seconds_of(text: str) -> float | None:
     if fields["sign"] == "-":
         east = -east
     seconds = float((fields["seconds"] or "0").replace(",", "."))
-    return _DAY * days + 3600.0 * hours + 60.0 * int(fields["minutes"]) + seconds - east
+    return DAY * days + 3600.0 * hours + 60.0 * int(fields["minutes"]) + seconds - east
 
 
 def turn_of(text: str) -> float:
     """The seconds after which a time of the day begins anew: a day, or an hour where
     it shows minutes and seconds only.
     """
-    return 3600.0 if re.fullmatch(_MINUTES, text.strip().strip('"')) else _DAY
+    return 3600.0 if re.fullmatch(_MINUTES, text.strip().strip('"')) else DAY
 
 
 def are_days(first: float, last: float) -> bool:

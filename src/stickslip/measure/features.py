@@ -130,7 +130,7 @@ class Window:
     @cached_property
     def past_waves(self) -> "Window":
         """The window without a slow or a fast wave, where it then slips."""
-        return look_past_waves(self)
+        return _look_past_waves(self)
 
     @cached_property
     def largest(self) -> float:
@@ -174,7 +174,7 @@ class Window:
         """Whether chance takes the force no farther than halfway to zero."""
         return ERRORS * self.scatter <= MOST * self.mean
 
-    @property
+    @cached_property
     def is_level(self) -> bool:
         """Whether the force drifts by no more than that of a slider that slides: one
         that climbs by more, from anywhere on, may be that of a slider that is held.
@@ -286,9 +286,9 @@ class Window:
         if not rate > 0:
             return Loading(rate, math.inf, Feature(0.0))
         # less the median itself, whose weight may be more than half of that of a few
-        others = np.arange(rates.size) != np.argmin(np.abs(rates - rate))
-        away = np.abs(rates - rate)[others]
-        scatter = 1.4826 * weighted_median(away, waits[others])
+        away = np.abs(rates - rate)
+        others = np.arange(rates.size) != np.argmin(away)
+        scatter = 1.4826 * weighted_median(away[others], waits[others])
         # The noise of the sensor makes the rates scatter, too; where it hides whether
         # they are one, that is not known.
         noises = self.found.noise * np.sqrt(2.0 / (last - middle + 1)) / took
@@ -604,7 +604,7 @@ def _test(
     return Criterion(name, value, error, limit, source, passed)
 
 
-def look_past_waves(seen: Window) -> Window:
+def _look_past_waves(seen: Window) -> Window:
     """The window without a slow wave, or averaged over the period of a fast one, where
     it then slips, and would not if the force were negated; else as it is.
     """

@@ -8,16 +8,10 @@ from typing import Literal
 import numpy as np
 
 from stickslip import words
-from stickslip.measure.features import (
-    MOST,
-    NORMAL,
-    ONE_SIDED,
-    SLIP_PHASE,
-    SMALL,
-    Window,
-)
+from stickslip.measure.features import NORMAL, ONE_SIDED, SLIP_PHASE, SMALL, Window
 from stickslip.measure.periods import PERIODIC
 from stickslip.measure.slips import WHITE
+from stickslip.measure.strokes import are_to_and_fro
 from stickslip.measure.trace import ERRORS, FEWEST_CYCLES, RESTS
 
 Kind = Literal["smooth sliding", "stick-slip", "sustained oscillation", "undecided"]
@@ -50,12 +44,13 @@ def decide(seen: Window) -> tuple[Kind, str]:
     if seen.is_stick_slip:
         few = f", of few contacts ({contacts})," if seen.is_contact_noise else ""
         return SLIPS, f"{manner}{few} and persistent; {_how_fast(seen)}"
-    if _oscillates(seen) and _goes_to_and_fro(seen):
-        return OPEN, (
-            "the force goes to and fro about zero: strokes, of which a measured "
-            "displacement would tell, or an oscillation about a mean that was lost"
-        )
     if _oscillates(seen):
+        force = seen.trace.force
+        if seen.trace.measured and are_to_and_fro(force.min(), force.max()):
+            return OPEN, (
+                "the force goes to and fro about zero: strokes, of which a measured "
+                "displacement would tell, or an oscillation about a mean that was lost"
+            )
         size = f"{_percent(seen.part)}, peak to peak"
         return LASTS, f"{manner}, {size}; {_sticking(seen)}; {_how_fast(seen)}"
     return _uneven(seen)
@@ -150,15 +145,6 @@ def _oscillates(seen: Window) -> bool:
     normal = seen.kurtosis.value >= NORMAL and not seen.is_even
     as_noise = normal or seen.contact_noise[0] < ERRORS
     return not (seen.trace.measured and (as_noise or seen.falls_fast))
-
-
-def _goes_to_and_fro(seen: Window) -> bool:
-    """Whether a measured force reaches as far to one side of zero as to the other, or
-    half as far.
-    """
-    force = seen.trace.force
-    smaller, larger = sorted((-float(force.min()), float(force.max())))
-    return seen.trace.measured and smaller >= MOST * larger
 
 
 def _uneven(seen: Window) -> tuple[Kind, str]:

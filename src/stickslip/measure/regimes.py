@@ -391,10 +391,9 @@ def _note_unloaded(stretches: Sequence[Trace], loaded: Sequence[Trace]) -> list[
     """Note the time in which the bench is unloaded."""
     all_time = sum(each.length for each in stretches)
     rests = all_time - sum(each.length for each in loaded)
-    if rests <= 0.5 * TINY * all_time:
+    if rests <= 0.0:
         return []
-    unit = stretches[0].time_unit
-    time = words.engineering(rests, unit, 2)
+    time = words.engineering(rests, stretches[0].time_unit, 2)
     return [f"the bench is unloaded for {time}, which is left out"]
 
 

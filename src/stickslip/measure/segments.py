@@ -21,6 +21,7 @@ from stickslip.measure.trace import (
 )
 
 _MOST_BLOCKS = 64
+_RESTS = 5.0  # by convention
 _SMOOTHED = 5  # samples of a median, which noise and single spikes do not move
 AT_ONCE = 0.75  # of a change comes from two blocks to the next two: else it is a drift
 # steps of the level by the scatter about it, of the amplitude by half or twice
@@ -66,7 +67,7 @@ def _rests(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First samples in which an unloaded bench rests near zero, and first after them.
 
     An even climb to the largest force spends the part `TINY` of its time near zero: a
-    bench that stays there five times as long is unloaded.
+    bench that stays there `_RESTS` times as long is unloaded.
     """
     edges = [0, *(np.flatnonzero(np.diff(near)) + 1).tolist(), near.size]
     runs = [*pairwise(edges)]
@@ -74,7 +75,7 @@ def _rests(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
     found = []
     for i, (begin, end) in enumerate(runs):
         beside = [*lasts[i - 1 : i], *lasts[i + 1 : i + 2]]
-        is_long = lasts[i] >= 5.0 * TINY * max(beside, default=math.inf)
+        is_long = lasts[i] >= _RESTS * TINY * max(beside, default=math.inf)
         if near[begin] and is_long and end - begin >= FEWEST_READINGS:
             found.append((begin, end))
     return found

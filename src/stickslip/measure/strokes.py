@@ -93,13 +93,19 @@ def _reversals(trace: Trace) -> list[int]:
         size,
     ]
     lengths = np.diff(edges)
-    whole = lengths[1:-1]
-    if whole.size < FEWEST_CYCLES - 2:
-        # few turns are reversals only where the force changes its sign
-        smaller, larger = sorted((abs(low), abs(high)))
-        turns = low < 0.0 < high and smaller >= LEAST_WAY * larger
-        whole = lengths if turns else np.zeros(1)
-    return edges if whole.min() >= FEWEST_READINGS else []
+    if lengths.size >= FEWEST_CYCLES:
+        lengths = lengths[1:-1]  # those at the ends may be cut off
+    elif not are_to_and_fro(low, high):
+        return []  # few turns are reversals only where the force changes its sign
+    return edges if lengths.min() >= FEWEST_READINGS else []
+
+
+def are_to_and_fro(low: float, high: float) -> bool:
+    """Whether two forces lie on both sides of zero, one at least half as far as the
+    other.
+    """
+    nearer, farther = sorted((-low, high))
+    return nearer >= LEAST_WAY * farther > 0.0
 
 
 def _plateaus(force: Array) -> Range | None:

@@ -16,7 +16,7 @@ from stickslip import words
 from stickslip.arrays import labelled
 from stickslip.errors import InputError, one_line, refused, shortened
 from stickslip.io import files
-from stickslip.measure.clocks import are_days, unit_since_1970
+from stickslip.measure.clocks import DAY, are_days, unit_since_1970
 from stickslip.measure.column_choice import Choice, ColumnName, choose, rises_evenly
 from stickslip.measure.headings import WEIGHTS, ratio, unit_named
 from stickslip.measure.sensor import Mask, far_outside, spikes
@@ -199,12 +199,13 @@ def _other_time(table: Table, step: float) -> list[str]:
         if math.isclose(usual * size, step, rel_tol=0.01):
             continue
         column = Choice(i, heading)
-        by = words.engineering(usual, heading.unit) if heading.unit else f"{usual:.4g}"
-        if heading.unit:
-            raise InputError(
-                f"step = {step:g} s: {column} rises by {by} instead; leave out the step"
-            )
-        return [f"{column}, which rises by {by}, is no time, as the step is given"]
+        if not heading.unit:
+            by = f"{usual:.4g}"
+            return [f"{column}, which rises by {by}, is no time, as the step is given"]
+        by = words.engineering(usual, heading.unit)
+        raise InputError(
+            f"step = {step:g} s: {column} rises by {by} instead; leave out the step"
+        )
     return []
 
 
@@ -423,7 +424,7 @@ def _dataset(
         notes.append(f"the times are taken for {unit} since 1970")
     if not units["time"] and are_days(first, last):
         units["time"] = "s"
-        rows.index = pd.Index(86_400.0 * (rows.index - first), name="time")
+        rows.index = pd.Index(DAY * (rows.index - first), name="time")
         notes.append(
             "the times are taken for days, as spreadsheets count them from 1900; where "
             "they are none, write their unit into the heading, as in time (s)"
