@@ -317,6 +317,14 @@ to and fro, in ramps: undecided | enough="strokes"
     alone(180.0, 0.01, "np.where(t % 36 < 18, 1, -1) * ramp_and_slips(t % 18)")
 a sine and a half: undecided | enough="too short"
     alone(1.5, 0.01, "3 + tone(0.3, t)", 0.003)
+a start that rings: smooth sliding | enough="decays until"
+    alone(60.0, 0.01, "4 - 4 * np.exp(-t / 3) * np.cos(6 * t)", 0.01)
+that overshoots: smooth sliding | cycles=0
+    alone(60.0, 0.01, "4 - 4 * np.exp(-t) * np.cos(3 * t)", 0.01)
+on a drift: smooth sliding | cycles=0
+    alone(60.0, 0.01, "np.minimum(t, 3.0 + t / 3000)", 0.001)
+slips after a noisy rise: stick-slip | parts=[]
+    alone(60.0, 0.002, "np.minimum(t / 10, 2.5 + (t - 25) / 10 % 0.5)", 0.08)
 paper, K 168, V 42: stick-slip | periodic=False
     paper("k168_v42")
 paper, K 168, V 1100: stick-slip | periodic=False

@@ -35,12 +35,14 @@ from stickslip.measure.slips import Slips, fast_slips
 from stickslip.measure.strokes import find_strokes
 from stickslip.measure.trace import (
     CONSTANT_DRIVE,
+    ERRORS,
     FEWEST_CYCLES,
     FEWEST_READINGS,
     RESTS,
     Trace,
     dataset_of,
     mean_and_std,
+    slope,
 )
 from stickslip.words import prefixed
 
@@ -361,8 +363,11 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
     for stretch in long or [trace]:
         found, friction, offset = find_strokes(stretch)
         if not found:
-            window = _skip_loading(stretch) if whole else Window.of(stretch)
-            parts += _judge_parts(window)
+            parts += (
+                _judge_settled(_skip_loading(stretch))
+                if whole
+                else _judge_parts(Window.of(stretch))
+            )
             continue
         parts += [_doubt_oscillation(_judge(Window.of(stroke))) for stroke in found]
         strokes += len(found)
@@ -406,23 +411,66 @@ def _doubt_oscillation(stroke: Regime) -> Regime:
 
 
 def _skip_loading(trace: Trace) -> Window:
-    """The part behind the first loading of a force, and behind its breakaway: a few
-    drops after which it does not climb again.
-    """
+    """The part behind the first loading of a force, and behind its breakaway."""
     usual = np.median(trace.force[trace.force.size // 2 :])
     first = int(np.argmax(trace.force >= usual))
+    if 2 * first > trace.t.size:  # a slow drift reaches it late
+        first = int(np.argmax(trace.force >= (1.0 - TINY) * usual))
     late = trace.part(trace.t[first])
     rises = _drift_rate(trace.part(-math.inf, late.t[0])) > 0
     if not rises or 2 * first > trace.t.size or late.t.size < FEWEST_READINGS:
         return Window.of(trace)
-    loaded = Window.of(late)
-    found = loaded.found
-    if not 0 < found.size < FEWEST_CYCLES:
-        return loaded
-    rest = late.part(late.t[found.end[-1]])
-    if rest.t.size < FEWEST_READINGS or rest.length < rest.t[0] - trace.t[0]:
-        return loaded
-    return Window.of(rest) if rest.rise < CLIMBS * found.drops.max() else loaded
+    return Window.of(late)
+
+
+def _judge_settled(loaded: Window) -> list[Regime]:
+    """Judge a loaded force; where a part is undecided, from where it has settled in the
+    first half of its time.
+    """
+    parts = _judge_parts(loaded)
+    if all(part.kind != OPEN for part in parts):
+        return parts
+    latest = loaded.trace.t[0] + MOST * loaded.trace.length
+    seen = loaded
+    while (settled := _skip_transient(seen, latest)) is not seen:
+        seen = settled
+    later = _judge_parts(seen)
+    together = _combine_parts(later)
+    if seen is loaded or (together.kind == OPEN and not together.is_in_turn):
+        return parts
+    begin = seen.trace.t[0]
+    cycles = np.count_nonzero(loaded.found.times < begin)
+    if later[0].kind == SMOOTH and cycles >= FEWEST_CYCLES:
+        until = words.engineering(begin, seen.trace.time_unit, 3)
+        reason = f"an oscillation decays until {until}; since then {later[0].reason}"
+        later[0] = replace(later[0], reason=reason)
+    return later
+
+
+def _skip_transient(seen: Window, latest: float) -> Window:
+    """The window from where its force has settled, before a time, behind the first few
+    drops, or a ringing, that are twice as large as what follows; else as it is.
+    """
+    trace = seen.trace
+    found = seen.found
+    drops = found.drops[trace.t[found.end] <= latest]
+    if not drops.size:
+        return seen
+    small = drops < CLIMBS * drops[0]
+    count = int(np.argmax(small)) if small.any() else drops.size
+    shrinks = np.all(np.diff(drops[: count + 1]) <= ERRORS * found.noise)
+    if count >= FEWEST_CYCLES and not (shrinks and small.any()):
+        return seen
+    rest = trace.part(trace.t[found.end[count - 1]])
+    usual = np.median(rest.force[rest.force.size // 2 :])
+    begin = rest.t[np.argmax(rest.force >= usual)]
+    settled = Window.of(rest.part(begin))
+    force, t = settled.trace.force, settled.trace.t
+    level = force - slope(force, t) * t
+    variance = level.var() - settled.found.noise**2
+    # as a sawtooth, peak to peak
+    is_over = 12.0 * variance < (CLIMBS * drops[0]) ** 2
+    return settled if is_over and begin <= latest else seen
 
 
 def _drift_rate(trace: Trace) -> float:
@@ -509,29 +557,11 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
         return seen
     seen = replace(seen, segments=tuple(parts))
     if agree and {*lasts} <= {kind, OPEN}:
-        return _with_its_decay(seen, parts)
+        return seen
     runs = [[*each] for _, each in itertools.groupby(parts, key=lambda each: each.kind)]
     turns = ", ".join(f"{run[0].kind} until {_until(run)}" for run in runs[:-1])
     reason = f"{turns}, then {runs[-1][0].kind}"
     return replace(seen, kind=OPEN, reason=reason, window=window)
-
-
-def _with_its_decay(seen: Regime, parts: Sequence[Regime]) -> Regime:
-    """A regime of smooth sliding, with the end of an oscillation that decays before
-    it, where that is larger by the factor that persistence allows.
-    """
-    earlier = [
-        each
-        for each in parts
-        if each.window[1] <= seen.window[0]
-        and each.cycles >= FEWEST_CYCLES
-        and each.peak_to_peak > 2.0 * seen.peak_to_peak
-    ]
-    if seen.kind != SMOOTH or not earlier:
-        return seen
-    begin = _end(earlier[-1])
-    reason = f"an oscillation decays until {begin}; since then {seen.reason}"
-    return replace(seen, reason=reason)
 
 
 def _until(run: Sequence[Regime]) -> str:

@@ -67,8 +67,11 @@ def _rests(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First samples in which an unloaded bench rests near zero, and first after them.
 
     An even climb to the largest force spends the part `TINY` of its time near zero: a
-    bench that stays there `_RESTS` times as long is unloaded.
+    bench that stays there `_RESTS` times as long is unloaded, in all of the time and
+    beside each pull.
     """
+    if near.mean() < _RESTS * TINY:
+        return []
     edges = [0, *(np.flatnonzero(np.diff(near)) + 1).tolist(), near.size]
     runs = [*pairwise(edges)]
     lasts = [t[end - 1] - t[begin] for begin, end in runs]
