@@ -130,6 +130,10 @@ def stroke_of_slips(s):
     return 5.0 + np.minimum(2.0 * (s % 0.5), 19.0 * (0.5 - s % 0.5))
 
 
+def soft_stroke(s):
+    return np.where(s < 8.0, 1.25 * s - 5.0, 4.5 + s % 1.0)
+
+
 def noisy_stroke(s):
     return 5.0 + white(s.size, std=0.02)
 
@@ -235,8 +239,14 @@ slips below noise: stick-slip | periodic=True
     alone(20.0, 0.01, "5.0 + 0.8 * (t / 2 % 1)", 0.2, 3)
 noise that masks: undecided | enough="record more often"
     alone(20.0, 0.01, "5.0 + 0 * t", 1.5, 3)
+slips in noise: undecided | enough="record more often"
+    alone(40.0, 0.02, "8 + (t + 0.3 * np.sin(0.7 * t)) % 1", 0.4, 5)
+too few samples: undecided | enough="record more often"
+    alone(2.0, 0.01, "5 + 0 * t", 0.5)
 slow noise: smooth sliding | normal=True
     alone(200.0, 0.01, "5.0 + 0.3 * slow(t.size)")
+beside that of a sensor: smooth sliding | normal=True
+    alone(130.0, 0.01, "4.0 + 0.05 * slow(t.size, memory=0.9)", 0.05)
 noise of 300 contacts: - | contacts=False
     of_contacts(300)
 more than of a million: - | contacts=True
@@ -289,6 +299,8 @@ smooth strokes: smooth sliding | loop=(5.0, 0.0)
     to_and_fro(noisy_stroke, displacement=True)
 strokes of slips: stick-slip | loop=(5.45, 0.0)
     to_and_fro(stroke_of_slips)
+of a soft spring: stick-slip | half_width=5.0
+    alone(200.0, 0.01, "np.where(t % 40 < 20, 1, -1) * soft_stroke(t % 20)", 0.02)
 in parts: undecided | parts=["stick-slip", "smooth sliding", "stick-slip"]
     alone(60.0, 0.01, "pauses(t)", 0.01)
 slips that stop: undecided | parts=["stick-slip", "smooth sliding"]

@@ -58,6 +58,7 @@ ONE_IN_TWENTY = 0.05  # how often chance passes a limit of one side ...
 ONE_SIDED = 1.645  # ... which is this number of errors off
 ROUNDING = 1e-9  # of the largest force: noise below that is of numbers
 WAVES = (4, 8, 16)  # parts of a record: waves slower than these are looked past
+_PART_OF_LAGS = 32  # of a window: lags over which changes are taken, at most
 _BESIDE = 101  # frequencies about a line of a spectrum, with which it is compared
 # Theory.
 # independent contacts, evenly stretched: times static friction over the root of their
@@ -165,6 +166,12 @@ class Window:
         return self.white_noise.value <= 1.0 + ERRORS * self.white_noise.error
 
     @property
+    def hidden(self) -> float:
+        """Largest sawtooth that white noise may hide, over the largest force."""
+        limit = 1.0 + ERRORS * self.white_noise.error
+        return math.sqrt(12.0 * (limit**2 - 1.0)) * self.found.noise / self.largest
+
+    @property
     def is_mostly_noise(self) -> bool:
         """Whether most of the scatter is noise of the sensor."""
         return self.found.noise > MOST * self.scatter
@@ -191,6 +198,29 @@ class Window:
         fourth = float(np.mean((self.rest**2) ** 2))
         value = fourth / self.scatter**4 if self.scatter else math.nan
         return Feature(value, math.sqrt(24.0 / self.rest.size))
+
+    @cached_property
+    def skewness(self) -> float:
+        """Mean cube of the changes of the force over its standard error, by the scatter
+        of parts, at the lag where it is least: noise is alike forwards and backwards,
+        slips fall faster than they climb.
+        """
+        least = 0.0
+        lag = 1
+        while lag <= self.rest.size // _PART_OF_LAGS:
+            change = self.rest[lag:] - self.rest[:-lag]
+            parts = np.array_split(change**3, 2 * FEWEST_CYCLES)
+            means = np.array([part.mean() for part in parts])
+            error = means.std(ddof=1) / math.sqrt(means.size)
+            if error:
+                least = min(least, float(means.mean() / error))
+            lag *= 2
+        return least
+
+    @property
+    def hides_slips(self) -> bool:
+        """Whether a force that is mostly noise falls faster than it climbs."""
+        return self.is_mostly_noise and self.skewness < -ERRORS
 
     @cached_property
     def part(self) -> float:
@@ -574,6 +604,12 @@ class Window:
             ),
             _test(NOISE, *self.contact_noise, "theory"),
             _test("kurtosis of the force", self.kurtosis, NORMAL, "theory"),
+            _test(
+                "skewness of its changes, in errors",
+                self.skewness,
+                -ERRORS,
+                passed=self.skewness >= -ERRORS,
+            ),
             _test(
                 "three standard deviations over the mean",
                 narrow,

@@ -8,7 +8,14 @@ from typing import Literal
 import numpy as np
 
 from stickslip import words
-from stickslip.measure.features import NORMAL, ONE_SIDED, SLIP_PHASE, SMALL, Window
+from stickslip.measure.features import (
+    CLIMBS,
+    NORMAL,
+    ONE_SIDED,
+    SLIP_PHASE,
+    SMALL,
+    Window,
+)
 from stickslip.measure.periods import PERIODIC
 from stickslip.measure.slips import WHITE
 from stickslip.measure.strokes import are_to_and_fro
@@ -67,7 +74,7 @@ def _still(seen: Window) -> str:
     # a sawtooth of two or three samples a cycle has the spectrum of noise, too
     normal = seen.kurtosis.value >= NORMAL + ONE_SIDED * seen.kurtosis.error
     masked = small and seen.is_mostly_noise
-    white = seen.is_white_noise and normal and seen.is_narrow
+    white = seen.is_white_noise and normal and seen.hidden <= SMALL
     if not (seen.is_level and (masked or white)):
         return ""
     if seen.found.size == 0:
@@ -163,9 +170,13 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
     left = PERIODIC * max(1.0 - (seen.found.noise / seen.scatter) ** 2, 0.0)
     repeats = seen.correlation - WHITE / math.sqrt(seen.rest.size) > left
     hidden = seen.is_mostly_noise and repeats
-    # noise falls as it rises, and climbs at many rates
-    dips = seen.found.slip_phase(seen.trace) <= SLIP_PHASE or seen.climbs
-    as_noise = seen.kurtosis.value >= NORMAL and seen.is_narrow and not seen.is_even
+    # noise falls as it rises, and climbs at many rates; its largest drops are few, and
+    # it does not climb to them
+    few = seen.loading.gain.value <= CLIMBS
+    is_fast = seen.found.slip_phase(seen.trace) <= SLIP_PHASE and not few
+    dips = is_fast or seen.climbs
+    normal = seen.kurtosis.value >= NORMAL and seen.is_narrow
+    as_noise = normal and not seen.is_even and not seen.hides_slips
     if as_noise and not hidden and not dips:
         return SMOOTH, f"{_fluctuation(seen)}, as slow noise does"
     if seen.is_mostly_noise:

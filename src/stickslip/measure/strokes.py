@@ -16,6 +16,9 @@ from stickslip.measure.trace import FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
 LEAST_WAY = 0.5
 # part of a variance that two levels explain: 8/pi^2 of a sine, 1 of steps; midway
 PLATEAUS = 1.0 - 0.5 * (1.0 - 8.0 / math.pi**2)
+# part of a level that is near it: a sine is so near its own for .4 of the time, steps
+# for all of it
+NEAR = 0.1
 
 
 def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
@@ -39,9 +42,20 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
         loaded = part.part(there[0], np.nextafter(there[-1], np.inf))
         if loaded.t.size >= FEWEST_READINGS:
             strokes.append(_along(loaded, side, offset))
-    if len(strokes) < 2:
+    friction = 0.5 * abs(even - odd)
+    known = trace.displacement is not None or _takes_two_levels(trace.force)
+    if len(strokes) < 2 or not (known or _are_plateaus(strokes, trace, friction)):
         return [], math.nan, math.nan
-    return strokes, 0.5 * abs(even - odd), offset
+    return strokes, friction, offset
+
+
+def _are_plateaus(strokes: list[Trace], trace: Trace, level: float) -> bool:
+    """Whether a force stays near its level for most of the time, and neither climbs
+    nor falls in its strokes.
+    """
+    near = sum(np.count_nonzero(part.force >= (1.0 - NEAR) * level) for part in strokes)
+    rise = np.median([abs(part.rise) for part in strokes])
+    return bool(near >= LEAST_WAY * trace.t.size and rise < NEAR * level)
 
 
 def _along(trace: Trace, side: float, offset: float) -> Trace:
@@ -78,10 +92,9 @@ def _reversals(trace: Trace) -> list[int]:
             *sorted({*peaks, *troughs} - {0, size - 1}),
             size,
         ]
-    plateaus = _plateaus(trace.force)
-    if plateaus is None:
+    low, high = _two_levels(trace.force)
+    if not (low < 0.0 < high or _takes_two_levels(trace.force)):
         return []
-    low, high = plateaus
     level = LEAST_WAY * 0.5 * (high - low)
     about = trace.force - 0.5 * (high + low)
     crossed = (
@@ -108,20 +121,23 @@ def are_to_and_fro(low: float, high: float) -> bool:
     return nearer >= LEAST_WAY * farther > 0.0
 
 
-def _plateaus(force: Array) -> Range | None:
-    """Two levels that a force takes in turn; None if they do not explain it."""
+def _takes_two_levels(force: Array) -> bool:
+    """Whether two levels that a force takes in turn explain it."""
+    low, high = _two_levels(force)
+    rest = force - np.where(force > 0.5 * (low + high), high, low)
+    return bool((rest**2).mean() <= (1.0 - PLATEAUS) * force.var())
+
+
+def _two_levels(force: Array) -> Range:
+    """The two levels that leave the least squares of a force."""
     low, high = (float(edge) for edge in np.quantile(force, (0.05, 0.95)))
     middle = math.nan
     for _ in range(20):
         before = middle
         middle = 0.5 * (low + high)
-        if middle == before:
-            break
         above = force > middle
-        if above.all() or not above.any():
-            return None
+        if middle == before or above.all() or not above.any():
+            break
         low = float(force[~above].mean())
         high = float(force[above].mean())
-    rest = force - np.where(above, high, low)
-    explained = (rest**2).mean() <= (1.0 - PLATEAUS) * force.var()
-    return (low, high) if explained else None
+    return low, high
