@@ -209,7 +209,8 @@ class Window:
         lag = 1
         while lag <= self.rest.size // _PART_OF_LAGS:
             change = self.rest[lag:] - self.rest[:-lag]
-            parts = np.array_split(change**3, 2 * FEWEST_CYCLES)
+            cubes = change * change * change  # much faster than a power
+            parts = np.array_split(cubes, 2 * FEWEST_CYCLES)
             means = np.array([part.mean() for part in parts])
             error = means.std(ddof=1) / math.sqrt(means.size)
             if error:
