@@ -165,7 +165,7 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("measure trace.csv --minimum-drop 0x10", "cannot be read as"),
         ("measure trace.csv --load '-20 N'", IS_NO_OPTION),
         *((f"measure trace.csv --contacts={n}", "--contacts") for n in (-3, 0, 3.5)),
-        ("measure trace.csv --scale 0", "--scale = '0': must be what a reading"),
+        ("measure trace.csv --scale 0", "--scale = '0': must be the force of one unit"),
         ("measure trace.csv --velocity 0.0008", "a value needs its unit"),
         ("measure trace.csv --to 0", "--to 0: fewer than 16 samples lie before it"),
         ("measure link.csv", "it is a link to gone.csv, which is not there"),
