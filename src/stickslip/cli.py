@@ -304,7 +304,7 @@ class Surface:
         given = "young" if self.young is not None else "hardness"
         if self.material is not None and getattr(self, given) is not None:
             raise InputError(
-                f"--{given}: is known of --material {self.material}; leave out one of "
+                f"--{given}: follows from --material {self.material}; leave out one of "
                 "them"
             )
         if self.young is None:

@@ -471,7 +471,7 @@ class _Reader:
         points = interface["friction"]
         signs: tuple[Sign, Sign] = ("above 0", "at least 0")
         if isinstance(points, str):
-            raise refused(place, points, "a file is read beside a rig file only")
+            raise refused(place, points, "only a rig file may name a file of points")
         load = interface.get("normal_load", 1.0)
         found = []
         for i, point in enumerate(points):

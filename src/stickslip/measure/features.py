@@ -357,8 +357,8 @@ class Window:
 
     @property
     def slips_throughout(self) -> bool:
-        """Whether the typical drops of each quarter of them are as fast as slips; with
-        few drops, of each half or third.
+        """Whether the typical drops in each quarter of the drops are as fast as slips;
+        with few drops, in each half or third.
         """
         found = self.found
         count = min(found.size // FEWEST_CYCLES, 4)

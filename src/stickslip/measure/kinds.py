@@ -78,7 +78,7 @@ def _still(seen: Window) -> str:
     few = seen.trace.measured and seen.count < FEWEST_CYCLES
     if few and not seen.shows_cycles:
         noise = _percent(seen.found.noise / seen.largest)
-        return f"the force shows no series of cycles, beside noise of {noise} (rms)"
+        return f"the force shows no series of cycles above noise of {noise} (rms)"
     return ""
 
 

@@ -220,7 +220,7 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     return "; ".join(
         [
             *named,
-            f"{data.sizes['time']} readings, one each {each}",
+            f"{data.sizes['time']} readings, one every {each}",
         ]
     )
 
@@ -381,7 +381,7 @@ def _put_in_turn(
         values["part"] = 1.0 + np.cumsum(edges, dtype=float)
     if not back.size:
         return []
-    many = f"{back.size + 1} tests, put behind one another"
+    many = f"{back.size + 1} tests, joined one after another"
     return [f"the clock restarts at line {line}: {many}"]
 
 
@@ -434,8 +434,8 @@ def _dataset(
         units["time"] = "s"
         rows.index = pd.Index(DAY * (rows.index - first), name="time")
         notes.append(
-            "the times are taken for days, as spreadsheets count them from 1900; where "
-            "they are none, write their unit into the heading, as in time (s)"
+            "the times are taken for days, as spreadsheets count them from 1900; if "
+            "they are not, write their unit into the heading, as in time (s)"
         )
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:

@@ -124,7 +124,7 @@ def _draw_ranges(ax: Axes, estimate: Any) -> None:
     high = _MICRO * estimate.renewal_between[1] * 2.0
     panel(
         ax,
-        "which length counts, a map does not say",
+        "a map does not show which length applies",
         "breaking displacement (µm)",
         None,
         xscale="log",

@@ -125,7 +125,7 @@ class Estimate(Answer):
             yield f"{'contacts per mm^2':<34}at most {most}"
         yield (
             f"The elastic length is for a friction coefficient of {self.friction:g}. "
-            "Which length counts, a map does not say."
+            "A map does not show which length applies."
         )
         yield f"Measure next: {MEASURE}."
         if self.note:
