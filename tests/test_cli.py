@@ -178,7 +178,10 @@ IS_NO_OPTION = "a value that begins with '-' is written --NAME=VALUE"
         ("simulate rig.toml -o run.csv", "a run is written as .nc"),
         ("export rig.toml --to statespace --poles 5.5", "must be a whole number"),
         ("sweep --status --store s --plot a.png", "--plot: is not drawn with --status"),
-        ("surface h --pressure 1 --material pmma --young 7GPa", "--young: is known"),
+        (
+            "surface h --pressure 1 --material pmma --young 7GPa",
+            "--young: follows from",
+        ),
         ("map rig.toml --over leaf,mass", "Slider has no leaf to vary; choose stiff"),
         *((f"map rig.toml --over mass{s}", " parameters") for s in ("", ",mass")),
         ("map rig.toml --over stiffness,colour", "'colour'"),

@@ -53,7 +53,7 @@ SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
 # Relative rms deviation from the drive velocity up to which the fluctuations of runs
 # near a stability limit agree with linear theory, within a fifth. Beyond it, they may
 # be a third of what the theory predicts.
-SWAYS = 0.2
+LINEAR_NOISE = 0.2
 # number of contacts above which a regime neglects their noise
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
 # Estimated seconds of work that count as one run, by `is_expensive`. Most runs take
@@ -62,7 +62,7 @@ _SECONDS = {False: 0.15, True: 0.05}
 # Number of evaluations of linear theory that count as one run, by `is_expensive`: an
 # expensive one integrates over all ages. Evaluations for contacts whose response is
 # already known count as cheap.
-_LOOKS = {False: 10.0, True: 1.0}
+_EVALUATIONS = {False: 10.0, True: 1.0}
 # number of terms, in sums over the response of contacts, of a usual evaluation
 _TERMS = 1.6e6
 _WAVES = 1 << 15  # number of frequencies of a usual scan, without ageing or temperature
@@ -170,7 +170,7 @@ def varies(rig: Rig) -> bool:
     return count < _FEW or isinstance(rig.interface.delay, OnArrest)
 
 
-def runs_of(rig: Rig) -> float:
+def cost_of_run(rig: Rig) -> float:
     """Return the cost of a run in usual runs, from its estimated work."""
     if isinstance(rig.natural.slider, Structure):
         lives = float(lifetimes_in(rig.natural, Course(0.0))[0])
@@ -183,7 +183,7 @@ def runs_of(rig: Rig) -> float:
     return max(seconds / _SECONDS[is_expensive(rig)], _LEAST)
 
 
-def looks_of(rig: Rig) -> float:
+def cost_of_theory(rig: Rig) -> float:
     """Return the cost of an evaluation of linear theory in usual ones, from the number
     of terms of its sums, or of frequencies of its scan.
     """
@@ -241,10 +241,11 @@ class Budget:
         contacts = rig.interface, rig.natural.velocity
         key = ask, *contacts, rig.slider, given
         if key not in self._known:
-            dear = is_expensive(rig)
-            known = not dear or contacts in self._known
-            look = 1.0 / _LOOKS[False] if known else looks_of(rig) / _LOOKS[dear]
-            self.spend(look + more / _LOOKS[dear])
+            per_run = _EVALUATIONS[is_expensive(rig)]
+            first = 1.0 / _EVALUATIONS[False]
+            if is_expensive(rig) and contacts not in self._known:
+                first = cost_of_theory(rig) / per_run
+            self.spend(first + more / per_run)
             self._known[contacts] = True
             self._known[key] = ask(rig, *given)
         found: Answer = self._known[key]
@@ -252,7 +253,7 @@ class Budget:
 
     def record(self, rig: Rig) -> Recording:
         """Simulate a rig, at the cost of its run."""
-        self.spend(runs_of(rig))
+        self.spend(cost_of_run(rig))
         return record(rig, estimated=False)
 
     def longer(self, run: Recording, times: float) -> Recording:
@@ -261,7 +262,7 @@ class Budget:
         """
         rig = replace(run.rig, method=method_of(run.rig))
         if rig.method == run.rig.method:
-            self.spend((times - 1.0) * runs_of(rig))
+            self.spend((times - 1.0) * cost_of_run(rig))
             return run.longer(times * rig.drive.duration)
         return self.record(rig)
 
@@ -272,7 +273,7 @@ class Budget:
         Raises `BudgetExhausted` if the budget does not suffice.
         """
         if rig not in self._known:
-            *_, (_, self._known[rig]) = self.looks(self.record(rig), _LONGEST)
+            *_, (_, self._known[rig]) = self.until_decided(self.record(rig), _LONGEST)
         found: Regime = self._known[rig]
         return found
 
@@ -299,7 +300,7 @@ class Budget:
             return False
         return True
 
-    def looks(
+    def until_decided(
         self, run: Recording, longest: float = math.inf
     ) -> Iterator[tuple[Recording, Regime]]:
         """Make a run, which ends at a constant speed, longer until its regime is
@@ -308,7 +309,7 @@ class Budget:
         No run is longer than `longest` times `length_of`. Raises `BudgetExhausted` if
         the budget does not suffice.
         """
-        turns = bounded("Budget.looks", HALVINGS)
+        turns = bounded("Budget.until_decided", HALVINGS)
         while True:
             next(turns)
             seen = regime_of_run(run)
@@ -368,7 +369,7 @@ class Budget:
         count = getattr(rig.method, "count", 0)
         key = "covered", rig.interface, rig.slider, rig.natural.velocity, count
         if key not in self._known:
-            self._known[key] = survives_noise(rig, SWAYS)
+            self._known[key] = survives_noise(rig, LINEAR_NOISE)
         found: bool = self._known[key]
         return found
 

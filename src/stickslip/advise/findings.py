@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from stickslip.elastic.modes import CriticalLength
 
 # rms fluctuation over the mean force below which a rig should stay, by convention
-SEEN = 0.05
+LARGE_NOISE = 0.05
 
 
 def frequency_unit(rig: Rig) -> str:

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.advise.budget import (
+    LINEAR_NOISE,
     SEEDS,
-    SWAYS,
     Budget,
     BudgetExhausted,
     fluctuation,
@@ -26,7 +26,7 @@ from stickslip.advise.budget import (
 from stickslip.advise.survey import (
     PRECISION,
     Band,
-    Turn,
+    Direction,
     factor_on,
     fastest_mode,
     theory_along,
@@ -48,7 +48,7 @@ _CLEARANCE = 1.03  # runs start at this factor beyond a linear stability boundar
 _APART = 4.0
 # Parameters that can be changed on a machine. (Those of `_OTHERS` need another material
 # or surface.)
-TURNABLE = (
+MACHINE_PARAMETERS = (
     VELOCITY,
     parameters.STIFFNESS,
     parameters.DAMPING,
@@ -57,12 +57,12 @@ TURNABLE = (
 )
 
 
-def turnable(rig: Rig) -> tuple[Parameter, ...]:
+def machine_parameters(rig: Rig) -> tuple[Parameter, ...]:
     """Return the parameters that can be changed on the machine of a rig, including the
     damping of each mode of a structure.
     """
     modes = range(1, len(getattr(rig.slider, "dampings", ())) + 1)
-    return (*TURNABLE, *map(parameters.damping_of_mode, modes))
+    return (*MACHINE_PARAMETERS, *map(parameters.damping_of_mode, modes))
 
 
 _OTHERS = (
@@ -100,9 +100,9 @@ class Mitigation:
         return abs(math.log(self.to / self.now)) if self.now else math.inf
 
 
-def _changed(rig: Rig, factor: float, turn: Turn) -> Mitigation:
+def _changed(rig: Rig, factor: float, direction: Direction) -> Mitigation:
     """Return the change of a parameter by a factor, up or down."""
-    parameter, side = turn
+    parameter, side = direction
     now = rig.value(parameter)
     return Mitigation(parameter=parameter.name, now=now, to=now * factor**side)
 
@@ -114,11 +114,11 @@ def _with_noise(rig: Rig, change: Mitigation) -> Mitigation:
     there = rig.with_values(**{change.parameter: change.to})
     with suppress(InputError, UndecidedError):  # the theory does not apply
         found = contact_noise(there)
-        if found.relative_velocity <= SWAYS:
+        if found.relative_velocity <= LINEAR_NOISE:
             return replace(change, noise=found.relative_force)
     with suppress(InputError):
         budget = Budget(math.inf)
-        *_, (run, seen) = budget.looks(budget.record(trial(there)), 1.0)
+        *_, (run, seen) = budget.until_decided(budget.record(trial(there)), 1.0)
         if seen.is_noise:
             return replace(change, noise=fluctuation(run, seen))
     return change
@@ -196,11 +196,11 @@ class Search:
         self._range = 1.0 if between is None else speeds[-1] / speeds[0]
         self._rigs = [VELOCITY.set(setting, speed) for speed in speeds]
         self._budget = budget
-        self._turnable = turnable(rig)
+        self._machine_parameters = machine_parameters(rig)
         # the results of varying each parameter alone, up and down
         self._known = {
             each: (_Outcome(), _Outcome())
-            for each in (*self._turnable, *_OTHERS)
+            for each in (*self._machine_parameters, *_OTHERS)
             if self._can_vary(each)
         }
 
@@ -243,7 +243,7 @@ class Search:
         the smallest change first.
         """
         for step, (group, seeds) in enumerate(
-            product((self._turnable, _OTHERS), (1, SEEDS))
+            product((self._machine_parameters, _OTHERS), (1, SEEDS))
         ):
             watch = part(report, 0.25 * step, 0.25 * (step + 1))
             self._vary_each(group, seeds, watch)
@@ -255,8 +255,8 @@ class Search:
             value = self._own.value(parameter)
             factor = min(up.factor, down.factor)
             if factor < math.inf:
-                turn = parameter, -1 if factor == down.factor else 1
-                change = _changed(self._own, factor, turn)
+                direction = parameter, -1 if factor == down.factor else 1
+                change = _changed(self._own, factor, direction)
                 found.append(_with_noise(self._own, change))
                 continue
             if up.reached * down.reached > 1.0:
@@ -281,12 +281,12 @@ class Search:
             "not_searched": tuple(missed),
         }
 
-    def _furthest(self, *turns: Turn) -> float:
+    def _furthest(self, *directions: Direction) -> float:
         """Return the factor up to which parameters are varied, within the ranges that
         the rig's file says can be built.
         """
         ends = list[float]()
-        for parameter, side in turns:
+        for parameter, side in directions:
             low, high = reach(self._rigs[0], parameter)
             value = parameter.get(self._own.natural)
             if built := self._own.operation.range_of(parameter.name):
@@ -296,7 +296,7 @@ class Search:
         return min(ends)
 
     def along(
-        self, *turns: Turn, seeds: int = SEEDS, most: float = math.inf
+        self, *directions: Direction, seeds: int = SEEDS, most: float = math.inf
     ) -> _Outcome:
         """Return the smallest factor on some parameters, up to `most`, beyond which
         stick-slip decays from rest, to `PRECISION`, in all of `seeds` runs.
@@ -305,11 +305,11 @@ class Search:
         limit. A factor at which the first run slides smoothly but another does not is
         not counted as `reached`.
         """
-        change = factor_on(*turns)
-        furthest = min(most, self._furthest(*turns))
+        change = factor_on(*directions)
+        furthest = min(most, self._furthest(*directions))
         self._reached = 1.0
         try:
-            for low, high in self._may_be_stable(*turns, most=most):
+            for low, high in self._may_be_stable(*directions, most=most):
                 self._reached = low
                 value = self._first(change, low, high, 1)
                 if value <= high and not self._smooth(change, value, seeds):
@@ -324,7 +324,7 @@ class Search:
                 rigs = self._varied(change, furthest)
                 runs = [[other] for other in range(1, seeds + 1)]
                 smooth = sum(self._budget.slide_smoothly(rigs, run) for run in runs)
-                some = furthest ** turns[0][1], smooth / seeds
+                some = furthest ** directions[0][1], smooth / seeds
                 return _Outcome(reached=self._reached, left=False, some=some)
         except BudgetExhausted:
             return _Outcome(reached=self._reached)
@@ -366,20 +366,22 @@ class Search:
                 return False
         return budget.slide_smoothly(rigs, range(1, seeds + 1))
 
-    def _may_be_stable(self, *turns: Turn, most: float) -> list[tuple[float, float]]:
+    def _may_be_stable(
+        self, *directions: Direction, most: float
+    ) -> list[tuple[float, float]]:
         """Return the ranges of the factor in which linear theory does not find smooth
         sliding unstable at any of the speeds.
 
         If it is stable already, at the only speed, a range that contains the present
         value and ends at a stability limit is left out: it leads the wrong way.
         """
-        furthest = self._furthest(*turns)
+        furthest = self._furthest(*directions)
         end = min(most, furthest)
         found = [(1.0, end)] if end > 1.0 else []
         for rig in self._rigs if found else ():
             bands = [
                 band
-                for band in self._linear(rig, furthest, *turns)
+                for band in self._linear(rig, furthest, *directions)
                 if band.kind != "unstable" and band.high > 1.0
             ]
             here = [band for band in bands if band.low <= 1.0]
@@ -392,13 +394,17 @@ class Search:
             found = [(low, high) for low, high in both if low < high]
         return found
 
-    def _linear(self, rig: Rig, furthest: float, *turns: Turn) -> tuple[Band, ...]:
+    def _linear(
+        self, rig: Rig, furthest: float, *directions: Direction
+    ) -> tuple[Band, ...]:
         """Return the bands of linear stability along a factor; for one parameter, the
         same as for its margins.
         """
-        (parameter, side), *more = turns
+        (parameter, side), *more = directions
         if more:
-            return theory_along(self._budget, rig, factor_on(*turns), 1.0, furthest)
+            return theory_along(
+                self._budget, rig, factor_on(*directions), 1.0, furthest
+            )
         bands = theory_along(self._budget, rig, parameter, *reach(rig, parameter))
         if side > 0:
             return bands
@@ -412,10 +418,10 @@ class Search:
         grows less.
         """
         helpful = [
-            turn
-            for turn in product(self._turnable, (1, -1))
-            if turn[0] in self._known
-            and self._growth(turn, 1.0 + PRECISION) < self._growth(turn, 1.0)
+            direction
+            for direction in product(self._machine_parameters, (1, -1))
+            if direction[0] in self._known
+            and self._growth(direction, 1.0 + PRECISION) < self._growth(direction, 1.0)
         ]
         begins = {}
         for both in combinations(helpful, 2):
@@ -424,15 +430,17 @@ class Search:
         for both in sorted(begins, key=lambda both: begins[both]):
             factor = self.along(*both, most=most).factor
             if factor < math.inf:
-                return tuple(_changed(self._own, factor, turn) for turn in both)
+                return tuple(
+                    _changed(self._own, factor, direction) for direction in both
+                )
         return ()
 
-    def _growth(self, turn: Turn, factor: float) -> float:
+    def _growth(self, direction: Direction, factor: float) -> float:
         """Return the largest growth of the fastest mode at any of the speeds, per
         travel of the drive.
         """
         rates = list[float]()
-        for rig in self._varied(factor_on(turn), factor):
+        for rig in self._varied(factor_on(direction), factor):
             rate, _ = fastest_mode(rig)
             rates.append(math.inf if rate is None else rate / rig.velocity)
         return max(rates)

@@ -14,28 +14,28 @@ from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.axis import AxisAnswer, complete_axis, judge_axis
 from stickslip.advise.bars import complete_waves, predict_waves
 from stickslip.advise.budget import (
+    LINEAR_NOISE,
     OSCILLATES,
     SEEDS,
-    SWAYS,
     Budget,
     BudgetExhausted,
+    cost_of_run,
     cycle_of,
     fluctuation,
     is_expensive,
     length_of,
     method_of,
-    runs_of,
     survives_noise,
     trial,
     varies,
 )
 from stickslip.advise.doubt import Doubt
-from stickslip.advise.findings import SEEN, Margin
+from stickslip.advise.findings import LARGE_NOISE, Margin
 from stickslip.advise.mitigations import (
     Search,
     has,
+    machine_parameters,
     reach,
-    turnable,
 )
 from stickslip.advise.survey import Band, Survey, scaled, stability_along, theory_along
 from stickslip.cycles.edges import halved
@@ -241,9 +241,9 @@ def _shown(
     """Return, as fields of the answer, a run, made longer until its regime is decided,
     with that regime and its noise.
     """
-    looks = budget.looks(run)
+    longer_runs = budget.until_decided(run)
     with suppress(BudgetExhausted):
-        for run, seen in looks:
+        for run, seen in longer_runs:
             shown = {"recording": run, "regime": seen}
     bistable = seen.kind in OSCILLATES and modes == 0
     return shown | {
@@ -284,7 +284,7 @@ def complete(
             bands = theory_along(budget, rig, VELOCITY, *ends)
     survey = Survey(rig, bands, "undecided" if found.lasts_in_some else found.motion)
     with budget.limited_to(_FOR_SPEEDS):
-        survey.look(budget)
+        survey.simulate(budget)
     found = replace(found, bands=scaled(survey.bands(), rig.velocity), complete=True)
     report(0.3)
     margins, missed = ([], []) if found.theory_note else _margins(rig, budget)
@@ -298,7 +298,7 @@ def complete(
         changes = search.changes(part(report, 0.4, 0.9), pairs=pairs)
         found = replace(found, **changes)
     report(1.0)
-    survey.look(budget)  # with the rest of the budget
+    survey.simulate(budget)  # with the rest of the budget
     return replace(
         found,
         bands=scaled(survey.bands(), rig.velocity),
@@ -346,9 +346,9 @@ def _first_run(rig: Rig, progress: Progress) -> Recording:
     if len(rig.drive.pieces) == 1:
         duration = rig.drive.duration
         fewest = min(_FEWEST_CYCLES * cycle_of(rig) / velocity, duration)
-        if runs_of(rig) * fewest > _FIRST * duration:
+        if cost_of_run(rig) * fewest > _FIRST * duration:
             rig = replace(rig, method=method_of(rig))
-        lasts = min(max(_FIRST / runs_of(rig) * duration, fewest), duration)
+        lasts = min(max(_FIRST / cost_of_run(rig) * duration, fewest), duration)
         rig = replace(rig, drive=constant(velocity, lasts))
     return record(rig, progress=progress)
 
@@ -407,7 +407,7 @@ def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
     """
     margins: list[Margin] = []
     missed: list[str] = []
-    for parameter in dict.fromkeys((*PARAMETERS, *turnable(rig))):
+    for parameter in dict.fromkeys((*PARAMETERS, *machine_parameters(rig))):
         if not has(rig, parameter) or parameter.rescales:
             continue
         value = rig.value(parameter)
@@ -436,13 +436,13 @@ def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
 
 def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | None:
     """Return the machine parameter with the nearest stability limit, and its value on
-    the way there beyond which the noise of the contacts exceeds `SEEN`; None if that
-    value is within `PRECISION` of the limit.
+    the way there beyond which the noise of the contacts exceeds `LARGE_NOISE`; None if
+    that value is within `PRECISION` of the limit.
     """
     limits = [
         each.nearest
         for each in margins
-        if each.nearest and parameter_named(each.parameter) in turnable(rig)
+        if each.nearest and parameter_named(each.parameter) in machine_parameters(rig)
     ]
     if not limits or not isinstance(rig.method, DRAWN):
         return None
@@ -455,13 +455,16 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
     def is_seen(factor: float) -> bool:
         there = change.set(rig.natural, factor)
         with suppress(UndecidedError):
-            found = contact_noise(there)
-            return found.relative_force > SEEN or found.relative_velocity > SWAYS
+            noise = contact_noise(there)
+            return (
+                noise.relative_force > LARGE_NOISE
+                or noise.relative_velocity > LINEAR_NOISE
+            )
         return True  # at a limit of stability
 
     with suppress(InputError, UndecidedError):  # no theory of their noise
         here = contact_noise(rig.natural)
-        if here.relative_velocity > SWAYS or not is_seen(nearest):
+        if here.relative_velocity > LINEAR_NOISE or not is_seen(nearest):
             return None
         quiet, _ = halved(is_seen, 1.0, nearest, by_theory.PRECISION / 10.0)
         return limit.parameter, quiet * limit.now

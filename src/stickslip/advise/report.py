@@ -12,7 +12,7 @@ from stickslip import __version__, plot
 from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.axis import AxisAnswer
 from stickslip.advise.chart import chart
-from stickslip.advise.mitigations import Mitigation, has, turnable
+from stickslip.advise.mitigations import Mitigation, has, machine_parameters
 from stickslip.io.rig_files import to_toml
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY
@@ -94,7 +94,7 @@ def _map(found: Prediction, changes: Sequence[Mitigation], watch: Progress) -> F
     goal = {each.parameter: each.to for each in changes}
     beside = [
         each.name
-        for each in (*turnable(rig), DELAY)
+        for each in (*machine_parameters(rig), DELAY)
         if has(rig, each) and each.name not in (*goal, "velocity") and not each.rescales
     ]
     other = next(name for name in (*goal, *beside) if name != "velocity")

@@ -11,7 +11,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from stickslip.advise.budget import OSCILLATES, varies
-from stickslip.advise.findings import SEEN, Findings, WaveFindings, frequency_unit
+from stickslip.advise.findings import (
+    LARGE_NOISE,
+    Findings,
+    WaveFindings,
+    frequency_unit,
+)
 from stickslip.advise.mitigations import Mitigation, has
 from stickslip.advise.survey import PRECISION
 from stickslip.elastic.precursors import distance_to_the_first_break
@@ -208,9 +213,10 @@ def _own_motion(found: Findings) -> Motion:
         f"the oscillation may not yet exceed the noise of {contacts}" if modes else ""
     )
     if found.noise is not None:
-        if count and found.noise > SEEN:
-            enough = number(count * (found.noise / SEEN) ** 2, 2)  # its variance: 1/N
-            more = f"below {percent(SEEN)} from {enough} contacts on"
+        if count and found.noise > LARGE_NOISE:
+            # the variance of the noise is proportional to 1/N
+            enough = number(count * (found.noise / LARGE_NOISE) ** 2, 2)
+            more = f"below {percent(LARGE_NOISE)} from {enough} contacts on"
         rms = f"{percent(found.noise)} rms, noise of {contacts}"
         return Motion(kind, f"; the force fluctuates by {rms}", more)
     if kind == "undecided":
@@ -485,7 +491,7 @@ def change_rows(
         sign = times if change.to > change.now else over
         size = f"{sign} {number(math.exp(change.size), 2)}" if change.now else ""
         also = ", ".join(f"{label} {value}" for label, _, value in others)
-        if change.noise > SEEN:
+        if change.noise > LARGE_NOISE:
             noise = f"the force fluctuates by {percent(change.noise)} rms, noise"
             also = f"{also}, {noise}" if also else noise
         yield label, now, arrow, then, size, also

@@ -19,9 +19,9 @@ from stickslip.advise.budget import (
     SEEDS,
     Budget,
     BudgetExhausted,
+    cost_of_run,
+    cost_of_theory,
     is_expensive,
-    looks_of,
-    runs_of,
     trial,
     varies,
 )
@@ -49,7 +49,7 @@ _PER_DECADE = {False: 16, True: 6}
 # relative precision of the ends of a range in which the theory cannot decide
 _NARROW = 1e-3
 # a parameter, and the side to which a factor varies it: 1 up, -1 down
-Turn = tuple[Parameter, int]
+Direction = tuple[Parameter, int]
 _Seen = tuple[float, str]  # a speed, and the motion there
 _APART = 3.0  # the speeds of the first runs are at most this factor apart
 
@@ -129,15 +129,16 @@ def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
 
 
 @cache
-def factor_on(*turns: Turn) -> Parameter:
+def factor_on(*directions: Direction) -> Parameter:
     """Return one factor on several parameters as a parameter."""
 
     def varied(rig: Rig, factor: float) -> Rig:
-        for parameter, side in turns:
+        for parameter, side in directions:
             rig = parameter.set(rig, parameter.get(rig) * factor**side)
         return rig
 
-    return Parameter(name=turns[0][0].name, unit="1", get=lambda _rig: 1.0, set=varied)
+    name = directions[0][0].name
+    return Parameter(name=name, unit="1", get=lambda _rig: 1.0, set=varied)
 
 
 def stability_along(
@@ -189,9 +190,9 @@ def theory_along(
     if (first.interface, first.velocity) != (last.interface, last.velocity):
         points = _PER_DECADE[is_expensive(rig)] * math.log10(high / low)
         here += [first, last]
-    looks = float(np.mean([looks_of(each) for each in here]))
+    cost = float(np.mean([cost_of_theory(each) for each in here]))
     # an expensive response of the rig's own contacts is paid for by the budget itself
-    more = points * looks + (0.0 if is_expensive(rig) else looks - 1.0)
+    more = points * cost + (0.0 if is_expensive(rig) else cost - 1.0)
     return budget.theory(stability_along, rig, parameter, low, high, more=more)
 
 
@@ -222,16 +223,16 @@ class Survey:
         # motion by speed; empty where it is not known yet
         self.known = dict.fromkeys(apart, "") | {1.0: here}
 
-    def look(self, budget: Budget) -> None:
+    def simulate(self, budget: Budget) -> None:
         """Simulate at the speeds at which the rig works, on the grid, and ever closer
         to changes of motion, until the budget ends.
 
         The speed with the most doubt per cost of a run comes first.
         """
         looked = set[float]()
-        price = cache(lambda speed: runs_of(self._case(speed)))
+        price = cache(lambda speed: cost_of_run(self._case(speed)))
         # speeds are `PRECISION` apart, so that a range of decades has fewer than this
-        turns = bounded("Survey.look", HALVINGS)
+        turns = bounded("Survey.simulate", HALVINGS)
         while doubt := self._doubts(looked):
             next(turns)
             speed = max(doubt, key=lambda v: doubt[v] / price(v))

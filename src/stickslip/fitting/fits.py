@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -248,21 +248,24 @@ class Fit(Answer):
         """Measurements that would determine what this trace does not, with the
         quantities that they give.
         """
+        return tuple(self._missing_experiments())
+
+    def _missing_experiments(self) -> Iterator[str]:
         done = {one.key for one in self.parameters if one.verdict == "identified"}
-        wanted = {
-            (
+        if not self.delays:
+            yield (
                 "mean friction at four speeds or more (--speeds): the delay, of which "
                 "nothing is known"
-            ): not self.delays,
-            (
-                "static friction after three holds or more (--holds): ageing"
-            ): not self.strengthening,
-            "a slow push too small for a slip: the stiffness of the interface, and "
-            "with it the stiffness ratio and the "
-            "breaking displacement": "stiffness_ratio" not in done,
-            "a tap on the free slider: the damping ratio": "damping_ratio" not in done,
-        }
-        return tuple(words for words, missing in wanted.items() if missing)
+            )
+        if not self.strengthening:
+            yield "static friction after three holds or more (--holds): ageing"
+        if "stiffness_ratio" not in done:
+            yield (
+                "a slow push too small for a slip: the stiffness of the interface, and "
+                "with it the stiffness ratio and the breaking displacement"
+            )
+        if "damping_ratio" not in done:
+            yield "a tap on the free slider: the damping ratio"
 
     def rig(self, *, name: str = "fitted rig") -> Rig:
         """Return the rig of the draw nearest to the medians whose own run reproduces
@@ -338,26 +341,28 @@ class Fit(Answer):
         )
 
 
-def _notes_on(found: Fit) -> list[str]:
-    """Return notes on the limits of the fit."""
-    surprises = [name for name, p in found.p_values.items() if p < LOW]
-    worth_saying = {
-        f"the trace lies at the edge of what the model makes ({found.sample.edge:.3g} "
-        f"percentile, above {EDGE:g}): the draws "
-        "were not moved by a regression, and the intervals are wider than need "
-        "be": not found.sample.adjusted,
-        **{
-            f"{one.title}: at a bound of its prior": one.verdict == "at a bound"
-            for one in found.parameters
-        },
-        f"the model does not make these of the trace's {len(NAMES)} statistics (p < "
-        f"{LOW:g}; by chance "
-        f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}": bool(surprises),
-        "N is an effective number of independent strength units, inferred from the "
-        "scatter; not a count of "
-        "asperities": found["contacts"].high < 100,
-    }
-    return [words for words, worth in worth_saying.items() if worth]
+def _notes_on(found: Fit) -> Iterator[str]:
+    """Yield notes on the limits of the fit."""
+    if not found.sample.adjusted:
+        yield (
+            "the trace lies at the edge of what the model makes "
+            f"({found.sample.edge:.3g} percentile, above {EDGE:g}): the draws were not "
+            "moved by a regression, and the intervals are wider than need be"
+        )
+    for one in found.parameters:
+        if one.verdict == "at a bound":
+            yield f"{one.title}: at a bound of its prior"
+    if surprises := [name for name, p in found.p_values.items() if p < LOW]:
+        yield (
+            f"the model does not make these of the trace's {len(NAMES)} statistics (p "
+            f"< {LOW:g}; by chance {LOW * len(NAMES):.1g} of them): "
+            f"{', '.join(surprises)}"
+        )
+    if found["contacts"].high < 100:
+        yield (
+            "N is an effective number of independent strength units, inferred from the "
+            "scatter; not a count of asperities"
+        )
 
 
 def fit(

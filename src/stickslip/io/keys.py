@@ -57,16 +57,12 @@ class Key:
         """Return whether a value is to be read elsewhere, as a table, or a word in
         place of a number.
         """
-        kind = (
-            "table"
-            if isinstance(value, Mapping)
-            else "list"
-            if isinstance(value, list)
-            else "text"
-            if isinstance(value, str)
-            else ""
+        types = {"table": Mapping, "list": list, "text": str}
+        return (
+            self.is_table
+            or value in self.also
+            or any(isinstance(value, types.get(each, ())) for each in self.also)
         )
-        return self.is_table or kind in self.also or value in self.also
 
     def read(self, value: object, place: str, *, natural: bool) -> Any:
         """Return the value read: a quantity in SI units, or in natural units if the

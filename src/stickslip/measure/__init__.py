@@ -21,25 +21,28 @@ from stickslip.measure.speeds import friction_at_speeds
 from stickslip.measure.trace_reader import read_trace
 
 __all__ = [
+    "Column",
     "Criterion",
     "Cycles",
     "Kinematics",
     "Regime",
+    "columns",
     "counted",
     "drops",
     "events",
     "find_cycles",
     "friction_at_speeds",
     "fronts",
-]
-__all__ += [
     "kinematics",
     "motion",
+    "on_blocks",
+    "part_rows",
+    "pixels",
     "read_trace",
     "regime",
     "regime_and_drops",
+    "rows",
     "statistics",
     "transitions",
+    "transitions_in_words",
 ]
-__all__ += ["Column", "columns", "on_blocks", "part_rows", "pixels", "rows"]
-__all__ += ["transitions_in_words"]

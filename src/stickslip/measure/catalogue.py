@@ -127,7 +127,7 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
     if seen.kind == "stick-slip":
         return fast_slips(
             trace,
-            Window(trace, found).past_waves.found,
+            Window(trace, found).past_waves.slips,
         )
     if seen.kind != "smooth sliding":
         return found

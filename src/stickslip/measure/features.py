@@ -125,7 +125,7 @@ class Window:
     """Features of a window of a trace, in its units; NaN where one is not known."""
 
     trace: Trace
-    found: Slips
+    slips: Slips
 
     @classmethod
     def of(cls, trace: Trace) -> Self:
@@ -160,7 +160,7 @@ class Window:
     @cached_property
     def white_noise(self) -> Feature:
         """Scatter of the force over the noise of the sensor."""
-        noise = max(self.found.noise, ROUNDING * self.largest)
+        noise = max(self.slips.noise, ROUNDING * self.largest)
         error = WHITE / ERRORS / math.sqrt(self.rest.size)
         return Feature(self.scatter / noise, error)
 
@@ -172,7 +172,7 @@ class Window:
     @property
     def is_mostly_noise(self) -> bool:
         """Whether most of the scatter is noise of the sensor."""
-        return self.found.noise > MOST * self.scatter
+        return self.slips.noise > MOST * self.scatter
 
     @property
     def is_narrow(self) -> bool:
@@ -215,11 +215,11 @@ class Window:
         swing = float(np.ptp(force))
         if self.cycles:
             # The noise of the sensor adds to the peak to peak of a sine.
-            variance = max(float(force.var()) - self.found.noise**2, 0.0)
+            variance = max(float(force.var()) - self.slips.noise**2, 0.0)
             swing = min(swing, 2.0 * math.sqrt(2.0 * variance))
         return Feature(
             swing / self.largest,
-            2.0 * self.found.noise / self.largest,
+            2.0 * self.slips.noise / self.largest,
         )
 
     @cached_property
@@ -235,7 +235,7 @@ class Window:
         """The cycles of a periodic force, or its drops if these are regular although
         the mean force wanders; None if there is no period.
         """
-        found = self.found
+        found = self.slips
         period, _, variation = mean_and_std(found.waits)
         known = found.cycles
         if (
@@ -258,7 +258,7 @@ class Window:
         return (
             self.cycles.count
             if self.cycles
-            else fast_slips(self.trace, self.found).size
+            else fast_slips(self.trace, self.slips).size
         )
 
     @cached_property
@@ -266,7 +266,7 @@ class Window:
         """Correlation of a cycle with the next."""
         if self.cycles:
             return self.cycles.correlation
-        known = self.found.cycles
+        known = self.slips.cycles
         return min(known.correlation, regularity(known.variation))
 
     @cached_property
@@ -274,8 +274,8 @@ class Window:
         """Loading before the drops, measured in the middle half of each wait: its ends
         hold ringing and rounded peaks.
         """
-        begins = self.found.end[:-1]
-        ends = self.found.start[1:]
+        begins = self.slips.end[:-1]
+        ends = self.slips.start[1:]
         long = ends > begins
         if np.count_nonzero(long) < FEWEST_CYCLES - 1:
             return Loading()
@@ -298,12 +298,12 @@ class Window:
         scatter = 1.4826 * weighted_median(away[others], waits[others])
         # Remove the scatter that the noise of the sensor adds, unless the noise is too
         # large to know whether the rates are equal.
-        noises = self.found.noise * np.sqrt(2.0 / (last - middle + 1)) / took
+        noises = self.slips.noise * np.sqrt(2.0 / (last - middle + 1)) / took
         noise = weighted_median(noises, waits)
         if noise < ONE_RATE * rate:
             scatter = max(scatter**2 - noise**2, 0.0) ** 0.5
         scatter /= rate
-        gain = float(rate * waits.sum() / self.found.drops[1:][long].sum())
+        gain = float(rate * waits.sum() / self.slips.drops[1:][long].sum())
         return Loading(
             rate,
             scatter,
@@ -314,15 +314,15 @@ class Window:
     def falling_rate(self) -> float:
         """Rate at which the force falls in a typical drop."""
         clock = self.trace.clock
-        took = clock[self.found.trough] - clock[self.found.peak]
-        return self.found.typical(self.found.drops / took)
+        took = clock[self.slips.trough] - clock[self.slips.peak]
+        return self.slips.typical(self.slips.drops / took)
 
     @cached_property
     def seen_velocity(self) -> float:
         """Largest velocity of the slider in a typical drop over the drive's; NaN where
         it is not known, or where the drop is too short to resolve it.
         """
-        found = self.found
+        found = self.slips
         usual = found.typical(speeds(self.trace, found))
         samples = found.typical(found.trough - found.peak)
         lasts = found.typical(self.trace.t[found.trough] - found.times)
@@ -360,12 +360,12 @@ class Window:
         """Whether the typical drops in each quarter of the drops are as fast as slips;
         with few drops, in each half or third.
         """
-        found = self.found
+        found = self.slips
         count = min(found.size // FEWEST_CYCLES, 4)
         if not self.trace.measured or count < 2:
             return True
         number = np.arange(found.size) * count // found.size
-        parts = (replace(self, found=found.only(number == i)) for i in range(count))
+        parts = (replace(self, slips=found.only(number == i)) for i in range(count))
         return all(part.falls_fast or part.are_slips for part in parts)
 
     @property
@@ -373,7 +373,7 @@ class Window:
         """Whether a drop makes most of the scatter, and is followed by a climb of at
         least half its size.
         """
-        found = self.found
+        found = self.slips
         if not found.size:
             return False
         peaks = np.append(found.before[1:], self.trace.force[found.end[-1] :].max())
@@ -386,8 +386,8 @@ class Window:
         """Whether the cycles are more alike than those of narrow-band noise: their
         sizes scatter by less than half as much as Rayleigh's distribution.
         """
-        enough = self.cycles is not None and self.found.size >= 2 * FEWEST_CYCLES
-        return enough and mean_and_std(self.found.drops)[2] < 0.5 * RAYLEIGH
+        enough = self.cycles is not None and self.slips.size >= 2 * FEWEST_CYCLES
+        return enough and mean_and_std(self.slips.drops)[2] < 0.5 * RAYLEIGH
 
     @property
     def falls_fast(self) -> bool:
@@ -428,7 +428,7 @@ class Window:
         The amplitude is the drop of each cycle, or the scatter in each of eight parts.
         """
         trace = self.trace
-        found = self.found
+        found = self.slips
         sizes = found.drops
         times = found.times
         if not self.cycles or abs(found.size - self.cycles.count) > 1:
@@ -490,10 +490,10 @@ class Window:
     @cached_property
     def pause(self) -> float:
         """Time since the last drop over the longest wait to be expected by chance."""
-        waits = self.found.waits
+        waits = self.slips.waits
         if waits.size < FEWEST_CYCLES:
             return math.nan
-        return float(self.trace.t[-1] - self.found.times[-1]) / longest_wait(waits)
+        return float(self.trace.t[-1] - self.slips.times[-1]) / longest_wait(waits)
 
     @property
     def is_still(self) -> bool:
@@ -510,7 +510,7 @@ class Window:
         """
         trace = self.trace
         count = trace.contacts
-        if not count or not self.found.size or self.is_still:
+        if not count or not self.slips.size or self.is_still:
             return math.nan, ERRORS
         rig = trace.rig
         if rig is not None and trace.drive is not None and not rig.drive.load:
@@ -547,7 +547,7 @@ class Window:
             velocity = "1 + falling rate over loading rate"
         narrow = ERRORS * self.scatter / self.mean
         rows = (
-            _test("drops that stand out of the noise", self.found.size, 1),
+            _test("drops that stand out of the noise", self.slips.size, 1),
             _test(SWING, self.swing, TINY, "convention"),
             _test("cycles in the window", self.count, FEWEST_CYCLES),
             _test(
@@ -635,10 +635,10 @@ def _look_past_waves(seen: Window) -> Window:
         return seen
     if (period := _fast_period(trace.force)) > 1:
         force = uniform_filter1d(trace.force, period, mode="nearest")
-        calm = Window.of(replace(trace, force=force))
-        hum = period * trace.step
-        if _slips_one_way(calm) and calm.found.waits.mean() > FEWEST_CYCLES * hum:
-            return calm
+        smoothed = Window.of(replace(trace, force=force))
+        shortest = FEWEST_CYCLES * period * trace.step
+        if _slips_one_way(smoothed) and smoothed.slips.waits.mean() > shortest:
+            return smoothed
     for part in WAVES:
         width = trace.t.size // part
         if width < 2 * FEWEST_READINGS:
@@ -646,7 +646,7 @@ def _look_past_waves(seen: Window) -> Window:
         wave = fitted_locally(trace.force, width, 2)
         wave -= np.median(wave)
         shown = Window.of(replace(trace, force=trace.force - wave))
-        found = shown.found
+        found = shown.slips
         if _slips_one_way(shown) and found.waits.mean() < width * trace.step / 2:
             level = wave[found.peak]
             found = replace(
@@ -654,7 +654,7 @@ def _look_past_waves(seen: Window) -> Window:
                 before=found.before + level,
                 after=found.after + level,
             )
-            return replace(shown, found=found)
+            return replace(shown, slips=found)
     return seen
 
 

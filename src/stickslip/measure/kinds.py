@@ -73,11 +73,11 @@ def _still(seen: Window) -> str:
     white = seen.is_white_noise and normal and seen.is_narrow
     if not (seen.is_level and (masked or white)):
         return ""
-    if seen.found.size == 0:
+    if seen.slips.size == 0:
         return f"the force shows noise only, {_percent(seen.swing.value)}"
     few = seen.trace.measured and seen.count < FEWEST_CYCLES
     if few and not seen.shows_cycles:
-        noise = _percent(seen.found.noise / seen.largest)
+        noise = _percent(seen.slips.noise / seen.largest)
         return f"the force shows no series of cycles above noise of {noise} (rms)"
     return ""
 
@@ -126,14 +126,14 @@ def _changes(seen: Window) -> str:
         return ""
     if seen.pause > 1.0:
         return (
-            f"{seen.found.size} drops, which seem to have ended: the time since the "
+            f"{seen.slips.size} drops, which seem to have ended: the time since the "
             f"last is {words.number(seen.pause, 2)} times the longest wait expected by "
             "chance"
         )
     value, error = seen.change
     low, high = (math.exp(value + sign * ERRORS * error) for sign in (-1, 1))
     return (
-        f"{seen.found.size} drops; whether they persist is not shown: the amplitude "
+        f"{seen.slips.size} drops; whether they persist is not shown: the amplitude "
         f"changes by a factor {math.exp(value):.2g} ({low:.2g} to {high:.2g}) from one "
         "half of the window to the other"
     )
@@ -165,11 +165,11 @@ def _uneven(seen: Window) -> tuple[Kind, str]:
             f"the slider moves unevenly ({rms}), by itself, or shaken by {by}",
         )
     # correlation that the noise of the sensor leaves of that of a periodic force
-    left = PERIODIC * max(1.0 - (seen.found.noise / seen.scatter) ** 2, 0.0)
+    left = PERIODIC * max(1.0 - (seen.slips.noise / seen.scatter) ** 2, 0.0)
     repeats = seen.correlation - WHITE / math.sqrt(seen.rest.size) > left
     hidden = seen.is_mostly_noise and repeats
     # noise falls as fast as it rises, and climbs at various rates
-    dips = seen.found.slip_phase(seen.trace) <= SLIP_PHASE or seen.climbs
+    dips = seen.slips.slip_phase(seen.trace) <= SLIP_PHASE or seen.climbs
     as_noise = seen.kurtosis.value >= NORMAL and seen.is_narrow and not seen.is_even
     if as_noise and not hidden and not dips:
         return SMOOTH, f"{_fluctuation(seen)}, as slow noise does"
@@ -222,7 +222,7 @@ def _sticking(seen: Window) -> str:
 def _how_fast(seen: Window) -> str:
     """Return the number by which slips are recognised, in words."""
     if math.isnan(seen.seen_velocity):
-        part = 100 * seen.found.slip_phase(seen.trace)
+        part = 100 * seen.slips.slip_phase(seen.trace)
         return f"slipping takes {part:.0f} % of each cycle"
     peak = words.number(seen.seen_velocity, 3)
     return f"peak slider velocity {peak} times that of the drive"

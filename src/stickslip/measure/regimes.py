@@ -340,7 +340,7 @@ def _late_window(trace: Trace) -> Window:
     for part in (LATE_PART, 2.0 * LATE_PART):
         late = Window.of(trace.part(end - part * (end - trace.t[first])))
         is_long = late.trace.t.size >= FEWEST_READINGS
-        if is_long and not 0 < late.found.size <= FEWEST_CYCLES:
+        if is_long and not 0 < late.slips.size <= FEWEST_CYCLES:
             break
     return late
 
@@ -420,7 +420,7 @@ def _skip_loading(trace: Trace) -> Window:
     if not rises or 2 * first > trace.t.size or late.t.size < FEWEST_READINGS:
         return Window.of(trace)
     loaded = Window.of(late)
-    found = loaded.found
+    found = loaded.slips
     if not 0 < found.size < FEWEST_CYCLES:
         return loaded
     rest = late.part(late.t[found.end[-1]])
@@ -439,10 +439,10 @@ def _drift_rate(trace: Trace) -> float:
 
 def _judge_parts(seen: Window) -> list[Regime]:
     """Judge each part between steps of level or amplitude by itself."""
-    calm = seen.past_waves
-    if calm is not seen and not segments(calm.trace, calm.found):
+    flat = seen.past_waves
+    if flat is not seen and not segments(flat.trace, flat.slips):
         return [_judge(seen)]
-    parts = segments(seen.trace, seen.found)
+    parts = segments(seen.trace, seen.slips)
     if not parts:
         return [_judge(seen)]
     judged_parts = [pair for part in parts for pair in _judge_part(part)]
@@ -467,7 +467,7 @@ def _judge_part(part: Trace) -> list[tuple[Trace, Regime]]:
     """
     window = Window.of(part)
     seen = _judge(window)
-    finer = parts_between_pauses(part, window.found) if seen.kind == OPEN else []
+    finer = parts_between_pauses(part, window.slips) if seen.kind == OPEN else []
     return [(each, _judge(Window.of(each))) for each in finer] or [(part, seen)]
 
 
@@ -578,7 +578,7 @@ def _judge(window: Window) -> Regime:
     if kind != OPEN and trace.measured and (rate := _drift_rate(trace)):
         drifts = words.engineering(trace.sign * rate, _rate_unit(trace), 3)
         notes.append(f"the force drifts by {drifts}")
-    slips = fast_slips(seen.trace, seen.found) if kind == SLIPS else seen.found
+    slips = fast_slips(seen.trace, seen.slips) if kind == SLIPS else seen.slips
     drop, _, drop_variation = mean_and_std(slips.drops)
     count = slips.size
     period, _, variation = mean_and_std(slips.waits)
@@ -605,7 +605,7 @@ def _judge(window: Window) -> Regime:
         drop=drop,
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
-        noise=seen.found.noise,
+        noise=seen.slips.noise,
         loading_rate=seen.loading.rate if shows_loading else None,
         falling_rate=seen.falling_rate if shows_loading else None,
         drive_velocity=drive,

@@ -29,5 +29,8 @@ __all__ = [
     "low_pass",
     "material_named",
     "press",
+    "read",
+    "rig",
+    "self_affine",
+    "tangential_stiffness",
 ]
-__all__ += ["read", "rig", "self_affine", "tangential_stiffness"]
