@@ -22,8 +22,8 @@ from stickslip.advise.budget import (
     SEEDS,
     Budget,
     BudgetExhausted,
-    looks_of,
-    runs_of,
+    cost_of_run,
+    cost_of_theory,
     survives_noise,
     trial,
 )
@@ -271,11 +271,11 @@ def test_what_decays_to_an_oscillation_that_lasts_is_not_smooth(speed, kind):
 
 def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
     case = replace(trial(ss.example("brake_pad")), method=ss.Contacts(40_000))
-    drive = ss.constant(case.natural.velocity, 2.0 * case.drive.duration)
-    longer = replace(case, drive=drive)
-    assert runs_of(longer) == pytest.approx(2.0 * runs_of(case), rel=0.1)
-    fewer = replace(case, method=ss.Contacts(20_000))
-    assert runs_of(fewer) == pytest.approx(0.5 * runs_of(case), rel=0.1)
+    twice = ss.constant(case.natural.velocity, 2.0 * case.drive.duration)
+    longer = replace(case, drive=twice)
+    assert cost_of_run(longer) == pytest.approx(2.0 * cost_of_run(case), rel=0.1)
+    half = cost_of_run(replace(case, method=ss.Contacts(20_000)))
+    assert half == pytest.approx(0.5 * cost_of_run(case), rel=0.1)
     budget = Budget(10.0)
     with budget.limited_to(0.3):
         budget.spend(3.0)
@@ -283,18 +283,18 @@ def test_a_budget_counts_the_lives_of_contacts_and_never_allows_more():
             budget.spend(0.1)
     budget.spend(7.0)
     assert budget.spent == budget.allowed == 10.0
+    heat = ss.Barrier(height=50.0, attempts=6000.0)
     wide = ss.Interface(
-        thresholds=ss.Exponential(mean=1.0),
-        delay=ss.Delay(0.3),
-        activation=ss.Barrier(height=50.0, attempts=6000.0),
+        thresholds=ss.Exponential(mean=1.0), delay=ss.Delay(0.3), activation=heat
     )
-    assert looks_of(replace(case, interface=wide, scales=None)) > 5.0 * looks_of(case)
+    other = replace(case, interface=wide, scales=None)
+    assert cost_of_theory(other) > 5.0 * cost_of_theory(case)
     # runs that are followed in steps: a second, or a minute
     ageing = {"delay": ss.Delay(0.0), "ageing": ss.Langevin(rate=1.2)}
     ageing["thresholds"] = ss.Gaussian(1.0, 0.0366, lower=0.0)
     stiff = {"stiffness": 11.2, "mass": 1.54e-3, "damping": 3.6, "contacts": 960}
     slow, fast = (make(**ageing, **stiff, drive=ss.constant(v, 45.0)) for v in (1, 13))
-    assert runs_of(fast) > 100.0 * runs_of(slow)
+    assert cost_of_run(fast) > 100.0 * cost_of_run(slow)
 
 
 def test_less_friction_is_a_higher_speed_and_no_run_is_made_twice():
@@ -418,7 +418,7 @@ def test_what_was_not_simulated_is_not_called_smooth():
     survey = Survey(setting, linear, ss.regime(ss.simulate(setting)).kind)
     known = []
     for runs in (0.0, 8.0, 100.0):
-        survey.look(Budget(runs))
+        survey.simulate(Budget(runs))
         bands = survey.bands()
         assert all(one.high == other.low for one, other in pairwise(bands))
         known.append(
@@ -446,7 +446,7 @@ def test_a_band_that_its_neighbours_contradict_is_run_again(again):
     rig = make(stiffness=2.0)
     seen = ss.regime(ss.simulate(rig))
     survey = Survey(rig, [Band(kind="stable", low=0.1, high=40.0)], "stick-slip")
-    survey.look(Fated(math.inf))
+    survey.simulate(Fated(math.inf))
     kinds = [band.kind for band in survey.bands() if band.low < 3.0 < band.high]
     assert kinds == ["stable" if again == "stick-slip" else again]
 
@@ -462,7 +462,7 @@ def test_next_to_a_change_few_contacts_have_to_agree():
     rig = make(stiffness=2.0, contacts=100)
     seen = ss.regime(ss.simulate(rig))
     survey = Survey(rig, [Band(kind="stable", low=0.1, high=40.0)], "stick-slip")
-    survey.look(Fated(math.inf))
+    survey.simulate(Fated(math.inf))
     kinds = {v: b.kind for v in (1.5, 2.5, 3.5) for b in survey.bands() if v in b}
     assert [*kinds.values()] == ["stick-slip", "stable", "smooth sliding"]
 

@@ -272,7 +272,7 @@ ss.static_friction(AGEING)
 rigid.effective_stiffness(INTERFACE, [1.0, math.nan])
     ^effective_stiffness: X = nan: must be a finite number
 closure_friction(replace(LASTING, delay=ss.Delay(0.3)), 1.0)
-    knows no delay
+    closure has no delay
 ss.velocity_step(WARM, before=0.0, after=1.0, distance=1.0)
     ^velocity_step: before = 0
 ss.velocity_step(WARM, before=1.0, after="3 mm/s", distance=1.0)

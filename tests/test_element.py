@@ -311,7 +311,7 @@ OLD_AREAS = {"areas": ss.model.Areas(TENTH), "ageing": GROWTH}
         (lambda e: e.step(0.1, 0.1, "1"), r"Element\.step: velocity = '1': must be"),
         (lambda e: e.step(0.1, 2e4), "breaking displacements away; take shorter"),
         (lambda e: e.load(STATE), "is of other contacts or another method; load"),
-        (lambda e: e.load(b""), r"Element\.load: state = b'': must be what Element"),
+        (lambda e: e.load(b""), r"Element\.load: state = b'': must be a State"),
         (lambda _: ss.Element(BASE, "contacts"), "method = 'contacts': is not for"),
         (lambda _: ss.Element(ss.Contacts(10)), "must be a Rig or an Interface"),
         (lambda _: ss.Element(interface_of(OLD_AREAS)), r"\.areas = .* leave one out"),

@@ -143,7 +143,7 @@ HELD = FIG.replace(drive=ss.constant(0.0, duration=1.0))
     ("rig", "to", "more", "words"),
     [
         (PAD, "simulink", {}, "to = 'simulink': must be one of statespace, modelica"),
-        (FIG, "modelica", {}, "takes SI units, and the rig is in natural units; give"),
+        (FIG, "modelica", {}, "needs SI units, and the rig is in natural units; give"),
         (GROWING, "modelica", {}, "ageing = .*: not available with static_friction"),
         (HELD, "statespace", {}, "drive.velocity = 0: "),
         (PAD, "mujoco", {"speeds": (1.0, 2.0)}, "speeds: are for modelica, simscape"),

@@ -445,7 +445,7 @@ def test_healing_is_the_growth_of_the_peaks_for_each_decade_of_the_hold():
     found = ss.rate_state.healing(run, b=1.5 / math.log(10.0))
     assert found.hold == (1.0, 10.0, 1000.0)
     assert found.per_decade == pytest.approx((1.0, 1.5))
-    times = "1.5 N per decade of hold time, 1.00 times what rate and state says"
+    times = "1.5 N per decade of hold time, 1.00 times what rate and state predicts"
     assert times in str(found)
     ss.plot.peaks_after_holds(run, found.by_rate_and_state)
 
@@ -593,7 +593,7 @@ ss.rate_and_state(replace(THERMAL, delay=ss.Delay(0.1)), 1e5)
 ss.kinetic_friction(THERMAL, 0.0)
     there is no slow limit
 exported(THERMAL, "tandem")
-    knows the ageing law only
+    has only the ageing law
 exported(contacts(width=None, delay=0.1), "qdyn")
     is not rate-and-state
 exported(AGEING, "qdyn", area=None)

@@ -77,7 +77,7 @@ def test_a_run_is_seen_and_heard_at_its_own_pitch(run, trace, tmp_path, monkeypa
     heard = regime(made)
     step = rate / samples.size
     assert loudest * step == pytest.approx(1.0 / heard.period, abs=step)
-    with pytest.raises(InputError, match=r"0.143 Hz is not heard.*--kind contacts"):
+    with pytest.raises(InputError, match=r"0.143 Hz is inaudible.*--kind contacts"):
         plot.sound(trace)
     with pytest.raises(InputError, match="give the rig in SI units"):
         plot.sound(run)

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 import stickslip as ss
 from stickslip.advise.budget import Budget
-from stickslip.advise.mitigations import Search, turnable
+from stickslip.advise.mitigations import Search, machine_parameters
 from stickslip.advise.report import report
 from stickslip.advise.survey import PRECISION
 from stickslip.cli import main
@@ -92,7 +92,7 @@ def test_damping_that_a_structure_needs_is_that_of_the_slider(body, name):
     (known,) = ss.critical(rig(HEAVY), "damping", between=(1.0, 300.0))
     assert [edge.value for edge in found] == pytest.approx([known.value], rel=1e-9)
     # and in runs from rest, as a change of the machine
-    assert parameter_named(name) in turnable(rig(body))
+    assert parameter_named(name) in machine_parameters(rig(body))
     factors = []
     for each, varied in ((body, name), (HEAVY, "damping")):
         search = Search(rig(each).replace(method=ss.Contacts(200)), None, Budget(9.0))

@@ -221,7 +221,7 @@ REFUSED = {
     "much contact": (1e-3 * waves(64, 8), {"pressure": "80 MPa"}, "lower the pressure"),
     "all in contact": (1e-3 * waves(64, 8), {"pressure": "80 GPa"}, "covers 100 %"),
     "too much load": (waves(64, 8), {"material": SOFT}, "not below the hardness"),
-    "no material": (waves(64, 8), {"material": "cheese"}, "glass and pmma; of others"),
+    "no material": (waves(64, 8), {"material": "cheese"}, "glass and pmma; for others"),
     "no pressure": (waves(64, 8), {"pressure": "2 N"}, "not in a unit of 'Pa'"),
 }
 
@@ -236,7 +236,7 @@ def test_a_map_that_shows_no_contacts_is_refused(name):
 def test_heights_of_unknown_unit_or_places_are_refused(rough):
     for height, words in (
         (rough.drop_attrs(deep=False), r"units is None; give heights in m"),
-        (rough.drop_vars("y"), "give it coordinates x and y"),
+        (rough.drop_vars("y"), "has no coordinates"),
         (rough.assign_coords(y=2.0 * rough["y"]), "pixels must be square"),
     ):
         with pytest.raises(ss.InputError, match=words):
@@ -434,7 +434,7 @@ def test_a_command_takes_numbers_of_a_material_and_prints_json(heights, capsys):
 
 
 NO_MATERIAL = [], "--material: is missing: glass or pmma"
-NO_KNOWN = ["--material", "steel"], "of others give --young"
+NO_KNOWN = ["--material", "steel"], "for others give --young"
 
 
 @pytest.mark.parametrize(("given", "words"), [NO_MATERIAL, NO_KNOWN])

@@ -536,7 +536,7 @@ Channel name,"Force"; Unit,"V" | tF | time: column 1; force: column 2 .*V
 time,force; -----,----- | tF | time: column 1 .time.; force: column 2 .for
 "unit","N","g"; "Time(sec)","Fn","Fx" | tLF | column 3 .Fx. .g.; load:\x20
 t,temperature of friction pad (degC),F (N) | tLF | force: column 3\x20
- | tF | time: column 1; force: column 2; 600 readings, one each 10 ms
+ | tF | time: column 1; force: column 2; 600 readings, one every 10 ms
 """
 
 

@@ -1,9 +1,8 @@
 """Friction of interfaces made of many contacts: stick-slip or smooth sliding, and what
 decides between them.
 
-The public names load what they need on first use; `__init__.pyi` beside this file says
-where each one lives. Examples take ``import stickslip as ss`` as read, and numpy and
-xarray as ``np`` and ``xr``.
+The public names import what they need on first use; `__init__.pyi` lists their modules.
+Examples assume ``import stickslip as ss``, and numpy and xarray as ``np`` and ``xr``.
 """
 
 import sys

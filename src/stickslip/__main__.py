@@ -5,8 +5,8 @@ import sys
 
 
 def main() -> int:
-    """Run the command line; an interrupt while libraries load is no error."""
-    # Our matrices are small: threads would spend more time in waiting for each other.
+    """Run the command line; an interrupt during imports is reported in one line."""
+    # Matrices here are small: threads would mostly wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from stickslip import cli

@@ -1,5 +1,5 @@
-"""The base of all answers: each prints as a short text, is a card in a notebook, and
-converts to plain numbers.
+"""The base class of all answers: each prints as a short text, shows as a card in a
+notebook, and converts to plain numbers.
 """
 
 import html
@@ -16,9 +16,9 @@ COLOURS = {
     "unstable": "#BFBFBF",
     "stable": "#FFFFFF",
 }
-"""Colours of the kinds of motion in every picture: the darker, the worse for a machine.
+"""Colours of the kinds of motion in all pictures: the darker, the worse for a machine.
 """
-_LINE = "#8888"  # seen on any page, light or dark, as the colour of the text is
+_LINE = "#8888"  # visible on light and dark pages, like the colour of the text
 _CARD = (
     f"border:1px solid {_LINE};border-radius:6px;padding:.5em "
     ".9em;max-width:56em;overflow-x:auto"
@@ -26,7 +26,7 @@ _CARD = (
 
 
 class Answer:
-    """Base of the records that answer a question; ``__str__`` of one is its text."""
+    """Base of the records that answer a question; their ``__str__`` is the text."""
 
     def __repr__(self) -> str:
         return str(self)
@@ -40,16 +40,16 @@ class Answer:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the answer as plain numbers, texts and lists, as JSON takes them; NaN
-        and infinity become None.
+        """Return the answer as plain numbers, texts and lists for JSON; NaN and
+        infinity become None.
         """
         found: dict[str, Any] = plain(self)
         return found
 
 
 def card(title: str, content: str, motion: str = "") -> str:
-    """Return an answer as HTML for a notebook: a title, the content beneath it, and an
-    edge in the colour of a motion.
+    """Return an answer as HTML for a notebook: a title, the content below it, and a
+    left border in the colour of a motion.
     """
     edge = f"border-left:5px solid {COLOURS.get(motion, _LINE)}"
     return (
@@ -59,7 +59,7 @@ def card(title: str, content: str, motion: str = "") -> str:
 
 
 def table(rows: Iterable[str | Sequence[str]]) -> str:
-    """Return rows of texts as an HTML table; a text alone is as wide as all of it."""
+    """Return rows of texts as an HTML table; a single text spans all columns."""
     given = [[row] if isinstance(row, str) else list(row) for row in rows]
     look = f"text-align:left;padding:.15em 1em .15em 0;border-bottom:1px solid {_LINE}"
     wide = max(map(len, given), default=1)
@@ -82,7 +82,7 @@ def table(rows: Iterable[str | Sequence[str]]) -> str:
 
 
 def with_micro(text: str) -> str:
-    """Return a text with the sign of micro in its units.
+    """Return a text with the micro sign in its units.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def with_micro(text: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return a text as HTML shows it, a micro with its sign."""
+    """Return a text escaped for HTML, with the micro sign in its units."""
     return html.escape(with_micro(text))
 
 
@@ -101,7 +101,7 @@ def plain(value: Any) -> Any:
     """Return a record, mapping, sequence, array or value as plain JSON values; NaN and
     infinity become None.
 
-    A number of a record that has an error is followed by ``NAME_error``.
+    For a field of a record that has an error, ``NAME_error`` is added.
     """
     if is_dataclass(value) and not isinstance(value, type):
         held = {field.name: getattr(value, field.name) for field in fields(value)}

@@ -1,4 +1,4 @@
-"""Arrays of numbers, as types, and labelled for a Dataset."""
+"""Types of arrays, and labelled variables for a Dataset."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 Range = tuple[float, float]
-"""The ends of a range, or of a stretch of time."""
+"""The ends of a range of numbers or of times."""
 Nodes = tuple[Array, Array]
 """Nodes and weights of a quadrature."""
 Labelled = tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]
@@ -23,16 +23,18 @@ Labelled = tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]
 def labelled(
     name: str, dims: str | tuple[str, ...], values: ArrayLike, units: str
 ) -> Labelled:
-    """Return a variable with its units and its long name, for a Dataset."""
+    """Return a variable for a Dataset, with its units and long name."""
     return dims, np.asarray(values), {"units": units, "long_name": name}
 
 
 def labels(table: str) -> dict[str, dict[str, str]]:
-    """Return unit and long name of variables, by rows ``name | unit | long name``."""
+    """Return units and long names of variables, from rows ``name | unit | long name``,
+    as attributes by name.
+    """
     rows = (line.split(" | ") for line in table.strip().split("\n"))
     return {name: {"units": unit, "long_name": words} for name, unit, words in rows}
 
 
 def units_of(variable: xr.DataArray | xr.Variable | None) -> str:
-    """Return the unit of a variable; empty where it has none, or there is no such."""
+    """Return the unit of a variable; empty if it has none, or is None."""
     return "" if variable is None else str(variable.attrs.get("units", ""))

@@ -55,7 +55,7 @@ def _number(_type: object, tokens: Sequence[Token]) -> float:
 
 
 Number = Annotated[float, Parameter(converter=_number)]
-# the function that takes it checks for a whole number
+# the function called checks that the number is whole
 Whole = Annotated[int, Parameter(converter=_number)]
 Switch = Annotated[bool, Parameter(negative="")]
 File = Path | None
@@ -70,12 +70,12 @@ RigFile = Annotated[
     ),
 ]
 Json = Annotated[Switch, Parameter(help="Print JSON for a machine to read.")]
-Thorough = Annotated[
-    Switch, Parameter(help="Make all runs there are to make, however long they take.")
-]
+Thorough = Annotated[Switch, Parameter(help="Make all runs, however long they take.")]
 Smooth = Annotated[
     tuple[str, str] | None,
-    Parameter(help="Speeds to be made smooth: '1 mm/s' '5 mm/s'.", negative=""),
+    Parameter(
+        help="Range of speeds to slide smoothly: '1 mm/s' '5 mm/s'.", negative=""
+    ),
 ]
 Settings = Annotated[
     tuple[str, ...],
@@ -106,37 +106,37 @@ Kind = Literal[
     "contacts",
     "sound",
 ]
-# the picture that such a file holds by default
+# kind of picture by default, by the suffix of its file
 SUFFIXES: dict[str, Kind] = {".gif": "contacts", ".wav": "sound"}
 KINDS = (
     "What to show of a run: by default an overview, as .gif its contacts; fronts, "
     "precursors, slips: of a chain."
 )
-_FAILURES_SHOWN = 5  # of a sweep
+_FAILURES_SHOWN = 5  # most failed cases of a sweep that are listed
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """Where force and time stand in a table.
+    """The columns of force and time in a table, and its layout.
 
     Parameters
     ----------
     force
-        Column of the force, by name or number from 1; its unit, if the file has none,
-        behind a colon: 3:mN.
+        Column of the force, by name or number from 1; if the file has no unit, followed
+        by a colon and the unit: 3:mN.
     time
         Column of the time, by name or number from 1.
     step
         Sampling interval, without a time column: 0.5 ms, or in s.
     scale
-        What a reading of the force stands for: '2.5 N/V'.
+        Force of one unit of the readings: '2.5 N/V'.
     to
         Ignore data after this time: '60 s', or in s.
     delimiter
-        What separates the columns, if that is not found: ';'.
+        Separator of the columns, if it is not detected: ';'.
     decimal
-        The decimal sign, if that is not found: ','.
+        Decimal sign, if it is not detected: ','.
     """
 
     force: Text = None
@@ -148,7 +148,7 @@ class Columns:
     decimal: Literal[".", ","] | None = None
 
     def named(self) -> dict[str, Any]:
-        """Arguments of `read_trace`."""
+        """Return the arguments of `read_trace`."""
         from stickslip.measure.trace_reader import SCALE
 
         named = {key: each for key, each in vars(self).items() if key != "to"}
@@ -159,12 +159,14 @@ class Columns:
             raise refused(
                 "--scale",
                 scale,
-                "must be what a reading of the force stands for: '2.5 N/V', '3 mN'",
+                "must be the force of one unit of the readings: '2.5 N/V', '3 mN'",
             )
         return named | {"force": f"{self.force or ''}:{scale}"}
 
     def refuse(self, data: Path, kind: str, **more: Any) -> None:
-        """Refuse options of tables, these and `more`, for data of another kind."""
+        """Raise `InputError` if options for tables, these or `more`, are given for data
+        of another kind.
+        """
         of_tables = {name: each for name, each in vars(self).items() if name != "to"}
         given = [name for name, each in (of_tables | more).items() if each]
         if given:
@@ -173,7 +175,7 @@ class Columns:
             )
 
     def cut(self, data: xr.Dataset) -> xr.Dataset:
-        """The data up to the time that was given."""
+        """Return the data up to the time given by `to`."""
         from stickslip.measure.trace import FEWEST_READINGS
         from stickslip.words import engineering
 
@@ -199,8 +201,8 @@ class Columns:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class BenchValues:
-    """Known values of a bench besides the force; with stiffness and velocity the motion
-    of the slider is computed.
+    """Known values of a bench besides the force; stiffness and velocity give the motion
+    of the slider.
 
     Parameters
     ----------
@@ -209,13 +211,13 @@ class BenchValues:
     load
         Column of the normal load, or the load itself: '20 N'.
     stiffness
-        Of the driving spring: '350 N/m'.
+        Stiffness of the driving spring: '350 N/m'.
     velocity
-        Of the drive: '0.1 mm/s'; or a column of it, by name or number.
+        Velocity of the drive: '0.1 mm/s'; or its column, by name or number.
     mass
-        Of the slider, to compare with that of its slips: '75.6 g'.
+        Mass of the slider, to compare with that of its slips: '75.6 g'.
     contacts
-        Their number: their noise is no oscillation.
+        Number of contacts: motion within their noise is no oscillation.
     """
 
     displacement: Text = None
@@ -233,7 +235,7 @@ class BenchValues:
             contacts = whole("--contacts", contacts, at_least=1, hint="their number")
         from stickslip.measure.tables import read_cell
 
-        # a number with a unit is no column
+        # a number with a unit is a value, not the name of a column
         is_value = self.velocity is not None and bool(read_cell(self.velocity)[1])
         trace = _read_data(
             data,
@@ -262,24 +264,24 @@ class BenchValues:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """How heights are read, and of what both bodies are.
+    """How heights are read, and the material of both bodies.
 
     Parameters
     ----------
     unit
-        Of the heights, if the file does not say: um.
+        Unit of the heights, if the file has none: um.
     spacing
-        From node to node, if the file does not say: '0.5 um'.
+        Distance between nodes, if the file has none: '0.5 um'.
     shortest
         Leave out shorter waves: '4 um'.
     material
-        glass or pmma; of others give their numbers.
+        glass or pmma; for others give the numbers below.
     young
         Young's modulus: '200 GPa'.
     poisson
         Poisson's ratio.
     hardness
-        Largest pressure that contacts bear: '6 GPa'; else all is elastic.
+        Largest pressure that contacts bear: '6 GPa'; elastic contacts by default.
     """
 
     unit: Text = None
@@ -291,18 +293,18 @@ class Surface:
     hardness: Text = None
 
     def body(self) -> ss.surface.Material:
-        """The material, by its name or by its numbers."""
+        """Return the material, by its name or by its numbers."""
         from stickslip.model.quantities import read_value
 
         if self.young is None and self.material is None:
             raise InputError(
-                "--material: is missing: glass or pmma; of others give --young '200 "
+                "--material: is missing: glass or pmma; for others give --young '200 "
                 "GPa' --poisson 0.3 --hardness '6 GPa'"
             )
         given = "young" if self.young is not None else "hardness"
         if self.material is not None and getattr(self, given) is not None:
             raise InputError(
-                f"--{given}: is known of --material {self.material}; leave out one of "
+                f"--{given}: follows from --material {self.material}; leave out one of "
                 "them"
             )
         if self.young is None:
@@ -317,15 +319,15 @@ class Surface:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code: 2 for input that cannot be used, 1
+    """Run the command line and return the exit code: 2 for input that cannot be used, 1
     for a claim or case that fails.
     """
     console.open_missing_streams()
     console.replace_missing_letters()
     try:
         code = _run(arguments)
-        sys.stdout.flush()  # else the interpreter does, and complains of a closed pipe
-    except BrokenPipeError:  # the reader went away, as `head` does
+        sys.stdout.flush()  # else the interpreter does, and reports a closed pipe
+    except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         console.discard_output()
         return 0
     except OSError as error:
@@ -333,7 +335,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             console.discard_output()
         return _fail(files.in_words(error))
     except SystemExit as left:
-        # rich ends so where the reader of a help went away
+        # rich exits like this if the reader of a help text has closed the pipe
         if isinstance(left.__context__, BrokenPipeError):
             return 0
         raise
@@ -341,7 +343,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    """Run a command; a failure is reported in one line."""
+    """Run a command, and report a failure in one line."""
     try:
         _refuse_old_names(sys.argv[1:] if arguments is None else arguments)
         with console.stoppable():
@@ -365,7 +367,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _refuse_old_names(arguments: Sequence[str]) -> None:
-    """Refuse an option by a name that it has no more, with the one it has."""
+    """Raise `InputError` for the former name of an option, with its present name."""
     renamed = _RENAMED.get(arguments[0], {}) if arguments else {}
     for argument in arguments[1:]:
         old = argument.partition("=")[0]
@@ -374,11 +376,11 @@ def _refuse_old_names(arguments: Sequence[str]) -> None:
 
 
 _RENAMED = {"fit": {"--smallest": "--minimum-drop", "--speed": "--velocity"}}
-"""Options of a command that have another name now."""
+"""Former names of the options of a command, with their present names."""
 
 
 def _fail(message: str, code: int = 2) -> int:
-    with suppress(OSError):  # of a terminal that is gone, or a log on a full disk
+    with suppress(OSError):  # the terminal is gone, or the disk of the log is full
         print(f"stickslip: {one_line(message)}", file=sys.stderr, flush=True)
     return code
 
@@ -389,8 +391,8 @@ def _check_outputs(
     read: Path | None = None,
     kind: str = "",
 ) -> None:
-    """Complain before any work is done of a place that cannot be written, or that
-    holds the file that is read.
+    """Raise `InputError`, before any work is done, if an output cannot be written, or
+    would replace the input or another output.
     """
     places = list[Path]()
     for given in (*outputs, picture):
@@ -416,7 +418,9 @@ def _check_outputs(
 
 
 def _check_suffix(output: Path | None, what: str, suffix: str) -> None:
-    """Refuse to write a file under the suffix of another kind."""
+    """Raise `InputError` if a file would be written under the suffix of another
+    kind.
+    """
     if output is not None and output.suffix not in ("", suffix):
         name = output.with_suffix(suffix).name
         raise InputError(f"{output}: {what} is written as {suffix}; name it {name}")
@@ -440,8 +444,8 @@ def _read_data(data: Path, columns: Columns, **more: Any) -> xr.Dataset:
 def _limits_of_trace(
     trace: xr.Dataset, after: str | None, minimum_drop: str | None
 ) -> tuple[float | None, float | None]:
-    """Return the time from which a trace is read, and the smallest drop that counts, in
-    its units.
+    """Return the time after which a trace is evaluated, and the smallest drop that
+    counts, in its units.
     """
     return (
         _quantity("--after", after, "s", "10 s", unit=units_of(trace["time"])),
@@ -458,8 +462,8 @@ def _limits_of_trace(
 def _quantity(
     option: str, text: str | None, si: str, example: str, *, unit: str
 ) -> float | None:
-    """Read a quantity, bare in SI units, in a unit of the data; a plain number where
-    the data have another unit.
+    """Return a quantity in the unit of the data; a number without a unit is in SI units
+    or, if the unit of the data is not known, in that.
     """
     from stickslip.measure.headings import ratio
     from stickslip.model.quantities import read_number, read_quantity
@@ -478,15 +482,13 @@ def _quantity(
 
 
 def _draw(picture: Path | None, figure: Callable[[], Any]) -> None:
-    """Draw a picture, if one is wanted."""
+    """Draw and save a figure, if a file is given for it."""
     if picture is not None:
         ss.plot.save(figure(), picture)
 
 
 def _answer(text: object, content: Any, json: bool, **written: Path | None) -> None:
-    """Print an answer: as JSON, or as a text with where each thing was written, if
-    it was.
-    """
+    """Print an answer: as JSON, or as a text, followed by the files written."""
     if json:
         console.print_json(content)
     else:
@@ -504,8 +506,8 @@ def _answer(text: object, content: Any, json: bool, **written: Path | None) -> N
 app.command(
     "stickslip.rate_state.command:rsf",
     help=(
-        "Say whether friction is rate-and-state-like, with which a, b and D; fit a "
-        "velocity step."
+        "Report whether a rig's friction follows rate-and-state laws, and their a, b "
+        "and D; fit a velocity step."
     ),
 )
 
@@ -518,7 +520,7 @@ app.command(
 
 def _rig_with(path: Path, settings: Sequence[str]) -> ss.Rig:
     """Read a rig, with the keys that the command line sets."""
-    from stickslip.io.settings import read_rig_with  # slow to load
+    from stickslip.io.settings import read_rig_with  # slow to import
 
     return read_rig_with(path, settings)
 
@@ -535,18 +537,17 @@ def predict(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Say at which speeds a rig stick-slips, how safely it slides at its own, and what
+    """Predict whether a rig stick-slips, at which speeds, by what margin, and what
     would stop it.
 
-    The verdict comes first, on standard error, while the rest is still sought, for some
-    10 s.
+    The verdict comes first, on standard error; the rest takes some 10 s.
 
     Parameters
     ----------
     fast
         Stop at the verdict: linear theory and one run.
     details
-        Print all: evidence, margins, what was tried.
+        Print all: evidence, margins, and changes tried.
     """
     from stickslip.advise import complete, predict
     from stickslip.advise.sections import ARROWS
@@ -565,12 +566,12 @@ def predict(
                 found, thorough=thorough, pairs=smooth is not None, progress=progress
             )
     _draw(plot, found.plot)
-    on_page = sys.stdout.isatty()  # in a pipe nobody knows its width
+    on_terminal = sys.stdout.isatty()
     text = found.text(
-        get_terminal_size().columns if on_page else 80,
+        get_terminal_size().columns if on_terminal else 80,
         details=details,
-        bold=on_page,
-        signs=on_page and console.can_write("".join(ARROWS)),
+        bold=on_terminal,
+        signs=on_terminal and console.can_write("".join(ARROWS)),
     )
     _answer(text, found.to_dict(), json, picture=plot)
 
@@ -584,13 +585,13 @@ def report(
     thorough: Thorough = False,
     smooth: Smooth = None,
 ) -> None:
-    """Write what `predict` says as one page to forward, with its pictures: HTML that
-    can be printed.
+    """Write the answer of `predict` with its pictures as one HTML page, to forward or
+    print.
 
     Parameters
     ----------
     output
-        The page.
+        File of the page.
     """
     from stickslip.advise.report import report
 
@@ -616,7 +617,7 @@ def new(
     Parameters
     ----------
     example
-        Name of a rig; without one, all that ship are listed.
+        Name of a rig; without one, all examples are listed.
     """
     from stickslip.io import rig_files as rigs
 
@@ -642,16 +643,16 @@ def simulate(
     Parameters
     ----------
     output
-        Write the run as NetCDF; it can be made again from it.
+        Write the run as NetCDF, from which it can be repeated.
     long
-        Even if it takes more than an hour, or 4 GB of memory.
+        Run even if it takes more than an hour, or 4 GB of memory.
     """
     from stickslip.io.rig_files import to_toml
 
     _check_outputs(output, picture=plot, read=rig)
     _check_suffix(output, "a run", ".nc")
     described = _rig_with(rig, settings)
-    text = to_toml(described)  # what can be refused is refused before the run
+    text = to_toml(described)  # before the run, as it may raise an error
     with console.working("simulating") as progress:
         run = ss.simulate(described, progress=progress, long=long)
     _keep_run(run.assign_attrs(rig=text), output, plot, json)
@@ -665,8 +666,7 @@ def rerun(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Make a run again from its provenance, bit for bit, and report its regime and
-    slips.
+    """Repeat a run from its provenance, bit for bit, and report its regime and slips.
 
     Parameters
     ----------
@@ -707,8 +707,8 @@ def _keep_run(
 
 
 def _motion(run: xr.Dataset, seen: object) -> str:
-    """The motion in words: its regime, or on a ramp where it changes, and the fronts
-    of an elastic slider.
+    """Return the motion in words: its regime or, on a ramp, where it changes; and the
+    fronts of an elastic slider.
     """
     from stickslip.measure.fronts import in_words as of_fronts
     from stickslip.measure.ramps import in_words as of_a_ramp
@@ -801,7 +801,9 @@ def measure(
 
 
 def _friction_at_speeds(trace: xr.Dataset, written: Path | None) -> xr.Dataset | None:
-    """Friction against speed where a trace shows it, written or drawn if asked for."""
+    """Return friction against speed, if a trace shows it, and write or draw it if a
+    file is given.
+    """
     from stickslip.io.datasets import as_csv
 
     try:
@@ -820,7 +822,7 @@ def _friction_at_speeds(trace: xr.Dataset, written: Path | None) -> xr.Dataset |
 
 
 def _speeds_in_words(speeds: xr.Dataset | None) -> list[str]:
-    """Friction against speed, a line to each."""
+    """Return friction against speed, in one line for each speed."""
     from stickslip.words import engineering
 
     if speeds is None:
@@ -861,9 +863,9 @@ def plot(
     beside
         Another run: draw both forces on one scale.
     at
-        Of a sweep, the cut to draw: delay=0.1,start=sliding.
+        Section of a sweep to draw: delay=0.1,start=sliding.
     bistable
-        Of a sweep: also show where stick-slip ends.
+        In a sweep, also show where stick-slip ends.
     """
     from stickslip.sweep import is_store
 
@@ -889,7 +891,7 @@ def plot(
         else:
             names = {"phase": "phase_portrait", "slips": "slip_profiles"}
             figure = getattr(ss.plot, names.get(kind, kind))(trace)
-            figure = getattr(figure, "figure", figure)  # of axes
+            figure = getattr(figure, "figure", figure)  # some return axes
         ss.plot.save(figure, output)
     written = {"contacts": "film", "sound": "sound"}.get(kind, "picture")
     print(f"{written}: {output}")
@@ -904,7 +906,7 @@ def _refuse_options_of_others(
     at: str | None,
     bistable: bool,
 ) -> None:
-    """Refuse options that `plot` has for other data than these."""
+    """Raise `InputError` for options of `plot` that do not apply to these data."""
     if swept:
         columns.refuse(data, "a sweep", to=columns.to)
         for name, given in (("kind", kind), ("beside", beside)):
@@ -937,8 +939,8 @@ def fit(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Fit the rig behind a measured stick-slip trace, with intervals; the first
-    time, simulations take minutes.
+    """Fit a rig to a measured stick-slip trace, with intervals; the first time,
+    simulations take minutes.
 
     Parameters
     ----------
@@ -953,9 +955,9 @@ def fit(
     load
         Normal load: '20 N'.
     speeds
-        Table of speeds (m/s) and mean forces (N): the delay.
+        Table of speeds (m/s) and mean forces (N), to fit the delay.
     holds
-        Table of holds (s) and static friction (N): ageing.
+        Table of holds (s) and static friction (N), to fit ageing.
     minimum_drop
         Smallest drop that counts as a slip: '5 mN', or in N.
     output
@@ -1014,22 +1016,22 @@ def surface(
     json: Json = False,
     plot: Plot = None,
 ) -> None:
-    """Press a measured surface on a flat one, and estimate from its contacts an
-    interface, as assumptions of a rig.
+    """Press a measured surface on a flat one, and estimate the interface of a rig from
+    its contacts.
 
     Parameters
     ----------
     heights
-        A map of heights: .npz, .csv or .asc; other files by SurfaceTopography.
+        A map of heights: .npz, .csv or .asc; other formats need SurfaceTopography.
     pressure
         Load over the area: '2 MPa'.
     rig
         Rig file of the machine, whose interface is replaced; by default the example
         pmma_slider.
     friction
-        Friction coefficient, which no map gives; it scales the elastic length.
+        Friction coefficient, which scales the elastic length; a map does not give it.
     length
-        Which length counts, if known; else the rig has a range over both.
+        Which length applies, if known; by default the rig has a range over both.
     output
         Write the rig.
     """
@@ -1073,8 +1075,8 @@ def map(
     output: Annotated[Path, Parameter(alias="-o")] = Path("map.png"),
     json: Json = False,
 ) -> None:
-    """Draw where smooth sliding is stable, over two parameters of a rig; computed,
-    not swept.
+    """Draw where smooth sliding is stable over two parameters of a rig, by linear
+    theory.
 
     Parameters
     ----------
@@ -1085,7 +1087,7 @@ def map(
     points
         Points of the map along each parameter.
     bistable
-        Show where stick-slip persists beside it, too.
+        Also show where stick-slip persists beside smooth sliding.
     output
         The picture.
     """
@@ -1128,27 +1130,27 @@ def sweep(
     json: Json = False,
     plot: Plot = None,
 ) -> int:
-    """Run many cases over the parameters of a rig; a second start with the same store
-    runs what is missing.
+    """Run many cases over the parameters of a rig; started again with the same store,
+    run the missing ones.
 
-    The exit code is 1 if cases failed: they are recorded, and the others are done.
+    Failed cases are recorded, and the others still run; the exit code is then 1.
 
     Parameters
     ----------
     file
         A sweep file in TOML; `stickslip new phase_diagram` prints one.
     store
-        File of the results; if it is there, the sweep goes on.
+        File of the results; if it exists, the sweep continues.
     status
-        Run nothing: report how far the sweep is.
+        Run nothing, but report how far the sweep is.
     workers
-        Cases that run at a time; by default one per core.
+        Number of cases run at the same time; by default one per core.
     processes
-        Run them in processes, not in threads.
+        Run cases in processes, not in threads.
     scheduler
-        Run them on a Dask cluster: tcp://HOST:PORT.
+        Run cases on a Dask cluster: tcp://HOST:PORT.
     retry_failed
-        Run cases again that failed before.
+        Repeat failed cases.
     """
     from stickslip.sweep import status_of
     from stickslip.sweep.plan import read_plan
@@ -1197,9 +1199,7 @@ def sweep(
 def _report_sweep(
     result: xr.Dataset, store: Path, picture: Path | None, json: bool
 ) -> int:
-    """Report the cases of a sweep; the last line and the exit code show whether some
-    failed.
-    """
+    """Report the cases of a sweep; return exit code 1 if any failed."""
     from stickslip.sweep import failures, summary
     from stickslip.sweep.study import KINDS
 
@@ -1242,8 +1242,8 @@ def _report_sweep(
 
 
 def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool = False) -> str:
-    """Draw a sweep with the results of theory on top; return what was drawn there, or
-    why nothing was.
+    """Draw a sweep with results of theory on top; return in words what these are, or
+    why there are none.
     """
     from stickslip.sweep.theory import with_theory
 
@@ -1254,7 +1254,7 @@ def _draw_sweep(result: xr.Dataset, picture: Path, *, bistable: bool = False) ->
 
 
 def _cut(result: xr.Dataset, at: str | None) -> xr.Dataset:
-    """Select from a sweep, each axis at the value nearest to the one given."""
+    """Return the section of a sweep at the values nearest to those given."""
     from stickslip.model.quantities import read_number
 
     for given in at.split(",") if at else ():
@@ -1289,8 +1289,8 @@ def paper(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Make a figure of the paper, or all: picture, data, caption and, with --check,
-    its claims with verdicts.
+    """Make a figure of the paper, or all of them: picture, data, caption and, with
+    --check, its claims with verdicts.
 
     Parameters
     ----------
@@ -1299,11 +1299,11 @@ def paper(
     check
         Check the paper's claims; exit code 1 if one fails.
     quick
-        Fewer points and contacts.
+        Use fewer points and contacts.
     output
-        Directory for pictures and data; made if missing.
+        Directory for pictures and data; created if missing.
     formats
-        Of the picture, one or several.
+        One or several formats of the picture.
     """
     from stickslip.paper import figures_named, places, reproduce
 
@@ -1340,12 +1340,13 @@ def explore(
     browser: bool = True,
     share: bool = False,
 ) -> None:
-    """Open the browser app: move a slider and see sliding turn into stick-slip.
+    """Open the explorer in a browser: move a control and see sliding turn into
+    stick-slip.
 
     Parameters
     ----------
     rig
-        A rig file in TOML to begin with.
+        A rig file in TOML to start from.
     port
         Port on this machine; 0 for any free one.
     browser

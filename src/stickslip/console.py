@@ -1,5 +1,5 @@
-"""Progress, executors and answers of the command line, on a terminal, in a pipe, or in
-a log.
+"""Helpers of the command line: progress, executors, signals and output, on a terminal,
+in a pipe, or in a log.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def executor_of(
         ) from None
     for name in [*logging.root.manager.loggerDict]:
         if name.startswith("distributed"):
-            # our own line reports what concerns the user
+            # we report what concerns the user in a line of our own
             logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client: Any = Client(scheduler, timeout="10s", set_as_default=False)  # type: ignore[no-untyped-call]
@@ -70,7 +70,7 @@ def executor_of(
 
 @contextmanager
 def working(title: str) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar; before the first use, explain why it stands still while
+    """Show a progress bar; on the first use, explain that it stands still while the
     kernels are compiled.
     """
     from stickslip.kernels._jit import compiled_before
@@ -87,8 +87,8 @@ def working(title: str) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
-    """Show the progress of a sweep: a bar on a terminal, elsewhere (in the log of a
-    job) a line every half minute.
+    """Show the progress of a sweep: a bar on a terminal; elsewhere, as in the log of a
+    job, a line every half minute.
     """
     with bar(title, first=0.0, every=30.0) as report:
 
@@ -103,10 +103,13 @@ def progress_of(title: str) -> Iterator[Callable[[Progress], None]]:
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Treat the signals of a cluster before it kills, and of a closing terminal, as
-    Ctrl-C; and so what fails after it, as a kernel does that is not compiled whole.
+    """Treat the signals by which a cluster ends a job, or a terminal closes, as Ctrl-C.
+
+    An error after such a signal counts as the interrupt, too: a kernel whose
+    compilation is interrupted may fail with any error.
     """
-    if threading.current_thread() is not threading.main_thread():  # only that one may
+    # only the main thread may handle signals
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
 
@@ -116,7 +119,7 @@ def stoppable() -> Iterator[None]:
         stopped.set()
         raise KeyboardInterrupt
 
-    # A signal that is ignored stays ignored, as `nohup` asks.
+    # an ignored signal stays ignored, as `nohup` requires
     heeded = [
         n
         for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -135,7 +138,7 @@ def stoppable() -> Iterator[None]:
 
 
 def open_missing_streams() -> None:
-    """Discard what goes to a stream that the caller closed, as `>&-` does."""
+    """Discard the output to a stream that the caller has closed, as by `>&-`."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             nowhere = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
@@ -143,16 +146,14 @@ def open_missing_streams() -> None:
 
 
 def replace_missing_letters() -> None:
-    """Replace letters that the terminal lacks, as in ASCII or Latin-1, instead of
-    failing.
-    """
+    """Replace letters that the encoding of the terminal lacks, instead of failing."""
     out: Any = sys.stdout  # a caller from Python may have replaced it by any object
     if hasattr(out, "reconfigure") and out.errors == "strict":
         out.reconfigure(errors="replace")
 
 
 def can_write(letters: str) -> bool:
-    """Whether the terminal has these letters."""
+    """Whether the terminal can show these letters."""
     try:
         letters.encode(sys.stdout.encoding or "ascii")
     except UnicodeEncodeError:

@@ -1,7 +1,7 @@
-"""One error for every wrong input, and the checks that raise it.
+"""The error of wrong input, and the checks that raise it.
 
-Each message names the place, the value found there and what would be right, so that the
-command line can print it as it is.
+Each message names the place, the value found there, and what would be right, so that
+the command line can print it unchanged.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# characters of a message, whatever the user gave: a line of 400 on the terminal
+# most characters of a message, whatever the user gave: 400 with what a terminal adds
 LONGEST_MESSAGE = 380
 
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Sizes that a number may have, in any unit: its powers and ratios then stay within
-what a double can hold.
+"""Absolute values that a number may have, in any unit: its powers and ratios then stay
+in the range of doubles.
 """
 
 
 def one_line(message: str) -> str:
-    """Return a message in one line, cut in the middle if it is long: its place
-    stands first, its remedy last.
+    """Return a message in one line; a long one is cut in the middle, as its place comes
+    first and its remedy last.
     """
     end = LONGEST_MESSAGE // 3
     if len(message) > LONGEST_MESSAGE:
@@ -41,8 +41,8 @@ def one_line(message: str) -> str:
 
 
 def printable(text: str) -> str:
-    """Return a text with a sign in place of characters that would steer a terminal:
-    control characters, marks of direction.
+    """Return a text without the characters that would control a terminal, such as
+    control characters and direction marks: each is replaced by one sign.
     """
     return "".join(
         "\N{REPLACEMENT CHARACTER}" if category(c) in ("Cc", "Cf", "Zl", "Zp") else c
@@ -51,11 +51,12 @@ def printable(text: str) -> str:
 
 
 class InputError(ValueError):
-    """Input that cannot be used; the message says where, what and how to put it right.
+    """Input that cannot be used; the message says where it is, what is wrong, and how
+    to correct it.
 
     Its `place` is the field of a record (``"Slider.mass"``) or the key of a file
-    (``"interface.delay"``) that the message begins with, empty if there is no single
-    one; its `mistakes` are the single errors of one of several.
+    (``"interface.delay"``) with which the message begins, empty if there is no single
+    one; `mistakes` are the single errors that it combines.
     """
 
     def __init__(
@@ -66,8 +67,8 @@ class InputError(ValueError):
         self.mistakes = mistakes or (self,)
 
     def at(self, place: str) -> InputError:
-        """Return the same error at another place: the key of a file in place of the
-        field of a record.
+        """Return the same error with another place, such as the key of a file instead
+        of the field of a record.
         """
         message = str(self)
         if self.place and message.startswith(self.place):
@@ -75,11 +76,11 @@ class InputError(ValueError):
         return InputError(f"{place}: {message}", place)
 
 
-_MOST_NAMED = 320  # characters of mistakes after which the others are only counted
+_MOST_NAMED = 320  # after this many characters, further mistakes are only counted
 
 
 def together(mistakes: Iterable[str]) -> str:
-    """Return mistakes in one line, as far as a message reaches; the others are
+    """Return mistakes in one line, as many as fit in a message; the others are
     counted.
     """
     each = list(mistakes)
@@ -89,24 +90,22 @@ def together(mistakes: Iterable[str]) -> str:
 
 
 class UndecidedError(RuntimeError):
-    """The question has no answer on the evidence at hand; the message gives the
-    evidence.
-    """
+    """A question that the evidence cannot decide; the message gives the evidence."""
 
 
-LONGEST_SHOWN = 60  # characters of a value that a message shows
+LONGEST_SHOWN = 60  # most characters of a value in a message
 
 
 def shortened(text: str) -> str:
-    """Return a text as far as a message shows it."""
+    """Return a text, cut to the length that a message shows."""
     return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it: as in Python, cut where it is long,
-    large or deep.
+    """Return the Python form of a value for a message, cut if it is long, large or
+    deeply nested.
     """
-    # a long one is cut before it is turned into its form in Python
+    # a long text is cut first, as its form would take time
     if isinstance(value, str):
         return (
             shortened(repr(value[:LONGEST_SHOWN]))
@@ -125,8 +124,8 @@ def shown(value: object) -> str:
 
 
 def refused(place: str, value: object, words: str) -> InputError:
-    """Return the error of a value that cannot be used at its place: ``"unit = 'x': must
-    be ..."``.
+    """Return the error for a value that cannot be used at its place:
+    ``"unit = 'x': must be ..."``.
     """
     return InputError(f"{place} = {shown(value)}: {words}", place)
 
@@ -145,9 +144,9 @@ def number(
     """Return `value` as a float if it is a real number in the range, else raise
     `InputError`.
 
-    `place` is where it stands (``"Slider.mass"``), `hint` what it means, with its
-    unit. Refused, too, is a size beyond 1e30, and one below 1e-30 of a number that
-    is neither 0 nor may be negative.
+    `place` is its name in the message (``"Slider.mass"``), `hint` its meaning, with its
+    unit. Absolute values above 1e30 are refused, too, as are those below 1e-30, except
+    0, unless the range includes negative numbers.
     """
     every = (
         ("above", above, gt),
@@ -174,7 +173,7 @@ def number(
             ),
             place,
         )
-    # a place or a speed may be next to 0
+    # a signed number, such as a position or a velocity, may be arbitrarily near to 0
     signed = all(bound is None or bound < 0 for bound in (above, at_least))
     if (refusal := extreme(result)) and not (signed and abs(result) < SMALLEST):
         raise InputError(f"{place} = {result:g}: {refusal}{meaning}", place)
@@ -182,8 +181,8 @@ def number(
 
 
 def _is_real(value: Any) -> TypeGuard[Real]:
-    """Whether a value is a real number: no truth value, and no numpy.timedelta64,
-    which passes for a whole number.
+    """Whether a value is a real number, which excludes bool, and numpy.timedelta64,
+    which passes for an integer.
     """
     if (
         isinstance(value, bool)
@@ -201,8 +200,8 @@ def numbers(
     at_least: float | None = None,
     hint: str = "",
 ) -> NDArray[np.float64]:
-    """Return `value`, a number or an array of numbers, as an array; each is checked
-    as by `number`.
+    """Return `value`, a number or an array of numbers, as an array; each number is
+    checked as by `number`.
     """
     import numpy as np
 
@@ -210,7 +209,7 @@ def numbers(
         found = np.asarray(value)
     except ValueError:  # rows of different length
         found = np.empty(0, dtype=object)
-    if found.dtype.kind not in "iuf":  # texts of digits are no numbers
+    if found.dtype.kind not in "iuf":  # texts of digits are not accepted
         meaning = f" ({hint})" if hint else ""
         raise refused(place, value, f"must be a number or an array of numbers{meaning}")
     if found.size == 0:
@@ -226,9 +225,9 @@ def numbers(
 
 
 def sequence(place: str, value: Any, hint: str) -> tuple[Any, ...]:
-    """Return the items of a list, a tuple or an array, not the letters of a text."""
+    """Return the items of a list, a tuple or an array; a text is refused."""
     if not isinstance(value, (str, bytes, Mapping)):
-        # nothing to go through, or an array without dimensions
+        # raised if it cannot be iterated, or is an array without dimensions
         with suppress(TypeError):
             return tuple(value)
     raise refused(place, value, f"must be {hint}")
@@ -243,8 +242,8 @@ def pair(place: str, value: Any, hint: str) -> tuple[Any, Any]:
 
 
 def extreme(value: float) -> str:
-    """Return why the size of a number is refused; empty if it is not, or if it is
-    infinite.
+    """Return why a number is refused as too large or too small; empty if it is not, or
+    is infinite.
     """
     if value == 0 or SMALLEST <= abs(value) <= LARGEST or math.isinf(value):
         return ""
@@ -262,7 +261,7 @@ def whole(
     """Return `value` as an int if it is a whole number in the range, else raise
     `InputError`.
     """
-    # A float does not hold every large seed.
+    # keep integers exact, as a float cannot hold every large seed
     if _is_real(value) and isinstance(value, Integral):
         exact = int(value)
         if exact >= at_least and (at_most is None or exact <= at_most):
@@ -280,8 +279,8 @@ def whole(
 def instance(
     place: str, value: object, kind: type | UnionType | tuple[type, ...], hint: str
 ) -> None:
-    """Raise `InputError` unless `value` is of the kind asked for; a class is refused
-    (a Protocol would take it).
+    """Raise `InputError` unless `value` is an instance of `kind`; a class is always
+    refused, as it may pass for an instance of a Protocol.
     """
     if isinstance(value, type) or not isinstance(value, kind):
         raise refused(place, value, f"must be {hint}")

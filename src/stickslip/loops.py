@@ -1,20 +1,20 @@
-"""Bounds of loops that search, halve or wait for an end: none goes on for ever."""
+"""Bounds of loops that search, bisect, or wait for an end: none runs for ever."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 HALVINGS = 2100
-"""Turns of a loop that halves or doubles a number: the powers of 2 of a double are
-2,098. A factor of 6 % a turn goes beyond 1e50 in as many.
+"""Most turns of a loop that halves or doubles a number: doubles have 2,098 powers of 2.
+A factor of 1.06 per turn exceeds 1e50 in as many.
 """
 
 
 def bounded(place: str, most: int) -> Iterator[int]:
-    """Count the turns of a loop from 1 on, one for each `next`.
+    """Count the turns of a loop from 1, one for each `next`.
 
-    Raises `RuntimeError` after the most that the loop at this place can take if it
-    gets on.
+    Raises `RuntimeError` after `most` turns, which a loop that makes progress never
+    needs; the message names its `place`.
 
     >>> from stickslip.loops import bounded
     >>> turns = bounded("halving", 64)

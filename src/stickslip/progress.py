@@ -1,5 +1,5 @@
-"""Progress of a long computation: a function that is called with the fraction done,
-or a bar.
+"""Progress of a long computation: a function that is called with the fraction done, a
+bar, or lines in a log.
 """
 
 import sys
@@ -16,8 +16,8 @@ Progress = Callable[[float], None]
 
 
 def part(report: Progress, begin: float, end: float) -> Progress:
-    """Return the report of a part of the work, from one fraction of all of it to
-    another.
+    """Return a function that reports the progress of a part of the work, which extends
+    from one fraction of the whole to another.
     """
     return lambda done: report(begin + (end - begin) * done)
 
@@ -26,10 +26,10 @@ def part(report: Progress, begin: float, end: float) -> Progress:
 def bar(
     title: str, *, always: bool = False, first: float = 60.0, every: float = 60.0
 ) -> Iterator[Callable[..., None]]:
-    """Show a progress bar on a terminal or, if asked `always`, in a notebook as well.
+    """Show a progress bar on a terminal or, with `always`, also in a notebook.
 
-    Elsewhere, as in the log of a job, a line with the time and the words given, after
-    `first` s, then each `every` s.
+    Elsewhere, as in the log of a job, write a line with the time and the words given,
+    after `first` s, and then every `every` s.
     """
     if not (always or sys.stderr.isatty()):
         yield _log_of(title, first, every)
@@ -48,8 +48,8 @@ def _log_of(title: str, first: float, every: float) -> Callable[..., None]:
     due = begin + first
 
     def write(done: float, words: str = "", since: float = 0.0) -> None:
-        """Write a line, if it is time, while a part of the work is done and not all;
-        `since` was done at the begin.
+        """Write a line, if one is due and the work is not finished; `since` is the
+        fraction that was done at the start.
         """
         nonlocal due
         now = time.monotonic()
@@ -70,7 +70,7 @@ def _log_of(title: str, first: float, every: float) -> Callable[..., None]:
 
 
 def in_time(seconds: float) -> str:
-    """Return a time in the unit that people use: ``"14 min"``."""
+    """Return a time in words, in a suitable unit: ``"14 min"``."""
     for size, name in (
         (31_557_600.0, "years"),
         (86_400.0, "days"),
@@ -84,8 +84,8 @@ def in_time(seconds: float) -> str:
 
 @contextmanager
 def reporting(progress: Any, title: str) -> Iterator[Progress]:
-    """Turn the argument ``progress=`` of a caller into a function: their own, a bar for
-    True, or nothing.
+    """Turn the argument ``progress=`` into a function: that of the caller, a bar for
+    True, or one that does nothing.
     """
     if progress is None or progress is False:
         yield lambda _done: None

@@ -1,6 +1,6 @@
-"""Rigid motion of the slider: the force it meets, and how steeply that force can fall.
+"""Rigid motion of the slider: the friction force, and how steeply it can fall.
 
-The elastic instability of a slider on a spring is decided here, Eqs. (5)-(8): a spring
+This decides the elastic instability of a slider on a spring, Eqs. (5)-(8): a spring
 softer than the critical stiffness cannot follow the fall of the force.
 """
 
@@ -32,8 +32,8 @@ def rigid_slide(
     velocity: float = 1.0,
     method: Renewal | Contacts | MasterEquation = Renewal(),
 ) -> xr.Dataset:
-    """Move a rigid slider over an interface at a constant velocity, as in Fig. 1 of the
-    paper.
+    """Return the force on a rigid slider that moves over an interface at a constant
+    velocity, as in Fig. 1 of the paper.
 
     Parameters
     ----------
@@ -41,7 +41,8 @@ def rigid_slide(
     distance : float
         Length of the motion, in ``x_s``.
     velocity : float
-        In ``x_s`` per time; matters only if broken contacts re-attach after a delay.
+        Velocity in ``x_s`` per time; matters only if broken contacts re-attach after a
+        delay.
     method : Renewal, Contacts or MasterEquation
 
     Returns
@@ -54,16 +55,16 @@ def rigid_slide(
     Raises
     ------
     InputError
-        If the distance or the velocity is not positive, or the method cannot take the
-        interface.
+        If the distance or the velocity is not positive, or the method does not support
+        the interface.
 
     Notes
     -----
-    `Renewal` solves Eqs. (1)-(4) to the letter: only contacts stretched forwards are
-    asked for their threshold, so one that starts stretched backwards may have any. The
-    other methods, which let the slider turn round, know that it lies beyond ``|x_0|``.
-    For initial and threshold standard deviations of .3 the first maxima differ by .001,
-    for narrower ones by less than 1e-6.
+    `Renewal` solves Eqs. (1)-(4) exactly as written: only contacts stretched forwards
+    can break, so a contact that starts stretched backwards may have any threshold. In
+    the other methods, in which the slider may reverse, that threshold exceeds
+    ``|x_0|``. For initial and threshold standard deviations of .3 the first maxima
+    differ by .001, for smaller ones by less than 1e-6.
     """
     import xarray as xr
 
@@ -99,10 +100,10 @@ def rigid_slide(
 def effective_stiffness(
     interface: Interface, X: ArrayLike, *, velocity: float = 1.0
 ) -> Array:
-    """Effective stiffness of the interface ``K_eff = -dF_c/dX``, Eq. (7), per contact,
-    at displacements from the start.
+    """Return the effective stiffness of the interface ``K_eff = -dF_c/dX``, Eq. (7),
+    per contact, at displacements from the start.
 
-    Computed as ``Int x P Q dx`` minus the attached fraction, not as a numerical
+    It is computed as ``Int x P Q dx`` minus the attached fraction, not as a numerical
     derivative. The velocity matters only with a delay.
     """
     check_renewal(interface, "effective_stiffness")
@@ -116,18 +117,18 @@ def effective_stiffness(
 
 
 def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> float:
-    """Critical stiffness ``K*`` of the driving spring, Eq. (8), per contact in units of
-    ``k``.
+    """Return the critical stiffness ``K*`` of the driving spring, Eq. (8), per contact
+    in units of ``k``.
 
-    A softer spring lets the slider jump when the friction force falls; a stiffer one
-    does not.
+    With a softer spring, the slider jumps when the friction force falls; with a stiffer
+    one, it does not.
 
     Parameters
     ----------
     interface : Interface
-        Its delay does not enter.
+        The interface, whose delay is ignored.
     reattachment : bool
-        Broken contacts are re-attached at once (default), or never.
+        Whether broken contacts re-attach at once, or never.
 
     Returns
     -------
@@ -136,9 +137,9 @@ def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> fl
 
     Notes
     -----
-    Good to six digits for distributions without jumps, to four for distributions that
-    jump and a start without standard deviation, to two or three for both a standard
-    deviation and jumps.
+    It has six correct digits for distributions without jumps, four for distributions
+    with jumps and a start without standard deviation, and two or three with both jumps
+    and a standard deviation.
 
     For the Gaussian thresholds of the paper's Fig. 4 (standard deviation .1, initial
     standard deviation .01) the values are 2.989 and, without re-attachment, 3.548. The
@@ -150,7 +151,7 @@ def critical_stiffness(interface: Interface, *, reattachment: bool = True) -> fl
 def steepest_fall(
     interface: Interface, *, reattachment: bool = True
 ) -> tuple[float, float]:
-    """Return the largest effective stiffness and the displacement where it occurs;
+    """Return the largest effective stiffness and the displacement at which it occurs;
     see `critical_stiffness`.
     """
     check_renewal(interface, "critical_stiffness")
@@ -162,11 +163,10 @@ def steepest_fall(
         and bare.newborn is None
         and bare.initial == SteadyState(thresholds=distribution)
     ):
-        # exactly; a sum over nodes would find the jumps of the distribution in each of
-        # them
+        # exactly 0; sums over nodes would show the jumps of the distribution
         return 0.0, 0.0
-    # The first fall is the steepest: renewal only smooths. Twice the largest initial
-    # travel to break covers it.
+    # The first fall is the steepest, as renewal smooths later ones. The distance covers
+    # the breaks of the initial contacts.
     distance = 0.1 * distribution.moment(1) + min(
         distribution.support[1] - min(bare.initial.support[0], 0.0),
         4.0 * float(distribution.inverse_survival(1e-3)),
@@ -174,8 +174,8 @@ def steepest_fall(
     points = _points(bare, distance)
     solution = solved(bare, distance, 1.0, points)
     X = np.linspace(0.0, distance, points + 1)
-    # Where the distribution jumps, the fall from a start without standard deviation is
-    # steepest just before or after: look at both sides.
+    # For a start without standard deviation, the fall may be steepest just before or
+    # after a jump of the distribution: include both sides of each.
     alike = bare.initial.standard_deviation() == 0
     jumps = np.array(
         [knot - bare.initial.moment(1) for knot in distribution.knots if alike]
@@ -201,13 +201,13 @@ def steepest_fall(
                 place,
             )
         )
-    # Rounding of the steady state's flat force is not a fall.
+    # rounding of the constant force in the steady state is not a fall
     return (value if value > 1e-9 else 0.0), place
 
 
 def _points(interface: Interface, distance: float) -> int:
-    """Intervals of a grid that resolves the distributions to six digits where they
-    are smooth, four at jumps.
+    """Return the number of intervals of a grid that resolves the distributions to six
+    digits where they are smooth, and to four at jumps.
     """
     stds = [
         interface.threshold_distribution.standard_deviation(),
@@ -218,8 +218,8 @@ def _points(interface: Interface, distance: float) -> int:
     if max(stds) > 0:
         spacing = max(min(s for s in stds if s > 0) / (4.0 * mean), 1e-4)
     points = max(512, math.ceil(distance / (spacing * mean)))
-    # From a start without standard deviation, a jump of the distribution makes a kink,
-    # beside which interpolation is of first order.
+    # For a start without standard deviation, a jump of the distribution makes a kink in
+    # the force, near which interpolation is of first order.
     kinked = stds[1] == 0 and any(
         0 < knot < distance for knot in interface.threshold_distribution.knots
     )

@@ -1,4 +1,4 @@
-"""The paper's own estimates of an interface, each with its range of validity.
+"""The paper's approximate formulas for an interface, each with its range of validity.
 
 Natural units per contact (``k = f_s = x_s = 1``), time in the user's unit; lengths in
 ``x_s``.
@@ -23,25 +23,26 @@ from stickslip.sliding import kinetic_friction
 from stickslip.sliding.langevin import ageing_constants
 from stickslip.sliding.law import at_each
 
-# cells of thresholds on their standard deviation: forces to 1e-3 where most are next to
-# 0
+# cells per standard deviation of the thresholds, which give forces to 1e-3 even where
+# most thresholds are next to 0
 _CELLS = 160
 
 
 def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array:
     """Return the force in smooth sliding by the paper's closure, Eqs. (1)-(3) with
-    (18): an approximation.
+    (18), which is an approximation.
 
-    One distribution of thresholds for all contacts, whatever their stretching; with
-    `Langevin` ageing, without delay. Against `kinetic_friction` it is 23 % too large at
-    ``v = .01 rate**2``, 9 % too small at .5 and 28 % too small at 1 (standard deviation
-    .1), where most thresholds are next to 0: those that noise would carry below stay
-    above here; counted as broken at once they would make it 67 % too small.
+    It assumes one distribution of thresholds for all contacts, whatever their
+    stretching, `Langevin` ageing, and no delay. Compared with `kinetic_friction`, at a
+    standard deviation of .1, it is 23 % too large at ``v = .01 rate**2``, 9 % too small
+    at .5 and 28 % too small at 1, where most thresholds are next to 0. There, noise
+    would carry thresholds below 0, but here they stay above; if such contacts counted
+    as broken at once, the force would be 67 % too small.
     """
     constants = ageing_constants(interface)
     if interface.delay.moment(1) > 0:
         raise InputError(
-            f"Interface.delay = {interface.delay}: the paper's closure knows no delay; "
+            f"Interface.delay = {interface.delay}: the paper's closure has no delay; "
             "use Delay(0)"
         )
     speed = numbers("velocity", velocity, above=0, hint="in x_s per time")
@@ -49,11 +50,11 @@ def closure_friction(interface: Interface, velocity: ArrayLike) -> float | Array
 
 
 def _closure_force(velocity: float, ageing: Langevin) -> float:
-    """Force per contact by Eq. (18): in the steady state ``Q = Gamma J_c``, with
-    ``Gamma <x_s> = 1``.
+    """Return the force per contact by Eq. (18): in the steady state ``Q = Gamma J_c``,
+    with ``Gamma <x_s> = 1``.
 
-    P_c is the distribution of a threshold that has aged for an exponential time of rate
-    ``Gamma v``.
+    P_c is the distribution of a threshold that has aged for an exponentially
+    distributed time of rate ``Gamma v``.
     """
     end = max(ageing.mean, ageing.newborn) + 8.0 * ageing.std
     diffusion = (ageing.rate * ageing.std) ** 2
@@ -62,7 +63,7 @@ def _closure_force(velocity: float, ageing: Langevin) -> float:
     middle = 0.5 * (edges[1:] + edges[:-1])
     square = np.diff(edges**3) / (3.0 * edges[1])
     drift = ageing.rate**2 * (ageing.mean - edges[1:-1])
-    # exponentially fitted; stationary for Eq. (17)
+    # exponentially fitted differences, whose stationary state is that of Eq. (17)
     back = diffusion / (width * exprel(drift * width / diffusion))
     newborn = (
         np.searchsorted(edges, ageing.newborn, side="right") - 1
@@ -92,10 +93,11 @@ def attached_fraction(interface: Interface, velocity: ArrayLike) -> float | Arra
     """Return the mean fraction of attached contacts in smooth sliding,
     ``N_c/N = 1/(1 + v <tau>/<x_s>)``, Eq. (10).
 
-    With ``<x_s - x_0>`` in place of ``<x_s>`` if newborn contacts are stretched by
-    ``x_0``; without ageing. It is exact in steady sliding, where the paper's
-    ``xbar = 1/Gamma`` is the mean threshold, for a random delay with its mean. Used
-    inside the dynamics, as the paper does, it has no memory and is an approximation.
+    If newborn contacts are stretched by ``x_0``, ``<x_s - x_0>`` takes the place of
+    ``<x_s>``; ageing is refused. The result is exact in steady sliding, where the
+    paper's ``xbar = 1/Gamma`` is the mean threshold, and also for a random delay, with
+    its mean. Within the dynamics, where the paper uses it, it has no memory and is an
+    approximation.
     """
     instance("attached_fraction: interface", interface, Interface, "an Interface")
     interface.allow(("sliding_force", "newborn"), "attached_fraction")
@@ -117,11 +119,11 @@ def driving_force(interface: Interface, slider: Slider, velocity: float) -> floa
 
 def critical_stiffness_estimate(interface: Interface) -> float:
     """Return the paper's rough ``K* ~ N k f_s/(Delta f_s + Delta f_0)``, Eq. (9), in
-    ``k``: a hint at scaling.
+    ``k``, which shows how ``K*`` scales.
 
-    From the standard deviations of thresholds and of initial stretchings, if they are
-    small; infinite where both are 0. For the paper's own parameters it gives 9.1 where
-    Eqs. (1)-(4) and (8) give 2.99.
+    It uses the standard deviations of thresholds and of initial stretchings, assumed
+    small, and is infinite if both are 0. For the paper's own parameters it gives 9.1,
+    while Eqs. (1)-(4) and (8) give 2.99.
     """
     distribution = interface.threshold_distribution
     width = distribution.standard_deviation() + interface.initial.standard_deviation()
@@ -129,13 +131,13 @@ def critical_stiffness_estimate(interface: Interface) -> float:
 
 
 def slip_displacement(slider: Slider, velocity: float, elapsed: ArrayLike) -> Array:
-    """Return how far the slider slips in a time after the elastic instability,
+    """Return the displacement of the slider in a time after the elastic instability,
     ``v dt [1 + (Omega dt)^2/6]``, Eq. (12).
 
-    With ``Omega = sqrt(K/M)``. For `velocity` the paper prints the drive's, ``v_d``;
-    but the slider has run ahead of it by then, and the result is too small by up to a
-    factor 3.5. With the slider's actual velocity at the instability it holds to 10 %
-    for ``Omega dt <= 1``.
+    Here ``Omega = sqrt(K/M)``. As `velocity` the paper prints that of the drive,
+    ``v_d``; but by then the slider is faster than the drive, and the result is too
+    small by up to a factor 3.5. With the slider's actual velocity at the instability it
+    holds to 10 % for ``Omega dt <= 1``.
     """
     instance("slip_displacement: slider", slider, Slider, "a Slider")
     number("velocity", velocity, at_least=0, hint="in x_s per time")
@@ -155,10 +157,10 @@ def effective_potential(
     """Return ``V_eff(X) = K (v_d t - X)^2/2 + Int_0^X F_c``, Eq. (5), on a grid of
     positions ``X``, from 0 on.
 
-    `contact_force` is that of rigid motion at each position, `drive` the place
-    ``v_d t`` of the far end of the spring; the integral by the trapezoidal rule, second
-    order in the spacing. Minus its slope is the force on the slider; the slider is
-    stable where it bends upward, Eq. (6).
+    `contact_force` is the force in rigid motion at each position, `drive` the position
+    ``v_d t`` of the driven end of the spring; the integral uses the trapezoidal rule,
+    of second order in the spacing. The force on the slider is minus the slope of the
+    potential; the slider is stable where that is convex, Eq. (6).
     """
     instance("effective_potential: slider", slider, Slider, "a Slider")
     x = numbers("position", position)
@@ -176,12 +178,12 @@ def effective_potential(
 def newborn_pull(
     interface: Interface, velocity: float, distance: float, points: int
 ) -> tuple[Array, Array]:
-    """Return the force on a slider of constant velocity whose contacts were all newborn
-    at its start, as in Fig. 11.
+    """Return the force on a slider of constant velocity whose contacts are all newborn
+    at its start, as in Fig. 11, from a renewal equation.
 
-    By a renewal equation. Contacts have `Langevin` ageing, no delay, and no strength at
-    birth. Returned are positions, in equal steps of the distance, in ``x_s``, and
-    forces there, per contact in ``f_s``.
+    Contacts have `Langevin` ageing, no delay, and no strength at birth. The result is
+    positions, in equal steps of the distance, in ``x_s``, and the forces there, per
+    contact in ``f_s``.
     """
     speed = number("velocity", velocity, above=0)
     distance = number("distance", distance, above=0)

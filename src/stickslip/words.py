@@ -1,6 +1,4 @@
-"""Numbers and quantities in words: as a person would write them, with one table of
-SI prefixes.
-"""
+"""Numbers and quantities in words, as a person would write them, with SI prefixes."""
 
 import math
 import re
@@ -23,7 +21,7 @@ PREFIXES: dict[str, tuple[str, int]] = {
     "G": ("giga", 9),
     "T": ("tera", 12),
 }
-"""SI prefixes as they are read: their names and powers of ten."""
+"""SI prefixes that can be read: their names and powers of ten."""
 _WRITTEN = {
     0: "",
     **{power: symbol for symbol, (_, power) in PREFIXES.items() if power % 3 == 0},
@@ -31,16 +29,16 @@ _WRITTEN = {
 _PREFIXED = re.compile(rf"({'|'.join(PREFIXES)}|)(N|m|s|g|J|Pa|Hz|V|A)([/*].*)?")
 _PER_SECOND = {f"/{symbol}s": power for symbol, (_, power) in PREFIXES.items()}
 _LARGEST = {"s": 0, "g": 3}
-"""Largest power of ten of the units that people give no larger prefix: 5000 s, 5000
-kg.
+"""Largest power of ten of units that people write without a larger prefix: 5000 s and
+5000 kg.
 """
-# digits before the decimal point up to which a number is written without an exponent
+# most digits before the decimal point of a number that is written without an exponent
 _POSITIONAL = 7
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number in a given number of significant digits, without an exponent from
-    0.0001 to ten millions.
+    """Return a number in words, with significant digits, and from 0.0001 to ten million
+    without an exponent.
 
     Examples
     --------
@@ -52,13 +50,13 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def listed(names: Iterable[object]) -> str:
-    """Return names in a row: ``a, b and c``."""
+    """Return names as a list in words: ``a, b and c``."""
     *first, last = map(str, names)
     return f"{', '.join(first)} and {last}" if first else last
 
 
 def percent(fraction: float) -> str:
-    """A fraction in per cent: whole per cents from 10 % on, two digits below.
+    """Return a fraction in per cent: whole per cents from 10 % on, two digits below.
 
     Examples
     --------
@@ -70,11 +68,11 @@ def percent(fraction: float) -> str:
 
 
 def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
-    """Return the divisor of a value in an SI unit, and the unit with the prefix that
-    suits it.
+    """Return the unit of a value with a suitable SI prefix, and the divisor that
+    converts the value to it, the divisor first.
 
-    Any other unit stays as it is. 999.96 N in four significant digits is 1 kN. Rates
-    are given per second.
+    A unit that is not SI is returned unchanged. 999.96 N in four significant digits is
+    1 kN. Rates are converted to rates per second.
 
     Examples
     --------
@@ -98,8 +96,8 @@ def prefixed(value: float, unit: str, digits: int = 4) -> tuple[float, str]:
 
 
 def engineering(value: float, unit: str, digits: int = 4) -> str:
-    """Return a value with its unit and the prefix that suits it; ``"1"`` is no unit,
-    "time" time units.
+    """Return a value with its unit and a suitable prefix; the unit ``"1"`` is not
+    shown, and "time" is shown as time units.
 
     Examples
     --------

@@ -1,13 +1,14 @@
 """The answer to: will this rig stick-slip, at which speeds, and what would stop it.
 
-`predict` answers for a `Rig`; `chart` draws up the map around it. Three questions are
-kept apart, because their answers differ:
+`predict` answers for a `Rig`; `chart` computes the stability map around it. Three
+questions are kept apart, because their answers differ:
 
 - *elastic instability*: is the spring softer than the steepest fall of the force,
-  ``K < K*``, Eq. (8)? Needed for a first slip, not enough for stick-slip to persist.
-- *linear stability*: does smooth sliding, once there, resist a small disturbance?
-- *sustained stick-slip*: does stick-slip go on from a start at rest? Between the last
-  two the rig is bistable.
+  ``K < K*``, Eq. (8)? This is necessary for a first slip, but does not suffice for
+  stick-slip to persist.
+- *linear stability*: does smooth sliding, once reached, resist a small perturbation?
+- *sustained stick-slip*: does stick-slip persist from a start at rest? Where it does,
+  although smooth sliding is stable, the rig is bistable.
 """
 
 from stickslip.advise.answer import ElasticPrediction, Prediction

@@ -1,5 +1,5 @@
-"""What `predict` returns: it prints, is a card and a page, draws itself, and converts
-to plain numbers.
+"""The answers that `predict` returns: as text, as an HTML card or page, as a picture,
+and as plain numbers.
 """
 
 from __future__ import annotations
@@ -34,17 +34,15 @@ from stickslip.model.rig import Rig
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_UNWRAPPED = 10_000  # columns: no sentence is as wide
-_STRIP = 600.0  # width of the strip of speeds of a card, in its own units
-# of the strip of speeds in characters: its cells, and the columns of a page where
-# nobody knows them
-_CELLS = 60
-_COLUMNS = 80
+_UNWRAPPED = 10_000  # columns: wider than any sentence
+_STRIP = 600.0  # width of the strip of speeds on a card, in units of its SVG
+_CELLS = 60  # most cells of the strip of speeds in characters
+_COLUMNS = 80  # columns of a terminal, if their number is not known
 
 
 def as_html(answer: Answer, **more: Any) -> str:
     """Return an answer with a headline and sections as a card, or as a page."""
-    # slow to load
+    # slow to import
     from jinja2 import Environment
     from markupsafe import Markup
 
@@ -57,11 +55,11 @@ def as_html(answer: Answer, **more: Any) -> str:
 
 
 class RigAnswer(Answer):
-    """An answer about a rig: a headline, and the sections beneath it."""
+    """An answer about a rig: a headline, and the sections below it."""
 
     _picture: ClassVar[str]  # the function of `stickslip.plot` that draws it
-    _derived: ClassVar[tuple[str, ...]]  # what `to_dict` gives beside the fields
-    _lines: ClassVar[Callable[..., Iterator[str | Line]]]  # beneath the strip of speeds
+    _derived: ClassVar[tuple[str, ...]]  # properties that `to_dict` adds to the fields
+    _lines: ClassVar[Callable[..., Iterator[str | Line]]]  # below the strip of speeds
     rig: Rig
     bands: Any
     speeds_searched: tuple[float, float]
@@ -74,16 +72,16 @@ class RigAnswer(Answer):
     @property
     @abstractmethod
     def sections(self) -> Sequence[Section]:
-        """All sections, also those that hold no sentence."""
+        """All sections, including empty ones."""
 
     @property
     def headline(self) -> str:
-        """The motion at the rig's own speed, in a line."""
+        """The motion at the rig's own speed, in one line."""
         return self.headline_motion.line
 
     @property
     def motion(self) -> str:
-        """The kind of motion at the rig's own speed, if a run shows it."""
+        """The kind of motion at the rig's own speed; empty without a run."""
         return ""
 
     @property
@@ -105,20 +103,20 @@ class RigAnswer(Answer):
         bold: bool = False,
         signs: bool = False,
     ) -> str:
-        """Return the answer in some twenty lines, or in full.
+        """Return the answer as text, in some twenty lines or in full.
 
         Parameters
         ----------
         width : int, optional
-            Columns to which sentences are wrapped; tables are kept whole.
+            Columns to which sentences are wrapped; tables are not wrapped.
         details : bool
-            Whether all sections stand there, evidence and margins among them.
+            Whether to return all sections, with evidence and margins.
         bold : bool
-            Whether titles are bold, and the strip of speeds is coloured, by the codes
-            of a terminal.
+            Whether titles are bold, and the strip of speeds is coloured, by terminal
+            codes.
         signs : bool
-            Whether changes are written with arrows, and the signs of multiplication
-            and division, which not every terminal has.
+            Whether changes are written with arrows and the signs of multiplication and
+            division, which not every terminal can show.
         """
         lines = self._details() if details else self._screen(width, bold, signs)
         return "\n".join(_shown(line, width, bold) for line in lines)
@@ -126,12 +124,14 @@ class RigAnswer(Answer):
     def _screen(
         self, width: int | None, bold: bool, signs: bool
     ) -> Iterator[str | Line]:
-        """Verdict, strip of speeds, changes, and how sure it is."""
+        """Yield the lines of the short text: verdict, strip of speeds, changes, and
+        uncertainty.
+        """
         yield Line("", screen.title(self.rig))
         yield f"  {screen.verdict(self.headline_motion)}"
         found: Any = self
         low, high = screen.ends(found)
-        # beside them blanks, and two marks of now at most
+        # leave room for blanks, and for two marks of the rig's own speeds
         cells = (width or _COLUMNS) - len(f"  {low}  {high}||")
         if kinds := screen.strip(found, min(max(cells, 1), _CELLS)):
             drawn = _coloured(kinds) if bold else "".join(MARKS[k][0] for k in kinds)
@@ -140,7 +140,7 @@ class RigAnswer(Answer):
         yield from self._lines(ARROWS if signs else ASCII)
 
     def _details(self) -> Iterator[str | Line]:
-        """The headline and the sections, tables kept whole."""
+        """Yield the lines of the full text: the headline and all sections."""
         yield Line(f": {self.headline}", self.rig.name)
         for section in self.sections:
             if not section.rows:
@@ -160,18 +160,18 @@ class RigAnswer(Answer):
 
     @property
     def ends(self) -> list[str]:
-        """The ends of the strip of speeds."""
+        """The ends of the strip of speeds, in words."""
         found: Any = self
         return screen.ends_of_speeds(found)
 
     def html(self, **page: Any) -> str:
-        """Return the headline, the strip of speeds and the sections as a card, or as a
-        page with what else is on it.
+        """Return the headline, the strip of speeds and the sections as a card in HTML;
+        with further contents `page`, as a page.
         """
         return as_html(self, place=self._place, page=page)
 
     def _place(self, speed: float) -> float:
-        """Place of a speed on the strip of a card."""
+        """Return the position of a speed on the strip of a card."""
         found: Any = self
         return _STRIP * screen.place(found, speed)
 
@@ -179,10 +179,10 @@ class RigAnswer(Answer):
         return self.html()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the answer as plain numbers, texts and lists, as JSON takes them;
-        what is not finite is None.
+        """Return the answer as plain numbers, texts and lists for JSON; numbers that
+        are not finite become None.
         """
-        # a mixin, whose subclasses are records
+        # the subclasses of this mixin are dataclasses
         own = [each.name for each in fields(self)]  # type: ignore[arg-type]
         names = [*own, *self._derived, "headline", "verdict", "units"]
         numbers: dict[str, Any] = plain(
@@ -199,8 +199,8 @@ class RigAnswer(Answer):
         return numbers
 
     def plot(self) -> Figure:
-        """Draw the answer: the motion at each speed; of a rigid slider also the
-        force at its own, and the margins.
+        """Draw the motion at each speed; for a rigid slider also the force at its own
+        speed, and the margins.
         """
         from stickslip import plot
 
@@ -209,7 +209,9 @@ class RigAnswer(Answer):
 
 
 def _shown(content: str | Line, width: int | None, bold: bool) -> str:
-    """A line as printed: wrapped, if that can be, beneath where its words begin."""
+    """Return a line as it is printed: wrapped, unless it is to be kept whole, with a
+    hanging indent.
+    """
     line = Line(content) if isinstance(content, str) else content
     words = line.title + line.text
     if not line.whole:
@@ -228,10 +230,8 @@ def _shown(content: str | Line, width: int | None, bold: bool) -> str:
 
 
 def _coloured(kinds: Sequence[str]) -> str:
-    """Cells of the strip of speeds in the colours of a terminal, as far as it has
-    any.
-    """
-    # slow to load
+    """Return the cells of the strip of speeds with terminal codes for their colours."""
+    # slow to import
     from rich.console import Console
     from rich.text import Text
 
@@ -246,7 +246,7 @@ def _coloured(kinds: Sequence[str]) -> str:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction(Findings, RigAnswer):
-    """Answer of `predict`: the `Findings`, every number in the rig's own units.
+    """Answer of `predict` for a rigid slider: its `Findings`, in the rig's own units.
 
     It prints as its short text.
     """
@@ -274,7 +274,9 @@ class Prediction(Findings, RigAnswer):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ElasticPrediction(WaveFindings, RigAnswer):
-    """Answer of `predict` for an elastic slider: the `WaveFindings`."""
+    """Answer of `predict` for an elastic slider: its `WaveFindings`, in the rig's own
+    units.
+    """
 
     _picture = "waves"
     _lines = screen.lines_of_waves

@@ -1,5 +1,5 @@
-"""The answer on a position-controlled axis: does it track steadily, does it hunt at
-rest, and what ends it.
+"""The answer for a position-controlled axis: whether it tracks steadily, whether it
+hunts at rest, and what stops hunting.
 """
 
 import math
@@ -30,20 +30,21 @@ if TYPE_CHECKING:
 class AxisAnswer(Answer):
     """Whether an axis tracks steadily and whether it hunts at rest.
 
-    Numbers are in natural units; it prints, and `to_dict` gives them, in the rig's own.
+    Numbers are in natural units; the text and `to_dict` convert them to the rig's own.
     """
 
     rig: Rig
-    tracking: Tracking | None  #: None for an axis that only holds a place
-    _hunt: Hunt = field(compare=False)  #: makes the moves
-    moves: tuple[Move, ...] = ()  #: what was tried; nothing where it is not possible
-    #: gain above which hunting ends, damping ratio and time of the integral as they are
+    tracking: Tracking | None  #: None for an axis that only holds a position
+    _hunt: Hunt = field(compare=False)  #: simulates the moves
+    moves: tuple[Move, ...] = ()  #: the moves tried; empty if hunting is impossible
+    #: proportional gain above which hunting ends, at the same damping ratio and
+    #: integral time
     gain: float = math.nan
     complete: bool = field(default=False, compare=False)
 
     @property
     def slip(self) -> Slip:
-        """One slip of the axis, pulled slowly."""
+        """One slip of the axis when it is pulled slowly."""
         return self._hunt.slip
 
     @property
@@ -58,7 +59,9 @@ class AxisAnswer(Answer):
 
     @property
     def peak_to_peak(self) -> float:
-        """Width of hunting: of the largest that was seen, else by one slip."""
+        """Width of hunting: the largest of the moves tried, else estimated from one
+        slip.
+        """
         seen = [move.peak_to_peak for move in self.moves if move.hunts]
         return max(seen, default=self.slip.peak_to_peak)
 
@@ -69,12 +72,12 @@ class AxisAnswer(Answer):
 
     @property
     def sections(self) -> list[Section]:
-        """What it says beneath its name."""
+        """The text below the name of the rig."""
         lines = [line.strip() for line in str(self).splitlines()[1:]]
         return [Section("axis", lines)]
 
     def html(self, **page: Any) -> str:
-        """Return the answer as a page with what else is on it."""
+        """Return the answer as a page with further contents `page`."""
         return as_html(self, page=page)
 
     def _length(self, value: float) -> str:
@@ -136,7 +139,7 @@ class AxisAnswer(Answer):
         return "\n".join(lines)
 
     def _evidence(self) -> list[str]:
-        """Reasons, from roots to moves."""
+        """Return the evidence for the verdict at rest, in lines."""
         if not strengthens(self.rig.interface):
             return ["contacts do not strengthen with rest: no delay, no ageing"]
         if self._hunt.axis.ki == 0.0:
@@ -154,12 +157,12 @@ class AxisAnswer(Answer):
         return lines
 
     def text(self, width: int = 80, **_: Any) -> str:
-        """The answer as the command line prints it."""
+        """Return the answer as the command line prints it."""
         del width
         return str(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """The answer as plain numbers in the rig's own units."""
+        """Return the answer as plain numbers in the rig's own units."""
         rig = self.rig
         length, time = rig.unit("x_s"), rig.unit("time")
         found = self.tracking
@@ -191,8 +194,8 @@ class AxisAnswer(Answer):
         return answer | {"moves": moves}
 
     def plot(self) -> "Figure":
-        """Draw the position after a move, the first that hunts if one does, with the
-        place that was to be reached; and with the gain that ends hunting.
+        """Draw the position after a move, if possible one that hunts, and its target;
+        if it hunts, also with the gain that stops hunting.
         """
         from stickslip.plot import PAGE, style
         from stickslip.plot.palette import BLUE, GREEN
@@ -223,7 +226,7 @@ class AxisAnswer(Answer):
 
 
 def judge_axis(rig: Rig, *, fast: bool, progress: Progress) -> AxisAnswer:
-    """Return the answer on an axis; `fast` stops before the moves."""
+    """Return the answer for an axis; with `fast`, without simulated moves."""
     moving = rig.natural.velocity != 0.0
     roots = tracking(rig) if moving else None
     progress(0.2)
@@ -233,7 +236,7 @@ def judge_axis(rig: Rig, *, fast: bool, progress: Progress) -> AxisAnswer:
 
 
 def complete_axis(found: AxisAnswer, progress: Progress) -> AxisAnswer:
-    """Return the answer with what the axis does after moves, and what ends hunting."""
+    """Return the answer with the simulated moves, and the gain that stops hunting."""
     hunt = found._hunt
     if not hunt.possible:
         return replace(found, complete=True)

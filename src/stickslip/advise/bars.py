@@ -1,5 +1,6 @@
-"""What is found for an elastic slider: which waves grow in smooth sliding, what a run
-from rest shows, and which change of one parameter makes smooth sliding stable.
+"""The prediction for an elastic slider: the waves that grow in smooth sliding, the
+slips of a run from rest, and the changes of one parameter that make smooth sliding
+stable.
 """
 
 from __future__ import annotations
@@ -34,13 +35,10 @@ from stickslip.simulation import estimate, record
 from stickslip.sliding import respond
 from stickslip.stability import count_unstable
 
-# numbers of the softest modes that are counted, and of those reported, which differ
-# in stiffness
-_MODES = 64
-_WAVES = 5
-# points a decade at which modes of a wave are counted
-_DENSITY = 6
-# what may be changed, one at a time
+_MODES = 64  # the softest modes, among which the growing ones are counted
+_WAVES = 5  # the softest modes of different stiffness, which are reported
+_DENSITY = 6  # points per decade of speed at which growing modes of a wave are counted
+# parameters that may be changed, one at a time
 _CHANGES = (
     VELOCITY,
     parameter_named("side"),
@@ -52,15 +50,15 @@ _CHANGES = (
     parameters.STD,
     parameters.AGEING,
 )
-# seconds, as counted from the work of a run: a longer one is left to `simulate`
+# longest run, in seconds as estimated from its work: longer ones are not made here
 _LONGEST_RUN = 60.0
 
 
 def predict_waves(
     rig: Rig, speeds: tuple[float, float], report: Progress
 ) -> ElasticPrediction:
-    """Say which waves of an elastic slider grow at the speed of its drive, and at which
-    speeds, given as factors.
+    """Return which waves of an elastic slider grow at its drive velocity, and the
+    velocities at which they grow, within `speeds`, given as factors.
     """
     searched = (speeds[0] * rig.velocity, speeds[1] * rig.velocity)
     found = ElasticPrediction(rig=rig, speeds_searched=searched)
@@ -76,7 +74,7 @@ def predict_waves(
             there = replace(rig, slider=slider, drive=constant(rig.natural.velocity))
             growing += grows(there)
             if slider in waves or len(waves) == _WAVES:
-                continue  # modes come in pairs of one stiffness
+                continue  # modes come in pairs of equal stiffness
             growth, frequency = by_theory.fastest_mode(there)
             bands = stability_along(there, VELOCITY, *speeds, density=_DENSITY)
             length = length_in_words(rig, wavelength, 3)
@@ -104,8 +102,8 @@ def predict_waves(
 
 
 def complete_waves(found: ElasticPrediction, report: Progress) -> ElasticPrediction:
-    """Go on to what a bar does from rest, and to what would make its smooth sliding
-    stable.
+    """Add to the answer the slips of a bar from rest, and the changes that make its
+    smooth sliding stable.
     """
     if found.theory_note or not isinstance(found.rig.slider, Chain):
         return found
@@ -116,12 +114,12 @@ def complete_waves(found: ElasticPrediction, report: Progress) -> ElasticPredict
 
 
 def _name(wavelength: float, coupling: float, body: ElasticBody, length: str) -> str:
-    """A mode in words."""
+    """Return the name of a mode, in words."""
     if math.isnan(wavelength):
         return "a mode localised at the driven end"
     if math.isinf(wavelength):
         return "the uniform mode" if coupling == 0.0 else "waves across the drive"
-    # No wave is longer than what carries it.
+    # a wave longer than its bar is not shown by its length
     if not isinstance(body, Chain) or wavelength <= body.size:
         return f"waves of {length}"
     whole = wavelength > 3.0 * body.size
@@ -134,8 +132,8 @@ def _grows(rig: Rig) -> bool:
 
 
 def _is_stable(rig: Rig) -> bool:
-    """Whether linear theory shows that no mode of a bar grows at the speed of its
-    drive, among the softest.
+    """Whether linear theory shows that none of the softest modes of a bar grows at the
+    speed of its drive.
     """
     drive = constant(rig.natural.velocity)
     try:
@@ -150,8 +148,8 @@ def _is_stable(rig: Rig) -> bool:
 def _changes(
     rig: Rig, critical: CriticalLength | None, report: Progress
 ) -> dict[str, Any]:
-    """The smallest change of each parameter that makes smooth sliding stable, the
-    smallest first, and the ranges in which others do not, as fields of the answer.
+    """Return, as fields of the answer, the smallest change of each parameter that makes
+    smooth sliding stable, the smallest first, and the ranges searched of the others.
     """
     found = list[Mitigation]()
     tried = dict[str, tuple[float, float]]()
@@ -167,7 +165,8 @@ def _changes(
                 continue
             to = now * up if up <= down else now / down
             found.append(Mitigation(parameter=parameter.name, now=now, to=to))
-    # the softest mode of a bar without leaf springs lacks what the critical one has
+    # Leaf springs of the critical stiffness stabilise the softest mode of a bar
+    # without any.
     if critical is not None and rig.natural.slider.leaf == 0:
         to = critical.stiffness * (1.0 + PRECISION)
         if _is_stable(rig.with_values(leaf=to)):
@@ -177,8 +176,9 @@ def _changes(
 
 
 def _smallest(rig: Rig, parameter: Parameter, side: int, furthest: float) -> float:
-    """The smallest factor on a parameter, up or down, from which on smooth sliding is
-    stable, to `PRECISION`; infinite if none of its doublings is.
+    """Return the smallest factor on a parameter, up or down, beyond which smooth
+    sliding is stable, to `PRECISION`; infinite if it is stable at none of the doubled
+    factors that are tried.
     """
     change = factor_on((parameter, side))
 
@@ -197,11 +197,11 @@ def _smallest(rig: Rig, parameter: Parameter, side: int, furthest: float) -> flo
 
 
 def _slips(rig: Rig, report: Progress) -> dict[str, Any]:
-    """The first slip of some blocks and the first of all in the run of a bar, as fields
-    of the answer; nothing if that would take long.
+    """Return, as fields of the answer, the first partial slip and the first slip of all
+    blocks in a run of a bar; empty if that would take long.
 
-    A drive at one speed goes on no further than where its springs hold all contacts,
-    and the bar is compressed as far as they can.
+    The run of a drive at one speed ends once the springs balance all contacts, and the
+    bar is compressed as far as the contacts can.
     """
     natural = rig.natural
     body = natural.slider
@@ -216,7 +216,7 @@ def _slips(rig: Rig, report: Progress) -> dict[str, Any]:
         if estimate(rig).reference_seconds > _LONGEST_RUN:
             return {}
         seen = large_events(record(rig, progress=report).dataset())
-    except InputError:  # such a bar has no steady sliding, or cannot be simulated
+    except InputError:  # the bar has no steady sliding, or cannot be simulated
         return {}
     first = dict[bool, Slip]()
     for start, blocks, far, drop in zip(

@@ -1,5 +1,5 @@
-"""Runs that decide what a rig does: how long they last, with which contacts, and how
-many of them a search may make.
+"""The runs that decide the motion of a rig: their length, their contacts, and how many
+of them a search may make.
 """
 
 from __future__ import annotations
@@ -34,45 +34,49 @@ from stickslip.structures.runs import longest_step
 
 Answer = TypeVar("Answer")
 OSCILLATES = ("stick-slip", "sustained oscillation")
-# A run lasts a dozen cycles of the slowest oscillation that the rig can have, at least
-# this far in mean thresholds, and until the free slider has rung out, in units of
-# 1/eta, if that takes no more cycles than `_RINGS`.
+# A run lasts for `_CYCLES` of the slowest oscillation of the rig, for at least
+# `_SHORTEST` mean thresholds of travel, and until the free slider has rung down, which
+# takes `_RINGING`/eta, but at most `_RINGS` cycles.
 _CYCLES = 12.0
 _SHORTEST = 60.0
 _RINGING = 10.0
 _RINGS = 60.0
-# a last test: so many times 1/decay rate, but not more than so many runs
+# The last run lasts until the slowest mode has decayed, for `_DECAYS` over its decay
+# rate, but at most `_PATIENCE` times as long as a usual run.
 _DECAYS = 6.0
 _PATIENCE = 4.0
-_LONGEST = 8.0  # runs: what stays undecided is made twice as long, up to that
-# Runs of other contacts that must all slide smoothly: then, at 95 % confidence, two of
-# three of all runs do.
+# An undecided run is doubled in length up to this many usual lengths.
+_LONGEST = 8.0
+# Number of runs with other contacts that must all slide smoothly: then, at 95 %
+# confidence, at least two thirds of all such runs do.
 SEEDS = math.ceil(math.log(1.0 - 0.95) / math.log(2.0 / 3.0))
-# Velocity off the drive's (rms), over it, up to which runs fluctuate as linear theory
-# gives near a limit: within a fifth. Beyond, by as little as a third of that.
-SWAYS = 0.2
-# contacts: noise of more is below what a regime takes for nothing
+# Relative rms deviation from the drive velocity up to which the fluctuations of runs
+# near a stability limit agree with linear theory, within a fifth. Beyond it, they may
+# be a third of what the theory predicts.
+LINEAR_NOISE = 0.2
+# number of contacts above which a regime neglects their noise
 _UNSEEN = math.ceil((ERRORS * NOISE_OF_CONTACTS / TINY) ** 2)
-# Seconds that count as one run, as an estimate counts them from its work, by
-# `is_expensive`: of most that is twice what it takes.
+# Estimated seconds of work that count as one run, by `is_expensive`. Most runs take
+# half of their estimate.
 _SECONDS = {False: 0.15, True: 0.05}
-# looks at linear theory that do, by `is_expensive`: an integral over all ages; also
-# those at contacts of which that is known
-_LOOKS = {False: 10.0, True: 1.0}
-# terms of sums that follow the response of contacts, of which a look takes as many
+# Number of evaluations of linear theory that count as one run, by `is_expensive`: an
+# expensive one integrates over all ages. Evaluations for contacts whose response is
+# already known count as cheap.
+_EVALUATIONS = {False: 10.0, True: 1.0}
+# number of terms, in sums over the response of contacts, of a usual evaluation
 _TERMS = 1.6e6
-_WAVES = 1 << 15  # frequencies of a scan, without ageing or temperature
-# steps of a structure that last as long as one run, and lives of its contacts
+_WAVES = 1 << 15  # number of frequencies of a usual scan, without ageing or temperature
+# steps of a structure, and lifetimes of its contacts, that take as long as one run
 _STEPS = 4e5
 _LIVES_IN_STEPS = 1e6
-_LEAST = 0.5  # what the shortest run counts, as its regime is to be found
-# contacts that are few: where one run of them decides little, by convention
+_LEAST = 0.5  # cost of the shortest run, whose regime must still be found
+# With fewer contacts than this, one run decides little; a convention.
 _FEW = 300
 
 
 def cycle_of(rig: Rig) -> float:
-    """Travel of the drive in the slowest cycle of a rig: a life of a contact and the
-    loading, or a free oscillation.
+    """Return the travel of the drive in the slowest cycle of a rig: that of loading and
+    detachment of a contact, or of a free oscillation, whichever is longer.
     """
     slider = _slowest(rig)
     velocity = rig.natural.velocity
@@ -86,13 +90,13 @@ def cycle_of(rig: Rig) -> float:
 
 
 def _slowest(rig: Rig) -> Slider:
-    """The slider, or the slowest motion of a structure."""
+    """Return the slider, or that of the slowest mode of a structure."""
     found: Slider = getattr(rig.slider, "slowest", rig.slider)
     return found
 
 
 def length_of(rig: Rig) -> float:
-    """Travel of the drive after which the regime of a run can be decided."""
+    """Return the travel of the drive after which the regime of a run can be decided."""
     damping = _slowest(rig).damping
     cycle = cycle_of(rig)
     ringing = rig.natural.velocity * _RINGING / damping if damping > 0 else 0.0
@@ -104,8 +108,8 @@ def length_of(rig: Rig) -> float:
 
 
 def until_decayed(rig: Rig) -> float:
-    """Travel of the drive in which the slowest mode decays; 0 if it grows, NaN where
-    none decays exponentially.
+    """Return the travel of the drive in which the slowest mode decays; 0 if it grows,
+    NaN if no mode decays exponentially.
     """
     try:
         rate = growth_rate(rig.natural).real
@@ -115,18 +119,19 @@ def until_decayed(rig: Rig) -> float:
 
 
 def method_of(rig: Rig, other: int = 0) -> Contacts:
-    """The contacts that decide what a rig does, or others of their kind: its own, up
-    to a number whose noise is not seen.
+    """Return the method of the runs that decide the motion of a rig: its own contacts,
+    up to a number whose noise is negligible, or with `other` > 0 differently drawn
+    ones.
     """
     own = rig.method if isinstance(rig.method, DRAWN) else Contacts(10_000, seed=1)
     return Contacts(min(own.count, _UNSEEN), seed=own.seed + other)
 
 
 def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
-    """A run from rest at the constant speed of a rig, for as long as it takes to
-    judge it, at least for a distance.
+    """Return the rig for a run from rest at its constant speed, long enough to decide
+    the regime, and at least for a distance.
     """
-    # the same, however it came about: less friction is a higher speed
+    # rounded, so that equal rigs compare equal however they were computed
     speed = float(f"{rig.natural.velocity:.12g}")
     there = Rig(
         rig.interface, rig.slider, constant(speed), method=method_of(rig, other)
@@ -137,8 +142,8 @@ def trial(rig: Rig, distance: float = 0.0, other: int = 0) -> Rig:
 
 
 def survives_noise(rig: Rig, most: float = 1.0) -> bool:
-    """Whether smooth sliding that is linearly stable stays, with the noise of the
-    contacts: whether that moves the velocity by less than a part of it, rms.
+    """Whether linearly stable smooth sliding survives the noise of the contacts: the
+    velocity then fluctuates by less than the fraction `most` of it, rms.
     """
     if not isinstance(rig.method, DRAWN):
         return True
@@ -151,36 +156,36 @@ def survives_noise(rig: Rig, most: float = 1.0) -> bool:
 
 
 def is_expensive(rig: Rig) -> bool:
-    """Whether contacts age, or heat breaks them: a run, or a look at linear theory,
-    then takes some thirty times as long.
+    """Whether contacts age, or heat breaks them: a run, or an evaluation of linear
+    theory, then takes some thirty times as long.
     """
     return rig.interface.ageing is not None or rig.interface.activation is not None
 
 
 def varies(rig: Rig) -> bool:
-    """Whether one run decides little: contacts are few, or wait for an arrest that may
-    not come.
+    """Whether one run decides little: the contacts are few, or re-attach only at an
+    arrest, which may not come.
     """
     count = getattr(rig.method, "count", math.inf)
     return count < _FEW or isinstance(rig.interface.delay, OnArrest)
 
 
-def runs_of(rig: Rig) -> float:
-    """Number of usual runs as which a run counts, by the work that it takes."""
+def cost_of_run(rig: Rig) -> float:
+    """Return the cost of a run in usual runs, from its estimated work."""
     if isinstance(rig.natural.slider, Structure):
         lives = float(lifetimes_in(rig.natural, Course(0.0))[0])
         contacts = rig.method.count if isinstance(rig.method, DRAWN) else _UNSEEN
         steps = rig.natural.drive.duration / longest_step(rig.natural.slider)
         return max(contacts * lives / _LIVES_IN_STEPS + steps / _STEPS, _LEAST)
     seconds = 0.0
-    with suppress(InputError):  # it cannot be simulated, which takes no time
+    with suppress(InputError):  # a rig that cannot be simulated costs nothing
         seconds = estimate(rig).reference_seconds
     return max(seconds / _SECONDS[is_expensive(rig)], _LEAST)
 
 
-def looks_of(rig: Rig) -> float:
-    """Number of usual looks at linear theory as which one counts, by the terms of its
-    sums, or the frequencies of a scan.
+def cost_of_theory(rig: Rig) -> float:
+    """Return the cost of an evaluation of linear theory in usual ones, from the number
+    of terms of its sums, or of frequencies of its scan.
     """
     try:
         sliding = smooth_sliding(rig)
@@ -199,10 +204,11 @@ class BudgetExhausted(Exception):  # noqa: N818 - not an error: it ends a search
 
 
 class Budget:
-    """Number of runs that a search may make, looks at linear theory among them.
+    """The number of runs that a search may make, which evaluations of linear theory
+    also use up.
 
-    Counts, no times: the same rig gets the same answer on any machine. No question is
-    asked twice.
+    It counts runs rather than time, so that a rig gets the same answer on any machine.
+    Results are cached.
     """
 
     def __init__(self, runs: float) -> None:
@@ -212,7 +218,7 @@ class Budget:
 
     @contextmanager
     def limited_to(self, fraction: float) -> Iterator[None]:
-        """Allow no more than a fraction of what is left."""
+        """Allow, within a `with` block, only a fraction of what is left."""
         allowed = self.allowed
         self.allowed = self.spent + fraction * (allowed - self.spent)
         try:
@@ -229,50 +235,54 @@ class Budget:
     def theory(
         self, ask: Callable[..., Answer], rig: Rig, *given: Any, more: float = 0.0
     ) -> Answer:
-        """Ask linear theory about a rig, at the cost of a look at the response of its
-        contacts, once where that is expensive, and of a number of looks more.
+        """Return a result of linear theory for a rig, at the cost of one evaluation and
+        `more`; an expensive response of the contacts is paid for only once.
         """
         contacts = rig.interface, rig.natural.velocity
         key = ask, *contacts, rig.slider, given
         if key not in self._known:
-            dear = is_expensive(rig)
-            known = not dear or contacts in self._known
-            look = 1.0 / _LOOKS[False] if known else looks_of(rig) / _LOOKS[dear]
-            self.spend(look + more / _LOOKS[dear])
+            per_run = _EVALUATIONS[is_expensive(rig)]
+            first = 1.0 / _EVALUATIONS[False]
+            if is_expensive(rig) and contacts not in self._known:
+                first = cost_of_theory(rig) / per_run
+            self.spend(first + more / per_run)
             self._known[contacts] = True
             self._known[key] = ask(rig, *given)
         found: Answer = self._known[key]
         return found
 
     def record(self, rig: Rig) -> Recording:
-        """Make a run."""
-        self.spend(runs_of(rig))
+        """Simulate a rig, at the cost of its run."""
+        self.spend(cost_of_run(rig))
         return record(rig, estimated=False)
 
     def longer(self, run: Recording, times: float) -> Recording:
-        """Make a run so many times as long, of the contacts that decide its regime."""
+        """Return a run that is `times` as long, with the contacts that decide its
+        regime.
+        """
         rig = replace(run.rig, method=method_of(run.rig))
         if rig.method == run.rig.method:
-            self.spend((times - 1.0) * runs_of(rig))
+            self.spend((times - 1.0) * cost_of_run(rig))
             return run.longer(times * rig.drive.duration)
         return self.record(rig)
 
     def regime(self, rig: Rig) -> Regime:
-        """Regime of a run that is made longer until it is decided, or `_LONGEST`.
+        """Return the regime of a run, which is made longer, up to `_LONGEST`, until the
+        regime is decided.
 
-        Raises `BudgetExhausted` if the budget ends before.
+        Raises `BudgetExhausted` if the budget does not suffice.
         """
         if rig not in self._known:
-            *_, (_, self._known[rig]) = self.looks(self.record(rig), _LONGEST)
+            *_, (_, self._known[rig]) = self.until_decided(self.record(rig), _LONGEST)
         found: Regime = self._known[rig]
         return found
 
     def slide_smoothly(self, rigs: Sequence[Rig], others: Iterable[int]) -> bool:
-        """Whether the runs of each rig with other contacts, by their number from 1 on,
-        slide smoothly at last.
+        """Whether the runs of each rig with other contacts, `others` numbered from 1,
+        end in smooth sliding.
 
-        The first shows most often what does not slide. What comes after it lasts as
-        long as that took to decide, the second until its slowest mode has decayed.
+        The first run finds most rigs that do not slide smoothly. The next ones last as
+        long as it took to decide, the second also until its slowest mode has decayed.
         """
         try:
             for other, rig in product(others, rigs):
@@ -286,20 +296,20 @@ class Budget:
                     lasts = max(lasts, min(_PATIENCE * length, until))
                 if self.regime(trial(rig, lasts, other)).kind != "smooth sliding":
                     return False
-        except InputError:  # such a rig cannot be simulated
+        except InputError:  # the rig cannot be simulated
             return False
         return True
 
-    def looks(
+    def until_decided(
         self, run: Recording, longest: float = math.inf
     ) -> Iterator[tuple[Recording, Regime]]:
-        """Make a run that ends at a constant speed longer until its regime is decided:
-        the run and its regime, each time, of which the last is final.
+        """Make a run, which ends at a constant speed, longer until its regime is
+        decided; yield the run and its regime each time, the last of which is final.
 
         No run is longer than `longest` times `length_of`. Raises `BudgetExhausted` if
-        the budget ends before.
+        the budget does not suffice.
         """
-        turns = bounded("Budget.looks", HALVINGS)
+        turns = bounded("Budget.until_decided", HALVINGS)
         while True:
             next(turns)
             seen = regime_of_run(run)
@@ -316,12 +326,13 @@ class Budget:
     def _compared_with_theory(
         self, run: Recording, seen: Regime, travel: float
     ) -> tuple[Regime, float]:
-        """Regime of a run in the light of linear theory, and the travel for which it
-        must last.
+        """Return the regime of a run, corrected by linear theory, and the travel for
+        which the run must last.
 
-        An oscillation of a linearly stable rig must outlast its slowest mode; what does
-        not slip must be seen not to decay as that does, and what decays to do so as
-        fast: else it may decay to a smaller oscillation that lasts.
+        If smooth sliding is linearly stable, an oscillation must outlast the slowest
+        mode. One without slips must decay significantly more slowly than that mode, and
+        one that counts as decaying must decay as fast as it: else it may decay to a
+        smaller oscillation that persists.
         """
         case = run.rig
         if seen.is_noise and not self._covered(case) and not self._fades(run, seen):
@@ -354,21 +365,21 @@ class Budget:
         return seen, lasts
 
     def _covered(self, rig: Rig) -> bool:
-        """Whether linear theory covers the noise of the contacts of a rig."""
+        """Whether linear theory describes the noise of the contacts of a rig."""
         count = getattr(rig.method, "count", 0)
         key = "covered", rig.interface, rig.slider, rig.natural.velocity, count
         if key not in self._known:
-            self._known[key] = survives_noise(rig, SWAYS)
+            self._known[key] = survives_noise(rig, LINEAR_NOISE)
         found: bool = self._known[key]
         return found
 
     def _fades(self, run: Recording, seen: Regime) -> bool:
         """Whether the force of four times as many contacts fluctuates half as much, as
-        noise does, or as much.
+        noise does, rather than as much.
 
         It decides where the velocity fluctuates by more than the linear theory of noise
-        covers. Of a run that is made longer, or with other contacts, they are asked
-        once.
+        allows. The run with more contacts is made once, also for runs that are longer
+        or have differently drawn contacts.
         """
         rig = run.rig
         assert isinstance(rig.method, DRAWN)
@@ -383,7 +394,9 @@ class Budget:
 
 
 def _doubtful(seen: Regime) -> Regime:
-    """A regime as undecided, if only because the oscillation may still decay."""
+    """Return a regime as undecided: by its own reason, or because the oscillation may
+    still decay.
+    """
     reason = "the oscillation may still decay: longer runs would decide"
     if seen.kind == "undecided":
         reason = seen.reason
@@ -391,7 +404,7 @@ def _doubtful(seen: Regime) -> Regime:
 
 
 def _is_smooth_by_decay(seen: Regime) -> bool:
-    """Whether sliding counts as smooth because an oscillation that is seen decays."""
+    """Whether sliding counts as smooth because a visible oscillation decays."""
     error = next((test.error for test in seen.table if test.name == CHANGE), math.nan)
     swings = seen.peak_to_peak >= TINY * seen.static_friction
     smooth = seen.kind == "smooth sliding" and swings and not seen.is_noise
@@ -399,8 +412,8 @@ def _is_smooth_by_decay(seen: Regime) -> bool:
 
 
 def fluctuation(run: Recording, seen: Regime) -> float:
-    """Standard deviation of the spring force over its mean, in the window of a
-    regime and after it.
+    """Return the standard deviation of the spring force over its mean, from the start
+    of the window of a regime on.
     """
     late = Trace.of_run(run).part(seen.window[0]).force
     return float(late.std() / abs(late.mean()))

@@ -29,13 +29,13 @@ def chart(
     *,
     bistable: bool = False,
 ) -> xr.Dataset:
-    """Map the linear stability of smooth sliding over two parameters around a rig's own
-    point, in the rig's units.
+    """Return a map of the linear stability of smooth sliding over two parameters around
+    a rig's own point, in the rig's units.
 
-    The window reaches a factor `around` to either side, with half of the points along
-    each parameter for the shading. With `bistable`, stick-slip is followed from the
-    boundary to where it decays, along the second parameter, at some values of the
-    first, which takes seconds for each.
+    The window extends by a factor `around` in either direction, with half of `points`
+    along each parameter for the growth rate. With `bistable`, stick-slip is followed
+    from the boundary to where it decays, along the second parameter, at some values of
+    the first, which takes seconds for each.
 
     Returns
     -------
@@ -57,8 +57,8 @@ def chart(
         check_rig(natural, FromRest(), METHOD)
         if rig.interface.ageing is not None and rig.interface.activation is not None:
             raise InputError(
-                "map: --bistable: of contacts that age and break by heat it takes "
-                "hours; leave it out, and ask "
+                "map: --bistable: with contacts that age and break by heat it takes "
+                "hours; leave it out, and call "
                 "bistable_range() over the velocity for one value of the other "
                 "parameter"
             )

@@ -1,5 +1,5 @@
-"""How much a verdict owes to what was fitted or assumed: the rig with all of it
-varied, and what matters most.
+"""How much a verdict depends on fitted and assumed values: the motion of rigs with all
+of these varied, and which value matters most.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from stickslip.sliding.curve import delay_of
 from stickslip.sliding.rigid_motion import slow_friction, thresholds_of
 from stickslip.words import number, percent
 
-# factor either way, by convention, within which an assumption is varied that the file
-# gives no range of
+# An assumption for which the file gives no range is varied by up to this factor, up and
+# down; a convention.
 WIDEST = 3.0
-_DRAWS = 64  # then the error of a fraction is at most .06
+_DRAWS = 64  # the standard error of a fraction is then at most .06
 _CONTACTS = Parameter(
     name="contacts",
     unit="1",
@@ -41,8 +41,8 @@ _CONTACTS = Parameter(
 
 
 def _friction(which: int) -> Parameter:
-    """Static or kinetic friction in slow motion, the other one kept: thresholds
-    follow as they do in a rig file.
+    """Return the parameter of static (0) or kinetic (1) friction in slow motion, which
+    keeps the other one; thresholds follow as they do in a rig file.
     """
 
     def both(rig: Rig) -> list[float]:
@@ -63,8 +63,8 @@ def _friction(which: int) -> Parameter:
     )
 
 
-# What of a rig its file may call assumed, by the key: the parameter that varies it, and
-# whether that rises with it.
+# Keys of a rig file whose values may be assumed: the parameter that varies each, and 1
+# or -1 if the parameter rises or falls with the value.
 _VARIED = {
     "slider.mass": (parameters.MASS, 1),
     "slider.stiffness": (parameters.STIFFNESS, 1),
@@ -87,37 +87,37 @@ _VARIED = {
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Doubt(Answer):
-    """What a rig does at its own speed over the rigs that its fit and its
+    """The motion of a rig at its own speed, for the values that its fit and its
     assumptions allow.
     """
 
-    #: Fraction that does not slide smoothly, by linear theory or in a run from rest, of
-    #: those that either decides.
+    #: Fraction of the drawn rigs that do not slide smoothly, by linear theory or in a
+    #: run from rest, among those for which either decides.
     oscillates: float
-    undecided: float  #: fraction of all that neither decides
-    draws: int
+    undecided: float  #: fraction of the drawn rigs for which neither decides
+    draws: int  #: number of rigs drawn
 
-    #: Keys of the rig's file that were fitted or varied, each with the fractions that
-    #: oscillate of the half where the value is larger, and of the other; not a number
-    #: if none of a half is decided. The first matters most: there these differ by most
-    #: standard errors.
+    #: Keys of the rig's file that were fitted or varied, each with the fraction that
+    #: oscillates of the half of the rigs with the larger values, and of the other half;
+    #: NaN if none of a half is decided. They are sorted by the difference of the two in
+    #: standard errors: the first matters most.
     matters: tuple[tuple[str, float, float], ...]
-    decides: bool = False  #: whether the first does: by more than two standard errors
-    assumed: tuple[str, ...] = ()  #: those that were assumed
-    ranges: bool = False  #: whether the file gives ranges of some of these
-    left: tuple[str, ...] = ()  #: those of the file that cannot be varied by a number
-    #: whether the runs that are allowed were spent before all was decided
+    decides: bool = False  #: whether the first differs by over two standard errors
+    assumed: tuple[str, ...] = ()  #: keys that were assumed
+    ranges: bool = False  #: whether the file gives ranges for some of these
+    left: tuple[str, ...] = ()  #: assumed keys of the file that cannot be varied
+    #: whether the budget was exhausted before all rigs were decided
     ended: bool = False
-    #: what contacts with a delay do where they fit the measured friction as well
+    #: sentence on contacts with a delay that fit the measured friction as well
     delay: str = ""
 
     @classmethod
     def of(cls, rig: Rig, budget: Budget) -> Self | None:
-        """Take what was fitted at its draws, and vary what a rig's file calls assumed;
-        None if there is neither.
+        """Return the motion of rigs with the draws of the fit and with varied
+        assumptions; None if a rig has neither.
 
-        Assumptions are varied all at once, evenly in the logarithm, within the range
-        that the file gives, or a factor `WIDEST`.
+        Assumptions are varied all at once, uniformly in the logarithm, within the range
+        that the file gives, or within a factor `WIDEST`.
         """
         fitted = {key: one.draws for key, one in rig.fitted.items() if one.draws}
         assumed = [
@@ -136,7 +136,7 @@ class Doubt(Answer):
         count = min([_DRAWS, *map(len, fitted.values())])
         rigs = [rig] * count
         if fitted:
-            # some .1 s that no other rig needs
+            # takes some .1 s to import, which other rigs do not need
             from stickslip.fitting import rigs_drawn
 
             rigs = [*islice(rigs_drawn(rig), count)]
@@ -144,7 +144,7 @@ class Doubt(Answer):
         oscillates = np.full(count, np.nan)
         ended = False
         for i, drawn in enumerate(rigs):
-            # there may be no such rig
+            # a rig with the varied values may not exist
             with suppress(InputError):
                 try:
                     there = _varied(drawn.natural, assumed, factors[:, i])
@@ -172,7 +172,9 @@ class Doubt(Answer):
         return "\n".join(self.sentences())
 
     def short(self) -> Iterator[str]:
-        """How many of the rigs that were drawn oscillate, and what to measure first."""
+        """Yield sentences on how many of the drawn rigs oscillate, and what to measure
+        first.
+        """
         if self.delay:
             yield self.delay
         if not self.draws:
@@ -199,18 +201,19 @@ class Doubt(Answer):
             yield f"Measure {name}: smaller, {smaller} oscillate; larger, {larger}."
 
     def sentences(self) -> Iterator[str]:
-        """The same, and what was varied."""
+        """Yield the sentences of `short`, and those on what was varied."""
         yield from self.short()
         if self.assumed:
             keys = ", ".join(key for key, *_ in self.matters if key in self.assumed)
-            yield f"Varied together, what matters most first: {keys}"
+            yield f"Varied together, the most important first: {keys}"
         if self.left:
-            yield f"Not varied, as no number of the rig does: {', '.join(self.left)}"
+            yield f"Not varied, as they are not numbers: {', '.join(self.left)}"
 
 
 def _with_delay(rig: Rig, budget: Budget) -> str:
-    """What the rig does with growing contacts, and with delayed ones of which the
-    measured friction curve is, too; nothing where no delay fits it.
+    """Return a sentence on the motion of the rig with contacts that grow, and with
+    contacts with a delay that give the measured friction curve, too; empty if no delay
+    fits it.
     """
     measured = rig.operation.friction
     thresholds = rig.interface.thresholds
@@ -248,9 +251,10 @@ _DOES = {1.0: "oscillates", 0.0: "slides smoothly"}
 
 
 def _factors(rig: Rig, keys: Sequence[str], count: int) -> Array:
-    """Factors on what was assumed, (keys, count), the same each time.
+    """Return factors on the assumed values, of shape (keys, count), from a fixed seed.
 
-    A Latin hypercube: of each key, every part of its range once.
+    They are a Latin hypercube: each of `count` parts of the range of a key is drawn
+    once.
     """
     order = np.tile(np.arange(count), (len(keys), 1))
     places = (np.random.default_rng(0).permuted(order, axis=1) + 0.5) / count
@@ -260,7 +264,7 @@ def _factors(rig: Rig, keys: Sequence[str], count: int) -> Array:
 
 
 def _varied(rig: Rig, keys: Sequence[str], factors: Array) -> Rig:
-    """The rig with each assumption changed by its factor."""
+    """Return the rig with each assumed value multiplied by its factor."""
     for key, factor in zip(keys, factors.tolist(), strict=True):
         parameter, side = _VARIED[key]
         raised = min(factor**side, highest(rig, parameter))
@@ -269,10 +273,10 @@ def _varied(rig: Rig, keys: Sequence[str], factors: Array) -> Rig:
 
 
 def _oscillates(rig: Rig, budget: Budget) -> float:
-    """Whether a rig oscillates, 0 or 1, or NaN if that stays undecided.
+    """Return whether a rig oscillates, as 0 or 1, or NaN if that is undecided.
 
-    Linear theory comes first, and a run where smooth sliding is stable or there is
-    none: stick-slip may persist from a start at rest.
+    Linear theory comes first. If smooth sliding is stable, or the theory does not
+    apply, a run from rest decides, as stick-slip may persist from there.
     """
     if budget.theory(linearly_unstable, rig):
         return 1.0
@@ -283,17 +287,19 @@ def _oscillates(rig: Rig, budget: Budget) -> float:
 def _compared(
     keys: Sequence[str], values: Array, oscillates: Array
 ) -> tuple[tuple[tuple[str, float, float], ...], bool]:
-    """Fractions that oscillate where each value is larger, and where it is smaller,
-    those first that differ by most standard errors; and whether the first differ by
-    more than two.
+    """Return each key with the fractions that oscillate in the half with its larger
+    values and in the other, and whether they differ significantly.
+
+    The keys are sorted by the difference in standard errors; it is significant if the
+    largest exceeds two.
     """
     known = np.isfinite(oscillates)
     upper = values > np.median(values, axis=1, keepdims=True)
     halves = np.stack([upper, ~upper]) & known
-    # where nothing is known of a half, its fraction is not a number
+    # the fraction is NaN where no rig of a half is decided
     with np.errstate(divide="ignore", invalid="ignore"):
         larger, smaller = halves @ np.nan_to_num(oscillates) / halves.sum(axis=2)
-        # the largest that the differences can have
+        # standard errors of the differences, at their largest
         errors = np.sqrt((0.25 / halves.sum(axis=2)).sum(axis=0))
         apart = np.nan_to_num(abs(larger - smaller) / errors)
     order = np.argsort(-apart, kind="stable")

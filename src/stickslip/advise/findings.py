@@ -1,4 +1,4 @@
-"""What is found for a rig: the records behind the sentences of an answer."""
+"""The results of a prediction: the records from which its sentences are made."""
 
 from __future__ import annotations
 
@@ -25,36 +25,35 @@ if TYPE_CHECKING:
 
     from stickslip.elastic.modes import CriticalLength
 
-# root mean square of a fluctuation over the mean force, by convention, that a rig is
-# asked to stay below
-SEEN = 0.05
+# rms fluctuation over the mean force below which a rig should stay, by convention
+LARGE_NOISE = 0.05
 
 
 def frequency_unit(rig: Rig) -> str:
-    """Unit of a frequency in the rig's own units."""
+    """Return the unit of a frequency in the rig's own units."""
     return "Hz" if rig.scales is not None else "cycles per time unit"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Margin:
-    """How far a parameter can be varied, alone, before smooth sliding changes its
-    linear stability.
+    """The range within which a parameter can be varied, alone, before the linear
+    stability of smooth sliding changes; in the rig's own units.
     """
 
     parameter: str
-    value: float  #: where it stands, in the rig's own units, as all that follows
+    value: float  #: present value of the parameter
 
     #: The nearest stability limits below and above; None if there is none within
     #: `searched`.
     lower: float | None
     upper: float | None
     searched: tuple[float, float]
-    #: all ranges within that in which smooth sliding is stable
+    #: all ranges within `searched` in which smooth sliding is stable
     stable: tuple[tuple[float, float], ...]
 
     @property
     def nearest(self) -> Mitigation | None:
-        """The smallest change that reaches a limit, if one was found."""
+        """The smallest change that reaches a limit; None if no limit was found."""
         changes = [
             Mitigation(parameter=self.parameter, now=self.value, to=end)
             for end in (self.lower, self.upper)
@@ -65,98 +64,99 @@ class Margin:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Findings:
-    """What is found for a rig with a rigid slider; every number in its own units."""
+    """The results for a rig with a rigid slider; every number in its own units."""
 
     rig: Rig
-    recording: Recording  #: the simulated run that `regime` is of; `run` is its Dataset
-    regime: Regime  #: of the run, with its evidence
+    recording: Recording  #: the simulated run; `run` is its Dataset
+    regime: Regime  #: regime of the run, with its evidence
 
     #: Largest force in slow rigid motion, and mean force of steady sliding at the rig's
     #: speed.
     static_friction: float
     kinetic_friction: float
 
-    #: ``K*`` of Eq. (8) in both conventions. Where thresholds age, these and the static
-    #: friction are those of contacts whose thresholds have fully grown and do not
-    #: change during the motion; where heat breaks contacts, they are of motion that is
-    #: too fast for it.
+    #: ``K*`` of Eq. (8) in both conventions. If thresholds age, these and the static
+    #: friction hold for contacts whose thresholds have fully grown and do not change
+    #: during the motion; if heat breaks contacts, they hold for motion too fast for
+    #: that.
     critical_stiffness: float
     critical_stiffness_without_reattachment: float
 
-    #: Growing modes of smooth sliding; None where the theory does not apply, for the
-    #: reason in `theory_note`.
+    #: Number of growing modes of smooth sliding; None where the theory does not apply,
+    #: for the reason in `theory_note`.
     unstable_modes: int | None
 
-    #: Of the fastest mode; the frequency in cycles per unit of time, so in Hz for a rig
-    #: in SI units.
+    #: Growth rate and frequency of the fastest mode, the latter in cycles per unit of
+    #: time, so in Hz for a rig in SI units.
     growth_rate: float | None
     mode_frequency: float | None
     theory_note: str
     speeds_searched: tuple[float, float]
-    #: the motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`,
-    #: rising
+    #: the motion at each speed from `speeds_searched[0]` to `speeds_searched[1]`, in
+    #: rising order
     bands: tuple[Band, ...]
     margins: tuple[Margin, ...] = ()
 
-    #: Of a stable rig, the parameter with the nearest limit among those that are set on
-    #: a machine, and its value on the way there from which on the noise of the contacts
-    #: makes the force fluctuate by more than 5 % rms, or the velocity by too much for
-    #: linear theory, by which it is known; where the force does so now, it is the value
-    #: that it has. None where that is within 5 % of the limit.
+    #: For a stable rig: the machine parameter with the nearest stability limit, and its
+    #: value on the way to the limit beyond which, by linear theory, the noise of the
+    #: contacts makes the force fluctuate by more than 5 % rms, or the velocity by more
+    #: than the theory allows. It is the present value if that is exceeded now; None if
+    #: it is within 5 % of the limit.
     noise_limit: tuple[str, float] | None = None
 
-    #: Those that can be made on the machine first, in each group the smallest first.
-    #: Where the rig works over a range of speeds, or at several, each is one for all of
-    #: them.
+    #: Changes that give smooth sliding: those that can be made on the machine first, in
+    #: each group the smallest first. If the rig works at several speeds, or over a
+    #: range, each change holds for all of them.
     mitigations: tuple[Mitigation, ...] = ()
     #: Two changes that give smooth sliding together, each smaller than any one alone.
     combined: tuple[Mitigation, ...] = ()
     #: Parameters that give no smooth sliding, with the range searched.
     attempts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    #: Parameters with the furthest value, and the fraction of runs there that slide
-    #: smoothly: some, not all.
+    #: Parameters at whose furthest value some runs, but not all, slide smoothly: that
+    #: value, and the fraction of runs.
     unreliable: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     #: Titles of parameters whose search ended with the budget.
     not_searched: tuple[str, ...] = ()
-    #: whether mitigations, and the speeds from rest, have been looked for
+    #: whether mitigations, and the motion from rest at other speeds, were searched
     complete: bool = False
-    #: what it would do with other values of what the rig's file calls assumed
+    #: the motion with other values of the assumptions in the rig's file
     doubt: Doubt | None = None
 
-    #: Where one run decides little, of few contacts or some that wait for an arrest:
-    #: how many of how many runs with other contacts oscillate on.
+    #: Where one run decides little (few contacts, or contacts that re-attach at an
+    #: arrest): number of runs with other contacts whose oscillation persists, and
+    #: number of these runs.
     lasting: tuple[int, int] | None = None
 
-    #: Where the rig names no mechanism by which contacts strengthen: what it would do
-    #: with which delay.
+    #: For a rig without a mechanism by which contacts strengthen: the motion that it
+    #: would have, over the delay.
     delays: tuple[Band, ...] = ()
 
-    #: Of a drive that goes through speeds: when its own run oscillates. None where
-    #: there is one speed, or where that run counts as too many.
+    #: For a drive with several speeds: the episodes in which its own run oscillates.
+    #: None for one speed, or if that run exceeds the budget.
     driven: tuple[Episode, ...] | None = None
 
-    #: Standard deviation of the spring force over its mean, where it is seen and by
-    #: theory noise of the contacts.
+    #: Standard deviation of the spring force over its mean, if it is visible and is, by
+    #: theory, noise of the contacts.
     noise: float | None = None
-    #: false where linearly stable smooth sliding is left, by theory, by the noise of
-    #: its contacts
+    #: false if, by theory, the noise of the contacts ends linearly stable smooth
+    #: sliding
     survives_noise: bool = True
 
     @cached_property
     def run(self) -> xr.Dataset:
-        """The simulated run that `regime` is of."""
+        """The simulated run, whose regime is `regime`."""
         return self.recording.dataset()
 
     @property
     def has_verdict(self) -> bool:
-        """Whether there is a verdict: not where nothing says how contacts strengthen
-        with rest.
+        """Whether there is a verdict: it needs a mechanism by which contacts strengthen
+        at rest.
         """
         return not self.delays
 
     @property
     def stiffness(self) -> float:
-        """What holds the contacts: the driving spring, or a structure at rest."""
+        """Stiffness of the driving spring, or of a structure at the contacts."""
         slider = self.rig.natural.slider
         return float(getattr(slider, "slowest", slider).stiffness * self.rig.unit("k"))
 
@@ -173,12 +173,12 @@ class Findings:
 
     @property
     def oscillates(self) -> bool:
-        """Whether the run oscillates on."""
+        """Whether the run shows stick-slip or a sustained oscillation."""
         return self.regime.kind in OSCILLATES
 
     @property
     def smooth(self) -> bool | None:
-        """Whether the rig slides smoothly: stable, and seen to in the run; None if
+        """Whether the rig slides smoothly, by linear theory and in the run; None if
         that is undecided.
         """
         if self.regime.kind == "undecided" or not self.has_verdict:
@@ -187,8 +187,8 @@ class Findings:
 
     @property
     def bistable(self) -> bool:
-        """Whether smooth sliding is stable, and stays, although the run from rest
-        shows sustained stick-slip.
+        """Whether smooth sliding is stable, and survives noise, although the run from
+        rest oscillates.
         """
         stays = self.unstable_modes == 0 and self.survives_noise
         return self.oscillates and self.has_verdict and stays
@@ -204,12 +204,12 @@ class Findings:
 
     @property
     def _some_last(self) -> bool:
-        """Whether a run with other contacts oscillates on."""
+        """Whether the oscillation persists in a run with other contacts."""
         return self.lasting is not None and self.lasting[0] > 0
 
     @property
     def lasts_in_some(self) -> bool:
-        """Whether runs that differ in their contacts alone differ in their motion."""
+        """Whether runs that differ only in their contacts differ in their motion."""
         count, most = self.lasting or (0, 0)
         return count != most * self.oscillates
 
@@ -275,7 +275,7 @@ class Findings:
     @property
     def between(self) -> tuple[float, float] | None:
         """The range of speeds at which the rig works, in its own units: as given, or
-        those its drive goes through while it moves.
+        that of its drive while it moves; None for one speed.
         """
         through = [
             abs(velocity)
@@ -289,14 +289,15 @@ class Findings:
 
     @property
     def lasting_episodes(self) -> list[Episode]:
-        """Of its drive, those that do not ring down by themselves."""
+        """Episodes of its drive that do not ring down by themselves."""
         return [each for each in self.driven or () if not each.rings_down]
 
     @property
     def along_drive(self) -> tuple[Band, ...]:
-        """What it does when along a drive that goes through speeds: in its own run,
-        what rings down with the rest, or else as if each speed lasted; nothing where
-        there is one speed.
+        """The motion over the time of a drive with several speeds; empty for one speed.
+
+        It is that of its own run, with the episodes that ring down, or, without that
+        run, the motion as if each speed lasted.
         """
         if self.driven is None:
             return self._if_each_speed_lasted() if self.between else ()
@@ -305,7 +306,7 @@ class Findings:
         for episode in self.driven:
             begin = episode.begin
             end = episode.end
-            # no drop here that would be more than a small oscillation
+            # between episodes no drop exceeds a small oscillation
             found.append(Band(kind="smooth sliding", low=now, high=begin))
             found.append(Band(kind=episode.kind, low=begin, high=end))
             now = end
@@ -314,10 +315,10 @@ class Findings:
         return tuple(band for band in found if band.high > band.low)
 
     def _if_each_speed_lasted(self) -> tuple[Band, ...]:
-        """What it does when along its drive, by `bands`.
+        """Return the motion over the time of the drive, as if each speed lasted.
 
-        Where there are two motions at a speed, it goes on with what it did before; it
-        starts from rest. Transients are left out.
+        At a bistable speed the motion before continues; the rig starts from rest.
+        Transients are ignored.
         """
         found: list[Band] = []
         begin = 0.0
@@ -342,7 +343,7 @@ class Findings:
 
     @property
     def units(self) -> dict[str, str]:
-        """Names of the units that numbers are in."""
+        """Names of the units of the numbers."""
         names = {
             p.name: self.rig.unit_name(p.unit) for p in (*PARAMETERS, *UNITS_OF_A_RIG)
         }
@@ -354,17 +355,17 @@ class Findings:
 
 @dataclass(frozen=True, kw_only=True)
 class WaveAnswer:
-    """What smooth sliding does to waves of one length; in the rig's own units."""
+    """The linear stability of waves of one length; in the rig's own units."""
 
     name: str  #: the wave, in words
 
-    #: In blocks, along the drive; infinite where blocks in a row move alike, NaN where
-    #: a wave does not reach into it.
+    #: Wavelength along the drive, in blocks; infinite if all blocks in a row move
+    #: alike, NaN for a mode localised at one end.
     wavelength: float
-    stiffness: float  #: of a rigid slider with the same motion as the mode
+    stiffness: float  #: stiffness of a rigid slider with the motion of the mode
 
-    #: Growth rate and frequency (in cycles per time) at the rig's speed; None where
-    #: nothing decays exponentially.
+    #: Growth rate and frequency (in cycles per time) at the rig's speed; None if no
+    #: perturbation grows or decays exponentially.
     growth: float | None
     frequency: float | None
     speeds: tuple[tuple[float, float], ...]  #: ranges of speed in which it grows
@@ -374,28 +375,29 @@ class WaveAnswer:
 class Slip:
     """A slip of several blocks of a bar; in the rig's own units."""
 
-    start: float
-    blocks: int  #: up to which block, from 1, contacts broke
-    drop: float  #: of the spring force
+    start: float  #: time at which it starts
+    blocks: int  #: last block, from 1, whose contacts broke
+    drop: float  #: drop of the spring force
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class WaveFindings:
-    """What is found for an elastic slider, by linear theory and in a run from rest;
-    every number in the rig's own units.
+    """The results for an elastic slider, by linear theory and in a run from rest; every
+    number in the rig's own units.
     """
 
     rig: Rig
-    growing: int = 0  #: modes that grow at the rig's speed, among the 64 softest
-    waves: tuple[WaveAnswer, ...] = ()  #: of the five softest modes
-    #: of a chain: below which stiffness modes grow, and from which length on
+    #: number of modes that grow at the rig's speed, among the 64 softest
+    growing: int = 0
+    waves: tuple[WaveAnswer, ...] = ()  #: the five softest modes
+    #: for a chain: the stiffness below which modes grow, and the critical length
     critical: CriticalLength | None = None
-    theory_note: str = ""  #: why the theory has nothing to say, or nothing
+    theory_note: str = ""  #: why the theory does not apply; empty if it does
     speeds_searched: tuple[float, float]
 
-    simulated: float = 0.0  #: how long a run of the bar was; 0 without one
-    #: in that run the first slip of three blocks or more that is not one of all, and
-    #: the first of all
+    simulated: float = 0.0  #: duration of the run of the bar; 0 without one
+    #: in that run, the first slip of at least three blocks but not all, and the first
+    #: of all blocks
     partial: Slip | None = None
     whole: Slip | None = None
     #: changes of one parameter that make smooth sliding linearly stable, the smallest
@@ -413,11 +415,11 @@ class WaveFindings:
 
     @property
     def speeds(self) -> tuple[tuple[float, float], ...]:
-        """The ends of these."""
+        """The ends of these bands."""
         return tuple(band.ends for band in self.bands)
 
     @property
     def units(self) -> dict[str, str]:
-        """Names of the units that numbers are in."""
+        """Names of the units of the numbers."""
         named = {name: self.rig.unit_name(name) for name in ("velocity", "stiffness")}
         return named | {"wavelength": "blocks"}

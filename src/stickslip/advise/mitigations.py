@@ -1,5 +1,5 @@
-"""What would stop it: the smallest changes that give smooth sliding, each judged by
-runs of the rig's own contacts.
+"""The smallest changes of parameters that give smooth sliding, each verified by runs of
+the rig's own contacts.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.advise.budget import (
+    LINEAR_NOISE,
     SEEDS,
-    SWAYS,
     Budget,
     BudgetExhausted,
     fluctuation,
@@ -26,7 +26,7 @@ from stickslip.advise.budget import (
 from stickslip.advise.survey import (
     PRECISION,
     Band,
-    Turn,
+    Direction,
     factor_on,
     fastest_mode,
     theory_along,
@@ -40,14 +40,15 @@ from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
 from stickslip.stability import contact_noise
 
-_WIDEST_STD = 0.5  # of thresholds, over their mean, by convention
-# runs for two changes at once, as many as for all else: who asks for them may wait
+_WIDEST_STD = 0.5  # largest std of thresholds over their mean, by convention
+# number of runs for two changes at once: as many as for the rest of the answer
 _FOR_PAIRS = 160.0
-_CLEARANCE = 1.03  # how far past a linear boundary runs begin
-# speeds of a range at which runs are made lie within this factor of each other
+_CLEARANCE = 1.03  # runs start at this factor beyond a linear stability boundary
+# in a range of speeds, runs are made at speeds at most this factor apart
 _APART = 4.0
-# What can be changed on a machine; what only another material or surface would change.
-TURNABLE = (
+# Parameters that can be changed on a machine. (Those of `_OTHERS` need another material
+# or surface.)
+MACHINE_PARAMETERS = (
     VELOCITY,
     parameters.STIFFNESS,
     parameters.DAMPING,
@@ -56,12 +57,12 @@ TURNABLE = (
 )
 
 
-def turnable(rig: Rig) -> tuple[Parameter, ...]:
-    """What can be changed on the machine of a rig, the damping of each mode of a
-    structure among it.
+def machine_parameters(rig: Rig) -> tuple[Parameter, ...]:
+    """Return the parameters that can be changed on the machine of a rig, including the
+    damping of each mode of a structure.
     """
     modes = range(1, len(getattr(rig.slider, "dampings", ())) + 1)
-    return (*TURNABLE, *map(parameters.damping_of_mode, modes))
+    return (*MACHINE_PARAMETERS, *map(parameters.damping_of_mode, modes))
 
 
 _OTHERS = (
@@ -78,54 +79,54 @@ class Mitigation:
     """A change of one parameter that gives smooth sliding; in the rig's own units."""
 
     parameter: str
-    now: float  #: where it stands
+    now: float  #: present value
 
-    #: Stick-slip decays even from a start at rest, anywhere within 5 % of this value:
-    #: of as many contacts as the rig has, or as many as show no noise, in 8 of 8 runs
-    #: at its nearer end, so that (at 95 % confidence) it decays there in more than two
-    #: of three. Where the rig works over a range of speeds, at its ends and between
-    #: them, no two speeds more than a factor four apart; and by linear theory at every
-    #: speed of the range.
+    #: New value. Stick-slip decays, even from a start at rest, anywhere within 5 % of
+    #: it: in 8 of 8 runs at the nearer end, so that (at 95 % confidence) it decays
+    #: there in more than two of three runs. These runs have as many contacts as the
+    #: rig, or as many as make no visible noise. If the rig works over a range of
+    #: speeds, runs are made at speeds at most a factor of four apart, and linear theory
+    #: judges every speed of the range.
     to: float
 
-    #: root mean square of the force over its mean there, at the rig's own speed, by the
-    #: noise of its contacts: by linear theory, or in a run where the velocity sways by
-    #: too much for that; NaN where neither shows any
+    #: rms fluctuation of the force over its mean at the new value and the rig's own
+    #: speed, by the noise of its contacts: from linear theory, or from a run if the
+    #: velocity fluctuates by too much for that; NaN if neither shows any
     noise: float = math.nan
 
     @property
     def size(self) -> float:
-        """How far the parameter must be varied: the logarithm of the factor."""
+        """Size of the change: the logarithm of its factor."""
         return abs(math.log(self.to / self.now)) if self.now else math.inf
 
 
-def _changed(rig: Rig, factor: float, turn: Turn) -> Mitigation:
-    """A factor on a parameter, up or down, as a change."""
-    parameter, side = turn
+def _changed(rig: Rig, factor: float, direction: Direction) -> Mitigation:
+    """Return the change of a parameter by a factor, up or down."""
+    parameter, side = direction
     now = rig.value(parameter)
     return Mitigation(parameter=parameter.name, now=now, to=now * factor**side)
 
 
 def _with_noise(rig: Rig, change: Mitigation) -> Mitigation:
-    """A change with the noise that it leaves: by linear theory, or where that does not
-    cover it as one run more shows.
+    """Return a change with the noise of smooth sliding after it: by linear theory or,
+    where the noise is too large for that, from one more run.
     """
     there = rig.with_values(**{change.parameter: change.to})
-    with suppress(InputError, UndecidedError):  # no theory of it
+    with suppress(InputError, UndecidedError):  # the theory does not apply
         found = contact_noise(there)
-        if found.relative_velocity <= SWAYS:
+        if found.relative_velocity <= LINEAR_NOISE:
             return replace(change, noise=found.relative_force)
     with suppress(InputError):
         budget = Budget(math.inf)
-        *_, (run, seen) = budget.looks(budget.record(trial(there)), 1.0)
+        *_, (run, seen) = budget.until_decided(budget.record(trial(there)), 1.0)
         if seen.is_noise:
             return replace(change, noise=fluctuation(run, seen))
     return change
 
 
 def has(rig: Rig, parameter: Parameter) -> bool:
-    """Whether a rig has a parameter that can be varied: natural units have none that
-    only rescales them.
+    """Whether a rig has a parameter that can be varied; a rig in natural units has none
+    that only rescales its units.
     """
     try:
         return parameter.get(rig) > 0 and not (
@@ -136,17 +137,19 @@ def has(rig: Rig, parameter: Parameter) -> bool:
 
 
 def reach(rig: Rig, parameter: Parameter) -> tuple[float, float]:
-    """Factors on a parameter between which limits and changes are looked for."""
+    """Return the factors on a parameter between which limits and changes are
+    searched.
+    """
     if parameter is parameters.STD:
         return 1.0 / 3.0, highest(rig, parameter)
     widest = 10.0 if is_expensive(rig) else 30.0
-    # longer delays never help: many modes
+    # longer delays never help: they make more modes grow
     return 1.0 / widest, 3.0 if parameter is parameters.DELAY else widest
 
 
 def highest(rig: Rig, parameter: Parameter) -> float:
-    """Factor up to which a parameter can be raised at all: wider thresholds are no
-    longer such about a mean.
+    """Return the factor up to which a parameter can be raised: the std of thresholds
+    only up to a fraction of their mean.
     """
     thresholds = rig.interface.thresholds
     if parameter is not parameters.STD or thresholds is None:
@@ -155,8 +158,8 @@ def highest(rig: Rig, parameter: Parameter) -> float:
 
 
 def speeds_of(rig: Rig, between: tuple[float, float] | None) -> list[float]:
-    """Natural speeds at which a rig is to slide smoothly: its own, those at which it
-    works, or some over a range in its own units.
+    """Return the speeds, in natural units, at which a rig is to slide smoothly: those
+    at which it works, by default its own, or some over a range in the rig's units.
     """
     if between is None:
         return [*rig.operation.speeds] or [rig.natural.velocity]
@@ -169,18 +172,19 @@ def speeds_of(rig: Rig, between: tuple[float, float] | None) -> list[float]:
 class _Outcome(NamedTuple):
     """Result of a search along one factor."""
 
-    factor: float = math.inf  # the smallest that gives smooth sliding, if any does
-    reached: float = 1.0  # up to which none does
-    left: bool = True  # whether there is more to try, or by more runs
-    # the furthest value, and the fraction of runs there that slide smoothly
+    factor: float = math.inf  # smallest factor with smooth sliding, if there is one
+    reached: float = 1.0  # factor up to which no smooth sliding was found
+    left: bool = True  # whether larger factors, or more runs, remain to be tried
+    # the furthest factor, and the fraction of runs there that slide smoothly
     some: tuple[float, float] | None = None
 
 
 class Search:
-    """The smallest changes for smooth sliding at all speeds of a rig, or over a range.
+    """Search for the smallest changes that give smooth sliding at all speeds of a rig,
+    or over a range.
 
-    It holds the rig at each of these speeds, in natural units, and what is known of
-    each parameter.
+    It holds the rig at each of these speeds, in natural units, and the result so far
+    for each parameter.
     """
 
     def __init__(
@@ -192,20 +196,22 @@ class Search:
         self._range = 1.0 if between is None else speeds[-1] / speeds[0]
         self._rigs = [VELOCITY.set(setting, speed) for speed in speeds]
         self._budget = budget
-        self._turnable = turnable(rig)
-        # of each parameter that is varied alone, what is known up and down
+        self._machine_parameters = machine_parameters(rig)
+        # the results of varying each parameter alone, up and down
         self._known = {
             each: (_Outcome(), _Outcome())
-            for each in (*self._turnable, *_OTHERS)
+            for each in (*self._machine_parameters, *_OTHERS)
             if self._can_vary(each)
         }
 
     def _can_vary(self, parameter: Parameter) -> bool:
-        """Whether to vary a parameter may help: the speed only if it is one."""
+        """Whether varying a parameter may help; the speed is varied only if there is
+        just one.
+        """
         if parameter is VELOCITY:
             return len(self._rigs) == 1
-        # The damping of contacts that wait for an arrest stays: with enough of it, none
-        # would attach again.
+        # If contacts re-attach only at an arrest, the damping is not varied: with
+        # enough of it, none would ever re-attach.
         arrest = isinstance(self._own.interface.delay, OnArrest)
         return has(self._own, parameter) and not (
             arrest and parameter is parameters.DAMPING
@@ -214,7 +220,7 @@ class Search:
     def _vary_each(
         self, group: Sequence[Parameter], seeds: int, report: Progress
     ) -> None:
-        """Vary each parameter of a group that is left, alone, up and down."""
+        """Vary each parameter of a group that is not settled, alone, up and down."""
         known = self._known
         waiting = [
             each for each in group if any(side.left for side in known.get(each, ()))
@@ -229,15 +235,15 @@ class Search:
             known[parameter] = up, down
 
     def changes(self, report: Progress, *, pairs: bool = False) -> dict[str, Any]:
-        """Search the smallest change of each parameter, or with `pairs` of two; return
-        them as fields of the answer.
+        """Search for the smallest change of each parameter and, with `pairs`, of two
+        together; return them as fields of the answer.
 
-        What can be changed on a machine comes first: by one run at a time, each
-        parameter with a fair part of half of what is left of the budget; then by all
-        runs, the smallest change first.
+        Parameters of the machine come first: with one run for each value, every
+        parameter with an equal part of half the remaining budget; then with all runs,
+        the smallest change first.
         """
         for step, (group, seeds) in enumerate(
-            product((self._turnable, _OTHERS), (1, SEEDS))
+            product((self._machine_parameters, _OTHERS), (1, SEEDS))
         ):
             watch = part(report, 0.25 * step, 0.25 * (step + 1))
             self._vary_each(group, seeds, watch)
@@ -249,8 +255,8 @@ class Search:
             value = self._own.value(parameter)
             factor = min(up.factor, down.factor)
             if factor < math.inf:
-                turn = parameter, -1 if factor == down.factor else 1
-                change = _changed(self._own, factor, turn)
+                direction = parameter, -1 if factor == down.factor else 1
+                change = _changed(self._own, factor, direction)
                 found.append(_with_noise(self._own, change))
                 continue
             if up.reached * down.reached > 1.0:
@@ -275,12 +281,12 @@ class Search:
             "not_searched": tuple(missed),
         }
 
-    def _furthest(self, *turns: Turn) -> float:
-        """The factor up to which parameters are varied, as far as that could be
-        built.
+    def _furthest(self, *directions: Direction) -> float:
+        """Return the factor up to which parameters are varied, within the ranges that
+        the rig's file says can be built.
         """
         ends = list[float]()
-        for parameter, side in turns:
+        for parameter, side in directions:
             low, high = reach(self._rigs[0], parameter)
             value = parameter.get(self._own.natural)
             if built := self._own.operation.range_of(parameter.name):
@@ -290,20 +296,20 @@ class Search:
         return min(ends)
 
     def along(
-        self, *turns: Turn, seeds: int = SEEDS, most: float = math.inf
+        self, *directions: Direction, seeds: int = SEEDS, most: float = math.inf
     ) -> _Outcome:
-        """The smallest factor on some parameters, up to `most`, from which on
-        stick-slip decays from rest.
+        """Return the smallest factor on some parameters, up to `most`, beyond which
+        stick-slip decays from rest, to `PRECISION`, in all of `seeds` runs.
 
-        Within `PRECISION`, in so many runs. Steps double from just past where smooth
-        sliding may be stable on. A factor that the first run does not deny, but
-        another, is not counted among those from which on there is none.
+        The factor is raised in doubling steps from just beyond the linear stability
+        limit. A factor at which the first run slides smoothly but another does not is
+        not counted as `reached`.
         """
-        change = factor_on(*turns)
-        furthest = min(most, self._furthest(*turns))
+        change = factor_on(*directions)
+        furthest = min(most, self._furthest(*directions))
         self._reached = 1.0
         try:
-            for low, high in self._may_be_stable(*turns, most=most):
+            for low, high in self._may_be_stable(*directions, most=most):
                 self._reached = low
                 value = self._first(change, low, high, 1)
                 if value <= high and not self._smooth(change, value, seeds):
@@ -311,22 +317,22 @@ class Search:
                 if value <= high / (1.0 + PRECISION):
                     value *= 1.0 + PRECISION
                     return _Outcome(value, self._reached, left=seeds == 1)
-                # too near to the end to stand with room beyond it
+                # too near to the end of the range to leave room beyond it
                 if value <= high == furthest:
                     return _Outcome(reached=self._reached, left=False)
             if furthest > 1.0 and seeds > 1 and self._smooth(change, furthest, 1):
                 rigs = self._varied(change, furthest)
                 runs = [[other] for other in range(1, seeds + 1)]
                 smooth = sum(self._budget.slide_smoothly(rigs, run) for run in runs)
-                some = furthest ** turns[0][1], smooth / seeds
+                some = furthest ** directions[0][1], smooth / seeds
                 return _Outcome(reached=self._reached, left=False, some=some)
         except BudgetExhausted:
             return _Outcome(reached=self._reached)
         return _Outcome(reached=max(furthest, 1.0), left=False)
 
     def _first(self, change: Parameter, low: float, high: float, seeds: int) -> float:
-        """The smallest factor in a range, to `PRECISION`, with so many smooth runs;
-        infinite if its steps meet none.
+        """Return the smallest factor in a range, to `PRECISION`, at which all of
+        `seeds` runs are smooth; infinite if none of the doubling steps is.
         """
         doubled = (_CLEARANCE * (1.0 + PRECISION) ** (2**k - 1) for k in count())
         steps = takewhile(lambda step: step < high, (low * each for each in doubled))
@@ -334,7 +340,7 @@ class Search:
             if rough > low and not self._smooth(change, rough, 1):
                 self._reached = rough
             if self._smooth(change, step, seeds):
-                # to which doubled steps are halved, whatever the rounding
+                # slightly wider, so that rounding causes no further halving
                 width = 1.001 * math.log1p(PRECISION)
                 smooth = partial(self._smooth, change, seeds=seeds)
                 return halved(smooth, rough, step, width)[1]
@@ -345,11 +351,11 @@ class Search:
 
     def _smooth(self, change: Parameter, factor: float, seeds: int) -> bool:
         """Whether the rig slides smoothly after a change: by linear theory, at all
-        speeds and with a little more of it, and in runs.
+        speeds and for slightly larger changes, and in runs.
         """
         budget = self._budget
         rigs = self._varied(change, factor)
-        # ranges of little damping that are unstable may be narrower than a look is wide
+        # at little damping, unstable ranges may be narrower than `PRECISION`
         for more in (1.0, 1.0 + 0.5 * PRECISION, 1.0 + PRECISION):
             varied = self._varied(change, factor * more)
             if any(budget.theory(linearly_unstable, rig) for rig in varied):
@@ -360,20 +366,22 @@ class Search:
                 return False
         return budget.slide_smoothly(rigs, range(1, seeds + 1))
 
-    def _may_be_stable(self, *turns: Turn, most: float) -> list[tuple[float, float]]:
-        """Ranges of the factor in which linear theory does not call smooth sliding
-        unstable at any of the speeds.
+    def _may_be_stable(
+        self, *directions: Direction, most: float
+    ) -> list[tuple[float, float]]:
+        """Return the ranges of the factor in which linear theory does not find smooth
+        sliding unstable at any of the speeds.
 
-        Where it is stable already, at the one speed there is, a range that ends at a
-        limit leads the wrong way.
+        If it is stable already, at the only speed, a range that contains the present
+        value and ends at a stability limit is left out: it leads the wrong way.
         """
-        furthest = self._furthest(*turns)
+        furthest = self._furthest(*directions)
         end = min(most, furthest)
         found = [(1.0, end)] if end > 1.0 else []
         for rig in self._rigs if found else ():
             bands = [
                 band
-                for band in self._linear(rig, furthest, *turns)
+                for band in self._linear(rig, furthest, *directions)
                 if band.kind != "unstable" and band.high > 1.0
             ]
             here = [band for band in bands if band.low <= 1.0]
@@ -386,13 +394,17 @@ class Search:
             found = [(low, high) for low, high in both if low < high]
         return found
 
-    def _linear(self, rig: Rig, furthest: float, *turns: Turn) -> tuple[Band, ...]:
-        """What linear theory says along a factor; of one parameter, as of its
-        margins.
+    def _linear(
+        self, rig: Rig, furthest: float, *directions: Direction
+    ) -> tuple[Band, ...]:
+        """Return the bands of linear stability along a factor; for one parameter, the
+        same as for its margins.
         """
-        (parameter, side), *more = turns
+        (parameter, side), *more = directions
         if more:
-            return theory_along(self._budget, rig, factor_on(*turns), 1.0, furthest)
+            return theory_along(
+                self._budget, rig, factor_on(*directions), 1.0, furthest
+            )
         bands = theory_along(self._budget, rig, parameter, *reach(rig, parameter))
         if side > 0:
             return bands
@@ -401,14 +413,15 @@ class Search:
         )
 
     def _pair(self, most: float) -> tuple[Mitigation, ...]:
-        """Two parameters of the machine that give smooth sliding by one factor below
-        `most`, each turned so that the fastest mode grows less.
+        """Return changes of two machine parameters that give smooth sliding by one
+        common factor below `most`, each in the direction in which the fastest mode
+        grows less.
         """
         helpful = [
-            turn
-            for turn in product(self._turnable, (1, -1))
-            if turn[0] in self._known
-            and self._growth(turn, 1.0 + PRECISION) < self._growth(turn, 1.0)
+            direction
+            for direction in product(self._machine_parameters, (1, -1))
+            if direction[0] in self._known
+            and self._growth(direction, 1.0 + PRECISION) < self._growth(direction, 1.0)
         ]
         begins = {}
         for both in combinations(helpful, 2):
@@ -417,15 +430,17 @@ class Search:
         for both in sorted(begins, key=lambda both: begins[both]):
             factor = self.along(*both, most=most).factor
             if factor < math.inf:
-                return tuple(_changed(self._own, factor, turn) for turn in both)
+                return tuple(
+                    _changed(self._own, factor, direction) for direction in both
+                )
         return ()
 
-    def _growth(self, turn: Turn, factor: float) -> float:
-        """Growth of the fastest mode at any of the speeds, over the distance that
-        the drive goes.
+    def _growth(self, direction: Direction, factor: float) -> float:
+        """Return the largest growth of the fastest mode at any of the speeds, per
+        travel of the drive.
         """
         rates = list[float]()
-        for rig in self._varied(factor_on(turn), factor):
+        for rig in self._varied(factor_on(direction), factor):
             rate, _ = fastest_mode(rig)
             rates.append(math.inf if rate is None else rate / rig.velocity)
         return max(rates)

@@ -1,6 +1,4 @@
-"""How a prediction is put together: the verdict first, then speeds, margins and
-mitigations.
-"""
+"""Making a prediction: first the verdict, then other speeds, margins, mitigations."""
 
 import math
 from collections.abc import Sequence
@@ -16,28 +14,28 @@ from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.axis import AxisAnswer, complete_axis, judge_axis
 from stickslip.advise.bars import complete_waves, predict_waves
 from stickslip.advise.budget import (
+    LINEAR_NOISE,
     OSCILLATES,
     SEEDS,
-    SWAYS,
     Budget,
     BudgetExhausted,
+    cost_of_run,
     cycle_of,
     fluctuation,
     is_expensive,
     length_of,
     method_of,
-    runs_of,
     survives_noise,
     trial,
     varies,
 )
 from stickslip.advise.doubt import Doubt
-from stickslip.advise.findings import SEEN, Margin
+from stickslip.advise.findings import LARGE_NOISE, Margin
 from stickslip.advise.mitigations import (
     Search,
     has,
+    machine_parameters,
     reach,
-    turnable,
 )
 from stickslip.advise.survey import Band, Survey, scaled, stability_along, theory_along
 from stickslip.cycles.edges import halved
@@ -61,19 +59,19 @@ from stickslip.simulation.engines.blocks import check_body
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.stability import contact_noise, count_unstable
 
-# Runs, by convention, that a verdict and all of an answer may take. The fractions of
-# what is left at its turn that other speeds, and what is assumed, get.
+# Conventions: the number of runs for a verdict and for a whole answer, and the
+# fractions of what is left of it that go to other speeds and to varied assumptions.
 _FOR_VERDICT = 30.0
 _FOR_ALL = 160.0
 _FOR_SPEEDS = 0.5
 _FOR_DOUBT = 0.15
-# an oscillation is small below this part of static friction, peak to peak: a convention
+# a peak to peak below this fraction of static friction is small: a convention
 _SMALL = 0.05
-# the first run counts as so many at most, but lasts for so many of its longest cycles;
-# most are shorter
+# The first run costs at most `_FIRST` runs, but lasts for at least `_FEWEST_CYCLES` of
+# the slowest cycle.
 _FIRST = 15.0
 _FEWEST_CYCLES = 3.3
-# tried where a rig names no mechanism, in breaking displacements over the speed
+# range of delays tried for a rig without a mechanism, in mean thresholds over the speed
 _DELAYS = (0.01, 10.0)
 
 
@@ -85,8 +83,8 @@ def predict(
     smooth: Ends | None = None,
     progress: Progress | bool | None = None,
 ) -> Prediction | ElasticPrediction | AxisAnswer:
-    """Say at which speeds a rig stick-slips, what it does at its own, how safely, and
-    what would stop it.
+    """Predict whether a rig stick-slips at its own speed and at others, how far it is
+    from the limits, and which changes would stop it.
 
     Parameters
     ----------
@@ -94,27 +92,27 @@ def predict(
     fast : bool
         Stop at the verdict: linear theory, and one run at the rig's speed.
     thorough : bool
-        Make all runs that can be asked for, which may take minutes.
+        Make all runs without a limit to their number, which may take minutes.
     smooth : (float or str, float or str), optional
-        A range of speeds in which it is to slide smoothly, in place of those at which
-        it works: the smallest change, and the smallest of two parameters together, that
-        see to it.
+        A range of speeds in which the rig is to slide smoothly, in place of those at
+        which it works: also search for the smallest change of two parameters together
+        that achieves it.
     progress : bool or callable, optional
-        True for a bar, or a function that is called with the fraction of the work that
-        is done.
+        True for a progress bar, or a function that is called with the fraction of the
+        work that is done.
 
     Returns
     -------
     Prediction
         It prints as a short text, and has ``plot()`` and ``to_dict()``. Every number is
-        in the rig's own units. Of a `Chain` or a `Sheet`, `ElasticPrediction`: what
-        linear theory says of each wavelength. Of a `ControlledAxis`, `AxisAnswer`:
+        in the rig's own units. For a `Chain` or a `Sheet`, an `ElasticPrediction`: the
+        linear stability of each wavelength. For a `ControlledAxis`, an `AxisAnswer`:
         whether it tracks steadily, and whether it hunts at rest.
 
     Raises
     ------
     InputError
-        If the rig's speed is not above 0, or the range is none.
+        If the rig's speed is not above 0, or `smooth` is no range of speeds.
 
     Examples
     --------
@@ -156,8 +154,8 @@ def predict(
 
 
 def _check_structure(structure: Structure) -> None:
-    """Raise `InputError` if a structure cannot follow its drive: it has no steady
-    sliding.
+    """Raise `InputError` if a structure cannot follow its drive, so that it has no
+    steady sliding.
     """
     system = structure.system
     moves = system.contact @ np.linalg.solve(system.A, -system.drive) + system.track
@@ -171,7 +169,7 @@ def _check_structure(structure: Structure) -> None:
 
 
 def _verdict(rig: Rig, report: Progress) -> Prediction:
-    """Linear theory and one run."""
+    """Return the prediction from linear theory and one run."""
     budget = Budget(_FOR_VERDICT)
     low, high = _speeds_searched(rig)
     modes, note = _linear(rig)
@@ -205,11 +203,11 @@ def _verdict(rig: Rig, report: Progress) -> Prediction:
 
 
 def _steady_forces(rig: Rig) -> dict[str, Any]:
-    """Static and kinetic friction, and critical stiffness, as fields of the answer.
+    """Return static and kinetic friction, and critical stiffness, as fields of the
+    answer.
 
-    Rigid motion from contacts at rest finds thresholds that have grown up, and is over
-    before heat breaks any; a slider that never stops attaches none that wait for its
-    arrest.
+    For rigid motion from rest, thresholds are fully grown, and heat has no time to
+    break contacts; contacts that re-attach only at an arrest never re-attach.
     """
     delay = rig.interface.delay
     if isinstance(delay, OnArrest):
@@ -227,7 +225,9 @@ def _steady_forces(rig: Rig) -> dict[str, Any]:
 
 
 def _over_delays(rig: Rig) -> tuple[Band, ...]:
-    """What linear theory would say of a rig without a mechanism, with which delay."""
+    """Return the bands of linear stability of a rig without a mechanism, over the delay
+    that it might have.
+    """
     mean = rig.interface.threshold_distribution.moment(1)
     time = mean / rig.natural.velocity
     supposed = replace(rig, interface=replace(rig.interface, delay=Delay(time)))
@@ -238,10 +238,12 @@ def _over_delays(rig: Rig) -> tuple[Band, ...]:
 def _shown(
     rig: Rig, modes: int | None, budget: Budget, run: Recording
 ) -> dict[str, Any]:
-    """What a run shows, made longer until it is decided, as fields of the answer."""
-    looks = budget.looks(run)
+    """Return, as fields of the answer, a run, made longer until its regime is decided,
+    with that regime and its noise.
+    """
+    longer_runs = budget.until_decided(run)
     with suppress(BudgetExhausted):
-        for run, seen in looks:
+        for run, seen in longer_runs:
             shown = {"recording": run, "regime": seen}
     bistable = seen.kind in OSCILLATES and modes == 0
     return shown | {
@@ -257,8 +259,8 @@ def complete(
     pairs: bool = False,
     progress: Progress | None = None,
 ) -> Prediction | ElasticPrediction | AxisAnswer:
-    """Go on from a verdict to what `predict` finds without ``fast``: speeds from
-    rest, margins, mitigations.
+    """Add to a verdict what `predict` finds without ``fast``: the motion from rest at
+    other speeds, margins, and mitigations.
     """
     report = progress or (lambda _done: None)
     if isinstance(found, AxisAnswer):
@@ -282,7 +284,7 @@ def complete(
             bands = theory_along(budget, rig, VELOCITY, *ends)
     survey = Survey(rig, bands, "undecided" if found.lasts_in_some else found.motion)
     with budget.limited_to(_FOR_SPEEDS):
-        survey.look(budget)
+        survey.simulate(budget)
     found = replace(found, bands=scaled(survey.bands(), rig.velocity), complete=True)
     report(0.3)
     margins, missed = ([], []) if found.theory_note else _margins(rig, budget)
@@ -296,7 +298,7 @@ def complete(
         changes = search.changes(part(report, 0.4, 0.9), pairs=pairs)
         found = replace(found, **changes)
     report(1.0)
-    survey.look(budget)  # with what is left
+    survey.simulate(budget)  # with the rest of the budget
     return replace(
         found,
         bands=scaled(survey.bands(), rig.velocity),
@@ -305,8 +307,8 @@ def complete(
 
 
 def _lasting(found: Prediction, budget: Budget) -> tuple[int, int] | None:
-    """Of the runs with other contacts, from rest, how many oscillate on, and how many
-    were made, where one decides little.
+    """Return the number of runs from rest with other contacts whose oscillation
+    persists, and the number of these runs; None if one run suffices.
     """
     rig = found.rig
     if found.driven is not None or not varies(rig):
@@ -319,8 +321,8 @@ def _lasting(found: Prediction, budget: Budget) -> tuple[int, int] | None:
 
 
 def _speeds_searched(rig: Rig) -> tuple[float, float]:
-    """The speeds that an answer is about, as factors: far on either side of those
-    that the drive goes through.
+    """Return the range of speeds of an answer, as factors on the rig's speed: far
+    beyond the speeds of the drive, and those at which the rig works, on either side.
     """
     unit = rig.unit_name("velocity")
     number("drive: the speed of a prediction", rig.velocity, above=0, hint=unit)
@@ -332,9 +334,9 @@ def _speeds_searched(rig: Rig) -> tuple[float, float]:
 
 
 def _first_run(rig: Rig, progress: Progress) -> Recording:
-    """Simulate the rig as its file says, if that ends at the speed of the answer, and
-    stays there for long enough after strokes or pauses; shorter, or with fewer
-    contacts, if that counts as too many runs.
+    """Simulate the rig as its file says, or with a constant drive if its own does not
+    end with a long enough time at the speed of the answer; for a shorter time, or with
+    fewer contacts, if the run costs too much.
     """
     velocity = rig.natural.velocity
     last = rig.drive.pieces[-1]
@@ -344,30 +346,30 @@ def _first_run(rig: Rig, progress: Progress) -> Recording:
     if len(rig.drive.pieces) == 1:
         duration = rig.drive.duration
         fewest = min(_FEWEST_CYCLES * cycle_of(rig) / velocity, duration)
-        if runs_of(rig) * fewest > _FIRST * duration:
+        if cost_of_run(rig) * fewest > _FIRST * duration:
             rig = replace(rig, method=method_of(rig))
-        lasts = min(max(_FIRST / runs_of(rig) * duration, fewest), duration)
+        lasts = min(max(_FIRST / cost_of_run(rig) * duration, fewest), duration)
         rig = replace(rig, drive=constant(velocity, lasts))
     return record(rig, progress=progress)
 
 
 def _goes_through_speeds(rig: Rig) -> bool:
-    """Whether the drive has more than one speed, all in one direction: the drops of
-    a run are those of the force that pulls one way.
+    """Whether the drive has more than one speed, all in one direction: episodes are
+    found from the drops of a force that pulls in one direction.
     """
     velocities = rig.drive.velocities
     return len(velocities) > 1 and min(velocities) >= 0.0
 
 
 def _episodes(rig: Rig, budget: Budget, smallest: float) -> tuple[Episode, ...]:
-    """When a rig oscillates along its own drive."""
+    """Return the episodes in which a rig oscillates along its own drive."""
     run = budget.record(replace(rig, method=method_of(rig)))
     return tuple(episodes(run.dataset(), smallest, _most_noise(rig)))
 
 
 def _most_noise(rig: Rig) -> float:
-    """What the noise of the contacts makes of the force at most, root mean square, at
-    the speeds of the drive where smooth sliding is stable.
+    """Return the largest rms fluctuation of the force by the noise of the contacts, at
+    those speeds of the drive at which smooth sliding is stable.
     """
     most = 0.0
     speeds = {abs(each) for each in rig.drive.velocities} - {0.0}
@@ -379,7 +381,9 @@ def _most_noise(rig: Rig) -> float:
 
 
 def _linear(rig: Rig) -> tuple[int | None, str]:
-    """Growing modes, and a note where the theory has nothing to say."""
+    """Return the number of growing modes and an empty text; or, if the theory does not
+    apply, None and a note.
+    """
     if isinstance(rig.interface.delay, OnArrest):
         return None, (
             "contacts re-attach only when the slider stops, so there is no smooth "
@@ -398,12 +402,12 @@ def _linear(rig: Rig) -> tuple[int | None, str]:
 
 
 def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
-    """The nearest limits of linear stability about the value of each parameter, as far
-    as theory has no gap; and what the budget did not allow.
+    """Return the margins of each parameter, within the range around its value in which
+    the theory decides, and the titles of those that the budget did not allow.
     """
     margins: list[Margin] = []
     missed: list[str] = []
-    for parameter in dict.fromkeys((*PARAMETERS, *turnable(rig))):
+    for parameter in dict.fromkeys((*PARAMETERS, *machine_parameters(rig))):
         if not has(rig, parameter) or parameter.rescales:
             continue
         value = rig.value(parameter)
@@ -431,19 +435,19 @@ def _margins(rig: Rig, budget: Budget) -> tuple[list[Margin], list[str]]:
 
 
 def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | None:
-    """The parameter of a machine with the nearest limit, and the value on the way there
-    from which on the noise of the contacts is above `SEEN`, if that is farther from it
-    than `PRECISION`.
+    """Return the machine parameter with the nearest stability limit, and its value on
+    the way there beyond which the noise of the contacts exceeds `LARGE_NOISE`; None if
+    that value is within `PRECISION` of the limit.
     """
     limits = [
         each.nearest
         for each in margins
-        if each.nearest and parameter_named(each.parameter) in turnable(rig)
+        if each.nearest and parameter_named(each.parameter) in machine_parameters(rig)
     ]
     if not limits or not isinstance(rig.method, DRAWN):
         return None
     limit = min(limits, key=lambda each: each.size)
-    # nearer, noise ends smooth sliding; nor is a machine set as near
+    # nearer to the limit, noise ends smooth sliding, and no machine is set so precisely
     part = 1.0 - math.log1p(by_theory.PRECISION) / limit.size
     nearest = (limit.to / limit.now) ** max(part, 0.0)
     change = by_theory.factor_on((parameter_named(limit.parameter), 1))
@@ -451,13 +455,16 @@ def _noise_limit(rig: Rig, margins: Sequence[Margin]) -> tuple[str, float] | Non
     def is_seen(factor: float) -> bool:
         there = change.set(rig.natural, factor)
         with suppress(UndecidedError):
-            found = contact_noise(there)
-            return found.relative_force > SEEN or found.relative_velocity > SWAYS
+            noise = contact_noise(there)
+            return (
+                noise.relative_force > LARGE_NOISE
+                or noise.relative_velocity > LINEAR_NOISE
+            )
         return True  # at a limit of stability
 
     with suppress(InputError, UndecidedError):  # no theory of their noise
         here = contact_noise(rig.natural)
-        if here.relative_velocity > SWAYS or not is_seen(nearest):
+        if here.relative_velocity > LINEAR_NOISE or not is_seen(nearest):
             return None
         quiet, _ = halved(is_seen, 1.0, nearest, by_theory.PRECISION / 10.0)
         return limit.parameter, quiet * limit.now

@@ -1,6 +1,4 @@
-"""One page to forward: an answer with its pictures, in one file that needs no other
-and can be printed.
-"""
+"""An answer with its pictures as one self-contained HTML page, to forward or print."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ from stickslip import __version__, plot
 from stickslip.advise.answer import ElasticPrediction, Prediction
 from stickslip.advise.axis import AxisAnswer
 from stickslip.advise.chart import chart
-from stickslip.advise.mitigations import Mitigation, has, turnable
+from stickslip.advise.mitigations import Mitigation, has, machine_parameters
 from stickslip.io.rig_files import to_toml
 from stickslip.model.drive import constant
 from stickslip.model.parameters import DELAY
@@ -24,10 +22,10 @@ from stickslip.simulation import simulate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# of the map: a factor on either side of the rig, or twice as far as the change; its
-# points
+# The map extends by this factor in either direction, or by twice the change if that is
+# more.
 _AROUND = 10.0
-_POINTS = 60
+_POINTS = 60  # of the map
 
 
 def report(
@@ -35,12 +33,11 @@ def report(
     *,
     progress: Progress | None = None,
 ) -> str:
-    """Return a page with the verdict, its pictures, what it rests on, and the rig; HTML
-    that asks for no other file.
+    """Return a self-contained HTML page with the verdict, its pictures, its evidence,
+    and the rig.
 
-    Where it has mitigations, the force before and after the smallest is shown, or the
-    smallest pair, and the way there. The map of stability is drawn of every rig that
-    linear theory judges.
+    If there are mitigations, it shows the force before and after the smallest one or
+    pair, and the way there. The map of stability is drawn if linear theory applies.
     """
     pictures = [
         (title, base64.b64encode(plot.drawn(figure, "svg")).decode())
@@ -54,7 +51,7 @@ def _pictures(
     found: Prediction | ElasticPrediction | AxisAnswer, watch: Progress
 ) -> Iterator[tuple[str, Figure]]:
     figure = found.plot()
-    figure.suptitle("")  # the page has it as its headline
+    figure.suptitle("")  # it is the headline of the page
     at = "after a move" if isinstance(found, AxisAnswer) else "at each speed"
     yield f"What it does {at}", figure
     watch(0.3)
@@ -76,7 +73,9 @@ def _pictures(
 
 
 def _before_and_after(found: Prediction, goal: Mapping[str, float]) -> Figure:
-    """The run of a prediction beside one as long with other values of parameters."""
+    """Draw the run of a prediction beside a run of the same length with other values of
+    parameters.
+    """
     before = found.recording.rig
     after = found.rig.with_values(**goal)
     lasts = replace(
@@ -88,14 +87,14 @@ def _before_and_after(found: Prediction, goal: Mapping[str, float]) -> Figure:
 
 
 def _map(found: Prediction, changes: Sequence[Mitigation], watch: Progress) -> Figure:
-    """The map of stability over two changed parameters, or the speed and the one that
-    is changed or could be.
+    """Draw the map of stability over the two changed parameters, or over the speed and
+    one that is, or could be, changed.
     """
     rig = found.rig
     goal = {each.parameter: each.to for each in changes}
     beside = [
         each.name
-        for each in (*turnable(rig), DELAY)
+        for each in (*machine_parameters(rig), DELAY)
         if has(rig, each) and each.name not in (*goal, "velocity") and not each.rescales
     ]
     other = next(name for name in (*goal, *beside) if name != "velocity")

@@ -1,5 +1,5 @@
-"""The answer in some twenty lines: verdict, strip of speeds, smallest changes, and how
-sure it is.
+"""The short text of an answer, in some twenty lines: verdict, strip of speeds, smallest
+changes, and uncertainty.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from stickslip.advise.sections import (
 )
 from stickslip.model.rig import Rig
 
-_ROWS = 5  # changes that are shown; the rest stands among the details
+_ROWS = 5  # most changes that are shown; the details list all
 MARKS = {
     "stick-slip": ("=", "stick-slip"),
     "sustained oscillation": ("~", "oscillation"),
@@ -37,7 +37,7 @@ MARKS = {
     "unknown": ("?", "not known"),
     "now": ("|", "now"),
 }
-"""Marks of the strip of speeds, and what they mean, by kind of motion."""
+"""Marks of the strip of speeds and their meanings, by kind of motion."""
 MORE = "More: --details, --plot, report"
 
 
@@ -45,27 +45,27 @@ class Line(NamedTuple):
     """A line of an answer."""
 
     text: str
-    title: str = ""  #: before the text, bold where that can be
-    whole: bool = False  #: whether it is kept, however wide
+    title: str = ""  #: before the text; bold on a terminal
+    whole: bool = False  #: whether it is never wrapped
 
 
 def place(found: Findings | WaveFindings, speed: float) -> float:
-    """Place of a speed on the strip, whose axis is logarithmic: from 0 to 1."""
+    """Return the position of a speed on the logarithmic strip, from 0 to 1."""
     low, high = found.speeds_searched
     inside = min(max(speed, low), high)
     return math.log(inside / low) / math.log(high / low)
 
 
 def strip(found: Findings | WaveFindings, count: int) -> list[str]:
-    """Kinds of motion, as in `MARKS`, in a number of cells of the strip of speeds, and
-    "now" between them; nothing where nothing is known.
+    """Return the kind of motion, as in `MARKS`, in each cell of the strip of speeds,
+    with "now" between cells at the rig's own speeds; empty if no motion is known.
     """
     if _is_in_time(found):
         return _in_time(found, count)
     if found.theory_note and {band.kind for band in found.bands} <= {"unknown"}:
         return []
     cells = ["unknown" if isinstance(found, Findings) else "stable"] * count
-    # narrow bands last, so that each is seen
+    # narrow bands last, so that none is hidden
     for band in sorted(found.bands, key=lambda band: band.low / band.high):
         kind = "bistable" if band.bistable else band.kind
         places = [place(found, end) for end in band.ends]
@@ -79,7 +79,9 @@ def strip(found: Findings | WaveFindings, count: int) -> list[str]:
 
 
 def _fill(cells: list[str], places: Sequence[float], kind: str) -> None:
-    """Set the cells between two places, from 0 to 1; one where these are close."""
+    """Set the cells between two positions, from 0 to 1, to a kind of motion; at least
+    one cell.
+    """
     first, last = (round(len(cells) * place) for place in places)
     first = min(first, len(cells) - 1)
     last = max(last, first + 1)
@@ -87,12 +89,12 @@ def _fill(cells: list[str], places: Sequence[float], kind: str) -> None:
 
 
 def _is_in_time(found: Findings | WaveFindings) -> TypeGuard[Findings]:
-    """Whether the strip is that of a drive through speeds, by its own run."""
+    """Whether the strip shows the time of a drive with several speeds, from its run."""
     return isinstance(found, Findings) and found.driven is not None
 
 
 def _in_time(found: Findings, count: int) -> list[str]:
-    """Kinds of motion in a number of cells of the time of its drive."""
+    """Return the kind of motion in each cell of the time of the drive."""
     last = found.along_drive[-1].high
     cells = ["smooth sliding"] * count
     for band in found.along_drive:
@@ -102,7 +104,9 @@ def _in_time(found: Findings, count: int) -> list[str]:
 
 
 def ends(found: Findings | WaveFindings) -> list[str]:
-    """The ends of the strip: speeds, or times of a drive that goes through speeds."""
+    """Return the ends of the strip in words: speeds, or times of a drive with several
+    speeds.
+    """
     if _is_in_time(found):
         end = found.along_drive[-1].high
         return [quantity(found.rig, time, "time", 3) for time in (0.0, end)]
@@ -110,31 +114,31 @@ def ends(found: Findings | WaveFindings) -> list[str]:
 
 
 def ends_of_speeds(found: Findings | WaveFindings) -> list[str]:
-    """The lowest and the highest speed that was searched."""
+    """Return the lowest and the highest speed searched, in words."""
     return [quantity(found.rig, v, "velocity", 3) for v in found.speeds_searched]
 
 
 def title(rig: Rig) -> str:
-    """Its name, and the speeds of its drive, in turn."""
+    """Return the name of a rig and the speeds of its drive, in order."""
     speeds = [rig.in_units(abs(each), "velocity") for each in rig.drive.velocities]
     moving = f"at {speeds[0]}" if len(set(speeds)) == 1 else " - ".join(speeds)
     return f"{rig.name}, {moving}"
 
 
 def legend(kinds: Sequence[str]) -> str:
-    """What the marks of a strip mean, of those that are there."""
+    """Return the meaning of the marks that a strip contains."""
     there = [sign for kind, sign in MARKS.items() if kind in kinds]
     words = "  ".join(f"{mark} {meaning}" for mark, meaning in there)
     return words + " (its speeds)" * (kinds.count("now") > 1)
 
 
 def verdict(motion: Motion) -> str:
-    """The motion in capitals, then its numbers."""
+    """Return the kind of motion in capitals, followed by its numbers."""
     return f"{motion.kind.upper()}   {motion.rest.lstrip(',;: ')}".rstrip()
 
 
 def lines_of_waves(found: WaveFindings, signs: Signs = ASCII) -> Iterator[str | Line]:
-    """What stands beneath verdict and strip of an elastic slider."""
+    """Yield the lines below verdict and strip, for an elastic slider."""
     more = motion_of_waves(found).more
     yield from map("  {}".format, filter(None, (*slips(found), more, *lengths(found))))
     if found.mitigations:
@@ -148,8 +152,8 @@ def lines_of_waves(found: WaveFindings, signs: Signs = ASCII) -> Iterator[str | 
 
 
 def lines(found: Findings, signs: Signs = ASCII) -> Iterator[str | Line]:
-    """What stands beneath verdict and strip: what else there is to say of the motion,
-    the changes, and how sure it is.
+    """Yield the lines below verdict and strip: more on the motion, the changes, and the
+    uncertainty.
     """
     sentences = [motion(found).more, *at_work(found)]
     if found.has_verdict and not strip(found, 1):
@@ -166,7 +170,9 @@ def lines(found: Findings, signs: Signs = ASCII) -> Iterator[str | Line]:
 
 
 def _changes(found: Findings, signs: Signs) -> Iterator[str | Line]:
-    """What stops it, the smallest change first; where it is smooth, what ends that."""
+    """Yield the table of the changes that stop an oscillation or, if sliding is smooth,
+    of those that end it; the smallest first.
+    """
     changes: Sequence[Mitigation] = ()
     title = "What would end it, each alone (linear stability)"
     if found.needs_mitigation:
@@ -190,8 +196,8 @@ def _changes(found: Findings, signs: Signs) -> Iterator[str | Line]:
 def table(
     rig: Rig, changes: Sequence[Mitigation], signs: Signs = ASCII
 ) -> Iterator[str]:
-    """A table of changes: parameter, from, to, factor; under it what a file has to
-    give anew with it.
+    """Yield a table of changes: parameter, old and new value, factor; and below each
+    the other values of the file that change with it.
     """
     rows = [*change_rows(rig, changes, signs)]
     name, before, _, after, *_ = (
@@ -204,7 +210,7 @@ def table(
 
 
 def _next(found: Findings) -> Iterator[str]:
-    """What to do where no change alone will do, or each is large."""
+    """Yield advice for when no single change suffices, or all are large."""
     changes = found.mitigations
     in_vain = not changes and bool(found.attempts or found.unreliable)
     if in_vain:

@@ -1,5 +1,5 @@
-"""What a prediction says: the motion at the rig's own speed, and the sections of all
-else, each a list of sentences or a table.
+"""The text of a prediction: the motion at the rig's own speed, and sections, each a
+list of sentences or a table.
 """
 
 from __future__ import annotations
@@ -11,7 +11,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from stickslip.advise.budget import OSCILLATES, varies
-from stickslip.advise.findings import SEEN, Findings, WaveFindings, frequency_unit
+from stickslip.advise.findings import (
+    LARGE_NOISE,
+    Findings,
+    WaveFindings,
+    frequency_unit,
+)
 from stickslip.advise.mitigations import Mitigation, has
 from stickslip.advise.survey import PRECISION
 from stickslip.elastic.precursors import distance_to_the_first_break
@@ -27,25 +32,25 @@ from stickslip.words import engineering, listed, number, percent
 
 
 class Section(NamedTuple):
-    """Sentences of one topic, or rows of a table whose first is its head."""
+    """Sentences on one topic, or rows of a table, the first of which is its head."""
 
     name: str
     rows: Sequence[str] | Sequence[tuple[str, ...]]
     title: str = ""
-    note: str = ""  #: behind the title in its line
+    note: str = ""  #: text after the title, in the same line
 
 
 class Motion(NamedTuple):
-    """A motion, and the words about it."""
+    """A kind of motion, and the text around it."""
 
     kind: str
-    rest: str = ""  #: follows it in its line
-    more: str = ""  #: a sentence beside it
-    at: str = ""  #: stands before it in its line
+    rest: str = ""  #: text after it, in the same line
+    more: str = ""  #: a sentence of its own
+    at: str = ""  #: text before it, in the same line
 
     @property
     def line(self) -> str:
-        """The motion in a line."""
+        """The motion in one line."""
         return self.at + self.kind + self.rest
 
 
@@ -59,9 +64,9 @@ ARROWS = (
 )
 _ALONG = "along its drive: "
 _BY_THEORY = ", each alone, that make smooth sliding stable (linear stability)"
-_SPELLS = 3  # times of oscillation along a drive that are listed
+_SPELLS = 3  # most episodes of oscillation along a drive that are listed
 _BISTABLE = "from this start, although smooth sliding, once reached, is linearly stable"
-# words about a range beside its motion
+# text after a range of speeds with this kind of motion
 _NOTES = {
     "stable": ", starts from rest not judged",
     "unknown": ": linear theory cannot decide, or not within its budget",
@@ -83,7 +88,7 @@ _LABELS = {
 
 
 def quantity(rig: Rig, value: float, unit: str, digits: int = 4) -> str:
-    """A value in the rig's own units, with its prefix."""
+    """Return a value in the rig's own units, with an SI prefix, in words."""
     return rig.in_units(value / rig.unit(unit), unit, digits)
 
 
@@ -107,7 +112,9 @@ def _span(
     low_found: bool = True,
     high_found: bool = True,
 ) -> str:
-    """Two speeds; an end that is no limit, such as one of the search, says so."""
+    """Return a range of speeds in words, with "or less" or "or more" at an end that is
+    not a limit.
+    """
     begin, end = found.speeds_searched
     first, last = (_speed(found.rig, each) for each in (low, high))
     value, _, unit = first.partition(" ")
@@ -119,7 +126,7 @@ def _span(
 
 
 def _mode(rig: Rig, growth: float, frequency: float | None) -> str:
-    """Rate and frequency of a mode."""
+    """Return growth rate and frequency of a mode in words."""
     per_time = rig.unit_name("1/time").replace("1/time", "per time unit")
     waves = ", non-oscillatory"
     if frequency:
@@ -128,8 +135,8 @@ def _mode(rig: Rig, growth: float, frequency: float | None) -> str:
 
 
 def motion(found: Findings) -> Motion:
-    """The motion that an answer begins with: at the rig's own speed, or the
-    oscillation along a drive that starts smoothly.
+    """Return the motion of the headline: at the rig's own speed, or the oscillation
+    along a drive that starts smoothly.
     """
     rig = found.rig
     if not found.has_verdict:
@@ -156,7 +163,7 @@ def motion(found: Findings) -> Motion:
 
 
 def _driven(found: Findings, more: str) -> Motion:
-    """The motion along a drive that goes through speeds, by its own run."""
+    """Return the motion along a drive with several speeds, from its own run."""
     rig = found.rig
     episodes = found.lasting_episodes
     if not episodes:
@@ -186,7 +193,7 @@ def _driven(found: Findings, more: str) -> Motion:
 
 
 def _spells(rig: Rig, episodes: Sequence[Episode]) -> str:
-    """From when to when episodes last, the first of them."""
+    """Return the times of the first episodes, in words."""
     spells = list[str]()
     for each in episodes[:_SPELLS]:
         begin, end = (quantity(rig, time, "time", 3) for time in (each.begin, each.end))
@@ -197,7 +204,7 @@ def _spells(rig: Rig, episodes: Sequence[Episode]) -> str:
 
 
 def _own_motion(found: Findings) -> Motion:
-    """The motion at the rig's own speed."""
+    """Return the motion at the rig's own speed."""
     kind = str(found.regime.kind)
     modes = found.unstable_modes
     count = getattr(found.recording.rig.method, "count", None)
@@ -206,9 +213,10 @@ def _own_motion(found: Findings) -> Motion:
         f"the oscillation may not yet exceed the noise of {contacts}" if modes else ""
     )
     if found.noise is not None:
-        if count and found.noise > SEEN:
-            enough = number(count * (found.noise / SEEN) ** 2, 2)  # its variance: 1/N
-            more = f"below {percent(SEEN)} from {enough} contacts on"
+        if count and found.noise > LARGE_NOISE:
+            # the variance of the noise is proportional to 1/N
+            enough = number(count * (found.noise / LARGE_NOISE) ** 2, 2)
+            more = f"below {percent(LARGE_NOISE)} from {enough} contacts on"
         rms = f"{percent(found.noise)} rms, noise of {contacts}"
         return Motion(kind, f"; the force fluctuates by {rms}", more)
     if kind == "undecided":
@@ -236,7 +244,9 @@ def _own_motion(found: Findings) -> Motion:
 
 
 def _how_often(found: Findings) -> str:
-    """The frequency, in the digits that its error leaves, or that it is irregular."""
+    """Return the frequency in words, in its significant digits, or that the motion is
+    irregular.
+    """
     if found.frequency is not None and found.frequency_error is not None:
         error = max(found.frequency_error / found.frequency, 1e-3)
         digits = min(max(1 + math.floor(-math.log10(error)), 1), 3)
@@ -248,7 +258,9 @@ def _how_often(found: Findings) -> str:
 
 
 def speeds(found: Findings) -> Iterator[str]:
-    """The motion at each speed, range by range, and at those at which the rig works."""
+    """Yield the motion in each range of speeds, and at the speeds at which the rig
+    works.
+    """
     if not found.has_verdict:
         return
     if found.theory_note:
@@ -263,8 +275,8 @@ def speeds(found: Findings) -> Iterator[str]:
 
 
 def at_work(found: Findings) -> Iterator[str]:
-    """The motion at other speeds at which the rig works, along its drive, or over its
-    range of speeds.
+    """Yield the motion at other speeds at which the rig works, and along its drive or
+    over its range of speeds.
     """
     if not found.has_verdict:
         return
@@ -295,7 +307,7 @@ def at_work(found: Findings) -> Iterator[str]:
 
 
 def sections(found: Findings) -> list[Section]:
-    """All sections beneath the headline of a rig with a rigid slider."""
+    """Return all sections of the answer for a rig with a rigid slider."""
     rig = found.rig
     more = motion(found).more
     of_margins = (
@@ -325,14 +337,14 @@ def sections(found: Findings) -> list[Section]:
 
 
 def _changes(found: Findings | WaveFindings) -> list[tuple[str, ...]]:
-    """The table of mitigations, with its head."""
+    """Return the table of mitigations, with its head."""
     head = ("parameter", "now", "", "to", "factor", "and")
     rows = change_rows(found.rig, found.mitigations)
     return [head, *rows] if found.mitigations else []
 
 
 def _origins(rig: Rig) -> list[Section]:
-    """Parameters of a rig that were assumed, and those that were fitted."""
+    """Return the sections of the assumed and of the fitted values of a rig."""
     assumed, fitted = (
         [f"{key}: {item}" for key, item in each.items()]
         for each in (rig.assumed, rig.fitted)
@@ -344,7 +356,7 @@ def _origins(rig: Rig) -> list[Section]:
 
 
 def numbers(found: Findings) -> Iterator[tuple[str, str]]:
-    """Names and values, with units, of the quantities behind the verdict."""
+    """Yield names and values, with units, of the quantities behind the verdict."""
     rig = found.rig
     aged = ", thresholds fully aged" * (rig.interface.ageing is not None)
     aged += ", no contact broken by heat" * (rig.interface.activation is not None)
@@ -382,7 +394,7 @@ def numbers(found: Findings) -> Iterator[tuple[str, str]]:
 
 
 def margins(found: Findings) -> Iterator[tuple[str, ...]]:
-    """Parameter, value and stability limits, in words, beneath their heads."""
+    """Yield the rows of a table of parameters, their values and stability limits."""
     if found.margins:
         yield "parameter", "now", "stability limit below", "stability limit above"
     for each in found.margins:
@@ -404,12 +416,12 @@ def margins(found: Findings) -> Iterator[tuple[str, ...]]:
 
 
 def noise(found: Findings) -> Iterator[str]:
-    """How near to a limit the noise of the contacts allows to go."""
+    """Yield a sentence on how near to a limit the noise of the contacts allows."""
     if found.noise_limit is None:
         return
     rig = found.rig
     name, value = found.noise_limit
-    with suppress(UndecidedError):  # too near to the limit for the theory
+    with suppress(UndecidedError):  # the value is too near to the limit for the theory
         there = contact_noise(rig.with_values(**{name: value}))
         count = getattr(rig.method, "count", "its")
         rms = percent(there.relative_force)
@@ -422,8 +434,8 @@ def noise(found: Findings) -> Iterator[str]:
 
 
 def rewritten(rig: Rig, changes: Sequence[Mitigation]) -> list[tuple[str, str, str]]:
-    """Values that a file has to give anew for changes made together, as people call
-    them, now and then: the parameters first.
+    """Return the values of a rig file that changes made together alter: label, old and
+    new value; first those of the parameters, then others that follow.
     """
     names = [each.parameter for each in changes]
     there = rig.with_values(**{each.parameter: each.to for each in changes})
@@ -436,7 +448,9 @@ def rewritten(rig: Rig, changes: Sequence[Mitigation]) -> list[tuple[str, str, s
 
 
 def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
-    """Values that a file gives of parameters, and of others that change with them."""
+    """Return the values, by label, that a file holds for parameters, and for others
+    that may change with them.
+    """
     ratio = {}
     if (damping := getattr(rig.slider, "damping_ratio", 0.0)) > 0:
         ratio = {"damping ratio": number(damping, 3)}
@@ -460,7 +474,7 @@ def _of_file(rig: Rig, names: Sequence[str]) -> dict[str, str]:
 
 
 def changes_in_words(found: Findings, *changes: Mitigation) -> str:
-    """Changes made together in words, with all values that a file has to give anew."""
+    """Return in words all values of a rig file that changes made together alter."""
     rows = rewritten(found.rig, changes)
     return ", ".join(f"{label} from {now} to {then}" for label, now, then in rows)
 
@@ -468,8 +482,8 @@ def changes_in_words(found: Findings, *changes: Mitigation) -> str:
 def change_rows(
     rig: Rig, changes: Sequence[Mitigation], signs: Signs = ASCII
 ) -> Iterator[tuple[str, ...]]:
-    """Changes, each alone: parameter, from, to, factor, and other values that a file
-    has to give anew.
+    """Yield a row for each change made alone: parameter, old value, arrow, new value,
+    factor, and other values of the file that change with it.
     """
     arrow, times, over = signs
     for change in changes:
@@ -477,21 +491,21 @@ def change_rows(
         sign = times if change.to > change.now else over
         size = f"{sign} {number(math.exp(change.size), 2)}" if change.now else ""
         also = ", ".join(f"{label} {value}" for label, _, value in others)
-        if change.noise > SEEN:  # smooth sliding may then fluctuate as much
+        if change.noise > LARGE_NOISE:
             noise = f"the force fluctuates by {percent(change.noise)} rms, noise"
             also = f"{also}, {noise}" if also else noise
         yield label, now, arrow, then, size, also
 
 
 def attempts(found: Findings | WaveFindings) -> Iterator[str]:
-    """How far each parameter was varied without a value that reliably gives smooth
-    sliding.
+    """Yield a sentence for each parameter that does not reliably give smooth sliding,
+    with the range over which it was varied.
     """
     rig = found.rig
     for name, ends in found.attempts.items():
         low, high = (amount(rig, name, value) for value in ends)
         title = parameter_named(name).title
-        # as one run shows at each value that was tried; theory judges bars
+        # one run judged each value that was tried; for bars, theory did
         by_runs = not isinstance(found, WaveFindings) and varies(rig)
         always = " in every run" if by_runs else ""
         yield f"{title}: {low} to {high} does not stop it{always}"
@@ -504,7 +518,9 @@ def attempts(found: Findings | WaveFindings) -> Iterator[str]:
 
 
 def motion_of_waves(found: WaveFindings) -> Motion:
-    """The motion at the rig's own speed: by linear theory, and as its run shows."""
+    """Return the motion of an elastic slider at its own speed, from linear theory and
+    its run.
+    """
     if found.theory_note:
         return Motion("undecided", f": {found.theory_note}")
     at = f"at {_speed(found.rig, found.rig.velocity)}: "
@@ -527,7 +543,9 @@ def motion_of_waves(found: WaveFindings) -> Motion:
 
 
 def _around(found: WaveFindings) -> str:
-    """The range of speeds about the rig's own in which a mode grows, in words."""
+    """Return in words the range of speeds around the rig's own in which a mode
+    grows.
+    """
     if found.speeds == (found.speeds_searched,):
         low, high = (_speed(found.rig, end) for end in found.speeds_searched)
         return f"at every speed from {low} to {high}"
@@ -536,7 +554,7 @@ def _around(found: WaveFindings) -> str:
 
 
 def slips(found: WaveFindings) -> Iterator[str]:
-    """The first slips in the run of a bar from rest."""
+    """Yield a sentence on the first slips in the run of a bar from rest."""
     rig = found.rig
     first = "precursor" if rig.natural.slider.side > 0 else "slip"
     sentences = list[str]()
@@ -561,10 +579,10 @@ def _unstable(found: WaveFindings, spans: Iterable[tuple[float, float]]) -> str:
 
 
 def sections_of_waves(found: WaveFindings) -> list[Section]:
-    """Each wave in words, the critical length, and where the first contacts break."""
+    """Return all sections of the answer for an elastic slider."""
     rig = found.rig
     unstable = [f"linearly unstable {_unstable(found, found.speeds)}"]
-    # else it stands in the headline
+    # leave out what the headline already says
     if found.theory_note or (len(found.speeds) == 1 and _around(found)):
         unstable = []
     waves = [("wave", "stiffness", "growth rate", "unstable")] if found.waves else []
@@ -589,7 +607,9 @@ def sections_of_waves(found: WaveFindings) -> list[Section]:
 
 
 def lengths(found: WaveFindings) -> Iterator[str]:
-    """The critical length of a chain, and where the first contacts break."""
+    """Yield sentences on the critical length of a chain, and on the travel at which its
+    first block breaks loose.
+    """
     rig = found.rig
     if found.critical is not None:
         stiffness = quantity(rig, found.critical.stiffness, "stiffness")

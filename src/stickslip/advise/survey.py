@@ -1,7 +1,8 @@
-"""Ranges with one kind of motion along a parameter: as linear theory gives, and as runs
-from rest show over speed.
+"""Ranges of one kind of motion along a parameter, by linear theory, and along the speed
+also by runs from rest.
 
-All along here are factors on what the rig has, so that no unit matters.
+Parameters are given here as factors on the rig's own values, so that units do not
+matter.
 """
 
 import math
@@ -18,9 +19,9 @@ from stickslip.advise.budget import (
     SEEDS,
     Budget,
     BudgetExhausted,
+    cost_of_run,
+    cost_of_theory,
     is_expensive,
-    looks_of,
-    runs_of,
     trial,
     varies,
 )
@@ -32,51 +33,50 @@ from stickslip.model.rig import Rig
 from stickslip.stability import growth_rate
 from stickslip.stability.critical import search
 
-# where motion changes is found to this part of the value; nor is one set more closely
-# on a machine
+# Relative precision of the values at which the motion changes; values on a machine are
+# not set more precisely, either.
 PRECISION = 0.05
-# What is said of contacts whose linear response is 0; what kinds of motion are called,
-# where that is another word.
+# note on contacts whose linear response is 0
 CANNOT_GROW = "without delay or ageing smooth sliding cannot become unstable"
+# names of the kinds of motion that have a longer one
 MOTIONS = {
     "unstable": "linearly unstable",
     "stable": "linearly stable",
     "unknown": "not known",
 }
-# points at which growing modes are counted, by what `is_expensive` says
+# points per decade at which growing modes are counted, by `is_expensive`
 _PER_DECADE = {False: 16, True: 6}
-# relative accuracy of the ends of a range in which the theory decides, beside one in
-# which it does not
+# relative precision of the ends of a range in which the theory cannot decide
 _NARROW = 1e-3
-# a parameter that a factor makes larger, or on side -1 smaller
-Turn = tuple[Parameter, int]
+# a parameter, and the side to which a factor varies it: 1 up, -1 down
+Direction = tuple[Parameter, int]
 _Seen = tuple[float, str]  # a speed, and the motion there
-_APART = 3.0  # speeds at which runs are made first lie within this factor of each other
+_APART = 3.0  # the speeds of the first runs are at most this factor apart
 
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A range of a parameter, the speed of a prediction, with one kind of motion."""
+    """A range of a parameter, in a prediction the speed, with one kind of motion."""
 
-    #: From a start at rest; "stable" or "unstable" where linear theory says that of
-    #: smooth sliding, and what comes of a start at rest was not simulated or could not
-    #: be judged; "unknown" where the theory does not decide either.
+    #: Motion from a start at rest. "stable" or "unstable" is that of smooth sliding by
+    #: linear theory, where a start at rest was not simulated or not decided; "unknown"
+    #: where the theory does not decide either.
     kind: str
 
-    #: Whether smooth sliding, once reached, is stable as well (linear, so without the
-    #: noise of contacts).
+    #: Whether smooth sliding, once reached, is stable as well (by linear theory, so
+    #: without the noise of contacts).
     bistable: bool = False
     low: float
     high: float
 
-    #: Whether the motion changes at that end; False where it was seen that far, and not
-    #: looked for beyond.
+    #: Whether the motion changes at that end; False if it was seen up to there, and not
+    #: searched beyond.
     low_found: bool = True
     high_found: bool = True
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Both ends."""
+        """Both ends of the range."""
         return self.low, self.high
 
     def __contains__(self, value: float) -> bool:
@@ -84,21 +84,23 @@ class Band:
 
     @property
     def motion(self) -> str:
-        """Its motion in words."""
+        """The kind of motion in words."""
         return MOTIONS.get(self.kind, self.kind) + (
             " from rest only" if self.bistable else ""
         )
 
 
 def scaled(bands: Iterable[Band], size: float) -> tuple[Band, ...]:
-    """Bands in a unit that is smaller by a factor."""
+    """Return the bands with their ends multiplied by a factor."""
     return tuple(
         replace(band, low=band.low * size, high=band.high * size) for band in bands
     )
 
 
 def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
-    """Rising bands; neighbours of one kind, or that overlap, as one."""
+    """Return bands, in rising order, with adjacent or overlapping bands of one kind
+    merged, and empty ones left out.
+    """
     found: list[Band] = []
     for band in bands:
         last = found[-1] if found else None
@@ -116,8 +118,8 @@ def joined(bands: Iterable[Band]) -> tuple[Band, ...]:
 
 
 def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
-    """Growth rate and frequency, in cycles, in the rig's own units; None if no mode
-    grows or decays exponentially.
+    """Return growth rate and frequency (in cycles) of the fastest mode, in the rig's
+    own units; None if no mode grows or decays exponentially.
     """
     try:
         root = growth_rate(rig)
@@ -127,31 +129,32 @@ def fastest_mode(rig: Rig) -> tuple[float | None, float | None]:
 
 
 @cache
-def factor_on(*turns: Turn) -> Parameter:
-    """One factor on some parameters, as a parameter."""
+def factor_on(*directions: Direction) -> Parameter:
+    """Return one factor on several parameters as a parameter."""
 
     def varied(rig: Rig, factor: float) -> Rig:
-        for parameter, side in turns:
+        for parameter, side in directions:
             rig = parameter.set(rig, parameter.get(rig) * factor**side)
         return rig
 
-    return Parameter(name=turns[0][0].name, unit="1", get=lambda _rig: 1.0, set=varied)
+    name = directions[0][0].name
+    return Parameter(name=name, unit="1", get=lambda _rig: 1.0, set=varied)
 
 
 def stability_along(
     rig: Rig, parameter: Parameter, low: float, high: float, *, density: int = 0
 ) -> tuple[Band, ...]:
-    """Ranges of the factor on a parameter, rising, in which smooth sliding is stable
-    throughout, or not.
+    """Return the ranges of the factor on a parameter, in rising order, in which smooth
+    sliding is stable, unstable, or not decided.
 
-    Stable ranges narrower than a sixteenth of a decade may be missed, or than one part
-    of `density`.
+    Stable ranges narrower than a decade over `density`, by default 16 (6 for an
+    expensive rig), may be missed.
     """
     factor = factor_on((parameter, 1))
     density = density or _PER_DECADE[is_expensive(rig)]
     try:
         found = search(factor, rig.natural, low, high, density=density, edges_only=True)
-    except (InputError, UndecidedError):  # at some value the theory does not decide
+    except (InputError, UndecidedError):  # the theory does not decide at some value
         if high < (1.0 + _NARROW) * low or all(
             linearly_unstable(factor.set(rig, end)) is None for end in (low, high)
         ):
@@ -174,9 +177,11 @@ def stability_along(
 def theory_along(
     budget: Budget, rig: Rig, parameter: Parameter, low: float, high: float
 ) -> tuple[Band, ...]:
-    """`stability_along` within a budget: with a look at each point, as dear as those at
-    the ends and at the rig, or none more for a parameter of the slider, which changes
-    no response.
+    """Return `stability_along` within a budget.
+
+    It costs an evaluation at each point, as expensive as the mean of those at the ends
+    and at the rig. A parameter of the slider costs one, as the response of the contacts
+    stays the same.
     """
     factor = factor_on((parameter, 1))
     first, last = (factor.set(rig.natural, end) for end in (low, high))
@@ -185,14 +190,16 @@ def theory_along(
     if (first.interface, first.velocity) != (last.interface, last.velocity):
         points = _PER_DECADE[is_expensive(rig)] * math.log10(high / low)
         here += [first, last]
-    looks = float(np.mean([looks_of(each) for each in here]))
-    # those of the rig's own contacts, where that is dear, are counted once
-    more = points * looks + (0.0 if is_expensive(rig) else looks - 1.0)
+    cost = float(np.mean([cost_of_theory(each) for each in here]))
+    # an expensive response of the rig's own contacts is paid for by the budget itself
+    more = points * cost + (0.0 if is_expensive(rig) else cost - 1.0)
     return budget.theory(stability_along, rig, parameter, low, high, more=more)
 
 
 def works_at(rig: Rig) -> list[float]:
-    """The speeds at which a rig works, and the ends of a range of them."""
+    """Return the speeds at which a rig works, and the ends of a range of them, as
+    factors on its own speed.
+    """
     return [
         speed / rig.natural.velocity
         for speed in (*rig.operation.speeds, *(rig.operation.between or ()))
@@ -200,10 +207,10 @@ def works_at(rig: Rig) -> list[float]:
 
 
 class Survey:
-    """Runs from rest at speeds over the whole range: a grid first, then by halving
-    where two neighbours differ.
+    """Runs from rest over the whole range of speeds: first on a grid, then by halving
+    between neighbours with different motion.
 
-    What was not simulated, or stayed undecided, is called neither smooth nor
+    Speeds that were not simulated, or stayed undecided, count as neither smooth nor
     stick-slip.
     """
 
@@ -213,24 +220,24 @@ class Survey:
         self._works = works_at(rig)
         places = [*self._works, *_grid(linear)]
         apart = [v for v in places if not math.isclose(v, 1.0, rel_tol=PRECISION)]
-        # by speed; "" is not known yet
+        # motion by speed; empty where it is not known yet
         self.known = dict.fromkeys(apart, "") | {1.0: here}
 
-    def look(self, budget: Budget) -> None:
-        """Simulate where the rig works, on the grid, and closer to where motion
-        changes, until the budget ends.
+    def simulate(self, budget: Budget) -> None:
+        """Simulate at the speeds at which the rig works, on the grid, and ever closer
+        to changes of motion, until the budget ends.
 
-        Where most is in doubt for what a run counts comes first.
+        The speed with the most doubt per cost of a run comes first.
         """
         looked = set[float]()
-        price = cache(lambda speed: runs_of(self._case(speed)))
-        # speeds looked at are PRECISION apart, and there are no decades enough for more
-        turns = bounded("Survey.look", HALVINGS)
+        price = cache(lambda speed: cost_of_run(self._case(speed)))
+        # speeds are `PRECISION` apart, so that a range of decades has fewer than this
+        turns = bounded("Survey.simulate", HALVINGS)
         while doubt := self._doubts(looked):
             next(turns)
             speed = max(doubt, key=lambda v: doubt[v] / price(v))
             looked.add(speed)
-            # at other speeds runs may be shorter than what is left
+            # the budget may still suffice for a shorter run at another speed
             with suppress(BudgetExhausted):
                 try:
                     self.known[speed] = budget.regime(self._case(speed)).kind
@@ -246,10 +253,10 @@ class Survey:
             self._confirm(budget)
 
     def _confirm(self, budget: Budget) -> None:
-        """Run speeds next to a change with other contacts: the motion there is
-        undecided where these do not agree.
+        """Repeat runs next to a change of motion with other contacts: the motion there
+        is undecided if these disagree.
         """
-        asked = {1.0}  # that of the rig itself is judged apart
+        asked = {1.0}  # the speed of the rig itself is judged elsewhere
         turns = bounded("Survey.confirm", HALVINGS)
         while ends := [
             speed
@@ -267,15 +274,15 @@ class Survey:
                     self.known[speed] = "undecided"
 
     def _case(self, speed: float, other: int = 0) -> Rig:
-        """The rig at so many times its own speed, for as long as that takes, or with
-        other contacts.
+        """Return the rig for a run at a multiple of its own speed, or with other
+        contacts.
         """
         velocity = speed * self._setting.natural.velocity
         return trial(VELOCITY.set(self._setting, velocity), other=other)
 
     def _contradicted(self) -> list[list[float]]:
-        """Speeds in a row with an oscillation between two without, or the other way
-        round: of contacts drawn once that may be chance.
+        """Return successive speeds with an oscillation between speeds without, or the
+        other way round: with contacts drawn only once, that may be chance.
         """
         seen = [pair for band in self._linear for pair in self._seen(band)]
         decided = [pair for pair in seen if pair[1] in (*OSCILLATES, "smooth sliding")]
@@ -283,12 +290,12 @@ class Survey:
             [speed for speed, _ in row]
             for _, row in groupby(decided, key=lambda pair: pair[1] in OSCILLATES)
         ]
-        # that of the rig itself is another run
+        # the speed of the rig itself is judged by another run
         return [row for row in rows[1:-1] if 1.0 not in row]
 
     def _doubts(self, looked: set[float]) -> dict[float, float]:
-        """How much is in doubt at speeds: those not tried yet, or the middles
-        between two with different motion.
+        """Return the doubt at each speed to try: those not yet tried, else the middles
+        between neighbours with different motion, with their logarithmic distance.
         """
         untried = [v for v, kind in self.known.items() if not kind and v not in looked]
         if untried:
@@ -303,15 +310,15 @@ class Survey:
         return {v: w for v, w in widths.items() if v not in looked and w > least}
 
     def _changes(self, band: Band) -> list[tuple[_Seen, _Seen]]:
-        """Neighbours with different motion."""
+        """Return pairs of neighbouring speeds with different motion, in a range."""
         return [pair for pair in pairwise(self._seen(band)) if pair[0][1] != pair[1][1]]
 
     def _seen(self, band: Band) -> list[_Seen]:
-        """Speeds tried in a range, rising, with the motion there; what theory says
-        where that is not known.
+        """Return the speeds tried in a range, in rising order, with the motion there,
+        or that of linear theory where it is not known.
 
-        A run that seems smooth where smooth sliding is unstable has not grown yet, or
-        is hidden by noise.
+        A run that seems smooth where smooth sliding is unstable does not count: its
+        oscillation has not grown yet, or is hidden by noise.
         """
         decided = (*OSCILLATES, "smooth sliding")[: 2 if band.kind == "unstable" else 3]
         inside = [v for v in sorted(self.known) if v in band]
@@ -320,8 +327,8 @@ class Survey:
         ]
         if band.kind == "stable":
             return [*zip(inside, kinds, strict=True)]
-        # One speed left out between two with the same oscillation is no evidence
-        # against it.
+        # One undecided speed between two with the same oscillation is no evidence
+        # against it: leave it out.
         sides = zip(["", *kinds], inside, kinds, [*kinds[1:], "?"], strict=False)
         return [
             (v, kind)
@@ -330,10 +337,10 @@ class Survey:
         ]
 
     def bands(self) -> tuple[Band, ...]:
-        """Ranges of linear stability, cut where the motion changes.
+        """Return the ranges of linear stability, divided where the motion changes.
 
-        Where the place of a change is not known, what was seen at a speed is reported
-        of its neighbours only.
+        Where a change is not located precisely, the motion at a speed is reported only
+        for its immediate neighbourhood.
         """
         parts: list[Band] = []
         for band in self._linear:
@@ -354,8 +361,8 @@ class Survey:
 
 
 def _grid(linear: Sequence[Band]) -> Iterator[float]:
-    """Speeds in each range, evenly by their logarithm, and next to limits of
-    stability, just on the stable side.
+    """Yield speeds in each range, evenly spaced in the logarithm, and speeds next to
+    the limits of stability.
     """
     near = 1.0 + 2.0 * PRECISION
     for band in linear:
@@ -370,7 +377,7 @@ def _grid(linear: Sequence[Band]) -> Iterator[float]:
 def _part(
     band: Band, kind: str, low: float, high: float, low_found: bool, high_found: bool
 ) -> Band:
-    """A part of a linear range in which a motion was seen."""
+    """Return the part of a range of linear stability in which a motion was seen."""
     if kind == band.kind:
         return replace(band, low=low, high=high)
     bistable = band.kind == "stable" and kind in OSCILLATES

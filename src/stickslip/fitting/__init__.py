@@ -1,7 +1,8 @@
-"""From a measured force trace to the interface behind it, with honest intervals.
+"""Parameters of an interface from a measured force trace, with calibrated intervals.
 
-`fit` compares the slips of a trace with simulated ones, sampled and picked in the same
-way. `quick_fit` makes a rig of a few readings by closed forms, without error bars.
+`fit` compares the slips of a trace with simulated slips, which are sampled and detected
+in the same way. `quick_fit` makes a rig from a few readings by closed forms, without
+error bars.
 """
 
 from stickslip.fitting.bench import Constraint

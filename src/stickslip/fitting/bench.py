@@ -1,5 +1,5 @@
 """Measurements besides a trace: values of the bench, friction at several speeds and
-after holds; the parameters that follow from them.
+after holds; and the parameters that follow from them.
 """
 
 import math
@@ -29,19 +29,19 @@ _UNITS = {
     "mass": ("kg", "75.6 g"),
     "load": ("N", "20 N"),
 }
-_USUAL_ERROR = 0.02  # relative error of a value that is given without one
+_USUAL_ERROR = 0.02  # relative error of a value that is given without an error
 Known = Mapping[str, tuple[float, float]]
-"""Values of a bench that were measured otherwise, with their standard errors, in SI
-units.
+"""Values of a bench that are known from other measurements, with their standard errors,
+in SI units.
 """
 Pairs = tuple[tuple[object, object], ...]
 _FEWEST = {"speeds": 4, "holds": 3}
-"""One more than the unknowns of the curve, so that an error can be found."""
+"""Fewest pairs: one more than the unknowns of the curve, to have an error."""
 
 
 def read_known(given: Mapping[str, object] | None) -> Known:
-    """Read values as users give them: numbers in SI units, texts with a unit, or
-    either with a standard error.
+    """Return the known values that a user gives: numbers in SI units, texts with a
+    unit, or either with a standard error.
     """
     known = {} if given is None else given
     instance("known", known, Mapping, "a mapping, such as {'stiffness': '350 N/m'}")
@@ -65,9 +65,9 @@ def read_known(given: Mapping[str, object] | None) -> Known:
 
 
 def measured_velocity(trace: xr.Dataset, slips: int) -> Known:
-    """Return the velocity of the drive, by one that was measured beside the force: of
-    the drive itself, or of a slider that makes this number of slips; empty where there
-    is none.
+    """Return the velocity of the drive from the velocity that a trace holds: of the
+    drive itself, or of a slider that makes this number of slips; empty if it holds
+    none.
     """
     if "measured_velocity" not in trace:
         return {}
@@ -82,14 +82,14 @@ def measured_velocity(trace: xr.Dataset, slips: int) -> Known:
     else:
         assert seen.drive is not None
         mean = float(seen.drive.mean())
-        # The slider is behind the drive by one slip at most, at either end.
+        # at either end, the slider is behind the drive by at most one slip
         error = mean / (math.sqrt(6.0) * slips)
     return {"velocity": (size * mean, size * error)}
 
 
 def drawn(known: Known, name: str, count: int) -> Array:
-    """Draws of a known quantity with its error, from a fixed seed;
-    not numbers where it is not.
+    """Return draws of a known quantity with its error, from a fixed seed; NaN if it is
+    not known.
     """
     middle, error = known.get(name, (math.nan, 0.0))
     scatter = np.random.default_rng([list(_UNITS).index(name), count]).standard_normal(
@@ -99,7 +99,9 @@ def drawn(known: Known, name: str, count: int) -> Array:
 
 
 def newtons(events: Events, known: Known) -> float:
-    """One unit of the force of a trace in N; of a coefficient of friction, the load."""
+    """Return the unit of the force of a trace in N; for a coefficient of friction, the
+    load.
+    """
     size = (
         known.get("load", (None,))[0]
         if events.force_unit == "1"
@@ -114,7 +116,7 @@ def newtons(events: Events, known: Known) -> float:
 
 
 def seconds(events: Events) -> float:
-    """One unit of the time of a trace in s."""
+    """Return the unit of the time of a trace in s."""
     size = ratio(events.time_unit or "s", "s")
     if size is None:
         raise InputError(
@@ -125,8 +127,8 @@ def seconds(events: Events) -> float:
 
 
 def likelihood_of(events: Events, known: Known) -> Callable[[Array], Array]:
-    """Likelihood of the stiffness ratio by stiffness and speed,
-    ``K v = R (1 + K/(N k))``: 1 if they are not known.
+    """Return the likelihood, as a function of the parameters, of the stiffness ratio
+    from known stiffness and speed, ``K v = R (1 + K/(N k))``; 1 if they are not known.
     """
     if not known.keys() >= {"stiffness", "velocity"}:
         return lambda values: np.ones(len(values))
@@ -171,14 +173,14 @@ QUANTITIES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "delay": ("delay of re-attachment", "s", ("speeds",)),
 }
-"""Title and unit of each quantity, and the values that must be known for it."""
+"""Title and unit of each quantity, and the known values that it needs."""
 
 
 def in_si(
     values: Array, strength: Array, events: Events, known: Known
 ) -> dict[str, Array]:
-    """Draws of all quantities, each with the errors of its factors; only
-    those that follow from known values.
+    """Return draws, in SI units, of all quantities that follow from the known values,
+    with the errors of these.
     """
     count = len(values)
     residual = values[:, 2]
@@ -224,7 +226,9 @@ def in_si(
 
 
 def refusal(name: str, known: Known) -> InputError:
-    """Why a quantity cannot be determined, and values that would determine it."""
+    """Return the error that explains why a quantity cannot be determined, and which
+    values would determine it.
+    """
     if name in ("delay", "ageing"):
         return InputError(
             f"fit: {name}: one speed gives bounds only; give the force at several "
@@ -244,21 +248,21 @@ def refusal(name: str, known: Known) -> InputError:
 
 
 class Constraint(NamedTuple):
-    """Result of readings besides the trace: a number with its error, in words, and
-    draws of what follows from it.
+    """Result of readings besides the trace: a number with its error, its text, and
+    draws of the delay that follows from it.
     """
 
-    #: in m/s, the speed at which friction halves; or the growth of static friction per
-    #: decade of rest
+    #: speed at which friction halves, in m/s; or growth of static friction per decade
+    #: of rest
     value: Estimate
     words: str
-    #: of the delay, in s, in the order of the draws of the fit
+    #: draws of the delay, in s, in the order of the draws of the fit
     draws: Array = np.empty(0)
 
 
 def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float]:
-    """Half-speed, and misfit over the range, of ``F = stays + falls/(1 + v/v_h)``,
-    neither below 0.
+    """Return half-speed ``v_h``, and misfit over the range, of a fit of
+    ``F = stays + falls/(1 + v/v_h)``, where both forces are at least 0.
     """
     v = np.asarray(speeds)
     F = np.asarray(forces)
@@ -291,11 +295,11 @@ def half_speed_of(speeds: ArrayLike, forces: ArrayLike) -> tuple[Estimate, float
 
 
 def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Constraint:
-    """The delay of each draw: mean rupture margin of a newborn contact over the
-    half-speed.
+    """Return the delay of each draw: the mean rupture margin of a newborn contact over
+    the half-speed.
 
-    A contact is attached while the slider goes its margin, and detached for the delay:
-    the friction that attached contacts add halves where the two take equal times.
+    A contact is attached while the slider moves by its margin, and detached for the
+    delay: the friction of attached contacts halves where the two times are equal.
     Breaking displacements are in m.
     """
     v, F = _pairs("speeds", speeds, "m/s", "0.1 mm/s")
@@ -315,8 +319,8 @@ def delays_of(values: Array, displacement: Array, speeds: Pairs) -> Constraint:
 
 
 def strengthening_of(holds: Pairs) -> Constraint:
-    """Straight line of static friction, over that of the shortest, over the
-    logarithm of the time of rest before.
+    """Return the growth of static friction, over that after the shortest hold, per
+    decade of the hold time, from a straight line.
     """
     t, F = _pairs("holds", holds, "s", "10 s")
     (slope, _), covariance = np.polyfit(
@@ -326,7 +330,7 @@ def strengthening_of(holds: Pairs) -> Constraint:
         cov=True,
     )
     growth = Estimate(slope, math.sqrt(covariance[0, 0]))
-    # Student's t, 5 % two-sided
+    # significant at 5 % by Student's t, two-sided
     clear = growth > float(stdtrit(len(F) - 2, 0.975)) * growth.error
     words = (
         f"{(growth * 100.0).words('%')} per decade of rest: "
@@ -336,8 +340,8 @@ def strengthening_of(holds: Pairs) -> Constraint:
 
 
 def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, Array]:
-    """Pairs of numbers in SI units, or texts with units, of something and a force;
-    of the former enough for a curve.
+    """Return pairs of a quantity and a force, given as numbers in SI units or texts
+    with units; `InputError` if there are too few for a curve.
     """
     hint = f"pairs, such as ({example!r}, '12 N')"
     rows = [sequence(place, pair, hint) for pair in sequence(place, given, hint)]
@@ -361,8 +365,8 @@ def _pairs(place: str, given: object, unit: str, example: str) -> tuple[Array, A
 
 
 def read_pairs(path: Path | None, unit: str) -> Pairs:
-    """Two columns of a table: speeds or times, and forces, in the units of their
-    headings, or in SI units.
+    """Return the two columns of a table, speeds or times and forces, as pairs in SI
+    units.
     """
     if path is None:
         return ()

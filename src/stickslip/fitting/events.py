@@ -1,5 +1,5 @@
-"""The slips of a measured trace as a fit needs them, and the traces that are refused,
-with the figure that decided.
+"""The slips of a measured trace, in the form that a fit needs, and the traces that a
+fit refuses, with the number that decided.
 """
 
 from __future__ import annotations
@@ -25,47 +25,52 @@ from stickslip.measure.trace import Array, Trace
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# the smallest drop, in standard deviations of the noise and in steps of the recording
+# Smallest drop that counts, in standard deviations of the noise and in steps of the
+# recording.
 _NOISES = 6.0
 _STEPS = 3.0
 FEWEST = 30  # slips that a fit needs
-LARGEST_DROP = 0.10  # largest `minimum_drop`, over the peak, that a fit takes
-# of a stretch: a fifth of those in a series may be too small to be seen
+LARGEST_DROP = 0.10  # largest `minimum_drop` of a fit, over the peak
+# Most slips of a part of a trace: a fifth of those of a simulated series may be too
+# small to be seen.
 MOST_SLIPS = int(SLIPS / 1.25)
-# the count of slips may change by a tenth while the smallest drop is doubled
+# On a plateau, the number of slips changes by at most the fraction `LOST` while the
+# smallest drop is raised by this factor.
 PLATEAU = 2.0
 LOST = 0.1
-_FINER = 2.0**0.25
-RESOLVED = 5.0  # samples of a slip from which on it is resolved
-_FEWEST_SAMPLES = 20.0
-_LONGEST_GAP = 4
-_LARGEST_NOISE = 0.03
-_LEAST_SAWTOOTH = 1.5
+_FINER = 2.0**0.25  # factor between the smallest drops that are tried
+RESOLVED = 5.0  # fewest samples of a resolved slip
+# Limits beyond which a trace is refused, or a note is given (`_CLEAR_SAWTOOTH`,
+# `_MOST_DRIFT`); conventions.
+_FEWEST_SAMPLES = 20.0  # from slip to slip
+_LONGEST_GAP = 4  # missing samples
+_LARGEST_NOISE = 0.03  # over the mean peak
+_LEAST_SAWTOOTH = 1.5  # time of a rise over that of a drop
 _CLEAR_SAWTOOTH = 4.0
-_MOST_DRIFT = 0.2
-_STEP = 2.0
-_LOAD_CHANGE = 0.05
-_DIFFERENT = 3.0
-_LEAST_ERROR = 0.02
+_MOST_DRIFT = 0.2  # of the loading rate, relative
+_STEP = 2.0  # factor by which the loading rate changes
+_LOAD_CHANGE = 0.05  # of the normal load, relative
+_DIFFERENT = 3.0  # standard errors between the halves of a trace
+_LEAST_ERROR = 0.02  # smallest standard error in that comparison
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Events(Answer):
     """The slips of a trace. It prints as its short text."""
 
-    time: Array  #: of the trace that was searched
-    force: Array  #: along its direction
+    time: Array  #: times of the trace
+    force: Array  #: force of the trace, positive along the drive
     peak_at: Any  #: indices of the force before each slip
-    trough_at: Any  #: and after it
-    smallest: float  #: drops of at least this count
+    trough_at: Any  #: indices of the force after each slip
+    smallest: float  #: smallest drop that counts
     noise: float  #: standard deviation, from sample to sample
     resolution: float  #: step of the recording; 0 if there is none
-    doubled: int  #: how many slips are at least twice as large
-    gap: int = 0  #: longest run of samples that are missing, or were interpolated
-    force_unit: str = ""  #: empty where the trace does not say
+    doubled: int  #: number of slips of at least twice `smallest`
+    gap: int = 0  #: longest run of samples that are missing or interpolated
+    force_unit: str = ""  #: empty if the trace has none
     time_unit: str = ""
     source: str = ""
-    #: largest change of the normal load over its mean; 0 where it is not known
+    #: largest change of the normal load over its mean; 0 if it is not known
     load_change: float = 0.0
 
     peaks: Array = field(init=False)  #: force before each slip
@@ -73,7 +78,7 @@ class Events(Answer):
     drops: Array = field(init=False)  #: drop of the force in each slip
     #: rise of the force per time from each trough to the peak after it
     slopes: Array = field(init=False)
-    #: mean force before a slip: the scale of all others
+    #: mean force before a slip, with which other forces are compared
     mean_peak: float = field(init=False)
     step: float = field(init=False)  #: median time from sample to sample
     recurrence: float = field(init=False)  #: mean time from slip to slip
@@ -86,7 +91,7 @@ class Events(Answer):
     loading_rate: float = field(init=False)
     #: median loading rate in the last third of the slips over that in the first
     drift: float = field(init=False)
-    #: relative, of the loading rate: half of its drift
+    #: relative error of the loading rate: half of its drift
     rate_error: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -123,15 +128,15 @@ class Events(Answer):
 
     @property
     def stretches(self) -> int:
-        """Number of stretches that the slips make, of which each has as many as a
-        simulated series can show.
+        """Number of parts into which the slips are divided, so that each has no more
+        slips than a simulated series.
         """
         return -(-len(self) // MOST_SLIPS)
 
     @property
     def statistics(self) -> Array:
-        """The numbers that summarise the slips, on average over their stretches, as
-        in `fitting.summary.NAMES`.
+        """Statistics of the slips, averaged over their parts, in the order of
+        `fitting.summary.NAMES`.
         """
         each = len(self) // self.stretches
         series = (
@@ -141,7 +146,7 @@ class Events(Answer):
         return np.asarray(statistics(*series).mean(axis=0))
 
     def part(self, begin: int, end: int) -> Events:
-        """Some of the slips, by number."""
+        """Return the slips from number `begin` to before `end`."""
         return replace(
             self,
             peak_at=self.peak_at[begin:end],
@@ -177,7 +182,9 @@ class Events(Answer):
         )
 
     def to_dataset(self) -> xr.Dataset:
-        """The slips as a Dataset along ``slip``, and the trace along ``time``."""
+        """Return a Dataset of the slips, along ``slip``, and the trace, along
+        ``time``.
+        """
         f = self.force_unit
         t = self.time_unit
         of_slips = {
@@ -219,19 +226,18 @@ class Events(Answer):
 def pick_events(
     trace: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None
 ) -> Events:
-    """Pick the slips of a trace: peaks and troughs by hysteresis, above noise and the
-    steps of the recording.
+    """Return the slips of a trace: peaks and troughs of its force, found by hysteresis.
 
     The trace holds `spring_force` along `time`, as `stickslip.read_trace` and
     `stickslip.simulate` return; `minimum_drop` is the smallest drop that counts,
     `after` a time before which slips are left out.
 
-    By default a drop counts from six standard deviations of the noise, three steps of
-    the recording, and a hundredth of the peak on, or from where the widest range begins
-    in which the count of slips hardly changes while that is doubled. The first slip,
-    before which the force rises from rest, is left out, and so is one that the end cuts
-    off. A rise much faster than the loading belongs to the slip before: the slider
-    rings.
+    By default, a drop must exceed six standard deviations of the noise, three steps of
+    the recording, and a hundredth of the peak. If there is a larger range of smallest
+    drops in which doubling it hardly changes the number of slips, the start of the
+    widest such range is used. The first slip, before which the force rises from rest,
+    is left out, as is one that the end cuts off. A rise much faster than the loading
+    belongs to the slip before it: the slider rings.
 
     Examples
     --------
@@ -255,14 +261,14 @@ def pick_events(
     height = float(np.quantile(force, 0.9))
     if not height > 0:
         raise InputError(
-            f"fit: nine tenths of the force lie below {height:.3g}: must pull one way, "
-            "counted from 0"
+            f"fit: nine tenths of the force lie below {height:.3g}: it must act in one "
+            "direction, and be 0 without load"
         )
 
     def picked(drop: float) -> tuple[Any, Any]:
         rise = least_rise(drop, noise)
         peaks, troughs = pick(read.t, force, drop, rise)
-        first = 0 if after is not None else 1  # its peak follows the loading from rest
+        first = 0 if after is not None else 1  # leave out the loading from rest
         if len(troughs) and force[troughs[-1] :].max() - force[troughs[-1]] < rise:
             peaks = peaks[:-1]
             troughs = troughs[:-1]
@@ -316,20 +322,20 @@ def pick_events(
 
 
 def least_rise(drop: float, noise: float) -> float:
-    """Smallest rise of the force that separates two slips, drops of at least
-    `drop`.
+    """Return the smallest rise of the force that separates two slips with drops of at
+    least `drop`.
     """
     return min(drop, max(_NOISES * noise, 0.5 * drop))
 
 
 def with_unit(value: float, unit: str, digits: int = 3) -> str:
-    """A value in the unit of a trace as it is there, without another prefix."""
+    """Return a value in the unit of a trace, without another SI prefix, in words."""
     return f"{value:.{digits}g} {'' if unit == '1' else unit}".rstrip()
 
 
 def check(events: Events) -> tuple[str, ...]:
-    """Raise `InputError` where a fit would mislead, with the figure that decided;
-    return notes for the reader.
+    """Raise `InputError` if a fit would mislead, with the number that decided; return
+    notes for the reader.
     """
     for fault in _faults(events):
         raise InputError(f"fit: {fault}")
@@ -353,7 +359,7 @@ def check(events: Events) -> tuple[str, ...]:
 
 
 def _beside(value: float, limit: float, digits: int = 3) -> str:
-    """A value in as many digits as show on which side of a limit it is."""
+    """Return a value with as many digits as show on which side of a limit it is."""
     return next(
         text
         for more in range(digits, 18)
@@ -362,7 +368,7 @@ def _beside(value: float, limit: float, digits: int = 3) -> str:
 
 
 def _faults(events: Events) -> Iterator[str]:
-    """Reasons why a fit would mislead, the plainest first."""
+    """Yield the reasons why a fit would mislead, the most obvious first."""
     least = with_unit(events.smallest, events.force_unit)
     count = len(events)
     noise = events.noise / events.mean_peak
@@ -436,7 +442,7 @@ def _faults(events: Events) -> Iterator[str]:
 
 
 def _halves(events: Events) -> tuple[str, float]:
-    """The statistic by which the halves of a trace differ most, and by how many
+    """Return the statistic by which the halves of a trace differ most, and by how many
     standard errors.
     """
     middle = len(events) // 2
@@ -448,7 +454,8 @@ def _halves(events: Events) -> tuple[str, float]:
             )
         )
     )
-    # Errors of the whole trace, doubled: of half as many slips, and of a difference.
+    # twice the error of the whole trace: a factor sqrt(2) for half the slips, and
+    # another for the difference
     error = 2.0 * comparable(resampled(events.peaks, events.troughs)).std(axis=0)
     z = np.abs(one - other) / np.maximum(error, _LEAST_ERROR)
     worst = int(np.argmax(z))
@@ -456,9 +463,8 @@ def _halves(events: Events) -> tuple[str, float]:
 
 
 def _largest_step(events: Events) -> tuple[float, float]:
-    """Largest ratio of the median loading rates on both sides of a drop, and its time.
-
-    Each rise counts by the time that it takes.
+    """Return the largest ratio of the median loading rates on both sides of a drop, and
+    its time. Each rise is weighted by its duration.
     """
     took = events.time[events.peak_at[1:]] - events.time[events.trough_at[:-1]]
     slopes = events.slopes

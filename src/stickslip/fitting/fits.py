@@ -1,9 +1,9 @@
-"""`fit`: the interface behind a measured force trace, with honest intervals."""
+"""`fit`: parameters of the interface behind a measured force trace, with intervals."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,18 +29,18 @@ from stickslip.words import engineering
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-POSTERIOR = 300
+POSTERIOR = 300  # number of draws of a fit
 _TITLES = {one.key: (one.title, "1") for one in UNKNOWNS} | {
     key: row[:2] for key, row in bench.QUANTITIES.items()
 }
-_IDENTIFIED = 0.5
-_WEAK = 0.7
-# an interval whose ends differ by more than this, a factor of three either way,
-# identifies no size
+_IDENTIFIED = 0.5  # largest width of an interval, over that of the prior, to identify
+_WEAK = 0.7  # largest width of a weak one
+# an interval with a larger ratio of its ends, a factor of three either way, does not
+# identify an order of magnitude
 _WIDE = 10.0
-_AT_BOUND = 0.1
-_NEAR = 0.02
-LOW = 0.02  # p-values below this are listed
+_AT_BOUND = 0.1  # fraction of draws near a bound of the prior ...
+_NEAR = 0.02  # ... within this fraction of its range
+LOW = 0.02  # statistics with smaller p-values are listed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,21 +54,22 @@ class FittedInterval:
     median: float  #: quantile of 50 %
     high: float  #: quantile of 95 %
 
-    #: By the width: below .5 identified, below .7 weak; weak at best where it is of
-    #: decades and its ends differ by more than a factor of ten. At a bound: a tenth of
-    #: the draws lie within 2 % of an end of the prior. None for a quantity that is no
-    #: parameter of the model.
+    #: By the width: "identified" below .5, "weak" below .7, else "not identified". A
+    #: parameter with a logarithmic prior is at best weak if the ends of its interval
+    #: differ by more than a factor of ten. "at a bound" if a tenth of the draws lie
+    #: within 2 % of an end of the prior. None for a quantity that is not a parameter of
+    #: the model.
     verdict: str | None = None
 
-    #: where the three quantiles lie in the range of the prior, 0 to 1
+    #: the three quantiles as fractions of the range of the prior
     parts: tuple[float, ...] | None = None
-    #: of the interval over that of the prior, in decades where the prior is
+    #: width of the interval over that of the prior, logarithmic if the prior is
     width: float | None = None
 
     @classmethod
     def of(cls, key: str, draws: Array, parts: Array | None = None) -> FittedInterval:
-        """Make it from draws of a quantity; `parts`, for a parameter, are the draws as
-        fractions of the range of the prior.
+        """Make an interval from draws of a quantity; for a parameter, `parts` are the
+        draws as fractions of the range of the prior.
         """
         title, unit = _TITLES[key]
         low, median, high = np.quantile(draws, (0.05, 0.5, 0.95)).tolist()
@@ -99,7 +100,7 @@ class FittedInterval:
         return replace(found, parts=within, width=width, verdict=verdict)
 
     def __str__(self) -> str:
-        for digits in (2, 3, 4):  # as many as show that the ends differ
+        for digits in (2, 3, 4):  # until the ends differ
             low, median, high = (
                 engineering(value, self.unit, digits)
                 for value in (self.low, self.median, self.high)
@@ -123,18 +124,18 @@ class Fit(Answer):
     """
 
     events: Events  #: the slips that were fitted
-    prior: Prior  #: parameters that were possible
-    #: (draws, 6): equally likely, in the order of `stickslip.fitting.UNKNOWNS`, each
-    #: simulated again
+    prior: Prior  #: ranges of the parameters
+    #: (draws, 6): equally likely parameters, in the order of
+    #: `stickslip.fitting.UNKNOWNS`
     values: Array
     strength: Array  #: total contact strength of each draw, in the unit of the force
-    predicted: Array  #: (draws, 20): statistics of one series of slips of each draw
-    known: bench.Known  #: values that were known besides
-    #: the draws before they were made equally likely, and how they were found
+    predicted: Array  #: (draws, 20): statistics of a simulated series of each draw
+    known: bench.Known  #: values known from other measurements
+    #: the weighted draws from which `values` were resampled
     sample: Sample
     notes: tuple[str, ...]  #: for the reader
-    delays: bench.Constraint | None = None  #: from other speeds
-    strengthening: bench.Constraint | None = None  #: from holds, of ageing
+    delays: bench.Constraint | None = None  #: delay, from friction at other speeds
+    strengthening: bench.Constraint | None = None  #: ageing, from holds
 
     def __len__(self) -> int:
         return len(self.values)
@@ -154,16 +155,16 @@ class Fit(Answer):
         )
 
     def __getitem__(self, key: str) -> FittedInterval:
-        """A parameter of the model, or a quantity in SI units."""
+        """Return the interval of a parameter, or of a quantity in SI units."""
         parts = (
             self.prior.parts(self.values)[:, KEYS.index(key)] if key in KEYS else None
         )
         return FittedInterval.of(key, self.draws(key), parts)
 
     def draws(self, key: str) -> Array:
-        """Equally likely values of a parameter, or of a quantity in SI units.
+        """Return equally likely values of a parameter, or of a quantity in SI units.
 
-        Raises `InputError` if there is none of that name, or if what is known does not
+        Raises `InputError` if there is none of that name, or if the known values do not
         determine it.
         """
         if key in KEYS:
@@ -173,22 +174,22 @@ class Fit(Answer):
         return found[key]
 
     def _in_si(self) -> dict[str, Array]:
-        """Draws of all quantities that are known."""
+        """Return draws of all quantities that the known values determine."""
         found = bench.in_si(self.values, self.strength, self.events, self.known)
         return found | ({"delay": self.delays.draws} if self.delays else {})
 
     def series(
         self, row: int, count: int, rng: np.random.Generator
     ) -> tuple[Array, Array]:
-        """Peaks and troughs of a series of slips that one draw makes, in the unit of
-        the force.
+        """Simulate a series of slips of one draw; return its peaks and troughs, in the
+        unit of the force.
         """
         peaks, troughs = simulate(self.values[row], count, rng)
         return self.strength[row] * peaks, self.strength[row] * troughs
 
     @property
     def from_the_centre(self) -> list[int]:
-        """Numbers of the draws, those nearest to the medians first."""
+        """Indices of the draws, sorted by their distance from the medians."""
         parts = self.prior.parts(self.values)
         found: list[int] = np.argsort(
             ((parts - np.median(parts, axis=0)) ** 2).sum(axis=1)
@@ -196,8 +197,8 @@ class Fit(Answer):
         return found
 
     def simulated(self, slips: int = 40) -> xr.Dataset:
-        """A trace that the draw nearest to the medians makes, loaded and sampled as
-        the measured one was.
+        """Return a simulated trace of the draw nearest to the medians, with loading
+        rate, sampling and noise of the measured one.
         """
         nearest = self.from_the_centre[0]
         events = self.events
@@ -215,8 +216,8 @@ class Fit(Answer):
 
     @property
     def test(self) -> pd.DataFrame:
-        """Compare each statistic of the trace with those of simulated series, as its
-        distance from their median in quarters of their 95 % range.
+        """Comparison of each statistic of the trace with those of simulated series: its
+        distance from their median, in quarters of their 95 % range.
 
         ``p`` is two-sided; ``low`` and ``high`` are the ends of that range, ``here`` is
         the trace.
@@ -237,44 +238,47 @@ class Fit(Answer):
 
     @property
     def p_values(self) -> dict[str, float]:
-        """Probability of each statistic to lie further out than that of the trace, by
-        series of the draws; two-sided.
+        """Two-sided probability that a statistic of a simulated series is more extreme
+        than that of the trace.
         """
         return dict(self.test["p"])
 
     @property
     def next_experiments(self) -> tuple[str, ...]:
-        """Measurements of quantities that this trace does not determine, and the
-        intervals that they would narrow.
+        """Measurements that would determine what this trace does not, with the
+        quantities that they give.
         """
+        return tuple(self._missing_experiments())
+
+    def _missing_experiments(self) -> Iterator[str]:
         done = {one.key for one in self.parameters if one.verdict == "identified"}
-        wanted = {
-            (
+        if not self.delays:
+            yield (
                 "mean friction at four speeds or more (--speeds): the delay, of which "
                 "nothing is known"
-            ): not self.delays,
-            (
-                "static friction after three holds or more (--holds): ageing"
-            ): not self.strengthening,
-            "a slow push too small for a slip: the stiffness of the interface, and "
-            "with it the stiffness ratio and the "
-            "breaking displacement": "stiffness_ratio" not in done,
-            "a tap on the free slider: the damping ratio": "damping_ratio" not in done,
-        }
-        return tuple(words for words, missing in wanted.items() if missing)
+            )
+        if not self.strengthening:
+            yield "static friction after three holds or more (--holds): ageing"
+        if "stiffness_ratio" not in done:
+            yield (
+                "a slow push too small for a slip: the stiffness of the interface, and "
+                "with it the stiffness ratio and the breaking displacement"
+            )
+        if "damping_ratio" not in done:
+            yield "a tap on the free slider: the damping ratio"
 
     def rig(self, *, name: str = "fitted rig") -> Rig:
-        """The rig: the most central draw whose own run makes the trace; what was fitted
-        has its interval and draws.
+        """Return the rig of the draw nearest to the medians whose own run reproduces
+        the trace; fitted values have their intervals and draws.
 
-        Raises `InputError` if the stiffness is not known, without which no length is,
-        or if no draw makes the drops and the period of the trace.
+        Raises `InputError` if the stiffness, which gives all lengths, is not known, or
+        if no draw reproduces the drops and the period of the trace.
         """
         return rig_of(self, name)
 
     def plot(self) -> Figure:
-        """Draw the trace above a simulated one, the test, and the parameters within
-        their prior.
+        """Draw the trace and a simulated one, the test of the statistics, and the
+        parameters within their prior.
         """
         from stickslip import plot
 
@@ -337,26 +341,28 @@ class Fit(Answer):
         )
 
 
-def _notes_on(found: Fit) -> list[str]:
-    """Return notes on the limits of the fit."""
-    surprises = [name for name, p in found.p_values.items() if p < LOW]
-    worth_saying = {
-        f"the trace lies at the edge of what the model makes ({found.sample.edge:.3g} "
-        f"percentile, above {EDGE:g}): the draws "
-        "were not moved by a regression, and the intervals are wider than need "
-        "be": not found.sample.adjusted,
-        **{
-            f"{one.title}: at a bound of its prior": one.verdict == "at a bound"
-            for one in found.parameters
-        },
-        f"the model does not make these of the trace's {len(NAMES)} statistics (p < "
-        f"{LOW:g}; by chance "
-        f"{LOW * len(NAMES):.1g} of them): {', '.join(surprises)}": bool(surprises),
-        "N is an effective number of independent strength units, inferred from the "
-        "scatter; not a count of "
-        "asperities": found["contacts"].high < 100,
-    }
-    return [words for words, worth in worth_saying.items() if worth]
+def _notes_on(found: Fit) -> Iterator[str]:
+    """Yield notes on the limits of the fit."""
+    if not found.sample.adjusted:
+        yield (
+            "the trace lies at the edge of what the model makes "
+            f"({found.sample.edge:.3g} percentile, above {EDGE:g}): the draws were not "
+            "moved by a regression, and the intervals are wider than need be"
+        )
+    for one in found.parameters:
+        if one.verdict == "at a bound":
+            yield f"{one.title}: at a bound of its prior"
+    if surprises := [name for name, p in found.p_values.items() if p < LOW]:
+        yield (
+            f"the model does not make these of the trace's {len(NAMES)} statistics (p "
+            f"< {LOW:g}; by chance {LOW * len(NAMES):.1g} of them): "
+            f"{', '.join(surprises)}"
+        )
+    if found["contacts"].high < 100:
+        yield (
+            "N is an effective number of independent strength units, inferred from the "
+            "scatter; not a count of asperities"
+        )
 
 
 def fit(
@@ -374,43 +380,45 @@ def fit(
 ) -> Fit:
     """Fit the interface behind a measured stick-slip trace.
 
-    The model is the limit of slow driving with re-attachment on arrest: six numbers
-    without a unit. Series of slips are simulated over the whole prior, sampled and
-    picked as the trace was, and those like the trace are kept. The simulations are made
-    once and kept in the user's cache; that takes a minute, a fit then some seconds.
+    The model is the limit of slow driving with re-attachment on arrest, with six
+    dimensionless parameters. Series of slips are simulated over the whole prior,
+    sampled and detected like the trace, and those similar to it are kept. The
+    simulations are made once, and kept in the user's cache; they take a minute, a fit
+    then takes some seconds.
 
     A trace alone constrains some parameters weakly and others not at all; the fit
-    reports which, and guesses nothing.
+    reports which.
 
     Parameters
     ----------
     trace : Dataset or Events
         A measured force, as `stickslip.read_trace` returns, or its slips.
     known : mapping, optional
-        Of ``stiffness``, ``velocity``, ``mass``, ``load``, what is known: a number in
-        SI units, a text such as ``"350 N/m"``, or either with its standard error,
-        ``("350 N/m", "10 N/m")``; 2 % where none is given. By default the velocity is
-        the mean of one that the trace holds, of the drive or of the slider.
+        Known values of ``stiffness``, ``velocity``, ``mass``, ``load``: a number in SI
+        units, a text such as ``"350 N/m"``, or either with its standard error,
+        ``("350 N/m", "10 N/m")``, by default 2 %. By default, the velocity is the mean
+        of that which the trace holds, of the drive or of the slider.
     prior : Prior
-        Ranges of the parameters that are possible.
+        Ranges of the parameters.
     minimum_drop, after : float, optional
         Smallest drop that counts as a slip, and a time before which slips are left out.
     speeds : sequence of pairs, optional
-        Other speeds with the mean friction there: they give the delay.
+        Other speeds with the mean friction there, which give the delay.
     holds : sequence of pairs, optional
-        Holds with the static friction after them: they give ageing.
+        Hold times with the static friction after them, which give ageing.
     draws : int
-        Size of the table; `stickslip.fitting.table` makes one elsewhere, such as on a
-        cluster, for fits to find.
+        Number of simulated series; `stickslip.fitting.table` simulates them beforehand,
+        such as on a cluster.
     seed : int
     progress : callable or bool, optional
-        Receives the fraction of the table that is there; a bar for True.
+        A function that receives the fraction of the series that is simulated, or True
+        for a bar.
 
     Raises
     ------
     InputError
-        If the trace is none of stick-slip, or too short: the message has the
-        figure that decided.
+        If the trace shows no stick-slip, or is too short; the message has the number
+        that decided.
 
     Examples
     --------

@@ -1,11 +1,11 @@
-"""From statistics of a trace to draws of the parameters, by comparison with
+"""Draws of the parameters from the statistics of a trace, by comparison with
 simulations.
 
-Approximate Bayesian computation: of all simulated series those nearest to the trace are
-kept, and their parameters are moved by a local linear regression on what still parts
-their statistics from those of the trace. Of the ways that were tried, this one had
-intervals that hold the truth as often as they say. Where the trace lies at the edge of
-what the model makes, a regression would extrapolate, and nothing is moved.
+Approximate Bayesian computation: the simulated series nearest to the trace are kept,
+and their parameters are adjusted by a local linear regression on the difference between
+their statistics and those of the trace. Of the methods that were tried, this one had
+intervals with the right coverage. If the trace lies at the edge of the simulations, the
+regression would extrapolate, and the parameters are not adjusted.
 """
 
 from collections.abc import Callable
@@ -20,37 +20,35 @@ from stickslip.fitting.series_table import Observation, SeriesTable
 from stickslip.fitting.summary import comparable
 from stickslip.measure.trace import Array
 
-NEAREST = 300
-# draws that agree with what is known, at least: ten for each coefficient of the
+NEAREST = 300  # number of series that are kept
+# fewest draws that agree with the known values: ten for each coefficient of the
 # regression
 _AGREE = 100
-# percentile of the distance above which no draw is moved, and a warning given
+# percentile of the distance above which no draw is adjusted, and a note is given
 EDGE = 95.0
 BEYOND = 99.9  # percentile of the distance above which no fit is made
-_NEIGHBOUR = 10
-_COMPARED = 1000
-_SMALL = 1e-4
-# of the largest weight, which is 1 of a likelihood: draws with less do not count
+_NEIGHBOUR = 10  # the distance is that of the tenth neighbour
+_COMPARED = 1000  # number of simulated series whose distances give the percentiles
+_SMALL = 1e-4  # distance from the ends of a range within which logits are clipped
+# draws with a smaller likelihood, whose largest value is 1, do not count
 _LITTLE = 1e-3
 
 
 class Sample(NamedTuple):
-    """Weighted draws of the parameters, as parts of the ranges of the prior, and how
-    they were found.
-    """
+    """Weighted draws of the parameters, and how they were found."""
 
-    parts: Array
+    parts: Array  #: parameters, as fractions of the ranges of the prior
     weights: Array
-    #: percentile of the trace's distance from the simulations among those of series
-    #: drawn from the prior
+    #: percentile of the trace's distance from the simulations, among the distances of
+    #: series drawn from the prior
     edge: float
-    adjusted: bool  #: whether the draws were moved by a regression; not at the edge
-    invalid: float  #: fraction of the prior that does not stick-slip as the trace does
-    simulations: int
+    adjusted: bool  #: whether the draws were adjusted by a regression
+    invalid: float  #: fraction of the prior without stick-slip as in the trace
+    simulations: int  #: number of simulated series
 
     @property
     def effective(self) -> float:
-        """Number of equally likely draws of the same information."""
+        """Effective number of draws: ``1/(sum of squared weights)``."""
         return float(1.0 / (self.weights**2).sum())
 
 
@@ -64,11 +62,11 @@ def infer(
     seen: Array | None = None,
     seed: int = 0,
 ) -> Sample:
-    """Draw parameters that make the statistics that were observed; `InputError` if no
-    draw is anywhere near.
+    """Return weighted draws of parameters that give the observed statistics;
+    `InputError` if no simulation comes near them.
 
-    A likelihood of parameters, along the last axis, is at most 1. `seen` are the
-    statistics of the table by this observation.
+    The `likelihood`, a function of parameters along the last axis, is at most 1. `seen`
+    are the statistics of the table with this observation, if they are known.
     """
     if seen is None:
         seen = observation.see(table, seed=seed)[0]
@@ -83,11 +81,12 @@ def infer(
     parts = table.parts[valid]
     found = comparable(seen[valid])
     target = comparable(observed)
-    # The scatter of most draws; of all, where most are alike (correlations near 1).
+    # scale by the median scatter or, where most draws are equal (correlations near 1),
+    # by the standard deviation
     scale = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
     scale = np.maximum(np.maximum(scale, 0.1 * found.std(axis=0)), 1e-9)
-    # Percentile of the distance to the tenth neighbour among the same of draws from the
-    # prior.
+    # percentile of the distance to the tenth neighbour, among those of draws from the
+    # prior
     tree = cKDTree(found / scale)
     rng = np.random.default_rng([seed, 1])
     some = rng.choice(len(found), size=min(_COMPARED, len(found)), replace=False)
@@ -132,8 +131,8 @@ def infer(
 
 
 def _adjusted(parts: Array, weights: Array, away: Array) -> Array:
-    """Parameters moved by a weighted linear regression, in logits, so that they stay
-    within their ranges.
+    """Return the parameters adjusted by a weighted linear regression of their logits,
+    which keeps them within their ranges.
     """
     away = away / np.maximum(away.std(axis=0), 1e-9)
     design = np.column_stack([np.ones(len(away)), away])

@@ -1,8 +1,8 @@
-"""The model that is fitted, its prior, and traces of it whose truth is known.
+"""The model that is fitted, its prior, and synthetic traces with known parameters.
 
-The limit of slow driving of a slider whose broken contacts slide with a residual force
-and re-attach when it stops. Six numbers without a unit describe its slips; forces are
-in units of the total contact strength ``N f_s``.
+It is the limit of slow driving of a slider whose broken contacts slide with a residual
+force, and re-attach when the slider stops. Six dimensionless parameters describe its
+slips; forces are in units of the total contact strength ``N f_s``.
 """
 
 import math
@@ -17,26 +17,23 @@ from stickslip.errors import InputError, number, pair, refused, whole
 from stickslip.measure.trace import Array
 from stickslip.model.records import Number, Record
 
-# of the series that `simulate` makes of parameters and a seed: a table of another
-# version is not used
+# version of the results of `simulate`: cached tables of other versions are not used
 VERSION = 2
 
-# drops below this part of the peak are no slips of their own, in traces and in
-# simulations
+# drops below this fraction of the peak are not slips, in traces and in simulations
 FLOOR = 0.01
 
-SLIPS = 384  # of each simulated series in the table
+SLIPS = 384  # number of slips of each simulated series in the table
 
-# contacts broken per slip wanted, over the number of contacts, after which a simulation
-# is given up
+# a simulation is given up after each contact has broken this many times per slip
 _PER_SLIP = 3
 
-_SAMPLES_OF_A_SLIP = 0.4  # that a made-up slip takes
+_SAMPLES_OF_A_SLIP = 0.4  # duration of a slip in a synthetic trace, in samples
 
 
 class Unknown(NamedTuple):
-    """A parameter of the model, the bounds of any prior, and whether it is varied in
-    decades.
+    """A parameter of the model, with the bounds of all priors, and whether its prior is
+    logarithmic.
     """
 
     key: str
@@ -80,13 +77,13 @@ _DECADES = np.array([unknown.decades for unknown in UNKNOWNS])
 
 @dataclass(frozen=True, kw_only=True)
 class Prior:
-    """Parameters that are possible before a trace is seen: each uniform over its
-    range, two of them in their logarithms.
+    """Prior of the parameters: each is uniform over its range, two of them in their
+    logarithms.
 
-    They are those of `stickslip.fitting.UNKNOWNS`: effective number of contacts and
-    ``K/(N k)``, uniform in their logarithms; standard deviation of the thresholds and
-    force of a sliding contact, over the mean threshold; damping ratio on the driving
-    spring; scatter of the thresholds from slip to slip.
+    The parameters are those of `stickslip.fitting.UNKNOWNS`: effective number of
+    contacts and ``K/(N k)``, uniform in their logarithms; standard deviation of the
+    thresholds and force of a sliding contact, over the mean threshold; damping ratio on
+    the driving spring; scatter of the thresholds from slip to slip.
     """
 
     contacts: Range = (5.0, 500.0)
@@ -109,18 +106,18 @@ class Prior:
                 raise refused(place, given, f"must be {hint}")
 
     def _ends(self) -> Array:
-        """Ends of the ranges, of some in decades."""
+        """Return the ends of the ranges, as decadic logarithms for two parameters."""
         return _in_decades(np.array([getattr(self, key) for key in KEYS]).T)
 
     def values(self, part: Array) -> Array:
-        """Parameters at parts of their ranges, 0 to 1, along the last axis."""
+        """Return the parameters at fractions of their ranges, along the last axis."""
         low, high = self._ends()
         found = np.array(low + (high - low) * part)
         found[..., _DECADES] = 10.0 ** found[..., _DECADES]
         return found
 
     def parts(self, values: Array) -> Array:
-        """Return the places of parameters in their ranges, 0 to 1."""
+        """Return parameters as fractions of their ranges, along the last axis."""
         low, high = self._ends()
         return np.asarray((_in_decades(values) - low) / (high - low), dtype=float)
 
@@ -134,8 +131,8 @@ def _in_decades(values: Array) -> Array:
 def simulate(
     values: Array, count: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Peaks and troughs of up to a number of slips, in units of the total contact
-    strength; fewer if it hardly slips.
+    """Simulate up to `count` slips; return their peaks and troughs, in units of the
+    total contact strength. There are fewer if the model hardly slips.
     """
     from stickslip.kernels.arrest import Arrest, slips
     from stickslip.kernels.tournament import tournaments
@@ -152,13 +149,13 @@ def simulate(
 
 @dataclass(frozen=True, kw_only=True)
 class Bench(Record):
-    """Loading and recording of a made-up trace."""
+    """Loading and recording of a synthetic trace."""
 
     #: total contact strength
     strength: Annotated[float, Number(above=0, hint="in N")] = 15.0
     #: rise of the force between slips
     loading_rate: Annotated[float, Number(above=0, hint="in N/s")] = 0.5
-    samples: Annotated[float, Number(above=2)] = 50.0  #: from slip to slip, on average
+    samples: Annotated[float, Number(above=2)] = 50.0  #: mean number per slip
     #: standard deviation of white noise, over the mean peak
     noise: Annotated[float, Number(at_least=0)] = 0.002
 
@@ -175,10 +172,9 @@ def synthetic_trace(
     bench: Bench = Bench(),
     seed: int = 0,
 ) -> xr.Dataset:
-    """Return a trace of known parameters, as a bench would record it: from rest,
-    sampled, with noise.
+    """Return a synthetic trace with known parameters: from rest, sampled, with noise.
 
-    The parameters are the truth, as in `Prior`; `slips` is their number. The Dataset
+    The parameters are those of `Prior`; `slips` is the number of slips. The Dataset
     holds `spring_force` in N along `time` in s. Parameters with which there are hardly
     any slips are refused.
 
@@ -229,7 +225,9 @@ def sampled(
     noise: float,
     rng: np.random.Generator,
 ) -> xr.Dataset:
-    """Sample a saw of these peaks and troughs, from rest on, in N and s."""
+    """Return a sampled sawtooth with these peaks and troughs, and noise, starting at
+    zero force; in N and s.
+    """
     ends = np.append(0.0, troughs[:-1])
     rises = (peaks - ends) / rate
     falls = np.full(peaks.size, _SAMPLES_OF_A_SLIP * step)

@@ -1,8 +1,8 @@
-"""Rigs of a fit, and of a few readings.
+"""Rigs from a fit, and from a few readings.
 
-A fitted rig holds what was fitted: contacts that slide with a force and re-attach with
-it on arrest, on a track that scatters. It is run before it is written, and read as the
-trace was: its drops and its period are those of the trace.
+A fitted rig has the fitted model: contacts that slide with a force after breaking,
+re-attach with it on arrest, and whose thresholds scatter from slip to slip. Its run is
+evaluated in the same way as the trace, and must have its drops and period.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
     from stickslip.fitting.fits import Fit
 
 
-DRAWS_KEPT = 100
-# where slips are not resolved, the mass lies anywhere between this part of its bound
-# and the bound
+DRAWS_KEPT = 100  # number of draws that a rig file keeps
+# if slips are not resolved, the mass is anywhere between this fraction of its upper
+# bound and that bound
 _LIGHTEST = 0.01
-_TRIED = 60  # draws run, at most
-_SLIPS = 60  # slips of a run
-_RUNS = 8  # runs with other contacts: `advise` judges by as many
+_TRIED = 60  # most draws that are run
+_SLIPS = 60  # most slips of a run
+_RUNS = 8  # runs with other contacts, as many as `advise` makes
 _SETTLED = 5  # slips before these, in which a run settles
-_NINETY = 1.645  # standard errors in half a 90 % interval
+_NINETY = 1.645  # half of a 90 % interval, in standard errors
 _NO_DELAY = (
     "stands for any delay longer than a slip and shorter than the time between slips; "
     "friction at several speeds "
@@ -55,8 +55,8 @@ _HALVED = (
 )
 INITIAL = Gaussian(mean=0.0, std=0.01)
 _LEAST_RATIO = 0.01
-"""How much faster the spring is wound up than the force rises, at least, for the
-difference to say anything.
+"""Least relative excess of stiffness times velocity over the loading rate that
+determines the stiffness of the interface.
 """
 
 _ASSUMED = (
@@ -87,18 +87,18 @@ KEYS: Mapping[str, tuple[str, str, str]] = {
     "drive.velocity": ("speed", "m/s", "stiffness_ratio"),
     "interface.delay": ("delay", "s", "identified by the force at several speeds"),
 }
-"""Keys of a rig file that a fit fills in: the quantity, its unit, and how it was found
-or which parameter gives it.
+"""Keys of a rig file that a fit determines: the quantity, its unit, and how it was
+found, or the parameter that gives it.
 """
 
 
 def rig_of(found: Fit, name: str) -> Rig:
-    """The rig behind a trace, at the draw nearest to the medians whose own run makes
-    its drops and period.
+    """Return the rig of the draw nearest to the medians whose own run reproduces the
+    drops and the period of the trace.
     """
     known = found.known
     nearest = ""
-    # refused without the stiffness of the spring: no length is known
+    # raises an error without the stiffness of the spring, which gives all lengths
     found.draws("breaking_displacement")
     exact, draws = (
         _draws(found, one)
@@ -143,8 +143,8 @@ def rig_of(found: Fit, name: str) -> Rig:
 
 
 def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, Any]:
-    """The file of a fitted rig, but for the values of one draw: what was fitted,
-    with its interval and draws.
+    """Return the content of the file of a fitted rig, without the values of a draw: it
+    has the intervals and draws of the fitted keys.
     """
     verdicts = {one.key: str(one.verdict) for one in found.parameters}
     if found.events.slip_samples >= RESOLVED:
@@ -182,7 +182,7 @@ def _document(found: Fit, name: str, fitted: Mapping[str, Array]) -> dict[str, A
 
 
 def _at(document: Mapping[str, Any], values: Mapping[str, float], place: str) -> Rig:
-    """The rig of a document, with these values of keys, in SI units."""
+    """Return the rig of a document with these values of keys, in SI units."""
     full = copy.deepcopy(dict(document))
     for path, value in values.items():
         *tables, key = path.split(".")
@@ -194,7 +194,9 @@ def _at(document: Mapping[str, Any], values: Mapping[str, float], place: str) ->
 
 
 def _own_run(rig: Rig, events: Events) -> xr.Dataset:
-    """A rig's own run, of as many slips as those of a trace, and sampled as these."""
+    """Return a rig's own run, as long as that many slips of a trace, and sampled like
+    it.
+    """
     lasts = (min(len(events), _SLIPS) + _SETTLED) * events.recurrence
     unit = rig.unit("time") / seconds(events)
     drive = constant(rig.natural.velocity, lasts / unit)
@@ -203,7 +205,7 @@ def _own_run(rig: Rig, events: Events) -> xr.Dataset:
 
 
 def _lasting(rig: Rig, events: Events) -> str:
-    """In how many runs with other contacts stick-slip does not end, in words."""
+    """Return in words in how many runs with other contacts stick-slip persists."""
     count = getattr(rig.method, "count", 1)
     runs = (
         _own_run(rig.replace(method=Contacts(count, seed=seed)), events)
@@ -214,7 +216,7 @@ def _lasting(rig: Rig, events: Events) -> str:
 
 
 def remade(rig: Rig, events: Events, known: Known) -> Events:
-    """The slips of a rig's own run, recorded and picked as those of a trace were."""
+    """Return the slips of a rig's own run, recorded and detected as in a trace."""
     second = seconds(events)
     run = _own_run(rig, events)
     values = run["spring_force"].values / newtons(events, known)
@@ -239,15 +241,15 @@ def remade(rig: Rig, events: Events, known: Known) -> Events:
 
 
 def friction_ratio_range() -> Range:
-    """Return the least and the largest ratio of static to kinetic friction of which
+    """Return the smallest and the largest ratio of static to kinetic friction for which
     `quick_fit` can make a rig.
     """
     return friction_ratios(INITIAL)
 
 
 def compared(made: Events, events: Events) -> tuple[str, bool]:
-    """Slips that a rig makes beside those of a trace, in words; and whether mean
-    drop and period agree within 90 %.
+    """Compare the slips of a rig with those of a trace: return a text, and whether mean
+    drop and period agree within their 90 % intervals.
     """
     series = [(each.drops, np.diff(each.time[each.peak_at])) for each in (made, events)]
     agrees = True
@@ -274,7 +276,7 @@ def _drop_in_words(events: Events) -> str:
 
 
 def _draws(found: Fit, known: Known) -> dict[str, Array]:
-    """Draws of every key but the delay, in SI units."""
+    """Return draws of every key except the delay, in SI units."""
     values = found.values
     events = found.events
     count = len(found)
@@ -286,8 +288,8 @@ def _draws(found: Fit, known: Known) -> dict[str, Array]:
         quantities[name] = drawn(known, name, count)
     if "velocity" in known:
         quantities["speed"] = drawn(known, "velocity", count)
-    # what lets a slip be as short as it was recorded, or anything lighter where none is
-    # seen
+    # the mass whose slips take as long as the recorded ones or, if these are not
+    # resolved, any smaller one
     if "mass" not in known:
         lasts = events.slip_samples * events.step * seconds(events)
         undamped = 1.0 - quantities["damping_ratio"] ** 2
@@ -308,7 +310,9 @@ def _draws(found: Fit, known: Known) -> dict[str, Array]:
 
 
 def _rounded(values: Array) -> Array:
-    """To four digits, so that products of two are written without an error."""
+    """Return values rounded to four digits, so that a file can hold products of two
+    exactly.
+    """
     return np.array([float(f"{value:.4g}") for value in values])
 
 
@@ -324,9 +328,9 @@ def _bench_displacement(
     loading_rate: object | None,
     breaking_displacement: object | None,
 ) -> float:
-    """Return the breaking displacement that was given, or that of the loading rate.
+    """Return the breaking displacement as given, or from the loading rate.
 
-    With contacts of stiffness ``N k`` in series with the spring the force rises at
+    With contacts of stiffness ``N k`` in series with the spring, the force rises at
     ``R = K v/(1 + K/(N k))``, so ``N f_s/(N k) = N f_s (K v/R - 1)/K``.
     """
     if (loading_rate is None) == (breaking_displacement is None):
@@ -362,31 +366,31 @@ def quick_fit(
     damping_ratio: float = 0.15,
     name: str = "quick fit",
 ) -> Rig:
-    """Make a rig, in SI units, of readings of a bench, by closed forms.
+    """Make a rig, in SI units, from readings of a bench, by closed forms.
 
-    Static over kinetic friction gives the standard deviation of the thresholds, and
-    their size the total contact strength (slow rigid motion, Eqs. (1)-(4)). The loading
-    rate ``R`` between slips gives the stiffness of the interface,
-    ``K v = R (1 + K/(N k))``, and so the breaking displacement; it is useful only where
-    the driving spring is stiff, else give the breaking displacement itself. The speed
-    at which kinetic friction has halved gives the delay. Sliding contacts are taken to
-    carry no force: where slips are smaller than those of the rig, they do, and it does
-    not fit the bench; `fit` finds that force.
+    The ratio of static and kinetic friction gives the standard deviation of the
+    thresholds, and their values the total contact strength (slow rigid motion, Eqs.
+    (1)-(4)). The loading rate ``R`` between slips gives the stiffness of the interface,
+    ``K v = R (1 + K/(N k))``, and so the breaking displacement; this is useful only
+    with a stiff driving spring, else give the breaking displacement itself. The speed
+    at which kinetic friction has halved gives the delay. Sliding contacts are assumed
+    to carry no force. If measured slips are smaller than those of the rig, they do
+    carry one, and the rig does not describe the bench; `fit` finds that force.
 
     Parameters
     ----------
     static_friction, kinetic_friction : float or str
         Largest force of a slow pull, and mean force of slow sliding: in N, or texts
-        with a unit, as all that follow.
+        with a unit, as all further values.
     stiffness, speed, mass : float or str
-        Of the driving spring, of the drive, and of the slider.
+        Stiffness of the driving spring, speed of the drive, mass of the slider.
     loading_rate : float or str, optional
         Rise of the force per time while the slider sticks, at this speed, in N/s.
     breaking_displacement : float or str, optional
-        In place of the loading rate.
+        Breaking displacement, in place of the loading rate.
     half_speed : float or str, optional
         Speed at which kinetic friction has fallen to half; without it there is no
-        delay, and the rig lists that among what it assumes.
+        delay, which the rig lists as an assumption.
 
     Raises
     ------
@@ -470,11 +474,11 @@ def quick_fit(
 
 
 def rigs_drawn(rig: Rig) -> Iterator[Rig]:
-    """The rigs that a fit holds equally likely: a fitted one at each draw of its
+    """Yield the equally likely rigs of a fit: the fitted rig with each draw of its
     file.
     """
     columns = {path: one.draws for path, one in rig.fitted.items() if one.draws}
-    # a rig that was changed has a damping of its own, and may have no ratio
+    # a changed rig has its own damping, and may have no damping ratio
     document = to_document(rig, damping_ratio="slider.damping_ratio" in columns or None)
     for values in zip(*columns.values(), strict=False):
         yield _at(document, dict(zip(columns, values, strict=True)), "a draw")

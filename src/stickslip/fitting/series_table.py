@@ -1,9 +1,10 @@
-"""The table of simulated series of slips that every fit starts from, and how a bench
-would have seen them.
+"""The table of simulated series of slips from which every fit starts, and their
+observation as by the bench of a trace.
 
-Made once, cached, and resumed if interrupted. It holds the force before and after each
-slip: how a trace was sampled and picked comes in when it is fitted, so that one table
-serves traces of every bench, each biased as its trace is.
+The table is made once, cached, and resumed after an interrupt. It holds the force
+before and after each slip. Sampling and detection of slips are applied when a trace is
+fitted, with the settings of that trace, so that one table serves all benches, and both
+have the same bias.
 """
 
 import hashlib
@@ -31,14 +32,14 @@ from stickslip.kernels.turning_points import Recording, observe, pick
 from stickslip.measure.trace import Array
 from stickslip.progress import Progress
 
-DRAWS = 6_000  # from the prior, in a table of usual size
+DRAWS = 6_000  # default number of draws from the prior
 _BLOCK = 250  # draws of a block of the table
-_SHARES = 8  # parts in which other draws are made, each with random numbers of its own
+_SHARES = 8  # blocks in which `see_at` simulates, each with its own random numbers
 _AT_A_TIME = 500  # series observed at a time
-_TIMED = 20  # draws, to measure what one takes
-_LARGEST = 1 << 30
+_TIMED = 20  # draws simulated to measure the time of one
+_LARGEST = 1 << 30  # most bytes of a stored block
 _FIELDS = ("parts", "count", "peaks", "troughs")
-"""Fields of a table that are kept of each block: all but its prior."""
+"""Fields of a table that are stored for each block: all except its prior."""
 Series = NDArray[np.float32]
 
 
@@ -47,22 +48,22 @@ class SeriesTable:
     """Simulated series of slips, drawn from a prior."""
 
     prior: Prior
-    #: (draws, 6): where the parameters of each draw lie in their ranges, 0 to 1
+    #: (draws, 6): parameters of each draw, as fractions of their ranges
     parts: Array
-    #: how many slips there are of each; few where the model hardly stick-slips
+    #: number of slips of each draw; small where the model hardly stick-slips
     count: NDArray[np.int64]
     #: (draws, slips): force before each slip, in units of the total contact strength; 0
     #: beyond `count`
     peaks: Series
-    troughs: Series  #: and after it
+    troughs: Series  #: force after each slip, of the same shape
 
     def __len__(self) -> int:
         return len(self.count)
 
 
 def folder_of(prior: Prior, slips: int, seed: int) -> Path:
-    """Return the folder of the table of a prior; its name is a key of all that decides
-    its content, but for its length.
+    """Return the folder of the table of a prior; its name is a hash of everything that
+    decides the content of the table, except its length.
     """
     cache = os.environ.get("STICKSLIP_CACHE")
     place = (
@@ -79,7 +80,7 @@ def folder_of(prior: Prior, slips: int, seed: int) -> Path:
 
 
 def draws_kept(prior: Prior = Prior(), slips: int = SLIPS, seed: int = 0) -> int:
-    """Return the number of draws of the table of a prior that the cache holds."""
+    """Return the number of draws of the table of a prior that are in the cache."""
     return _BLOCK * len(list(folder_of(prior, slips, seed).glob("*.npz")))
 
 
@@ -92,13 +93,13 @@ def table(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> SeriesTable:
-    """Return the table of a prior: from the cache as far as it is there, the rest
-    simulated and kept.
+    """Return the table of a prior: blocks in the cache are read, and the others are
+    simulated and stored there.
 
-    Cut short, it goes on from where it was. The same prior, seed and size give the same
-    table, on any number of cores. Blocks are simulated by an `executor`, such as
-    ``Client.get_executor()`` of Dask; by default by threads, one per core. `progress`
-    receives the fraction that is there.
+    If interrupted, it continues with the next block. The same prior, seed and size give
+    the same table, on any number of cores. Blocks are simulated by an `executor`, such
+    as ``Client.get_executor()`` of Dask; by default by threads, one per core.
+    `progress` receives the fraction done.
 
     Examples
     --------
@@ -111,14 +112,14 @@ def table(
     slips = whole("slips", slips, at_least=30, at_most=4_096, hint="of each draw")
     seed = whole("seed", seed, at_least=0)
     place = folder_of(prior, slips, seed)
-    with suppress(OSError):  # to write there is refused later
+    with suppress(OSError):  # writing a file there raises an error later
         place.mkdir(parents=True, exist_ok=True)
     paths = [place / f"{block}.npz" for block in range(-(-draws // _BLOCK))]
     blocks = {
         i: found for i, path in enumerate(paths) if (found := _read(path, prior, slips))
     }
     if missing := [i for i in range(len(paths)) if i not in blocks]:
-        # compiles, before threads ask for it all at once
+        # compile before all threads need the kernels at once
         simulate_block(0, prior, 0, 30, seed)
         one = partial(simulate_block, prior=prior, draws=_BLOCK, slips=slips, seed=seed)
         with (
@@ -141,7 +142,7 @@ def table(
 
 
 def joined(tables: Sequence[SeriesTable], draws: int | None = None) -> SeriesTable:
-    """Tables of one prior one after another, as far as a number of draws."""
+    """Return tables of one prior joined into one, cut to a number of draws."""
     made = {
         name: np.concatenate([getattr(one, name) for one in tables])[:draws]
         for name in _FIELDS
@@ -152,8 +153,8 @@ def joined(tables: Sequence[SeriesTable], draws: int | None = None) -> SeriesTab
 def simulate_block(
     block: int, prior: Prior, draws: int, slips: int, seed: int
 ) -> SeriesTable:
-    """Simulate one block of the table; its content depends on its number and on
-    the seed alone.
+    """Simulate one block of the table; its content depends only on its number and the
+    seed.
     """
     rng = np.random.default_rng([seed, block])
     return _simulated(prior, rng.random((draws, len(KEYS))), slips, rng)
@@ -161,10 +162,10 @@ def simulate_block(
 
 @lru_cache(maxsize=1)
 def seconds_per_draw() -> float:
-    """Return the seconds that one core takes for a draw of the usual table, measured
+    """Return the seconds that one core takes for a draw of the default table, measured
     once.
     """
-    simulate_block(0, Prior(), 1, 30, 0)  # compiles
+    simulate_block(0, Prior(), 1, 30, 0)  # compile first
     begun = time.perf_counter()
     simulate_block(0, Prior(), _TIMED, SLIPS, 0)
     return (time.perf_counter() - begun) / _TIMED
@@ -173,7 +174,7 @@ def seconds_per_draw() -> float:
 def _simulated(
     prior: Prior, parts: Array, slips: int, rng: np.random.Generator
 ) -> SeriesTable:
-    """Series of slips at given parts of the ranges of a prior."""
+    """Return simulated series of slips at given fractions of the ranges of a prior."""
     count = np.zeros(len(parts), dtype=np.int64)
     peaks, troughs = np.zeros((2, len(parts), slips), np.float32)
     for i, values in enumerate(prior.values(parts)):
@@ -187,9 +188,7 @@ def _simulated(
 
 
 def _read(path: Path, prior: Prior, slips: int) -> SeriesTable | None:
-    """Read a stored block; None if it is missing or damaged: it is then simulated
-    again.
-    """
+    """Return a stored block; None if it is missing or damaged."""
     try:
         with np.load(
             BytesIO(files.read(path, "table", largest=_LARGEST)), allow_pickle=False
@@ -201,8 +200,8 @@ def _read(path: Path, prior: Prior, slips: int) -> SeriesTable | None:
 
 
 class Observation(NamedTuple):
-    """Number of slips of a stretch of a trace, and its sampling and picking, in units
-    of its mean peak.
+    """Number of slips of a part of a trace, and the settings of its sampling and slip
+    detection, in units of its mean peak.
     """
 
     slips: int
@@ -210,7 +209,7 @@ class Observation(NamedTuple):
 
     @classmethod
     def of(cls, events: Events) -> Self:
-        """Take it from a trace."""
+        """Return the observation of a trace."""
         rise = least_rise(events.smallest, events.noise)
         forces = (
             events.loading_rate * events.step,
@@ -225,11 +224,11 @@ class Observation(NamedTuple):
         )
 
     def see(self, table: SeriesTable, *, seed: int = 0) -> tuple[Array, Array]:
-        """Sample and pick many series, on all cores: statistics (draws, 20) and mean
-        peaks of what is seen.
+        """Sample all series of a table and detect their slips, on all cores; return
+        their statistics (draws, 20) and mean peaks.
 
-        They are NaN where a trace of the series would be refused, of too few slips or
-        on no plateau of n(h).
+        They are NaN where such a trace would be refused, for too few slips or as the
+        number of slips depends on the smallest drop.
         """
 
         def look(begin: int) -> tuple[Array, Array]:
@@ -253,9 +252,13 @@ class Observation(NamedTuple):
     def see_at(
         self, prior: Prior, parts: Array, *, seed: int = 0
     ) -> tuple[Array, Array]:
-        """Simulate at given parts of the ranges of a prior, on all cores, and see."""
+        """Simulate series at given fractions of the ranges of a prior, on all cores,
+        and return the results of `see`.
+        """
         blocks = np.array_split(parts, max(1, min(len(parts), _SHARES)))
-        slips = 2 * self.slips + 10  # some are too small to be seen
+        slips = (
+            2 * self.slips + 10
+        )  # more than needed, as some are too small to be seen
 
         def one(block: int) -> SeriesTable:
             return _simulated(
@@ -268,18 +271,19 @@ class Observation(NamedTuple):
         return self.see(joined(_on_all_cores(one, range(len(blocks)))), seed=seed)
 
     def _seen(self, peaks: Series, troughs: Series, rng: np.random.Generator) -> Array:
-        """One series, sampled and picked: as many slips as in the trace, on a
-        plateau of n(h), or NaN.
+        """Return peaks and troughs of the slips detected in one sampled series, as many
+        as in the trace; NaN if there are fewer, or if their number depends on the
+        smallest drop.
         """
         seen = np.empty((2, self.slips))
-        if peaks.size > self.slips:  # the first begins the trace
+        if peaks.size > self.slips:  # one more, as the first slip is left out
             P = peaks.astype(float)
             T = troughs.astype(float)
             sampling = Recording(*(float(P.mean()) * force for force in self.sampling))
             found = observe(P, T, sampling, rng, seen)
             doubled = PLATEAU * sampling.drop
             rise = least_rise(doubled, sampling.noise)
-            # the force rises after the last, too
+            # the force also rises after the last trough
             left = pick(np.append(seen.T, np.inf), doubled, rise)[0].size
             if found == self.slips and left >= (1.0 - LOST) * found:
                 return seen
@@ -287,6 +291,8 @@ class Observation(NamedTuple):
 
 
 def _on_all_cores(function: Callable[[int], Any], of: Iterable[int]) -> list[Any]:
-    """Results of a function of numbers, by threads: kernels release the lock."""
+    """Return the results of a function for several numbers, computed by threads; the
+    kernels release the global lock.
+    """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(function, of))

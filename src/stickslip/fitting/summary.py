@@ -1,9 +1,9 @@
-"""Statistics of a series of slips: numbers without a unit, of peaks and troughs in
-their order.
+"""Dimensionless statistics of a series of slips, from the sequence of its peaks and
+troughs.
 
-Slow drifts of a bench are taken out first: a cubic in the number of the slip. Raw
-correlations would be those of the drift. Nothing here depends on time, as drives are
-rarely as steady as they should be.
+Slow drifts of a bench, as a cubic polynomial in the number of the slip, are removed
+first, as they would dominate the correlations. Times are not used, as drives are rarely
+as steady as they should be.
 """
 
 from collections.abc import Callable
@@ -13,22 +13,22 @@ import numpy as np
 
 from stickslip.measure.trace import Array
 
-_DEGREE = 3
-_BLOCK = 10
-_RESAMPLES = 400
+_DEGREE = 3  # of the polynomial of the drift
+_BLOCK = 10  # slips of a block of the bootstrap
+_RESAMPLES = 400  # number of bootstrap samples
 
 
 class _Slips(NamedTuple):
-    """Series of slips along the last axis, detrended; forces over the mean peak,
+    """Detrended series of slips along the last axis; forces over the mean peak,
     quantiles over the mean drop.
     """
 
-    P: Array
-    T: Array
-    mean: Array
+    P: Array  # peaks
+    T: Array  # troughs
+    mean: Array  # mean drop
     drops: Array
-    reloads: Array
-    quantiles: Array
+    reloads: Array  # rises from each trough to the next peak
+    quantiles: Array  # of the drops: 5, 10, 90 and 95 %
 
 
 def _correlation(x: Array, y: Array) -> Array:
@@ -75,7 +75,7 @@ _FITTED: dict[str, tuple[Callable[[_Slips], Array], Callable[[Array], Array]]] =
     "10 % quantile of drops": (lambda s: s.quantiles[1], np.asarray),
     "90 % quantile of drops": (lambda s: s.quantiles[2], np.asarray),
 }
-"""Statistics that are fitted, each with the scale on which its scatter is even: the
+"""Statistics that are fitted, each with the scale on which its scatter is uniform: the
 drop over the peak; standard deviations over the mean peak; correlations; quantiles over
 the mean drop.
 """
@@ -101,7 +101,7 @@ _HELD_OUT: dict[str, Callable[[_Slips], Array]] = {
     "5 % quantile of drops": lambda s: s.quantiles[0],
     "95 % quantile of drops": lambda s: s.quantiles[3],
 }
-"""Statistics that are not fitted, only compared: the test of the fit."""
+"""Statistics that are not fitted, but compared to test the fit."""
 
 FITTED = tuple(_FITTED)
 HELD_OUT = tuple(_HELD_OUT)
@@ -109,7 +109,9 @@ NAMES = FITTED + HELD_OUT
 
 
 def detrended(values: Array) -> Array:
-    """Take a cubic in the number of the slip out of the last axis; means become 0."""
+    """Return values without their cubic trend, and without their mean, along the last
+    axis.
+    """
     count = values.shape[-1]
     basis, _ = np.linalg.qr(
         np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), _DEGREE)
@@ -118,9 +120,9 @@ def detrended(values: Array) -> Array:
 
 
 def statistics(peaks: Array, troughs: Array) -> Array:
-    """The statistics `NAMES` of series of slips, along a new last axis.
+    """Return the statistics `NAMES` of series of slips, along a new last axis.
 
-    Forces before and after each slip, along the last axis, are in any unit.
+    Forces before and after each slip, along the last axis, may have any unit.
     """
     high = peaks.mean(axis=-1, keepdims=True)
     mean_drop = (peaks - troughs).mean(axis=-1, keepdims=True)
@@ -151,8 +153,8 @@ def _statistics_of(P: Array, T: Array, mean: Array) -> Array:
 def resampled(
     peaks: Array, troughs: Array, *, seed: int = 0, resamples: int = _RESAMPLES
 ) -> Array:
-    """Statistics of block-bootstrap samples of a detrended series, first axis:
-    memory from slip to slip stays.
+    """Return the statistics of block-bootstrap samples of a detrended series, along the
+    first axis; blocks keep the correlation from slip to slip.
     """
     count = peaks.size
     block = min(_BLOCK, count)
@@ -173,8 +175,8 @@ def resampled(
 
 
 def comparable(found: Array) -> Array:
-    """The fitted statistics on scales on which their scatter is even: logarithms,
-    and Fisher's z of correlations.
+    """Return the fitted statistics on scales on which their scatter is uniform:
+    logarithms, and Fisher's z for correlations.
     """
     return np.stack(
         [scale(found[..., i]) for i, (_, scale) in enumerate(_FITTED.values())],

@@ -1,7 +1,6 @@
-"""Rig files, Datasets and their provenance: what goes to files and comes back.
+"""Reading and writing of rig files, Datasets and their provenance.
 
-The public names load what they need on first use; `__init__.pyi` beside this file has
-them.
+The public names, listed in `__init__.pyi`, import what they need on first use.
 """
 
 import lazy_loader

@@ -1,5 +1,5 @@
-"""A measured friction curve as a file beside a rig file: columns of velocity, friction
-and, if it is known, its error.
+"""Reading a measured friction curve from a file that a rig file names: columns of
+velocity, friction and, optionally, its error.
 """
 
 import csv
@@ -16,13 +16,13 @@ _NAMES = {
     "friction": rf"(?!.*({_ERROR})).*(friction|force|coefficient|cof\b|mu\b|f\b)",
     "error": f".*({_ERROR})",
 }
-"""Patterns of the names of the columns; that of an error is none of the others."""
+"""Patterns of column names; a name that matches that of an error matches no other."""
 _UNIT = re.compile(r"[(\[]([^)\]]*)[)\]]")
 
 
 def friction_points(path: Path) -> list[list[float | str]]:
-    """Read the points of a friction curve as a rig file has them, quantities with the
-    units of the heading.
+    """Return the points of a friction curve in the form of a rig file, as quantities
+    with the units of the heading.
 
     Raises `InputError` if the file has no column of velocities, or of friction.
     """
@@ -39,7 +39,7 @@ def friction_points(path: Path) -> list[list[float | str]]:
             )
         used += known[:1]
     units = [found[1] if (found := _UNIT.search(heading[at])) else "" for at in used]
-    # the error has that of friction
+    # by default, the error has the unit of the friction
     units[2:] = [unit or units[1] for unit in units[2:]]
     points = []
     for i, row in enumerate(rows):

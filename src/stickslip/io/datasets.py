@@ -1,7 +1,7 @@
-"""Datasets to files and back, records to plain data and back.
+"""Conversion of Datasets to files and back, and of records to plain data and back.
 
-A result carries, as one JSON string in its attribute ``provenance``, all that is needed
-to make it again.
+A result carries its ``provenance`` as an attribute, one JSON string with all that is
+needed to repeat the run.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from stickslip.model.methods import METHODS
 if TYPE_CHECKING:
     import xarray as xr
 
-LARGEST_RUN = 8_000_000_000  # bytes that a run may have, as a file and in memory
+LARGEST_RUN = 8_000_000_000  # most bytes of a run, in a file and in memory
 
 _CDF = "NetCDF 3"
 _CDF5 = "CDF-5"
 _MARKS = {
     b"\x89HDF\r\n\x1a\n": "NetCDF 4",
     b"CDF\x01": _CDF,
-    b"CDF\x02": _CDF,  # the same with 64-bit offsets
+    b"CDF\x02": _CDF,  # with 64-bit offsets
     b"CDF\x05": _CDF5,
 }
 
@@ -45,33 +45,33 @@ Plain = Any
 
 
 def records() -> dict[str, type]:
-    """Return the records of `stickslip.model`, and those registered by a user, by
-    name, for `decode`.
+    """Return the record classes of `stickslip.model`, and those registered by a user,
+    by name, for `decode`.
     """
     ours = {
         name: kind
         for name, kind in vars(model).items()
         if isinstance(kind, type) and is_dataclass(kind)
     }
-    # the first holds functions, the others are bases
+    # the first holds functions, the others are base classes
     del ours["Parameter"], ours["ElasticBody"], ours["Structure"]
-    # a SteadyState of a guest's distribution may hold one
+    # the SteadyState of a user's distribution may hold one
     ours[Positive.__name__] = Positive
     tables = (DISTRIBUTIONS, DELAYS, AGEING_MODELS, ACTIVATIONS, METHODS, BODIES)
     return {_name_of(kind): kind for table in tables for kind in table.values()} | ours
 
 
 def _name_of(kind: type) -> str:
-    """Name of a record in a file: that of its class, with its module where it is not
-    ours.
+    """Return the name of a record class in a file: that of the class, with its module
+    if it is a user's own.
     """
     is_ours = kind.__module__.partition(".")[0] == __name__.partition(".")[0]
     return kind.__name__ if is_ours else f"{kind.__module__}.{kind.__qualname__}"
 
 
 def encode(value: object) -> Plain:
-    """Turn a record, or a tuple, mapping or plain value of records, into what JSON can
-    hold.
+    """Convert a record, a plain value, or a tuple or mapping of these, to plain data
+    for JSON.
 
     A record becomes a mapping with its class name under ``"class"``; infinities become
     strings.
@@ -80,7 +80,7 @@ def encode(value: object) -> Plain:
         names = [
             field.name
             for field in fields(value)
-            # a field that changes no number is kept where it is not as usual
+            # a field that does not change the result is written only if it is True
             if field.init and (field.compare or getattr(value, field.name) is True)
         ]
         return {
@@ -102,7 +102,7 @@ def encode(value: object) -> Plain:
 
 
 def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
-    """Turn the result of `encode` back into records of the kinds listed."""
+    """Convert the result of `encode` back to records of the classes in `kinds`."""
     if isinstance(plain, dict):
         content = {
             key: decode(item, kinds) for key, item in plain.items() if key != "class"
@@ -118,7 +118,7 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
             )
         try:
             return kind(**content)
-        # a field that is missing, or unknown to this version
+        # a field is missing, or unknown to this version
         except TypeError as error:
             raise InputError(
                 f"provenance of {name} is of another version ({error}); make the run "
@@ -159,12 +159,12 @@ def read_provenance(data: xr.Dataset) -> dict[str, Any]:
 
 
 def save(data: xr.Dataset, path: files.FileName) -> Path:
-    """Write a Dataset as NetCDF, whole or not at all.
+    """Write a Dataset as NetCDF, completely or not at all.
 
     Raises
     ------
     InputError
-        If the place cannot be written.
+        If the file cannot be written.
     """
     import xarray as xr
 
@@ -175,18 +175,18 @@ def save(data: xr.Dataset, path: files.FileName) -> Path:
         for name, values in data.variables.items()
         if values.ndim > 0 and values.dtype.kind in "fiub"
     }
-    # In memory first: where a disk is full, HDF5 spills its own messages and then
+    # Convert it in memory first: on a full disk, HDF5 prints its own messages and
     # crashes.
     return files.write(path, data.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
 def as_csv(catalogue: xr.Dataset) -> str:
-    """Return a Dataset of one dimension as a table of text, names with units first."""
+    """Return a Dataset of one dimension as CSV; the first line has names and units."""
     names = {
         name: f"{name} [{units_of(catalogue[name])}]" for name in catalogue.data_vars
     }
     table = catalogue.to_dataframe()[list(names)].rename(columns=names)
-    # Ten digits: the others of a difference of times are rounding.
+    # ten digits, as further digits of a difference of times are rounding errors
     text: str = table.to_csv(
         index=False,
         lineterminator="\r\n",
@@ -197,7 +197,7 @@ def as_csv(catalogue: xr.Dataset) -> str:
 
 
 def load(path: files.FileName) -> xr.Dataset:
-    """Read a Dataset that `save` wrote, into memory.
+    """Read a Dataset that `save` wrote into memory.
 
     Raises
     ------
@@ -220,7 +220,7 @@ def load(path: files.FileName) -> xr.Dataset:
             "make it one of NetCDF 4: nccopy -k nc4 OLD NEW"
         )
     try:
-        # A time is a number here; its unit may be anything in a damaged file.
+        # Times are not decoded: they are numbers, and a damaged file may have any unit.
         with xr.open_dataset(**_opened(source, kind), decode_times=False) as data:
             if not data.variables:
                 raise ValueError("it holds no variable")
@@ -233,7 +233,7 @@ def load(path: files.FileName) -> xr.Dataset:
                 data.attrs,
                 *(data[name].attrs for name in data.variables),
             ):
-                # may stand for no letter
+                # fails if the text of a damaged file is not valid Unicode
                 "".join(map(str, [*attrs, *attrs.values()])).encode()
             return data.load()
     except Exception as error:  # a damaged file fails in many ways
@@ -246,14 +246,14 @@ def load(path: files.FileName) -> xr.Dataset:
 def _opened(source: Path, kind: str) -> dict[str, Any]:
     """Return the arguments with which xarray opens a file: its source and reader."""
     if kind == _CDF:
-        # from memory: scipy would map the file, and warn when it is closed
+        # from memory, as scipy would map the file, and warn when it is closed
         return {"filename_or_obj": io.BytesIO(source.read_bytes()), "engine": "scipy"}
     import h5py
 
-    # h5netcdf prints a traceback of its own over a file that fails in either of these
+    # check first: h5netcdf prints its own traceback for a file that fails in these
     with h5py.File(source, mode="r") as file:
         file.attrs.get("_nc3_strict")
-    # named for dimensions without a name, else h5netcdf warns of its default
+    # without a choice for unnamed dimensions, h5netcdf warns of its default
     return {
         "filename_or_obj": source,
         "engine": "h5netcdf",
@@ -262,7 +262,7 @@ def _opened(source: Path, kind: str) -> dict[str, Any]:
 
 
 def is_netcdf(path: files.FileName) -> bool:
-    """Whether a file begins as NetCDF files do, of any version."""
+    """Whether a file starts like a NetCDF file of any version."""
     return _kind_of(Path(path)) is not None
 
 

@@ -1,7 +1,7 @@
 """Safe reading of files, and atomic writing.
 
-A symbolic link is followed, for reading and for writing: the link stays, and the file
-that it leads to is replaced.
+Symbolic links are followed, for reading and for writing: the link stays, and the file
+to which it leads is replaced.
 """
 
 import difflib
@@ -33,13 +33,14 @@ _REMEDIES = {
     errno.EDQUOT: "free some space, or choose another place",
     errno.ELOOP: "name the file that the links should lead to",
 }
-"""What puts right an error of the system, by its number."""
+"""Remedies of errors of the operating system, by their number."""
 _OF_WRITING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
 
 
 def size(path: FileName, kind: str, *, largest: int) -> int:
-    """Return how many bytes a regular file has, at most `largest`; `kind` names it
-    in errors: ``"rig file"``.
+    """Return the size in bytes of a regular file; `InputError` if it exceeds `largest`.
+
+    `kind` names the file in errors, such as ``"rig file"``.
     """
     found = _regular(path, "read", kind)
     if found is None:
@@ -54,7 +55,7 @@ def size(path: FileName, kind: str, *, largest: int) -> int:
 
 
 def _nearest_name(path: Path) -> str:
-    """Name the file beside a missing one that its name may mean, as a hint."""
+    """Return a hint at the file with the name nearest to that of a missing one."""
     if path.is_symlink():
         return f"; it is a link to {os.readlink(path)}, which is not there"
     with suppress(OSError):
@@ -66,10 +67,10 @@ def _nearest_name(path: Path) -> str:
 
 
 def read(path: FileName, kind: str, *, largest: int) -> bytes:
-    """Return the content of a file, unpacked if gzip packed it; arguments and errors
-    are those of `size`.
+    """Return the content of a file, unpacked if it is packed by gzip; arguments and
+    errors are those of `size`.
     """
-    # the kernel's own files have no size, and some have no end
+    # files of /proc and the like have no size, and some have no end
     if size(path, kind, largest=largest) == 0:
         return b""
     try:
@@ -96,7 +97,9 @@ def begin(path: FileName, count: int) -> bytes:
 
 
 def _regular(path: FileName, done: str, kind: str) -> os.stat_result | None:
-    """Status of a regular file, links followed; None if there is no such file."""
+    """Return the status of a regular file, following links; None if there is no such
+    file.
+    """
     instance("path", path, (str, os.PathLike), "the name of a file")
     try:
         found = os.stat(path)
@@ -126,28 +129,28 @@ def _remedy(error: Exception) -> str:
 
 
 def in_words(error: OSError) -> str:
-    """Describe an error of the system: the place, why it failed, and a remedy."""
+    """Describe an error of the operating system: its place, reason, and remedy."""
     try:
         os.getcwd()
     except FileNotFoundError:
-        return "the working directory is not there any more; change to another (cd)"
+        return "the working directory no longer exists; change to another (cd)"
     place = "the system: this cannot be done"
     if error.filename is not None:
         place = f"{error.filename}: cannot be used"
-    elif error.errno in _OF_WRITING:  # our own files name their place
+    elif error.errno in _OF_WRITING:  # files that we write are named in the error
         place = "standard output: cannot be written"
     return f"{place} ({_why(error)}){_remedy(error)}"
 
 
 def target(path: FileName) -> Path:
-    """Return where a file is to be written: a free name, or a regular file that may
-    be replaced; links are followed.
+    """Return the path, with links followed, at which a file can be written: of no file,
+    or of a regular file that may be replaced; else `InputError`.
     """
     found = _regular(path, "written", "file")
     place = Path(os.path.realpath(path))
     if not place.parent.is_dir():
         raise InputError(f"{path}: there is no directory {place.parent}; make it first")
-    # Root may write anywhere: a file that its owner may not write is left as it is.
+    # Root may write any file, but one that its owner may not write is left alone.
     own = found is None or (found.st_mode & stat.S_IWUSR and os.access(place, os.W_OK))
     if not (own and os.access(place.parent, os.W_OK | os.X_OK)):
         closed = place.parent if own else place
@@ -159,8 +162,8 @@ def target(path: FileName) -> Path:
 
 
 def write(path: FileName, content: bytes | memoryview) -> Path:
-    """Write a file whole or not at all: beside its place and moved there, with the
-    permissions of the one before.
+    """Write a file completely or not at all: under a temporary name in its directory,
+    and then renamed, with the permissions of the file that it replaces.
     """
     place = target(path)
     try:
@@ -171,10 +174,10 @@ def write(path: FileName, content: bytes | memoryview) -> Path:
                     os.fchmod(file.fileno(), stat.S_IMODE(place.stat().st_mode))
                 file.write(content)
                 file.flush()
-                os.fsync(file.fileno())  # a disk that is full may say so only now
+                os.fsync(file.fileno())  # may be the first to report a full disk
             part.replace(place)
         except BaseException:
-            with suppress(OSError):  # the first error is the one to report
+            with suppress(OSError):  # so that the first error is reported
                 part.unlink(missing_ok=True)
             raise
     except OSError as error:

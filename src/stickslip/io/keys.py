@@ -1,5 +1,5 @@
-"""One key of a file: the values that it may have, and how they are read; and rules on
-the keys of one table.
+"""Keys of a file: which values they may have, how these are read, and which keys of a
+table exclude each other.
 """
 
 import json
@@ -16,34 +16,34 @@ from stickslip.model.units import UNITS, si_unit
 
 Sign = Literal["above 0", "at least 0", ""]
 
-LONGEST_TEXT = 2_000  # characters of a text
-# powers of ten of a pure number: beyond, squares and quotients of doubles overflow in
-# the distributions
+LONGEST_TEXT = 2_000  # most characters of a text
+# A pure number lies within this many decades of 1: beyond, squares and quotients
+# overflow in the distributions.
 DECADES = 15
 
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a file, by an example as it stands in an SI file.
+    """One key of a file, defined by an example as an SI file would write it.
 
     The type of the example is the type of the key: a mapping stands for a table, a list
-    for a list of its first item.
+    for a list of items like its first.
     """
 
     example: Any
     _: KW_ONLY
-    # natural unit of a quantity; without one the value is a pure number, a text, a list
+    # natural unit of a quantity; empty for a pure number, a text, or a list
     unit: str = ""
-    # SI unit of a quantity that no scale of the rig measures, in files of natural
-    # units, too
+    # SI unit of a quantity that is not in the natural units of the rig, also in files
+    # of natural units
     si: str = ""
     sign: Sign = ""
-    choices: Collection[str] = ()  # all that may be written, if that is known
-    # other values that it may have: "table", "list", a word in place of a number
+    choices: Collection[str] = ()  # all possible values, if they are known
+    # other possible values: "table", "list", or words in place of a number
     also: Collection[str] = ()
     default: Any = None
     required: bool = False
-    measure: str = ""  # how to measure a property of the bench that has a default
+    measure: str = ""  # how to measure the property, if it has a default
 
     @property
     def is_table(self) -> bool:
@@ -54,25 +54,21 @@ class Key:
         )
 
     def is_left(self, value: object) -> bool:
-        """Return whether a value is read elsewhere: a table, or a word in place of a
-        number.
+        """Return whether a value is to be read elsewhere, as a table, or a word in
+        place of a number.
         """
-        kind = (
-            "table"
-            if isinstance(value, Mapping)
-            else "list"
-            if isinstance(value, list)
-            else "text"
-            if isinstance(value, str)
-            else ""
+        types = {"table": Mapping, "list": list, "text": str}
+        return (
+            self.is_table
+            or value in self.also
+            or any(isinstance(value, types.get(each, ())) for each in self.also)
         )
-        return self.is_table or kind in self.also or value in self.also
 
     def read(self, value: object, place: str, *, natural: bool) -> Any:
-        """Return the value: a quantity in SI units, or in natural ones if the file is
-        in those.
+        """Return the value read: a quantity in SI units, or in natural units if the
+        file is in those.
 
-        Raises `InputError` if it cannot be.
+        Raises `InputError` if the key cannot have this value.
         """
         if isinstance(self.example, list) and isinstance(value, list):
             one = replace(self, example=self.example[0])
@@ -86,7 +82,7 @@ class Key:
             raise InputError(f"{place} = {shown(value)}: {error}", place) from None
 
     def _value(self, value: Any, natural: bool) -> Any:
-        """Return the value; errors do not name the place."""
+        """Return the value read; errors do not name the place."""
         kind = type(self.example)
         if kind is float or ((self.unit or self.si) and kind is not list):
             unit = self.si
@@ -111,7 +107,7 @@ class Key:
         return value
 
     def _number(self, value: Any, unit: str) -> float:
-        """Read a text with a unit, or a plain number where there is none."""
+        """Read a text with a unit or, if the key has none, a plain number."""
         if unit and isinstance(value, str):
             result = read_quantity(value, unit, self.example)
         elif isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -143,8 +139,8 @@ class Key:
 
 
 def natural_unit_of(example: str) -> str:
-    """Return the natural unit of a quantity; empty if the text is no quantity, or no
-    scale of a rig measures it.
+    """Return the natural unit of a quantity; empty if the text is no quantity, or has
+    no natural unit.
     """
     measured = unit_size(example.partition(" ")[2])
     sizes = ((unit, unit_size(si)) for unit, si in UNITS.items())
@@ -159,10 +155,10 @@ Keys = Mapping[str, Key]
 
 
 class Either:
-    """Keys of a table that exclude each other: all of one alternative, separated by
-    blanks, and none of another.
+    """Keys of a table that exclude each other: a table has all keys of one alternative,
+    which are separated by blanks, and none of another.
 
-    Where none is given, and one is `needed`, the first is asked for.
+    If no alternative is given, but `needed`, the first is asked for.
     """
 
     def __init__(self, *alternatives: str, needed: bool = False) -> None:
@@ -172,7 +168,7 @@ class Either:
 
 
 def toml(value: Any) -> str:
-    """Write a value as it stands in a file, in one line."""
+    """Return a value as TOML, in one line."""
     if isinstance(value, Mapping):
         bare = re.compile(r"[\w-]+").fullmatch
         each = (

@@ -1,8 +1,7 @@
-"""Rig files: TOML in SI units (or natural ones) in, records of the model out, and back.
+"""Rig files: TOML, in SI or natural units, to records of the model and back.
 
-The records of the model are what a file is read into and checked by; what the keys of a
-file mean stands in `stickslip.io.rig_keys`. Stretchings of distributions are relative
-to ``interface.breaking_displacement``.
+The records of the model check the values of a file; `stickslip.io.rig_keys` defines its
+keys. Stretchings of distributions are relative to ``interface.breaking_displacement``.
 """
 
 import os
@@ -26,9 +25,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def example_names() -> tuple[str, ...]:
-    """Return the names of the rigs that come with the package, without sweeps, which
-    name one.
-    """
+    """Return the names of the rigs that come with the package, without the sweeps."""
     files = sorted(EXAMPLES.glob("*.toml"))
     return tuple(
         file.stem for file in files if "[axes]" not in file.read_text(encoding="utf-8")
@@ -36,8 +33,8 @@ def example_names() -> tuple[str, ...]:
 
 
 def example_file(name: str) -> Path:
-    """Return the file of a rig or sweep that comes with the package, such as
-    ``"pmma_slider"``.
+    """Return the path of the file of a rig or sweep that comes with the package, such
+    as ``"pmma_slider"``.
     """
     instance("example: name", name, str, "the name of an example")
     known = sorted(f.stem for f in EXAMPLES.glob("*.toml"))
@@ -55,22 +52,22 @@ def example(name: str) -> Rig:
     Raises
     ------
     InputError
-        If there is none of that name; the message lists them.
+        If there is no rig of that name; the message lists all.
     """
     return read_rig(example_file(name))
 
 
 def read_rig(path: FileName | Mapping[str, Any]) -> Rig:
-    """Read a rig from a TOML file, or from a mapping of what a file would hold.
+    """Read a rig from a TOML file, or from a mapping with the content of one.
 
-    The bare name of an example that comes with the package, such as ``"brake_pad"``, is
-    read too where no file is called so.
+    Without a file of that name, it may also be the name of an example that comes with
+    the package, such as ``"brake_pad"``.
 
     Raises
     ------
     InputError
-        If the file is missing, empty, binary or no TOML, has an unknown key, or a value
-        that cannot be; the message names file, key, value and remedy.
+        If the file is missing, empty, binary or no TOML, has an unknown key, or an
+        impossible value; the message names file, key, value and remedy.
 
     Examples
     --------
@@ -92,8 +89,8 @@ def read_rig(path: FileName | Mapping[str, Any]) -> Rig:
 def content_of(
     path: Path, kind: str = "rig file", example: str = "`stickslip new pmma_slider`"
 ) -> Document:
-    """Read the content of a file, or of the example of that name where there is no
-    such file; a friction curve that it names is read, too.
+    """Return the content of a file or, if there is no such file, of the example of that
+    name, with the points of a friction curve that it names.
     """
     if not path.suffix and not path.exists():
         path = example_file(str(path))
@@ -105,20 +102,20 @@ def content_of(
 
 
 def to_toml(rig: Rig, *, own: bool = False) -> str:
-    """Return the rig as the text of a file from which `read_rig` makes the same rig.
+    """Return the text of a file from which `read_rig` makes the same rig.
 
-    With `own` it is in the keys that the rig was given by, and in four digits.
+    With `own`, the text has four digits, and the keys by which the rig was given.
 
     Raises
     ------
     InputError
-        If the rig has a part that no file can hold.
+        If the rig has a part that cannot be written into a file.
     """
     import tomli_w
 
     document = to_document(rig, digits=4, own=True) if own else to_document(rig)
 
-    # which it writes each into a line of its own
+    # tomli_w writes each number of a list into a line of its own
     def wrapped(numbers: re.Match[str]) -> str:
         return textwrap.fill(
             f"[{' '.join(numbers[1].split()).removesuffix(',')}]",

@@ -1,9 +1,9 @@
-"""The keys of a rig file: each once, with its unit, sign, choices and default.
+"""The keys of a rig file, each with its unit, sign, choices and default.
 
-The examples stand in every_key.toml, as a rig file has them. A key that is a field of a
-record takes unit, bounds, choices and default from there; any other is measured in the
-unit of its example, and is above 0. The reader, the writer, the messages and the
-reference page (with the words of docs/reference/rig-keys.toml) are made from it.
+Their examples are in every_key.toml, in the form of a rig file. A key that is a field
+of a record takes unit, bounds, choices and default from there; any other has the unit
+of its example, and is above 0. The reader, the writer, the messages and the reference
+page (with the texts of docs/reference/rig-keys.toml) all use these keys.
 """
 
 import math
@@ -36,12 +36,12 @@ MATERIAL: Mapping[str, Mapping[str, str]] = {
         "mass": "density",
     },
 }
-"""Fields of an elastic body that are given directly, or follow from its shape and a
+"""Fields of an elastic body that are given directly, or follow from its shape and this
 property of the material.
 """
 SHAPE = ("spacing", "width", "height")
 SCALES = ("contact_strength", "normal_load", "mu_s", "mu_k", "breaking_displacement")
-"""Keys that are 1 in natural units, or make up what is."""
+"""Keys that define the natural units, in which they have no value."""
 
 RULES: Mapping[str, tuple[Either, ...]] = {
     "slider": (Either("damping_ratio", "damping", needed=True),),
@@ -64,7 +64,7 @@ RULES: Mapping[str, tuple[Either, ...]] = {
         Either("contact_strength", "mu_s mu_k", needed=True),
         Either("thresholds", "areas", "mu_s mu_k", needed=True),
         Either("delay", "v_half"),
-        # coefficients are read as of unstretched newborns, and of equal contacts
+        # coefficients assume unstretched newborn contacts, and contacts of equal area
         Either("newborn", "mu_s mu_k"),
         Either("areas", "v_half"),
     ),
@@ -84,21 +84,21 @@ RULES: Mapping[str, tuple[Either, ...]] = {
 _EXAMPLES = tomllib.loads(Path(__file__).with_name("every_key.toml").read_text("utf-8"))
 _WITHIN: Mapping[str, Mapping[str, Any]] = _EXAMPLES.pop("within")
 _MORE: Mapping[str, dict[str, Any]] = _EXAMPLES.pop("more")
-"""Properties of keys that neither a record nor an example gives."""
+"""Properties of keys that follow neither from a record nor from an example."""
 _USUAL = {"mean": 1.0, "scale": 1.0}
-"""Default scale of a distribution: that of `breaking_displacement`."""
+"""Default mean or scale of a distribution: the breaking displacement."""
 
 
 def _first(example: Any) -> Any:
-    """Return the first item of lists within lists: a matrix is a list of lists."""
+    """Return the first item of nested lists, such as a matrix."""
     return _first(example[0]) if isinstance(example, list) else example
 
 
 def _keys(
     table: str, examples: Mapping[str, Any], record: type | None = None
 ) -> dict[str, Key]:
-    """Return the keys of a table, by their examples; some of them are fields of the
-    record that it is made into.
+    """Return the keys of a table, from their examples and the fields of the record that
+    the table becomes.
     """
     found = {}
     for name, example in examples.items():
@@ -116,8 +116,8 @@ def _keys(
 
 
 def _of_field(record: type, name: str) -> dict[str, Any]:
-    """Return unit, bounds, choices and default of a key, from its field, if it is one
-    of the record.
+    """Return unit, bounds, choices and default of the key for a field of a record;
+    empty if the record has no such field.
     """
     field = next((each for each in fields(record) if each.name == name), None)
     if field is None:
@@ -158,7 +158,7 @@ TOP: Keys = _keys(
         for name, each in _EXAMPLES.items()
     },
 )
-"""Keys at the top of the file; of a table its first key is the example."""
+"""Keys at the top of the file; the example of a table is its first key."""
 TABLES: Mapping[str, Keys] = {
     name: _keys(
         name,
@@ -185,13 +185,13 @@ OF_SLIDER: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "controller": (("mass",), ("damping",)),
     "force": (("mass",), ("damping", "stiffness")),
 }
-"""Keys of `slider` where it is a mass on a spring, a structure, an axis with a
-controller, or a mass that a force pulls; and those that may be left out there.
+"""Required and optional keys of `slider`, by its kind: a mass on a spring (no name), a
+structure, an axis with a controller, or a mass that a force pulls.
 """
 
 
 def keys_of_slider(kind: str) -> dict[str, Key]:
-    """Return the keys of `slider` where it is of a kind of `OF_SLIDER`."""
+    """Return the keys of `slider` for a kind in `OF_SLIDER`."""
     slider = TABLES["slider"]
     usual, optional = OF_SLIDER[kind]
     return {name: slider[name] for name in usual} | {
@@ -207,13 +207,13 @@ FORCE = _keys("force", _WITHIN["force"], ForcePiece)
 START = _keys("start", _WITHIN["start"], Prestressed)
 """Keys of `simulation.start` as a table."""
 RUN = _keys("run", _WITHIN["run"])
-"""Keys of each run of blocks alike in `simulation.start.stretching`."""
+"""Keys of each run of equal blocks in `simulation.start.stretching`."""
 FITTED = _keys("fitted", next(iter(_EXAMPLES["fitted"].values())))
 """Keys of each entry of `fitted`."""
 
 
 def tables() -> dict[str, Keys]:
-    """Return the tables of a file by their names, with bodies of the user's own."""
+    """Return the tables of a file by their names, including a user's own bodies."""
     return {name: keys_of(kind) for name, kind in BODIES.items()} | dict(TABLES)
 
 
@@ -227,8 +227,9 @@ KINDS: Mapping[str, tuple[str, Mapping[str, type]]] = {
     "ageing": ("model", AGEING_MODELS),
     "activation": ("kind", ACTIVATIONS),
 }
-"""Of keys of `interface` whose value is a table, and of keys in such tables: the word
-in it that names a record, and the records by name; without a word there is one.
+"""For each key of `interface`, or of a table in it, whose value is a table: the key of
+that table that names a record, and the records by name. Without such a key, there is
+only one record.
 """
 _BOLTZMANN = 1.380649e-23  # in J/K
 
@@ -246,8 +247,8 @@ def _width(
 
 
 class Instead(NamedTuple):
-    """Keys that a file may give in place of fields of a record, and how these follow
-    from the breaking displacement and them.
+    """Keys that a file may give in place of fields of a record, and the function that
+    makes these fields from the breaking displacement and the keys.
     """
 
     keys: Keys
@@ -275,10 +276,10 @@ INSTEAD: Mapping[type, Instead] = {
 
 @cache
 def keys_of(record: type) -> Keys:
-    """Return the keys of the table that makes a record that a table names.
+    """Return the keys of the table from which a record is made.
 
-    Raises `InputError` if a delay of the user's own has a number without a unit: a file
-    could not say what it means.
+    Raises `InputError` if a user's own delay has a number without a unit, which would
+    be ambiguous in a file.
     """
     found = dict(INSTEAD[record].keys) if record in INSTEAD else {}
     made = {field.name for field in fields(record) if field.init}
@@ -306,8 +307,8 @@ def keys_of(record: type) -> Keys:
 
 def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
     """Return the key at a path of a rig file, such as ``"interface.thresholds.std"``,
-    in the table that the file has there, or could have; None where there is no such
-    key.
+    for the kind of table that the file has, or could have, there; None if there is no
+    such key.
     """
     table, *names = path.split(".")
     keys: Keys = tables().get(table, TOP if not names else {})
@@ -330,21 +331,21 @@ def key_at(path: str, document: Mapping[str, Any]) -> Key | None:
 
 
 def within(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return a table within a table; an empty one where there is none."""
+    """Return a table within a table; an empty one if there is none."""
     found = content.get(name)
     return found if isinstance(found, Mapping) else {}
 
 
 def by_time(record: type) -> bool:
-    """Return whether a model of ageing has a rate, which a file gives as a time."""
+    """Return whether a model of ageing has a rate that a file gives as a time."""
     return "rate" in declared(record) and hasattr(record, "with_time")
 
 
 def fields_of_method(kind: type) -> dict[str, str]:
-    """Return the fields of a method that a file gives, with their keys in
+    """Return the fields of a method that a file may hold, with their keys in
     `simulation`.
     """
-    # for comparison only
+    # `memoryless` is for comparisons only
     names = [field.name for field in fields(kind) if field.name != "memoryless"]
     return {name: "contacts" if name == "count" else name for name in names}
 
@@ -357,7 +358,7 @@ def methods_with(key: str) -> list[str]:
 
 
 def keys_of_simulation(method: object) -> dict[str, Key]:
-    """Return the keys of `simulation` with a method, also one of the user's own."""
+    """Return the keys of `simulation` with a method, which may be a user's own."""
     usual = dict(TABLES["simulation"])
     if not isinstance(method, str) or method not in METHODS:
         return usual

@@ -1,7 +1,7 @@
-"""The reader of rig files: each record in the units of the file, then the whole rig in
-natural ones.
+"""The reader of rig files: it makes each record in the units of the file, and then
+converts the whole rig to natural units.
 
-Every mistake is noted, and all are reported in one line.
+It collects all mistakes, and reports them in one line.
 """
 
 import math
@@ -51,10 +51,10 @@ _SPEEDS = (
 
 
 def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
-    """Make a rig of the content of a file; `place` begins the message of an error.
+    """Return the rig that the content of a file describes.
 
-    The error names every mistake: key, value, remedy; its `mistakes` are single errors,
-    each with its key as `place`.
+    The message of an error begins with `place`, and names every mistake: key, value,
+    remedy. Its `mistakes` are single errors, each with its key as `place`.
     """
     if "axes" in document:
         raise InputError(
@@ -71,14 +71,14 @@ def from_document(document: Mapping[str, Any], place: str = "rig") -> Rig:
 def _made(
     kind: Any, values: Values, place: str, names: Mapping[str, str] | None = None
 ) -> Any:
-    """Make a record of those values of a table that are fields of it."""
+    """Make a record from those values of a table that are its fields."""
     with at(place, names):
         return kind(**{name: values[name] for name in declared(kind) if name in values})
 
 
 def _damping_over_mass(content: Any) -> Any:
-    """Return the table of a slider with a damping in N s/m divided by its mass; any
-    other as it is.
+    """Return the table of a slider with a damping in N s/m divided by its mass; other
+    tables are returned unchanged.
     """
     try:
         force_per_velocity = read_quantity(content["damping"], "kg/s", "")
@@ -98,8 +98,8 @@ class _Reader:
             "slider",
         )
         self.kind = structure_kind(document)
-        self.length = 1.0  # of the breaking displacement, in the units of the file
-        self.viscosity = 0.0  # of a block, in the units of the file
+        self.length = 1.0  # breaking displacement, in the units of the file
+        self.viscosity = 0.0  # of one block, in the units of the file
 
     def rig(self) -> Rig:
         """Return the rig that the file describes."""
@@ -118,7 +118,7 @@ class _Reader:
         self._check_body(slider)
         if "mu_s" in interface and "normal_load" not in interface:
             file.missing("interface.normal_load", TABLES["interface"]["normal_load"])
-        # What cannot be read is noted, and the rest is looked through.
+        # A mistake is noted, and the other parts are still read to find all.
         self.length = interface.get("breaking_displacement", 1.0)
         for name in rig_keys.KINDS:
             if name in interface:
@@ -141,7 +141,7 @@ class _Reader:
         start = self._start(simulation["start"], blocks)
         with at(_START):
             check_start(start, body)
-        # forces are those of all blocks in SI files only
+        # only in SI files, forces are those of all blocks
         blocks = 1 if file.natural else blocks
         measured = self._by_curve(interface, measured, blocks)
         scales = self._scales(interface, pulled, blocks)
@@ -178,7 +178,9 @@ class _Reader:
         return self._with_what_follows(rig, scales, slider | interface | drive)
 
     def _method(self, simulation: Values) -> Any:
-        """Return the method; on a slider of more contacts than on a block."""
+        """Return the method of simulation; by default, a slider has more contacts than
+        a block.
+        """
         usual = 10_000 if self.body == "slider" else 100
         given = simulation | {"count": simulation.get("contacts", usual)}
         return _made(
@@ -186,8 +188,8 @@ class _Reader:
         )
 
     def _with_what_follows(self, rig: Rig, scales: Scales, values: Values) -> Rig:
-        """Return the rig with what the file gives by numbers that belong together,
-        found in natural units.
+        """Return the rig with the values that follow from several keys: damping, delay,
+        and the distance of the drive; computed in natural units.
         """
         if "damping_ratio" in values:
             with at("slider"):
@@ -208,14 +210,14 @@ class _Reader:
                     "slider.mass",
                 )
             viscous = scales.natural(self.viscosity, "f_s time/x_s") / slider.mass
-            # By way of SI units, so that a file in them can hold exactly this damping.
+            # computed in SI units, so that an SI file can hold exactly this damping
             damping = scales.si(slider.damping + viscous, "1/time")
             slider = replace(slider, damping=scales.natural(damping, "1/time"))
             rig = replace(rig, slider=slider)
         if "v_half" in values:
             with at("interface.v_half"):
                 path = half_distance(rig.interface)
-            # By way of seconds, so that a file in SI units can hold exactly this delay.
+            # computed in seconds, so that an SI file can hold exactly this delay
             seconds = path / values["v_half"] / scales.natural(1.0, "x_s")
             rig = replace(
                 rig,
@@ -235,8 +237,8 @@ class _Reader:
         return rig
 
     def _table(self, name: str, content: object) -> Values:
-        """Read the values of a table of the file, looked through for keys that exclude
-        each other.
+        """Read the values of a table of the file, and note keys that exclude each
+        other.
         """
         keys = rig_keys.tables()[name]
         if name == "simulation" and isinstance(content, Mapping):
@@ -257,7 +259,7 @@ class _Reader:
         return self.file.table(content, keys, name, rules)
 
     def _record(self, content: Any, place: str) -> Any:
-        """Make the record that a table names; a delay may be a time or a word."""
+        """Make the record that a table names; a delay may also be a time or a word."""
         name = place.rpartition(".")[2]
         word, kinds = rig_keys.KINDS[name]
         if name == "delay" and not isinstance(content, Mapping):
@@ -303,20 +305,20 @@ class _Reader:
         return _made(kind, values, place, names)
 
     def _body(self, values: Values) -> Any:
-        """Make the body, its springs and masses of blocks made of the material; a
-        damping ratio is left for later.
+        """Make the body, with springs and masses of blocks from the material; a damping
+        ratio is applied later.
         """
         length, width, height = (values.get(key, math.nan) for key in SHAPE)
-        # A spring from a block to the top is as long as the bar is high, one from row
-        # to row as a row is wide.
+        # The spring from a block to the top is as long as the bar is high, that between
+        # rows as long as a row is wide.
         shape = {
             "coupling": width * height / length,
             "leaf": width * length / height,
             "shear": height * length / width,
             "mass": width * height * length,
         }
-        # In the units of the file: what follows from the material can be written into
-        # it again, bit for bit.
+        # in the units of the file, so that the result can be written into a file
+        # exactly
         material = {
             direct: values[name] * shape[direct]
             for direct, name in MATERIAL.get(self.body, {}).items()
@@ -326,7 +328,7 @@ class _Reader:
         return _made(kind, {"damping": 0.0} | values | material, self.body)
 
     def _check_body(self, values: Values) -> None:
-        """Note missing keys that a damping ratio or the material needs."""
+        """Note keys of the body that are wrong, or missing for the material."""
         if self.kind and self.body != "slider":
             place = "drive.force" if self.kind == "force" else "controller"
             self.file.wrong(place, "is of a slider; leave it out")
@@ -341,8 +343,8 @@ class _Reader:
                     self.file.missing(f"{self.body}.{name}", TABLES[self.body][name])
 
     def _drive(self, values: Values, normal_load: float | None) -> tuple[Drive, Values]:
-        """Make the drive, and return the speeds at which the rig works; how long it
-        goes follows where it is not given.
+        """Return the drive and the speeds at which the rig works; a duration that is
+        not given follows later.
         """
         drive, speeds = self._pulled(values)
         if "load" in values:
@@ -352,7 +354,7 @@ class _Reader:
         return drive, speeds
 
     def _load(self, content: Any, normal_load: float | None) -> Any:
-        """Read a load over the usual one: a number, or a list of times and loads."""
+        """Return a load over the usual one: a number, or a list of times and loads."""
         place = "drive.load"
         natural = self.file.natural
         own = TABLES["drive"]["load"]
@@ -374,7 +376,7 @@ class _Reader:
         return load / normal_load
 
     def _pulled(self, values: Values) -> tuple[Drive, Values]:
-        """Make the drive without its load, and return the speeds."""
+        """Return the drive without its load, and the speeds at which the rig works."""
         by_force = "force" in values
         place = "drive.force" if by_force else "drive.pieces"
         content = values.get("force" if by_force else "pieces")
@@ -410,7 +412,7 @@ class _Reader:
             return constant(velocity, values.get("duration", 1.0)), speeds
 
     def _speeds(self, content: Any, place: str) -> tuple[float, Values]:
-        """Return the speed that is simulated, and all speeds of a list or a range."""
+        """Return the speed to simulate, and the speeds or the range that are given."""
         if isinstance(content, list) and content:
             several = replace(_SPEED, example=[_SPEED.example])
             speeds = several.read(content, place, natural=self.file.natural)
@@ -459,8 +461,8 @@ class _Reader:
         return _made(Prestressed, values, _START)
 
     def _measured(self, interface: Values) -> MeasuredFriction | None:
-        """Read the points of a friction curve, in the units of the file and without the
-        viscous force; coefficients of friction are of the normal load.
+        """Return the friction curve in the units of the file, without the viscous
+        force; coefficients of friction are multiplied by the normal load.
         """
         if "friction" not in interface:
             return None
@@ -469,7 +471,7 @@ class _Reader:
         points = interface["friction"]
         signs: tuple[Sign, Sign] = ("above 0", "at least 0")
         if isinstance(points, str):
-            raise refused(place, points, "a file is read beside a rig file only")
+            raise refused(place, points, "only a rig file may name a file of points")
         load = interface.get("normal_load", 1.0)
         found = []
         for i, point in enumerate(points):
@@ -501,8 +503,8 @@ class _Reader:
     def _by_curve(
         self, interface: Values, measured: MeasuredFriction | None, blocks: int
     ) -> MeasuredFriction | None:
-        """Fill in thresholds, growth and strength of contacts that have a friction
-        curve, and return that of a block without a viscous force.
+        """Add thresholds, growth and strength of the contacts that give a measured
+        friction curve, and return that of a block without its viscous force.
         """
         self.viscosity = interface.get("viscosity", 0.0) / blocks
         if measured is None or "ageing" in interface:
@@ -510,7 +512,7 @@ class _Reader:
         from stickslip.sliding.curve import curve_of
         from stickslip.sliding.rigid_motion import thresholds_or_even
 
-        # natural files have no scale but 1
+        # the scales of a natural file are 1
         unit = 1.0 if self.file.natural else max(measured.forces)
         if "thresholds" not in interface:
             static = interface["mu_s"] * interface["normal_load"]
@@ -528,7 +530,7 @@ class _Reader:
             )
         growth = curve.interface.ageing
         assert isinstance(growth, TabulatedGrowth)
-        # of fully aged contacts, which are those of the distribution
+        # the thresholds of the distribution are those of fully aged contacts
         oldest = 1.0 if self.file.natural else growth.strengths[-1]
         interface["ageing"] = TabulatedGrowth(
             tuple(age / oldest for age in growth.ages),
@@ -540,8 +542,8 @@ class _Reader:
         return measured.without(viscosity).scaled(1.0 / blocks)
 
     def _scales(self, interface: Values, drive: Drive, blocks: int) -> Scales:
-        """Return the scales of the rig, forces per contact of a block; of coefficients
-        of friction the thresholds, too.
+        """Return the scales of the rig, with forces per block; if coefficients of
+        friction are given, also add the thresholds that follow from them.
         """
         if self.file.natural:
             return Scales(force=1.0, stretching=1.0)
@@ -556,7 +558,7 @@ class _Reader:
             strength *= interface["normal_load"]
         fastest = max(map(abs, drive.velocities), default=0.0)
         x_s = self.length
-        # The unit of time drops out of every result; this one keeps the numbers near 1.
+        # The unit of time cancels in every result; this one keeps numbers near 1.
         with at(
             "interface",
             {"force": "contact_strength", "stretching": "breaking_displacement"},
@@ -568,7 +570,7 @@ class _Reader:
             )
 
     def _feasible(self, content: object) -> list[tuple[str, float, float]]:
-        """Read the ranges within which parameters could be set."""
+        """Return the ranges within which parameters can be set on the machine."""
         keys = {}
         for name, parameter in BY_NAME.items():
             unit = "" if parameter.unit == "1" else parameter.unit
@@ -593,8 +595,8 @@ class _Reader:
         )
 
     def _assumed(self, content: object) -> dict[str, Assumption]:
-        """Return the assumptions that the file marks, then the defaults that were
-        taken; each with its value.
+        """Return the assumptions that the file marks, and then the defaults used, each
+        with its value.
         """
         marked = self._of_paths(content, "assumed", Key("text", also=("list",)))
         found = {
@@ -613,8 +615,8 @@ class _Reader:
         return found
 
     def _marked(self, path: str, between: str | list[Any]) -> Assumption:
-        """Return the assumption of a value that the file marks by how to measure it, or
-        by the range in which it may lie.
+        """Return an assumption of the file, which it marks by how to measure the value,
+        or by the range in which this may lie.
         """
         if isinstance(between, str):
             found = _RANGE.fullmatch(between)
@@ -630,9 +632,7 @@ class _Reader:
                 if value == ""
                 else "is no number"
             )
-            raise refused(
-                place, between, f"{path} {other}, or say in words how to measure it"
-            )
+            raise refused(place, between, f"{path} {other}, or write how to measure it")
         key = Key(value if unit else 1.0, unit=unit, sign="above 0")
         own, *limits = (
             key.read(each, place, natural=self.file.natural)
@@ -648,8 +648,8 @@ class _Reader:
         )
 
     def _fitted(self, content: object) -> dict[str, Fitted]:
-        """Read the fitted values that the file marks, with intervals and draws; only of
-        a file without mistakes.
+        """Return the fitted values of the file, with intervals and draws; stop if the
+        file has any mistake.
         """
         entries = self._of_paths(content, "fitted", Key({})).items()
         read = {
@@ -665,7 +665,7 @@ class _Reader:
         }
 
     def _check_draws(self, path: str, draws: tuple[float, ...]) -> None:
-        """Note the first draw that the key could not have as its value."""
+        """Note the first draw that is not a possible value of its key."""
         key = rig_keys.key_at(path, self.document)
         place = f"fitted.{path}.draws"
         if key is None:
@@ -676,17 +676,17 @@ class _Reader:
             self.file.wrong(place, f"{path} is no number; leave its draws out")
             return
         own = None
-        with suppress(InputError):  # noted where the value itself is read
+        with suppress(InputError):  # is noted where the value itself is read
             own = key.read(self._at(path), place, natural=self.file.natural)
         sign = key.sign
-        # 0 is a limit that may be chosen, such as no mass, and is not drawn
+        # 0 may be chosen, such as for no mass, but is never drawn
         if own != 0 and (sign or whole or path == "drive.velocity"):
             sign = "above 0"
         plain = replace(key, example=[1.0], sign=sign, choices=(), also=())
         self.file.part(partial(plain.read, [*draws], place, natural=True))
 
     def _at(self, path: str) -> Any:
-        """Return the value at a path of the file; empty if there is none."""
+        """Return the value at a path of the file; an empty text if there is none."""
         node: Any = self.document
         for part in path.split("."):
             node = node.get(part, "") if isinstance(node, Mapping) else ""

@@ -1,4 +1,4 @@
-"""Rigs written as the content of rig files: the shortest text that reads back the
+"""The writer of rig files: each value becomes the shortest text that reads back the
 same.
 """
 
@@ -44,7 +44,7 @@ from stickslip.model.structure import (
 from stickslip.model.units import Scales, engineering, si_unit
 
 Document = dict[str, Any]
-_FOUR_DIGITS = 5e-5  # the error of a number of four digits, at most its half digit
+_FOUR_DIGITS = 5e-5  # largest relative error of a number rounded to four digits
 
 
 def to_document(
@@ -54,12 +54,12 @@ def to_document(
     damping_ratio: bool | None = None,
     own: bool = False,
 ) -> Document:
-    """Return the content of a rig file, from the records, in this many digits, or in as
+    """Return the content of a rig file with the given number of digits, by default as
     few as read back the same.
 
-    The damping is given by its ratio if `damping_ratio` asks for it, by default if that
-    is a number of few digits. With `own`, coefficients of friction and `v_half` stand
-    for what follows from them where the rig was given by these.
+    The damping is written as its ratio if `damping_ratio` is true, by default if the
+    ratio has few digits. With `own`, a rig that was given by coefficients of friction
+    or `v_half` is written with these, in place of the values that follow from them.
     """
     writer = _Writer(rig, digits)
     found = {
@@ -90,8 +90,8 @@ def to_document(
 
 
 class _Writer:
-    """Writes the records of a rig as the tables of a file; without scales every
-    quantity is a plain number.
+    """Writer of the records of a rig as the tables of a file; quantities of a rig
+    without scales are plain numbers.
     """
 
     def __init__(self, rig: Rig, digits: int | None) -> None:
@@ -108,7 +108,7 @@ class _Writer:
         )
 
     def _name_of(self, record: Any, kinds: Mapping[str, type]) -> str:
-        """Return the name by which a file calls the kind of a record."""
+        """Return the name of the kind of a record in a file."""
         names = {kind: name for name, kind in kinds.items()}
         if type(record) not in names:
             raise self._refuse(
@@ -117,8 +117,8 @@ class _Writer:
         return names[type(record)]
 
     def _values(self, record: Any, keys: Keys, *, defaults: bool = True) -> Document:
-        """Write the fields of a record that its table has keys for; those that have
-        their default may be left out.
+        """Return the fields of a record for which its table has keys; without
+        `defaults`, only those that differ from their default.
         """
         found: Document = {}
         usual = {field.name: field.default for field in fields(record)}
@@ -142,7 +142,7 @@ class _Writer:
         return found
 
     def _named(self, key: str, record: Any) -> Any:
-        """Write a record as a table, or as the word or the time that stands for it."""
+        """Return a record as a table, or as the word or time that stands for it."""
         if isinstance(record, OnArrest):
             return "on arrest"
         if record == Delay(math.inf):
@@ -161,7 +161,7 @@ class _Writer:
         if isinstance(slider, Mass):
             return {"slider": self._values(slider, rig_keys.keys_of_slider("force"))}
         name = self._name_of(slider, {"slider": Slider} | BODIES)
-        # Section and material became springs and masses.
+        # section and material have become springs and masses
         found = self._values(slider, rig_keys.tables()[name], defaults=False)
         if name == "slider":
             short = float(f"{slider.damping_ratio:.4g}")
@@ -175,8 +175,8 @@ class _Writer:
         return {name: found}
 
     def _structure(self, structure: Structure) -> Document:
-        """Write a structure as the table in `slider` that it is made of, or an axis and
-        its controller.
+        """Return a structure as the table `slider` from which it is made; for an axis,
+        also its controller.
         """
         kind = self._name_of(
             structure,
@@ -206,7 +206,9 @@ class _Writer:
         contact: float,
         drive: float,
     ) -> Document:
-        """Write a mode, in four digits by its frequency."""
+        """Return a mode as a table; with few digits, by its frequency and damping
+        ratio.
+        """
         values = {"mass": mass}
         omega = math.sqrt(stiffness / mass)
         if self.digits is not None and omega:
@@ -237,8 +239,7 @@ class _Writer:
             found["breaking_displacement"] = self.quantity(
                 1.0, "x_s", lambda si: si == scales.stretching
             )
-        # A default that was taken is left out, so that it is taken, and reported,
-        # again.
+        # A default is left out, so that a reader uses and reports it again.
         found |= self._values(interface, TABLES["interface"], defaults=False)
         if self.digits is not None:
             found |= {
@@ -253,7 +254,7 @@ class _Writer:
         return found
 
     def in_own_keys(self) -> Document:
-        """Write the interface in the keys that the rig was given by."""
+        """Return the interface with the keys by which the rig was given."""
         rig = self.rig
         found = self.interface()
         contacts = rig.interface
@@ -272,7 +273,7 @@ class _Writer:
             and 0 < delay.time < math.inf
             and contacts.areas is None
         ):
-            with suppress(InputError):  # changed, the friction may never halve
+            with suppress(InputError):  # after a change, the friction may never halve
                 half = half_distance(contacts) / delay.time
                 found["v_half"] = self.quantity(half, "x_s/time")
                 del found["delay"]
@@ -288,9 +289,7 @@ class _Writer:
         return [list(point) for point in zip(*columns, strict=True)]
 
     def _present(self, measured: MeasuredFriction) -> MeasuredFriction:
-        """Friction of the contacts as they are now, at the speeds at which it was
-        measured.
-        """
+        """Return the friction of the present contacts at the measured speeds."""
         from stickslip.sliding import kinetic_friction
 
         forces = kinetic_friction(self.rig.interface, np.array(measured.velocities))
@@ -298,7 +297,7 @@ class _Writer:
 
     def _coefficients(self) -> Document:
         """Return the coefficients of friction from which thresholds and strength
-        follow, or an empty table if no coefficients give these.
+        follow; empty if no coefficients give these.
         """
         from stickslip.sliding.rigid_motion import slow_friction, thresholds_of
 
@@ -313,7 +312,7 @@ class _Writer:
             mu_s, mu_k = (
                 float(f"{force / load:.{digits}g}") for force in (static, kinetic)
             )
-            # an error of their ratio is amplified in the standard deviation
+            # the standard deviation amplifies an error of their ratio
             with suppress(InputError):
                 again, strength = thresholds_of(mu_s, mu_k, contacts.initial)
                 same = math.isclose(again.std, thresholds.std, rel_tol=_FOUR_DIGITS)
@@ -354,8 +353,8 @@ class _Writer:
         return found | {"distance": self.quantity(speed * duration, "x_s", read_back)}
 
     def _velocity(self, velocity: float) -> Any:
-        """Write a velocity, or the speeds that begin with it, or the range that it is
-        the middle of: a file gives it by these, unless another one was set.
+        """Return a velocity as a file gives it: by the list of speeds that begins with
+        it, or by the range whose middle it is, unless another velocity was set.
         """
         operation = self.rig.operation
         between = operation.between
@@ -400,11 +399,11 @@ class _Writer:
     def quantity(
         self, value: Any, unit: str, same: Callable[[float], bool] | None = None
     ) -> Any:
-        """Write a natural value as it stands in a file: the shortest text that reads
-        back as the same, or the nearest; of several, or of the rows of a matrix, each.
+        """Return a natural value as a file holds it: the shortest text that reads back
+        the same or, if none does, the nearest; for lists and matrices, item by item.
 
-        `same` decides whether a value in SI units is the one to be written, where it is
-        not divided by the unit.
+        `same` decides whether a value in SI units reads back the same; by default, it
+        must do so in the given unit.
         """
         if isinstance(value, (tuple, list)):
             return [self.quantity(item, unit) for item in value]
@@ -426,7 +425,7 @@ class _Writer:
         same = same or (lambda si: scales.natural(si, unit) == value)
         read = {text: read_quantity(text, name, text) for text in texts}
         fit = [text for text in texts if same(read[text])]
-        # the fastest velocity of a drive is also what the unit of time comes from
+        # the fastest velocity of a drive also defines the unit of time
         if unit == "x_s/time" and exact:
             x_s = scales.stretching
             fit.sort(key=lambda text: x_s / abs(read[text]) != scales.time)

@@ -18,13 +18,13 @@ from stickslip.model.rig import Rig
 def read_rig_with(path: FileName, settings: Sequence[str]) -> Rig:
     """Read a rig from a file or an example, with other values of some of its keys.
 
-    Each setting is ``table.key=value``. A key takes the place of those that say the
-    same in another way: ``slider.damping`` that of ``slider.damping_ratio``.
+    Each setting is ``table.key=value``. A key replaces its alternatives:
+    ``slider.damping`` replaces ``slider.damping_ratio``.
 
     Raises
     ------
     InputError
-        If a setting has no key or no value, or the file with it describes no rig.
+        If a setting has no key or no value, or the changed file describes no rig.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def read_rig_with(path: FileName, settings: Sequence[str]) -> Rig:
 
 
 def _set(document: Document, setting: str) -> None:
-    """Put one value into the content of a file."""
+    """Set one value in the content of a file."""
     key, sign, text = (part.strip() for part in setting.partition("="))
     *tables, name = key.split(".")
     if not (sign and text and all([*tables, name])):
@@ -61,7 +61,7 @@ def _set(document: Document, setting: str) -> None:
 
 
 def _replaced(tables: Sequence[str], name: str) -> set[str]:
-    """Return the keys of the same table in whose place this one stands."""
+    """Return the keys of the same table that a key replaces."""
     replaced = set[str]()
     for rule in RULES.get(".".join(tables), ()):
         if name in rule.names:
@@ -71,7 +71,7 @@ def _replaced(tables: Sequence[str], name: str) -> set[str]:
 
 
 def _value(text: str) -> Any:
-    """Return a number, a list or a table in TOML; any other text as it stands."""
+    """Return the number, list or table of a TOML text; any other text unchanged."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

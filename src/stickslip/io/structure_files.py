@@ -1,5 +1,5 @@
-"""Structures in rig files: `slider.modes`, `slider.matrices`, `slider.state_space` and
-`controller`.
+"""Reading of structures in rig files: `slider.modes`, `slider.matrices`,
+`slider.state_space` and `controller`.
 """
 
 import math
@@ -32,8 +32,8 @@ _HERTZ = {"Hz": "1/s", "kHz": "1/ms", "MHz": "1/us"}
 
 
 def structure_kind(document: Mapping[str, Any]) -> str:
-    """Return which of `rig_keys.OF_SLIDER` the slider of a file is; empty for a mass on
-    a spring.
+    """Return the kind of the slider of a file, of those in `rig_keys.OF_SLIDER`; empty
+    for a mass on a spring.
     """
     if "controller" in document:
         return "controller"
@@ -114,7 +114,7 @@ def _modes(file: Tables, content: object, spring: float) -> Modes:
 
 
 def _without_hertz(mode: object) -> object:
-    """Return a mode with its frequency, cycles per time, in a unit of `quantities`."""
+    """Return a mode with a frequency in hertz converted to a unit such as 1/s."""
     given = mode.get("frequency") if isinstance(mode, Mapping) else None
     if not isinstance(mode, Mapping) or not isinstance(given, str):
         return mode

@@ -1,5 +1,5 @@
-"""TOML files read table by table: every mistake in one line that names place, value
-and remedy.
+"""Reading of TOML files, table by table, with all mistakes reported in one line that
+names place, value and remedy.
 """
 
 import difflib
@@ -15,20 +15,20 @@ from stickslip.io.keys import Either, Key, Keys, toml
 from stickslip.words import listed
 
 Values = dict[str, Any]
-"""The values of a table, in the units of the file; tables in it as they stand."""
+"""The values of a table, in the units of the file; nested tables are not yet read."""
 
 LARGEST_FILE = 1_000_000  # bytes; a larger file does not describe a rig or a sweep
 
 
 def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
-    """Read the content of a TOML file; errors say what it should be, ``"rig file"``,
-    and name an example.
+    """Return the content of a TOML file; errors name the `kind` of file that it should
+    be, such as ``"rig file"``, and an example.
     """
     content = files.read(path, kind, largest=LARGEST_FILE)
     if not content.strip():
         raise InputError(f"{path}: is empty; see {example} for what a {kind} holds")
     try:
-        # a mark of byte order is no part of the text
+        # without a byte order mark
         return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
@@ -36,7 +36,7 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
             f"{path}: is not valid TOML, as a {kind} is: line {line} is not in UTF-8; "
             "save the file as UTF-8"
         ) from None
-    # it is binary, no TOML, nested too deep, or holds endless integers
+    # the file is binary, no TOML, nested too deep, or holds overlong integers
     except (ValueError, RecursionError) as error:
         raise InputError(
             f"{path}: is not valid TOML, as a {kind} is: {shortened(str(error))}"
@@ -44,7 +44,7 @@ def read_toml(path: Path, kind: str, example: str) -> dict[str, Any]:
 
 
 class NotedError(InputError):
-    """A part of the file cannot be read on; the reason is noted already."""
+    """A part of the file cannot be read further; the reason is already noted."""
 
 
 class MissingError(InputError):
@@ -59,8 +59,8 @@ class MissingError(InputError):
 
 @contextmanager
 def at(place: str, names: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Turn the complaint of a record about a field into one about the key, which
-    `names` may name.
+    """Turn the error of a record about a field into one about the key of the file, in
+    which `names` may rename fields.
     """
     try:
         yield
@@ -70,12 +70,12 @@ def at(place: str, names: Mapping[str, str] | None = None) -> Iterator[None]:
         raise error.at(f"{place}.{key}" if key else place) from None
 
 
-# unknown keys for which the nearest known one is looked for, which takes its time
+# most unknown keys for which the nearest known one is suggested, which takes time
 _MOST_WORDS = 40
 
 
 class Tables:
-    """Reads the tables of a file one after the other, and notes every mistake.
+    """Reader of the tables of a file, which notes every mistake.
 
     With `natural`, quantities are plain numbers.
     """
@@ -85,24 +85,24 @@ class Tables:
         self.mistakes: list[InputError] = []
 
     def note(self, error: InputError) -> None:
-        """Note a mistake."""
+        """Note a mistake, unless it is already noted."""
         if not isinstance(error, NotedError):
             self.mistakes.append(error)
 
     def wrong(self, place: str, words: str) -> None:
-        """Note a mistake in a key, in these words."""
+        """Note a mistake in the key at a place."""
         self.note(InputError(f"{place}: {words}", place))
 
     def missing(self, place: str, key: Key) -> None:
-        """Note that a key is missing, once."""
+        """Note that a key is missing, if its place has no mistake yet."""
         if all(mistake.place != place for mistake in self.mistakes):
             self.note(
                 MissingError(place, 1.0 if self.natural and key.unit else key.example)
             )
 
     def part(self, read: Callable[[], Any]) -> Any:
-        """Read a part of the file; where it cannot be read, note the mistake, return
-        None, and go on to find the others.
+        """Return a part of the file; if it cannot be read, note the mistake and return
+        None, so that further mistakes can be found.
         """
         try:
             return read()
@@ -116,8 +116,8 @@ class Tables:
         place: str = "",
         rules: Iterable[Either] = (),
     ) -> Values:
-        """Read the values of a table, quantities in SI or natural units; nested tables
-        are returned as they are.
+        """Return the values of a table, quantities in SI or natural units; nested
+        tables are returned unread.
         """
         if not isinstance(content, Mapping):
             self.note(refused(place, content, f"must be a table, as in [{place}]"))
@@ -158,7 +158,7 @@ class Tables:
         place: str,
     ) -> None:
         """Note where a table breaks a rule."""
-        # some are none in natural units
+        # some keys do not exist in natural units
         possible = [each for each in rule.alternatives if keys.keys() >= {*each}]
         given = [each for each in possible if not content.keys().isdisjoint(each)]
         if len(given) > 1:
@@ -178,7 +178,7 @@ class Tables:
         place: str,
         rules: Iterable[Either] = (),
     ) -> Values:
-        """Read the values of a table, and stop if there is a mistake in it."""
+        """Return the values of a table; stop if it has a mistake."""
         before = len(self.mistakes)
         values = self.table(content, keys, place, rules)
         self.stop(before)
@@ -190,8 +190,8 @@ class Tables:
             raise NotedError("")
 
     def in_one_line(self, place: str) -> InputError:
-        """Return one error for all mistakes in a file, as far as a line reaches;
-        missing keys come last, together.
+        """Return one error for all mistakes in a file, as far as they fit in a line;
+        missing keys are listed together at the end.
         """
         missing = [each for each in self.mistakes if isinstance(each, MissingError)]
         missing = missing if len(missing) > 1 else []
@@ -208,11 +208,11 @@ _RENAMED = {"temperature": "activation", "track_scatter": "slip_to_slip_scatter"
 
 
 _MEANT = {"speed": "velocity", "law": "distribution"}
-"""Words that users write, with the keys that they mean."""
+"""Words that users write for keys, with these keys."""
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Suggest a known word in place of one that is not."""
+    """Return a suggestion of a known word in place of an unknown one."""
     known = tuple(known)
     meant = _MEANT.get(name)
     if meant in known:

@@ -1,10 +1,10 @@
-"""Measurements of a force trace: its slips, its regime, and where the regime changes
-on a ramp.
+"""Measurements of a force trace: its slips, its regime, and the velocities on a ramp at
+which the regime changes.
 
 Every function takes an `xarray.Dataset` with `spring_force`, the force of the driving
 spring, along `time`, in any unit: a run, or a trace read with `read_trace`. A slip is a
-drop of the force, whether or not the slider is at rest before: with contacts that hold,
-a driven slider creeps at ``v K/(K + k N_c)`` between slips.
+drop of the force, whether or not the slider is at rest before it: while its contacts
+hold, a driven slider creeps at ``v K/(K + k N_c)`` between slips.
 """
 
 from stickslip.measure.catalogue import counted, drops, regime_and_drops, statistics
@@ -21,25 +21,28 @@ from stickslip.measure.speeds import friction_at_speeds
 from stickslip.measure.trace_reader import read_trace
 
 __all__ = [
+    "Column",
     "Criterion",
     "Cycles",
     "Kinematics",
     "Regime",
+    "columns",
     "counted",
     "drops",
     "events",
     "find_cycles",
     "friction_at_speeds",
     "fronts",
-]
-__all__ += [
     "kinematics",
     "motion",
+    "on_blocks",
+    "part_rows",
+    "pixels",
     "read_trace",
     "regime",
     "regime_and_drops",
+    "rows",
     "statistics",
     "transitions",
+    "transitions_in_words",
 ]
-__all__ += ["Column", "columns", "on_blocks", "part_rows", "pixels", "rows"]
-__all__ += ["transitions_in_words"]

@@ -1,4 +1,4 @@
-"""The table of the force drops of a run or of a trace, with their statistics."""
+"""The table of the force drops of a run or a trace, with their statistics."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ from stickslip.words import prefixed
 if TYPE_CHECKING:
     import xarray as xr
 
-_DUST = 1e-9  # of a mean: scatter that comes from rounding
-# by the direction of the drive
+_DUST = 1e-9  # fraction of a mean: smaller scatter comes from rounding
+# columns whose sign depends on the direction of the drive
 _SIGNED = ("force_before", "force_after", "mu_before", "mu_after")
 
 
 def drops(
     data: xr.Dataset, *, minimum_drop: float | None = None, after: float | None = None
 ) -> xr.Dataset:
-    """Return one row per slip, a slip being a drop of the driving spring's force that
-    stands out.
+    """Return one row per slip, a slip being a significant drop of the force of the
+    driving spring.
 
-    In a sustained oscillation without sticking each drop is one of a cycle, and the
+    In a sustained oscillation without sticking each drop is that of a cycle, and the
     attribute ``drops_are`` says so. Every drop, and every rise between two, is at least
-    `minimum_drop`. Drops of the ringing after a slip are joined to it. What the start
-    or the end of the data cuts off is left out and counted in the attribute ``cut``;
-    left out are, in stick-slip, drops slower than 3.5 times the drive, where the
-    velocity is known. The strokes of a reciprocating test are read apart. Raises what
-    `regime` does.
+    `minimum_drop`. Drops of the ringing after a slip are joined to it. Drops that the
+    start or the end of the data cuts off are left out and counted in the attribute
+    ``cut``. In stick-slip, drops slower than 3.5 times the drive are left out, if the
+    velocity is known. The strokes of a reciprocating test are evaluated separately.
+    Raises what `regime` does.
 
     Parameters
     ----------
     data : Dataset, DataArray or Series
         As for `regime`.
     minimum_drop : float, optional
-        Smallest drop that counts, in the unit of `spring_force`. By default what noise
-        from sample to sample could show by chance, or a tenth of the typical drop (the
-        median, weighted by the squares of the drops) if that is larger; noise of the
-        contacts then has no slips, and drops before smooth sliding count if they exceed
-        its peak to peak. The attribute ``criterion`` says so.
+        Smallest drop that counts, in the unit of `spring_force`. By default the largest
+        drop that noise from sample to sample makes by chance, or a tenth of the typical
+        drop (the median, weighted by the squares of the drops) if that is larger; then
+        smooth sliding has no slips, and drops before it count only if they exceed its
+        peak to peak. The attribute ``criterion`` describes the choice.
     after : float, optional
         Ignore data before this time, in the unit of `t`.
 
@@ -56,12 +56,13 @@ def drops(
     -------
     Dataset
         Along ``event``: `start` and `end` (the force leaves its peak and reaches its
-        trough, to 5 % of the drop), `force_before`, `force_after` (in a noisy trace by
-        lines through the loading beside a slip: extremes of noise overstate its drop),
-        `drop`, `duration`, `recurrence`, `loading_rate`, and, where the data hold them,
-        `slip`, `peak_velocity`, `mu_before`, `mu_after`, `mu_drop` and `stroke`.
-        Attributes of each: ``mean`` and ``std`` (of a sample); of the table: ``count``,
-        ``drops_are``, ``minimum_drop``, ``noise``, ``criterion`` and ``cut``.
+        trough, to 5 % of the drop), `force_before`, `force_after` (in a noisy trace
+        from lines through the loading before and after a slip, as the extremes of noise
+        overstate its drop), `drop`, `duration`, `recurrence`, `loading_rate`, and,
+        where the data hold them, `slip`, `peak_velocity`, `mu_before`, `mu_after`,
+        `mu_drop` and `stroke`. Attributes of each: ``mean`` and ``std`` (of a sample);
+        of the table: ``count``, ``drops_are``, ``minimum_drop``, ``noise``,
+        ``criterion`` and ``cut``.
 
     Examples
     --------
@@ -115,8 +116,10 @@ def regime_and_drops(
 
 
 def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Slips:
-    """Drops of a trace; where it ends in smooth sliding, those outside that window,
-    larger than anything in it.
+    """Return the drops of a trace that its regime counts.
+
+    In stick-slip these are the fast drops. In smooth sliding, they are those outside
+    the window of the regime that exceed the peak to peak in it.
     """
     found = find_slips(trace, minimum_drop)
     if minimum_drop is not None:
@@ -124,7 +127,7 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
     if seen.kind == "stick-slip":
         return fast_slips(
             trace,
-            Window(trace, found).past_waves.found,
+            Window(trace, found).past_waves.slips,
         )
     if seen.kind != "smooth sliding":
         return found
@@ -137,7 +140,7 @@ def _drops_beside(seen: Regime, trace: Trace, minimum_drop: float | None) -> Sli
 
 
 def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
-    """One row per slip, with units and titles."""
+    """Return a Dataset with one row per slip, with units and titles."""
     import xarray as xr
 
     t = trace.t
@@ -152,7 +155,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
     recurrence = np.append(math.nan, np.diff(t[start]))[: start.size]
     loading = np.full(start.size, math.nan)
     loading[1:] = found.loading_rates(t)
-    # the first slip after a gap
+    # the first slip after a gap has no known slip before it
     beyond = 1 + np.flatnonzero(np.diff(np.searchsorted(trace.gaps, start)))
     recurrence[beyond] = loading[beyond] = math.nan
     before = trace.sign * found.before
@@ -178,7 +181,7 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
             f"rise of the {name} per time since the slip before",
         ),
     ]
-    if "mu" in data:  # by the load there
+    if "mu" in data:  # with the load at that time
         per_force = (data["mu"] / data["spring_force"]).sel(time=t).values
         before = before * per_force[start]
         after = after * per_force[end]
@@ -210,17 +213,15 @@ def _table(data: xr.Dataset, trace: Trace, found: Slips) -> xr.Dataset:
 
 
 def counted(catalogue: xr.Dataset) -> str:
-    """Say how many slips a table of drops holds, or cycles, or drops, if they are
-    none.
-    """
+    """Return the number of slips, cycles or drops in a table of drops, in words."""
     name = str(catalogue.attrs.get("drops_are", "slips"))
     count = catalogue.sizes.get("event", 0)
     return f"{count} {name if count > 1 else name[:-1]}" if count else "no slips"
 
 
 def statistics(catalogue: xr.Dataset) -> list[tuple[str, str]]:
-    """Return the statistics of a table of drops as a person would read them: name,
-    and mean and standard deviation.
+    """Return the statistics of a table of drops as pairs of texts: the name of a
+    column, and its mean and standard deviation.
     """
     lines = []
     for name, column in catalogue.data_vars.items():

@@ -1,4 +1,4 @@
-"""Times of the day, and dates with them, as instruments write them."""
+"""Times of day, with or without a date, as instruments write them."""
 
 import datetime as dt
 import re
@@ -9,7 +9,7 @@ _DATES = {
     "year": r"(?P<year>\d{4})(?P<mark>[-/.])(?P<month>\d\d?)(?P=mark)(?P<day>\d\d?)",
     # 25.04.2026, 25.4.26
     "day": r"(?P<day>\d\d?)\.(?P<month>\d\d?)\.(?P<year>\d{4}|\d\d)",
-    # 4/25/2026, with AM or PM only: else the day may stand first
+    # 4/25/2026, only with AM or PM: otherwise the day may come first
     "month": r"(?P<month>\d\d?)/(?P<day>\d\d?)/(?P<year>\d{4})",
 }
 _TIME = r"(?P<hours>\d{1,3}):(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d(?:[.,]\d*)?))?"
@@ -24,17 +24,17 @@ _CLOCKS = [
     re.compile(_MINUTES),
 ]
 _SINCE_1970 = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}
-"""Reading of a clock since 1970 in 2001, in its units; it shows 2.2 times as much in
-2038, the end of its signed 32 bits.
+"""Units of time since 1970, and their number in 2001. In 2038, where signed 32 bits
+end, it is 2.2 times as large.
 """
 _DAYS = 40_000.0, 60_000.0
-"""Days since 1900, as a spreadsheet counts them, in 2009 and in 2064."""
+"""Days since 1900, as spreadsheets count them, in 2009 and in 2064."""
 _FIRST_DAY = dt.date(2000, 1, 1).toordinal()
 
 
 def seconds_of(text: str) -> float | None:
-    """Return the seconds of a time of the day, those since 2000 in UTC if it has a date
-    and an offset; None if it is none.
+    """Return the seconds since midnight of a time of day, or those since 2000 of one
+    with a date (in UTC, if it has an offset); None if the text is no time.
     """
     match = next((found for each in _CLOCKS if (found := each.fullmatch(text))), None)
     if match is None:
@@ -66,23 +66,24 @@ def seconds_of(text: str) -> float | None:
 
 
 def turn_of(text: str) -> float:
-    """The seconds after which a time of the day begins anew: a day, or an hour where
-    it shows minutes and seconds only.
+    """Return the seconds after which a time of day starts again: a day, or an hour if
+    it holds minutes and seconds only.
     """
     return 3600.0 if re.fullmatch(_MINUTES, text.strip().strip('"')) else DAY
 
 
 def are_days(first: float, last: float) -> bool:
-    """Whether times look as the days since 1900 of a spreadsheet, within one day: in
-    seconds they would be half a day after the begin, and all within a second.
+    """Whether times look like the days since 1900 of a spreadsheet, within one day.
+
+    Read as seconds, they would start half a day late and span less than a second.
     """
     low, high = _DAYS
     return low <= first and last <= high and last - first < 1.0
 
 
 def unit_since_1970(count: float) -> str:
-    """The unit in which a number counts the time since 1970, if it is of this century;
-    else nothing.
+    """Return the unit in which a number is a time since 1970 between 2001 and 2038;
+    empty if there is none.
     """
     return next(
         (unit for unit, least in _SINCE_1970.items() if 1.0 <= count / least < 2.2),

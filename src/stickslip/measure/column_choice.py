@@ -1,6 +1,4 @@
-"""The choice of the columns of a measured table: by their names, their units, and
-their numbers.
-"""
+"""The choice of the columns of a measured table by their names, units, and numbers."""
 
 import re
 from collections.abc import Mapping
@@ -18,13 +16,14 @@ from stickslip.measure.tables import Table
 from stickslip.measure.trace import Array
 
 ColumnName = str | int | None
-"""A column by its name, or by its number from 1; None if it is to be found."""
+"""A column by its name, or by its number from 1; None to choose it automatically."""
 _VALUES = {"load": "'20 N'", "velocity": "--velocity '0.1 mm/s'"}
 """Quantities that may be given as values in place of a column."""
-_MOST_SHOWN = 20  # columns of a table that asks for one
-_LONGEST_NAME = 28  # characters of a name in it
-# The largest difference between two steps of a column that rises evenly, in steps: a
-# time is often written with so few digits that a step of three becomes two or four.
+_MOST_SHOWN = 20  # columns listed where the user must choose one
+_LONGEST_NAME = 28  # characters of a name in that list
+# Largest difference between two steps of a column that rises evenly, over the median
+# step: times are often rounded so coarsely that a step of three units becomes two or
+# four.
 _UNEVEN = 0.5
 
 
@@ -39,7 +38,7 @@ class Column(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """A column that was chosen, with its heading."""
+    """A chosen column with its heading."""
 
     place: int  # from 0
     heading: Heading
@@ -78,8 +77,8 @@ def columns(content: bytes) -> list[Column]:
 
 
 def _range(values: Array) -> tuple[str, str, str]:
-    """Return the ends of the range of numbers, and whether they rise evenly; empty
-    where there are none.
+    """Return as texts the smallest and largest number, and whether they rise evenly;
+    empty where there are no numbers.
     """
     known = values[np.isfinite(values)]
     if not known.size:
@@ -91,11 +90,12 @@ def _range(values: Array) -> tuple[str, str, str]:
 def choose(
     table: Table, asked: Mapping[str, ColumnName], *, timed: bool
 ) -> tuple[dict[str, Choice], list[str]]:
-    """Choose the columns that were asked for, and those that names, units and numbers
-    show; note the assumptions. A step stands in place of times.
+    """Choose the columns that were asked for, and the others by their names, units and
+    numbers; return them with notes of the assumptions.
 
-    Raises `InputError` where two columns could be the force or the time, or none; its
-    note is a table of all columns.
+    No column of times is needed if the rows are `timed` by a given step. Raises
+    `InputError` where two columns could be the force or the time, or none; its note is
+    a table of all columns.
     """
     chosen = {
         name: _asked_for(table, name, wanted)
@@ -126,8 +126,9 @@ def choose(
 
 
 def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
-    """Find the columns whose headings name a quantity or, where none does, have its
-    unit; the only column besides is the force.
+    """Return the columns whose headings name a quantity or, if none does, have its
+    unit. For the force, accept a coefficient of friction, the only column left, or a
+    load that may be the pulling force.
     """
     quantities = {i: table.headings[i].quantity for i in free}
     preferred: list[tuple[Quantity, ...]] = [(name,)]  # type: ignore[list-item]
@@ -147,8 +148,8 @@ def _by_heading(table: Table, free: list[int], name: str) -> list[int]:
 
 
 def _is_pulled_with(heading: Heading) -> bool:
-    """Whether a load may be the force of the test: testing machines call so the force
-    that they pull with.
+    """Whether a load may be the force of the test: testing machines call the force with
+    which they pull a load.
     """
     words = {*simple(heading.name).split()}
     across = {"normal", "vertical", "nominal", "applied", "axial"}
@@ -160,8 +161,9 @@ def _unnamed(table: Table, free: list[int]) -> list[int]:
 
 
 def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list[str]]:
-    """The one of some columns that rises evenly, as a time does, or the first of
-    several that are the same; none, where one just counts the rows.
+    """Return the columns that rise evenly, as a time does, and notes.
+
+    Of several identical columns it returns the first; none if it just counts the rows.
     """
     numbers = table.read(candidates) if candidates else {}
     even = [i for i in candidates if rises_evenly(numbers[i])]
@@ -177,7 +179,7 @@ def _rising_evenly(table: Table, candidates: list[int]) -> tuple[list[int], list
 
 
 def rises_evenly(values: Array) -> bool:
-    """Whether numbers rise by steps of one size, within the rounding of a file."""
+    """Whether numbers rise by equal steps, within the rounding of a file."""
     steps = np.diff(values[np.isfinite(values)])
     if not steps.size or np.any(steps <= 0.0):
         return False
@@ -185,7 +187,9 @@ def rises_evenly(values: Array) -> bool:
 
 
 def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
-    """A column given by name or number, and its unit behind a colon: ``3:mN``."""
+    """Return a column given by name or number, with its unit after a colon:
+    ``3:mN``.
+    """
     text = str(wanted)
     before, _, unit = text.rpartition(":")
     for key, given in ((text, ""), (before, unit.strip())):
@@ -209,7 +213,7 @@ def _asked_for(table: Table, name: str, wanted: str | int) -> Choice:
 
 
 def _question(table: Table, name: str, found: list[int]) -> InputError:
-    """Ask which column it is; below it, a table of all."""
+    """Return an error that asks for the column of a quantity, with a table of all."""
     first, *others = [f"--{name} {i + 1}" for i in found] or [f"--{name}"]
     options = " or ".join([first, *others[:1]])
     step = ", or give the step (--step, or step=)" if name == "time" else ""
@@ -222,7 +226,9 @@ def _question(table: Table, name: str, found: list[int]) -> InputError:
 
 
 def _preview(table: Table) -> str:
-    """All columns of numbers: number, heading, range, first values, even rise."""
+    """Return a table of all columns of numbers: number, heading, range, first values,
+    and whether it rises evenly.
+    """
     rows = [("column", "heading", "from", "to", "first values", "")]
     for i, values in table.read(table.numeric[:_MOST_SHOWN]).items():
         low, high, rises = _range(values)

@@ -1,5 +1,5 @@
-"""When a run oscillates whose drive goes through speeds: from which time to which, how
-often, how strongly, and where most.
+"""The episodes of a run with a changing drive in which it oscillates: their times,
+frequencies, and amplitudes.
 """
 
 from __future__ import annotations
@@ -22,21 +22,22 @@ if TYPE_CHECKING:
 
 _CHANCE = 0.05  # probability that one of the waits of an episode is taken for its end
 _FEWEST = 3  # drops that make an episode: two waits between them can be compared
-# Drive velocities that differ by less than this fraction count as one velocity: an
-# oscillation that decays there decays by itself. So does one that halves within
-# `_DROPS` drops, whatever the drive does.
+# Drive velocities that differ by less than this fraction count as equal: an oscillation
+# that decays at one velocity decays by itself. So does one that halves within `_DROPS`
+# drops, whatever the drive does.
 _ONE_SPEED = 0.05
 _DROPS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class Episode:
-    """A time in which the force drops again and again; numbers in the units of the run.
+    """A time interval in which the force drops repeatedly, in the units of the run.
 
-    `worst` is half of the largest drop, `worst_time` when it begins, `worst_velocity`
-    the velocity of the drive there; `peak` the largest velocity of the slider over that
-    of the drive in a typical drop; `frequency` is NaN where the waits are
-    irregular. What `rings_down` dies out by itself, as after a start.
+    `worst` is half of the largest drop, `worst_time` the time at which that begins, and
+    `worst_velocity` the velocity of the drive then; `peak` is the largest velocity of
+    the slider over that of the drive in a typical drop; `frequency` is NaN where the
+    waits are irregular. An oscillation that `rings_down` decays by itself, as after a
+    start.
     """
 
     begin: float
@@ -51,7 +52,7 @@ class Episode:
 
     @property
     def kind(self) -> str:
-        """Stick-slip, or the oscillation of a slider that stays with its drive."""
+        """Stick-slip if the slider is as fast as in slips, else an oscillation."""
         is_slip = self.peak >= SLIP_VELOCITY
         return "stick-slip" if is_slip else "sustained oscillation"
 
@@ -59,14 +60,15 @@ class Episode:
 def episodes(
     run: xr.Dataset, minimum_drop: float = 0.0, noise: float = 0.0
 ) -> list[Episode]:
-    """Return when a run oscillates, in the order of time.
+    """Return the episodes in which a run oscillates, in order of time.
 
-    An episode ends where the drive stands, and with a wait longer than those on both
-    sides, in time, in the way of the drive, and in that over the next drop: free
-    oscillations come with the time, slips with the way, large ones after a longer one.
-    That is, than the larger median of four by a factor of ``max(2, 1 + CV ln(n/.05))``,
-    which one of `n` waits of the coefficient of variation CV exceeds by chance in 5 %
-    of the cases, if they have an exponential tail.
+    An episode ends where the drive stops, and at a wait that is too long by three
+    measures: time, travel of the drive, and travel over the next drop. (Free
+    oscillations recur after equal times, slips after equal travel, and large slips
+    after more travel.) A wait is too long if it exceeds the medians of the four before
+    it and of the four after it by a factor ``max(2, 1 + CV ln(n/.05))``, which one of
+    `n` waits with an exponential tail and the coefficient of variation CV exceeds by
+    chance in 5 % of the cases.
 
     Parameters
     ----------
@@ -75,10 +77,10 @@ def episodes(
     minimum_drop : float
         Smaller drops of the force do not count; in the unit of the force.
     noise : float
-        Standard deviation of the force that the noise of contacts makes. Normal noise
-        of a narrow band drops farther than `x` with the probability ``exp(-x^2/8)``, in
-        standard deviations: no drop counts that one of their number reaches by chance
-        in 5 % of the cases.
+        Standard deviation of the force by the noise of the contacts. A drop of
+        narrow-band normal noise exceeds `x` standard deviations with the probability
+        ``exp(-x^2/8)``: drops count only if they exceed the one that the largest of
+        their number reaches by chance in 5 % of the cases.
     """
     # slow to load
     import pandas as pd
@@ -104,12 +106,13 @@ def episodes(
     table = pd.DataFrame(columns)
     waits = pd.DataFrame({"time": columns["start"], "way": gone[first]}).diff()
     waits["load"] = waits["way"] / found.drops
-    # with the drive, from first to last: where it stops, the force falls by itself
+    # the drive moves from the start to the end of a drop: where it stops, the force
+    # falls without a slip
     table["moving"] = (drive[first] > 0) & (stands[found.end] == stands[first])
     begins = np.flatnonzero(np.diff(stands[first], prepend=0) > 0)
     left = [each for each in np.split(table.index, begins) if len(each) >= _FEWEST]
     found_episodes = list[Episode]()
-    # each turn takes a row of drops, and leaves its parts or none of it
+    # each turn takes a series of drops, and puts back its parts or nothing
     turns = bounded("episodes", 2 * len(table))
     while left:
         next(turns)
@@ -119,11 +122,12 @@ def episodes(
         inner.iloc[0] = math.nan
         longest, pauses = _pauses(inner)
         if pauses.any():
-            # on either side, waits have other ones beside them
+            # judge each part anew, as the waits beside its waits are now different
             parts = np.split(drops, np.flatnonzero(pauses))
             left += [each for each in parts if len(each) >= _FEWEST]
             continue
-        # where the drive speeds up, the force falls by itself for longer than a cycle
+        # a fall longer than a cycle is no drop: the force falls because the drive
+        # speeds up
         part = part[part["moving"] & ~(part["end"] - part["start"] > longest)]
         if len(part) >= _FEWEST:
             found_episodes.append(_episode(part))
@@ -131,10 +135,10 @@ def episodes(
 
 
 def _pauses(waits: pd.DataFrame) -> tuple[pd.Series[float], pd.Series[bool]]:
-    """Return the longest time of a cycle about each drop that chance makes, and whether
-    the wait before it is a pause.
+    """Return the longest wait to be expected by chance near each drop, and whether the
+    wait before the drop is a pause.
     """
-    # four slow cycles are as many as make a period: they are none
+    # medians of as many waits as make a period, before and after each wait
     before = waits.rolling(FEWEST_CYCLES, min_periods=1).median()
     after = waits[::-1].rolling(FEWEST_CYCLES, min_periods=1).median()[::-1].shift(-1)
     usual = before.shift(1).combine(after, np.fmax)
@@ -145,11 +149,11 @@ def _pauses(waits: pd.DataFrame) -> tuple[pd.Series[float], pd.Series[bool]]:
 
 
 def _longest(ratios: pd.Series[float]) -> float:
-    """Return the longest wait that chance makes, in time or else, over the usual."""
-    # the longest may be a pause
+    """Return the largest of these ratios of waits to be expected by chance."""
+    # the largest may be a pause
     others = ratios.nsmallest(ratios.count() - 1)
     low, usual, high = others.quantile([0.25, 0.5, 0.75])
-    # the standard deviation of normal waits, which other pauses do not widen
+    # standard deviation of normal waits from their quartiles, which pauses do not move
     scatter = (high - low) / 1.349 / usual
     return float(max(2.0, 1.0 + scatter * math.log(ratios.count() / _CHANCE)))
 
@@ -173,8 +177,11 @@ def _episode(part: pd.DataFrame) -> Episode:
 
 
 def _rings_down(part: pd.DataFrame) -> bool:
-    """Whether drops fall to the last: each below the one before or on the whole by
-    half, at one speed of the drive or if they are few, else by half in a few.
+    """Whether drops decay up to the last.
+
+    At constant drive velocity, or if they are few: by half from one half of them to
+    the other, or each below the one before and by a factor sqrt(2) in all. Else each
+    must be half of the one three before it.
     """
     sizes = part["drop"].to_numpy()
     stays = (part["drive"] / part["drive"].iloc[0] - 1.0).abs() < _ONE_SPEED

@@ -1,5 +1,5 @@
-"""The features of a window of a force trace, each number with its error, and the tests
-that a regime rests on.
+"""The features of a window of a force trace, with their errors, and the tests that
+decide its regime.
 """
 
 import math
@@ -43,34 +43,39 @@ from stickslip.model.drive import constant
 from stickslip.model.rig import Rig
 from stickslip.stability import contact_noise, count_unstable
 
-# Conventions: the meaning of the words.
-TINY = 0.02  # an oscillation below this part of the largest force is smooth sliding ...
-SMALL = 0.10  # ... and one that decays, or noise that may hide another, below this
-MOST = 0.5  # of the time, or of a force
-STEADY = 0.05  # change of the logarithm of the amplitude that is none
-# change of the logarithm of the amplitude from half to half that persistence excludes;
-# the change that is seen is at most half of it
+# Conventions, which define the words.
+# Smooth sliding: an oscillation below this fraction of the largest force ...
+TINY = 0.02
+# ... or below this one, if it decays, or if noise could hide it.
+SMALL = 0.10
+MOST = 0.5  # "most" of a time or of a force is more than this fraction of it
+STEADY = 0.05  # a smaller change of the logarithm of the amplitude counts as none
+# Persistence excludes a change of the logarithm of the amplitude from one half to the
+# other by this much; the measured change must be less than half of it.
 LASTING = math.log(2.0)
-# part of a drop that the loading before it makes up, at least; and the other way round
+# The rise of the force before a drop is at least this fraction of the drop, and the
+# drop at least this fraction of the rise.
 CLIMBS = 0.5
-ONE_RATE = 0.25  # scatter of the loading rate over it, at most
-ONE_IN_TWENTY = 0.05  # how often chance passes a limit of one side ...
-ONE_SIDED = 1.645  # ... which is this number of errors off
-ROUNDING = 1e-9  # of the largest force: noise below that is of numbers
-WAVES = (4, 8, 16)  # parts of a record: waves slower than these are looked past
-_PART_OF_LAGS = 32  # of a window: lags over which changes are taken, at most
-_BESIDE = 101  # frequencies about a line of a spectrum, with which it is compared
+ONE_RATE = 0.25  # largest relative scatter of a loading rate that is constant
+ONE_IN_TWENTY = 0.05  # error probability of one-sided tests ...
+ONE_SIDED = 1.645  # ... and their number of standard errors
+ROUNDING = 1e-9  # of the largest force: noise below this is rounding
+# Slow waves are removed by windows of a fourth, an eighth, or a sixteenth of a record.
+WAVES = (4, 8, 16)
+_PART_OF_LAGS = 32  # changes over up to this fraction of a window show skewness
+_BESIDE = 101  # neighbouring frequencies with which a spectral line is compared
 # Theory.
-# independent contacts, evenly stretched: times static friction over the root of their
-# number
+# Standard deviation of the force of N independent contacts, evenly stretched: this
+# times static friction over sqrt(N).
 NOISE_OF_CONTACTS = 0.5
-# kurtosis of three waves of a size, 3 - 3/(2 n): noise has at least as many
+# Kurtosis of n = 3 waves of equal amplitude, 3 - 3/(2 n): noise consists of at least
+# three.
 NORMAL = 2.5
-# coefficient of variation of the amplitudes of noise of a narrow band
+# coefficient of variation of the amplitude of narrow-band noise (Rayleigh)
 RAYLEIGH = math.sqrt(4.0 / math.pi - 1.0)
-# held for the rest of the time, a slider slips at four times the drive on average
+# A slider held for the rest of each cycle slips at four times the drive on average.
 SLIP_PHASE = 0.25
-# usual waits: a wait so long is that of one drop that is missing
+# A wait of this many usual waits is that of one missing drop.
 MISSING = 2.0
 
 SLIDER_VELOCITY = "largest slider velocity over the drive's"
@@ -89,11 +94,11 @@ class Feature(NamedTuple):
 
 
 class Loading(NamedTuple):
-    """Climb of a force to its drops."""
+    """Loading of the spring before the drops of a force."""
 
     rate: float = math.nan
-    scatter: float = math.nan  # of the rate over it, without the sensor's noise
-    gain: Feature = Feature(math.nan)  # rate times wait over the drop
+    scatter: float = math.nan  # relative, of the rate, without the sensor's noise
+    gain: Feature = Feature(math.nan)  # rate times waiting time over the drop
 
 
 @dataclass(frozen=True)
@@ -118,19 +123,19 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Window:
-    """Features of a window of a trace, in its units; NaN where they are not known."""
+    """Features of a window of a trace, in its units; NaN where one is not known."""
 
     trace: Trace
-    found: Slips
+    slips: Slips
 
     @classmethod
     def of(cls, trace: Trace) -> Self:
-        """A window, with its drops."""
+        """Make the window of a trace, and find its drops."""
         return cls(trace, find_slips(trace))
 
     @cached_property
     def past_waves(self) -> "Window":
-        """The window without a slow or a fast wave, where it then slips."""
+        """The window without a slow or a fast wave, if slips appear without it."""
         return _look_past_waves(self)
 
     @cached_property
@@ -140,7 +145,7 @@ class Window:
 
     @cached_property
     def mean(self) -> float:
-        """Mean force, in size."""
+        """Absolute value of the mean force."""
         return abs(float(self.trace.force.mean())) or 1e-300
 
     @cached_property
@@ -155,37 +160,40 @@ class Window:
 
     @cached_property
     def white_noise(self) -> Feature:
-        """Scatter over the noise of the sensor."""
-        noise = max(self.found.noise, ROUNDING * self.largest)
+        """Scatter of the force over the noise of the sensor."""
+        noise = max(self.slips.noise, ROUNDING * self.largest)
         error = WHITE / ERRORS / math.sqrt(self.rest.size)
         return Feature(self.scatter / noise, error)
 
     @property
     def is_white_noise(self) -> bool:
-        """Whether the force is noise of the sensor."""
+        """Whether the force fluctuates by no more than the noise of the sensor."""
         return self.white_noise.value <= 1.0 + ERRORS * self.white_noise.error
 
     @property
     def hidden(self) -> float:
-        """Largest sawtooth that white noise may hide, over the largest force."""
+        """Peak to peak of the largest sawtooth that white noise may hide, over the
+        largest force.
+        """
         limit = 1.0 + ERRORS * self.white_noise.error
-        return math.sqrt(12.0 * (limit**2 - 1.0)) * self.found.noise / self.largest
+        return math.sqrt(12.0 * (limit**2 - 1.0)) * self.slips.noise / self.largest
 
     @property
     def is_mostly_noise(self) -> bool:
         """Whether most of the scatter is noise of the sensor."""
-        return self.found.noise > MOST * self.scatter
+        return self.slips.noise > MOST * self.scatter
 
     @property
     def is_narrow(self) -> bool:
-        """Whether chance takes the force no farther than halfway to zero."""
+        """Whether three standard deviations of the force are at most half its mean."""
         return ERRORS * self.scatter <= MOST * self.mean
 
     @cached_property
     def is_level(self) -> bool:
-        """Whether the force drifts by no more than that of a slider that slides: one
-        that climbs by more, from anywhere on, may be that of a slider that is held.
-        Under a constant drive a held slider makes no force fall.
+        """Whether the drift of the force is small enough for a slider that slides.
+
+        A force that climbs by more than `SMALL` may be that of a held slider. It may
+        fall by more, as a held slider never lowers the force of a constant drive.
         """
         slow = self.trace.force - self.rest
         climb = np.max(slow - np.minimum.accumulate(slow))
@@ -194,16 +202,16 @@ class Window:
 
     @cached_property
     def kurtosis(self) -> Feature:
-        """Kurtosis of the force, and its error of white noise."""
+        """Kurtosis of the force, with the error that it has for white noise."""
         fourth = float(np.mean((self.rest**2) ** 2))
         value = fourth / self.scatter**4 if self.scatter else math.nan
         return Feature(value, math.sqrt(24.0 / self.rest.size))
 
     @cached_property
     def skewness(self) -> float:
-        """Mean cube of the changes of the force over its standard error, by the scatter
-        of parts, at the lag where it is least: noise is alike forwards and backwards,
-        slips fall faster than they climb.
+        """Mean cube of the changes of the force over a lag, in its standard errors, at
+        the lag where it is lowest. Noise looks the same backwards in time; slips fall
+        faster than they climb.
         """
         least = 0.0
         lag = 1
@@ -225,13 +233,13 @@ class Window:
 
     @cached_property
     def part(self) -> float:
-        """Peak to peak of all that the window holds, over the largest force."""
+        """Peak to peak of the force in the window, over the largest force."""
         return float(np.ptp(self.trace.force)) / self.largest
 
     @cached_property
     def swing(self) -> Feature:
-        """Peak to peak over the largest force: without drift on a bench, and that of a
-        period without noise.
+        """Peak to peak over the largest force: of a level measured force without its
+        drift, of a periodic one without its noise.
         """
         trace = self.trace
         force = trace.force
@@ -239,27 +247,28 @@ class Window:
             force = force - slope(force, trace.t) * trace.t
         swing = float(np.ptp(force))
         if self.cycles:
-            # of a sine with noise of a sensor on top, peak to peak is more than the
-            # sine's
-            variance = max(float(force.var()) - self.found.noise**2, 0.0)
+            # The noise of the sensor adds to the peak to peak of a sine.
+            variance = max(float(force.var()) - self.slips.noise**2, 0.0)
             swing = min(swing, 2.0 * math.sqrt(2.0 * variance))
         return Feature(
             swing / self.largest,
-            2.0 * self.found.noise / self.largest,
+            2.0 * self.slips.noise / self.largest,
         )
 
     @cached_property
     def ripple(self) -> float:
-        """Second half, as a sawtooth, peak to peak over the largest force."""
+        """Peak to peak, over the largest force, of a sawtooth with the standard
+        deviation of the second half of the window.
+        """
         late = self.trace.force[self.trace.force.size // 2 :]
         return math.sqrt(12.0) * float(late.std()) / self.largest
 
     @cached_property
     def cycles(self) -> Cycles | None:
-        """The cycles of a periodic force; drops that are even are cycles, too, on a
-        level that wanders.
+        """The cycles of a periodic force, or its drops if these are regular although
+        the mean force wanders; None if there is no period.
         """
-        found = self.found
+        found = self.slips
         period, _, variation = mean_and_std(found.waits)
         known = found.cycles
         if (
@@ -278,11 +287,11 @@ class Window:
 
     @cached_property
     def count(self) -> int:
-        """Complete cycles, or drops where there is no period."""
+        """Number of complete cycles, or of drops where there is no period."""
         return (
             self.cycles.count
             if self.cycles
-            else fast_slips(self.trace, self.found).size
+            else fast_slips(self.trace, self.slips).size
         )
 
     @cached_property
@@ -290,16 +299,16 @@ class Window:
         """Correlation of a cycle with the next."""
         if self.cycles:
             return self.cycles.correlation
-        known = self.found.cycles
+        known = self.slips.cycles
         return min(known.correlation, regularity(known.variation))
 
     @cached_property
     def loading(self) -> Loading:
-        """Climb of the force to its drops, in the middle half of the waits: ringing and
-        rounded peaks are at their ends.
+        """Loading before the drops, measured in the middle half of each wait: its ends
+        hold ringing and rounded peaks.
         """
-        begins = self.found.end[:-1]
-        ends = self.found.start[1:]
+        begins = self.slips.end[:-1]
+        ends = self.slips.start[1:]
         long = ends > begins
         if np.count_nonzero(long) < FEWEST_CYCLES - 1:
             return Loading()
@@ -316,18 +325,18 @@ class Window:
         rate = weighted_median(rates, waits)
         if not rate > 0:
             return Loading(rate, math.inf, Feature(0.0))
-        # less the median itself, whose weight may be more than half of that of a few
+        # without the median itself, which may have more than half of the weight
         away = np.abs(rates - rate)
         others = np.arange(rates.size) != np.argmin(away)
         scatter = 1.4826 * weighted_median(away[others], waits[others])
-        # The noise of the sensor makes the rates scatter, too; where it hides whether
-        # they are one, that is not known.
-        noises = self.found.noise * np.sqrt(2.0 / (last - middle + 1)) / took
+        # Remove the scatter that the noise of the sensor adds, unless the noise is too
+        # large to know whether the rates are equal.
+        noises = self.slips.noise * np.sqrt(2.0 / (last - middle + 1)) / took
         noise = weighted_median(noises, waits)
         if noise < ONE_RATE * rate:
             scatter = max(scatter**2 - noise**2, 0.0) ** 0.5
         scatter /= rate
-        gain = float(rate * waits.sum() / self.found.drops[1:][long].sum())
+        gain = float(rate * waits.sum() / self.slips.drops[1:][long].sum())
         return Loading(
             rate,
             scatter,
@@ -338,15 +347,15 @@ class Window:
     def falling_rate(self) -> float:
         """Rate at which the force falls in a typical drop."""
         clock = self.trace.clock
-        took = clock[self.found.trough] - clock[self.found.peak]
-        return self.found.typical(self.found.drops / took)
+        took = clock[self.slips.trough] - clock[self.slips.peak]
+        return self.slips.typical(self.slips.drops / took)
 
     @cached_property
     def seen_velocity(self) -> float:
         """Largest velocity of the slider in a typical drop over the drive's; NaN where
-        it is not known, or the drop too short to show it.
+        it is not known, or where the drop is too short to resolve it.
         """
-        found = self.found
+        found = self.slips
         usual = found.typical(speeds(self.trace, found))
         samples = found.typical(found.trough - found.peak)
         lasts = found.typical(self.trace.t[found.trough] - found.times)
@@ -356,8 +365,8 @@ class Window:
 
     @cached_property
     def slip_velocity(self) -> float:
-        """Velocity of a slip over the drive's: as it is seen, or by the rates of the
-        force, where it climbs at one rate between drops; else NaN.
+        """Velocity of a slip over the drive's: the known velocity of the slider, or
+        that from the rates of the force, if it climbs at a constant rate; else NaN.
         """
         if not math.isnan(self.seen_velocity):
             return self.seen_velocity
@@ -366,36 +375,38 @@ class Window:
 
     @property
     def velocity_by_rates(self) -> float:
-        """Velocity of a drop over the drive's by the rates of the force: 1 + falling
-        over loading, if the slider is held between drops; that of a held slider where
-        stiffness and velocity are known.
+        """Velocity of a slip over the drive's from the rates of the force: 1 + falling
+        rate over loading rate, which assumes a slider held between drops. Known
+        stiffness and velocity give the loading rate; else it is measured.
         """
         return 1.0 + self.falling_rate / (self.trace.full_rate or self.loading.rate)
 
     @property
     def climbs(self) -> bool:
-        """Whether the force climbs to its drops, at one rate."""
+        """Whether the force climbs to its drops at a constant rate."""
         gain = self.loading.gain
         enough = gain.value - ONE_SIDED * gain.error > CLIMBS
         return enough and CLIMBS * gain.value < 1 and self.loading.scatter < ONE_RATE
 
     @property
     def slips_throughout(self) -> bool:
-        """Whether the typical drops of each quarter, or of each half of few, are as
-        fast as slips.
+        """Whether the typical drops in each quarter of the drops are as fast as slips;
+        with few drops, in each half or third.
         """
-        found = self.found
+        found = self.slips
         count = min(found.size // FEWEST_CYCLES, 4)
         if not self.trace.measured or count < 2:
             return True
         number = np.arange(found.size) * count // found.size
-        parts = (replace(self, found=found.only(number == i)) for i in range(count))
+        parts = (replace(self, slips=found.only(number == i)) for i in range(count))
         return all(part.falls_fast or part.are_slips for part in parts)
 
     @property
     def shows_cycles(self) -> bool:
-        """Whether drops make most of the scatter, with a climb to each or after it."""
-        found = self.found
+        """Whether a drop makes most of the scatter, and is followed by a climb of at
+        least half its size.
+        """
+        found = self.slips
         if not found.size:
             return False
         peaks = np.append(found.before[1:], self.trace.force[found.end[-1] :].max())
@@ -405,16 +416,16 @@ class Window:
 
     @property
     def is_even(self) -> bool:
-        """Whether cycles are more alike than those of noise of a narrow band: their
+        """Whether the cycles are more alike than those of narrow-band noise: their
         sizes scatter by less than half as much as Rayleigh's distribution.
         """
-        enough = self.cycles is not None and self.found.size >= 2 * FEWEST_CYCLES
-        return enough and mean_and_std(self.found.drops)[2] < 0.5 * RAYLEIGH
+        enough = self.cycles is not None and self.slips.size >= 2 * FEWEST_CYCLES
+        return enough and mean_and_std(self.slips.drops)[2] < 0.5 * RAYLEIGH
 
     @property
     def falls_fast(self) -> bool:
-        """Whether the force falls as fast beside its climb as in slips, at whatever
-        rates it climbs.
+        """Whether the force falls as much faster than it climbs as in slips, whether or
+        not it climbs at a constant rate.
         """
         climbs = self.loading.gain.value > CLIMBS
         known = climbs and math.isnan(self.seen_velocity)
@@ -422,7 +433,9 @@ class Window:
 
     @property
     def slip_limit(self) -> float:
-        """Least velocity of slips: of the largest velocity, or of the mean."""
+        """Least velocity of slips over the drive's: their mean velocity where only the
+        force is known, else their largest.
+        """
         return 1.0 / SLIP_PHASE if math.isnan(self.seen_velocity) else SLIP_VELOCITY
 
     @property
@@ -432,22 +445,23 @@ class Window:
 
     @property
     def reversed(self) -> Self:
-        """The window with its force negated, and nothing known of the motion."""
+        """The window with its force negated and without the velocity of the slider."""
         trace = replace(self.trace, force=-self.trace.force, velocity=None)
         return type(self).of(trace)
 
     @property
     def is_stick_slip(self) -> bool:
-        """Whether there are enough slips."""
+        """Whether there are enough slips to call the motion stick-slip."""
         return self.are_slips and self.count >= FEWEST_CYCLES
 
     @cached_property
     def _amplitudes(self) -> tuple[Array, Array]:
-        """Logarithms of the drops of cycles, or of the scatter in eight parts, and
-        when they are, in lengths of the window.
+        """Logarithms of the amplitude, and their times over the length of the window.
+
+        The amplitude is the drop of each cycle, or the scatter in each of eight parts.
         """
         trace = self.trace
-        found = self.found
+        found = self.slips
         sizes = found.drops
         times = found.times
         if not self.cycles or abs(found.size - self.cycles.count) > 1:
@@ -459,7 +473,9 @@ class Window:
 
     @cached_property
     def change(self) -> Feature:
-        """Logarithm of the amplitude in the second half over the first, by a line."""
+        """Logarithm of the amplitude in the second half over the first, from a fitted
+        line.
+        """
         sizes, at = self._amplitudes
         if sizes.size < FEWEST_CYCLES:
             return Feature(math.nan)
@@ -468,15 +484,16 @@ class Window:
         rest = sizes - sizes.mean() - rate * at
         square = (rest**2).sum()
         power = square / (at**2).sum() / (sizes.size - 2)
-        # Alternating large and small cycles determine a mean better (Bartlett).
+        # Cycles that are large and small in turn determine a mean better (Bartlett).
         turn = (rest[1:] * rest[:-1]).sum() / (square or 1.0)
         turn = min(max(turn, 1.0 / sizes.size - 1.0), 0.0)
         power *= (1.0 + turn) / (1.0 - turn)
         return Feature(0.5 * rate, 0.5 * math.sqrt(power))
 
     def errors(self, chance: float) -> float:
-        """Return the number of standard errors of the change of the amplitude that
-        chance exceeds this often, by Student: few parts show their scatter badly.
+        """Return the number of standard errors that the change of the amplitude exceeds
+        by chance with this probability: Student's t, as few parts give their scatter
+        poorly.
         """
         return float(stdtrit(max(self._amplitudes[0].size - 2, 1), 1.0 - chance))
 
@@ -491,9 +508,11 @@ class Window:
 
     @cached_property
     def persists(self) -> bool:
-        """Whether a change of the amplitude by a factor 2 is excluded (by its root in
-        a run without slips, which may linger where a branch has just ended), less than
-        its root is seen, and the last drop is not long ago.
+        """Whether the amplitude persists.
+
+        It changes by less than a factor of sqrt(2), a factor of 2 is excluded, and the
+        last drop is not long ago. In a run without slips, sqrt(2) must be excluded, as
+        its amplitude changes slowly near the end of a branch.
         """
         seen = abs(self.change.value)
         most = seen + self.errors(ONE_IN_TWENTY) * self.change.error
@@ -503,11 +522,11 @@ class Window:
 
     @cached_property
     def pause(self) -> float:
-        """Time since the last drop over the longest wait that chance makes."""
-        waits = self.found.waits
+        """Time since the last drop over the longest wait to be expected by chance."""
+        waits = self.slips.waits
         if waits.size < FEWEST_CYCLES:
             return math.nan
-        return float(self.trace.t[-1] - self.found.times[-1]) / longest_wait(waits)
+        return float(self.trace.t[-1] - self.slips.times[-1]) / longest_wait(waits)
 
     @property
     def is_still(self) -> bool:
@@ -516,17 +535,20 @@ class Window:
 
     @cached_property
     def contact_noise(self) -> tuple[float, float]:
-        """Scatter over the noise of the contacts, and how many times that is no more;
-        NaN where it is not known, or the force is still: to ask theory takes long.
+        """Scatter over the noise of the contacts, and the ratio up to which it counts
+        as such noise.
+
+        NaN where the noise is not known. Where the force is still, it is not computed,
+        as that takes long.
         """
         trace = self.trace
         count = trace.contacts
-        if not count or not self.found.size or self.is_still:
+        if not count or not self.slips.size or self.is_still:
             return math.nan, ERRORS
         rig = trace.rig
         if rig is not None and trace.drive is not None and not rig.drive.load:
             mean = np.mean(trace.drive) / rig.unit("velocity")
-            speed = float(f"{mean:.12g}")  # rounded, so that it is asked once
+            speed = float(f"{mean:.12g}")  # rounded, so that the cache finds it again
             known = noise_of(rig.interface, rig.slider, speed)
             if known is not None:
                 unit = rig.unit("f_s") / math.sqrt(count)
@@ -542,12 +564,12 @@ class Window:
 
     @cached_property
     def velocity_deviation(self) -> float:
-        """Velocity of the slider off the drive's (rms), over that."""
+        """Rms deviation of the slider's velocity from the drive's, over the drive's."""
         return rms_velocity_deviation(self.trace)
 
     @property
     def tests(self) -> tuple[Criterion, ...]:
-        """The tests of a regime, except those of unknown features."""
+        """The tests that decide a regime, without those of unknown features."""
         value, error = self.change
         change = Feature(abs(value), error * self.errors(CHANCE) / ERRORS)
         gain = self.loading.gain
@@ -558,7 +580,7 @@ class Window:
             velocity = "1 + falling rate over loading rate"
         narrow = ERRORS * self.scatter / self.mean
         rows = (
-            _test("drops that stand out of the noise", self.found.size, 1),
+            _test("drops that stand out of the noise", self.slips.size, 1),
             _test(SWING, self.swing, TINY, "convention"),
             _test("cycles in the window", self.count, FEWEST_CYCLES),
             _test(
@@ -642,18 +664,20 @@ def _test(
 
 
 def _look_past_waves(seen: Window) -> Window:
-    """The window without a slow wave, or averaged over the period of a fast one, where
-    it then slips, and would not if the force were negated; else as it is.
+    """Return the window without a slow wave, or averaged over the period of a fast one.
+
+    It is returned unchanged unless the result slips, and would not slip if the force
+    were negated.
     """
     trace = seen.trace
     if trace.pace is not None or seen.swing.value < TINY or seen.is_stick_slip:
         return seen
     if (period := _fast_period(trace.force)) > 1:
         force = uniform_filter1d(trace.force, period, mode="nearest")
-        calm = Window.of(replace(trace, force=force))
-        hum = period * trace.step
-        if _slips_one_way(calm) and calm.found.waits.mean() > FEWEST_CYCLES * hum:
-            return calm
+        smoothed = Window.of(replace(trace, force=force))
+        shortest = FEWEST_CYCLES * period * trace.step
+        if _slips_one_way(smoothed) and smoothed.slips.waits.mean() > shortest:
+            return smoothed
     for part in WAVES:
         width = trace.t.size // part
         if width < 2 * FEWEST_READINGS:
@@ -661,7 +685,7 @@ def _look_past_waves(seen: Window) -> Window:
         wave = fitted_locally(trace.force, width, 2)
         wave -= np.median(wave)
         shown = Window.of(replace(trace, force=trace.force - wave))
-        found = shown.found
+        found = shown.slips
         if _slips_one_way(shown) and found.waits.mean() < width * trace.step / 2:
             level = wave[found.peak]
             found = replace(
@@ -669,7 +693,7 @@ def _look_past_waves(seen: Window) -> Window:
                 before=found.before + level,
                 after=found.after + level,
             )
-            return replace(shown, found=found)
+            return replace(shown, slips=found)
     return seen
 
 
@@ -679,22 +703,22 @@ def _slips_one_way(seen: Window) -> bool:
 
 
 def _fast_period(force: Array) -> int:
-    """Period, in samples, of the strongest fast wave of a force, such as hum of the
-    mains; 0 where none stands out by more than chance.
+    """Return the period, in samples, of the strongest fast wave of a force, such as
+    mains hum; 0 if none is significant.
 
-    Second differences leave little of a slow wave, and a short pulse of a drop, which
+    Second differences suppress slow waves, and turn a drop into a short pulse, which
     has no line in a spectrum.
     """
     power = np.abs(fft.rfft(np.diff(force, 2))) ** 2
     over = power / np.maximum(uniform_filter1d(power, _BESIDE), 1e-300)
     line = max(int(np.argmax(over)), 1)
-    # powers of noise are exponential
+    # the power of noise is exponentially distributed
     stands_out = over[line] > math.log(power.size / CHANCE)
     return round(force.size / line) if stands_out else 0
 
 
 def _means(trace: Trace, first: Array, last: Array) -> Array:
-    """Mean times and forces from first to last samples."""
+    """Return the mean times and forces between pairs of samples."""
     values = np.array(
         [
             trace.clock - trace.clock[0],
@@ -706,11 +730,11 @@ def _means(trace: Trace, first: Array, last: Array) -> Array:
 
 
 def longest_wait(waits: Array) -> float:
-    """Return the longest of these waits by chance, by the tail of an exponential of
-    their scatter; at least that of a missing drop.
+    """Return the longest of these waits to be expected by chance: that of an
+    exponential tail with their scatter, but at least that of one missing drop.
     """
     usual = weighted_median(waits, waits)
-    # the longest may be the pause that is asked for
+    # The longest wait may itself be a pause.
     others = np.sort(waits)[:-1]
     scatter = min(float(others.std() / others.mean()), 1.0)
     return usual * max(MISSING, 1.0 + scatter * math.log(waits.size / ONE_IN_TWENTY))
@@ -718,8 +742,8 @@ def longest_wait(waits: Array) -> float:
 
 @lru_cache(maxsize=256)
 def noise_of(interface: Interface, slider: Any, velocity: float) -> float | None:
-    """Standard deviation of the force of smooth sliding over ``1/sqrt(N)``: NaN if
-    unstable, None if not known.
+    """Return the standard deviation of the force of smooth sliding times ``sqrt(N)``:
+    NaN if sliding is unstable, None if it is not known.
     """
     try:
         rig = Rig(interface, slider, constant(velocity))

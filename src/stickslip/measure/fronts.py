@@ -1,5 +1,5 @@
-"""Fronts and events of an elastic slider: where contacts broke, in which order, and
-how fast that went on.
+"""Fronts and events of an elastic slider: where contacts broke, in which order, and how
+fast the front ran.
 """
 
 from __future__ import annotations
@@ -20,22 +20,21 @@ from stickslip.words import engineering
 if TYPE_CHECKING:
     import xarray as xr
 
-# a front has stopped where the next wait is this many times the median of this number
-# of waits before
+# A front has stopped where the next wait is longer than this many times the median of
+# this number of waits before it.
 _WAIT = 10.0
 _BEFORE = 20
-_WINDOW = 2  # blocks on either side from which the speed at a block is read
-_FEWEST = 5  # blocks from which a speed is read
+_WINDOW = 2  # blocks on either side of a block that give the front speed there
+_FEWEST = 5  # fewest blocks that give a front speed
 _FAST = 10.0  # blocks in an event are this many times faster than the drive ...
-# ... or, where it stands still, faster than this part of the fastest block of the run
+# ... or, if the drive stands still, faster than this fraction of the fastest block
 _SLOWEST = 0.01
-# a block that holds takes part if it breaks more than this part of its contacts while
-# it is fast
+# An attached block takes part in an event if it breaks more than this fraction of its
+# contacts while it is fast.
 _BREAKING = 0.01
-# fronts that are listed, and blocks of the smallest event that is
-_LISTED = 5
-_LARGE = 3
-# neighbours in time, for tables of samples and blocks
+_LISTED = 5  # most fronts that are listed
+_LARGE = 3  # blocks of the smallest event that is reported
+# connects neighbours in time, in an array of samples and blocks
 _IN_TIME = np.array([[0, 1, 0]] * 3)
 _COLUMNS = {
     "first_block": ("1", "block that breaks, or slips, first"),
@@ -48,7 +47,7 @@ _COLUMNS = {
     "peak_velocity": ("{velocity}", "largest velocity of a block"),
     "front_speed": ("1/{time}", "speed of the front, in blocks"),
 }
-"""Columns of fronts and events: unit, by the variables of the run, and title."""
+"""Columns of fronts and events: unit, in terms of those of the run, and title."""
 
 Row = tuple[float, ...]
 
@@ -58,16 +57,17 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
 
     A front runs from the block that breaks first to either side. It stops where the
     next block breaks only after ten times the median wait of the twenty before; the
-    blocks that break from there on are a front of their own. The `run` is one of a
-    `Chain`, or one row of that of a `Sheet`; else `InputError`.
+    blocks that break beyond are a new front. The `run` is one of a `Chain`, or one row
+    of that of a `Sheet`; else `InputError`.
 
     Returns
     -------
     Dataset
-        Along ``block``: `first_break` and `half_detached` (times), and `speed`, blocks
-        per time, from the first breaks of five blocks around. Along ``front``, in order
-        of time: `first_block`, `last_block` (where it stopped, or the end), `blocks`,
-        `start`, `end`, and its mean `front_speed` (NaN below five blocks).
+        Along ``block``: `first_break` and `half_detached` (times), and `speed`, in
+        blocks per time, from the first breaks of the block and two on either side.
+        Along ``front``, in order of time: `first_block`, `last_block` (where it
+        stopped, or the end), `blocks`, `start`, `end`, and its mean `front_speed` (NaN
+        below five blocks).
 
     Examples
     --------
@@ -110,13 +110,15 @@ def fronts(run: xr.Dataset) -> xr.Dataset:
 
 
 def _speed(times: Array) -> float:
-    """Blocks per time at which a front passes blocks at these times."""
+    """Return the speed, in blocks per time, of a front that reaches successive blocks
+    at these times.
+    """
     each = abs(slope(times, np.arange(float(times.size))))
     return 1.0 / each if each != 0.0 else float("inf")
 
 
 def _pieces(time: Array, origin: int, way: int) -> list[Row]:
-    """Fronts that run one way from a block."""
+    """Return the fronts that run from a block in one direction, 1 or -1."""
     line = time[origin::way]
     line = line[: int(np.append(np.isnan(line), True).argmax())]
     waits = np.diff(line)
@@ -129,7 +131,7 @@ def _pieces(time: Array, origin: int, way: int) -> list[Row]:
     for start, beyond in itertools.pairwise([*starts, line.size]):
         end = beyond - 1
         count = beyond - start
-        # else the front that runs the other way holds this block
+        # a front of the origin alone belongs to the other direction
         if way > 0 or end > 0:
             # leave out the first fifth, in which the front accelerates
             under_way = line[start + (count - 1) // 5 : beyond]
@@ -144,12 +146,12 @@ def events(run: xr.Dataset) -> xr.Dataset:
     """Return one row per event of an elastic slider: a slip of neighbouring blocks,
     together or one after the other.
 
-    A block slips while it moves ten times as fast as the drive at its fastest, or, if
-    that stands still, faster than a hundredth of the fastest block, and its contacts
-    break, or most of them are detached. It takes part if it then breaks at least half
-    of its contacts, or had been detached before; an event has at least one block that
-    breaks. Times are those of samples: record the run, of a `Chain` or a `Sheet` (else
-    `InputError`), often enough.
+    A block slips while it moves faster than ten times the largest drive velocity (or,
+    if the drive stands still, than a hundredth of the fastest block), and its contacts
+    break, or most of them are detached. It takes part in an event if it breaks at least
+    half of its contacts in it, or was detached before; an event has at least one block
+    that breaks. Times are those of samples: record the run often enough. It must be one
+    of a `Chain` or a `Sheet`; else `InputError`.
 
     Returns
     -------
@@ -191,8 +193,8 @@ def events(run: xr.Dataset) -> xr.Dataset:
     speed = np.abs(np.diff(X, axis=0)) / np.diff(time)[:, None]
     drive = float(np.abs(run["drive_velocity"].values).max())
     velocity = _FAST * drive if drive > 0 else _SLOWEST * float(speed.max(initial=0.0))
-    # Whether a block takes part is asked of the whole time that it is fast, however
-    # finely that is sampled.
+    # Whether a block takes part depends on the whole time in which it is fast, so that
+    # the sampling does not matter.
     spells, many = ndimage.label(speed > velocity, _IN_TIME)
     breaks = np.bincount(spells.ravel(), np.diff(broken, axis=0).ravel()) > _BREAKING
     hangs = (
@@ -202,8 +204,8 @@ def events(run: xr.Dataset) -> xr.Dataset:
         > 0
     )
     active = (breaks | hangs)[spells] & (spells > 0)
-    # What lies within a sample and a block of each other, in its row or in the next, is
-    # one event.
+    # Slips within one sample and one block of each other, in the same or the next row
+    # of a sheet, belong to one event.
     along = int(run["along"].max()) + 1 if "along" in run.coords else run.sizes["block"]
     grid = active.reshape(time.size - 1, -1, along)
     about = np.ones((3, 3, 3), np.int64)
@@ -222,7 +224,7 @@ def events(run: xr.Dataset) -> xr.Dataset:
         x = X[during, part]
         arrival = np.array([_half_time(time[during], each) for each in x.T])
         origin = int(np.argmin(arrival))
-        # on which more blocks follow
+        # the side of the origin with more blocks
         side = max((arrival[origin:], arrival[origin::-1]), key=len)
         runs = grid.shape[1] == 1 and side.size >= _FEWEST and side[-1] > side[0]
         rows.append(
@@ -248,7 +250,9 @@ def events(run: xr.Dataset) -> xr.Dataset:
 def _table(
     along: str, names: str, rows: Sequence[Row], units: Mapping[str, str]
 ) -> dict[str, Any]:
-    """The variables of a table, in order of time; blocks are counted."""
+    """Return the labelled columns of a table, sorted by `start`; columns of blocks are
+    integers.
+    """
     import pandas as pd
 
     frame = pd.DataFrame(rows, columns=names.split()).sort_values("start")
@@ -261,7 +265,9 @@ def _table(
 
 
 def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
-    """The units of the variables of a run, if it is one of an elastic slider."""
+    """Return the units of the variables of a run; `InputError` unless it is one of an
+    elastic slider.
+    """
     import xarray as xr
 
     instance(f"{who}: run", run, xr.Dataset, "a Dataset, as simulate() returns it")
@@ -271,18 +277,20 @@ def _checked(run: xr.Dataset, who: str, needed: str) -> dict[str, str]:
 
 
 def _half_time(time: Array, X: Array) -> float:
-    """Return the time at which a block has gone half of its way."""
+    """Return the time at which a block has moved half of its distance."""
     way = X - 0.5 * (X[0] + X[-1])
     way *= np.sign(X[-1] - X[0])
     after = max(int(np.argmax(way >= 0)), 1)
     last = slice(after - 1, after + 1)
-    # one that did not move has gone at the later of the two
+    # for a block that did not move, this is the later of the two times
     return float(np.interp(0.0, way[last], time[last]))
 
 
 def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Return means, of a velocity largest sizes, over at most this many times and
-    places of blocks; and the edges of these.
+    """Return a field of time and block on a grid of at most this many cells, and the
+    edges of the cells in time and in blocks.
+
+    A cell holds the mean of the field, or the largest speed if it is a velocity.
     """
     values = np.asarray(field.values, dtype=float)
     edges = [
@@ -307,12 +315,12 @@ def pixels(field: xr.DataArray, most: tuple[int, int]) -> tuple[Array, Array, Ar
 
 
 def in_words(run: xr.Dataset) -> list[str]:
-    """Say the fronts and events of an elastic slider in a line each; nothing of
+    """Return lines of text about the fronts and events of an elastic slider; none for
     other data.
     """
     if "first_break" not in run:
         return []
-    from stickslip.simulation import rig_of  # brings all engines
+    from stickslip.simulation import rig_of  # imports all engines
 
     rig = rig_of(run)
     large = large_events(run)
@@ -323,7 +331,11 @@ def in_words(run: xr.Dataset) -> list[str]:
 
 
 def _fronts_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> Iterator[str]:
-    """The fronts of a chain; contacts that first broke in several events are none."""
+    """Yield a line for each front of a chain.
+
+    Blocks that first broke in several large events are not one front: they are left
+    out.
+    """
     body = rig.natural.slider
     if not isinstance(body, Chain):
         return
@@ -347,7 +359,9 @@ def _fronts_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> Iterator[s
 
 
 def _events_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> str:
-    """Report the number of events, the first of some blocks, and the first of all."""
+    """Return the number of large events, and the first of those over some blocks and of
+    those over all, in words.
+    """
     from stickslip.elastic.precursors import distance_to_the_first_break
 
     count = large.sizes["event"]
@@ -366,7 +380,7 @@ def _events_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> str:
     if (some := large.isel(event=~is_whole)).sizes["event"]:
         start = engineering(float(some["start"][0]), time)
         reach = blocks_in_words(rig, int(some["reach"][0]))
-        text += f"; the first of some, at t = {start}, over {reach}"
+        text += f"; the first partial one, at t = {start}, over {reach}"
     if (whole := large.isel(event=is_whole)).sizes["event"]:
         start = engineering(float(whole["start"][0]), time)
         drop = engineering(float(whole["drop"].max()), force, 3)
@@ -376,7 +390,9 @@ def _events_in_words(run: xr.Dataset, rig: Rig, large: xr.Dataset) -> str:
 
 
 def blocks_in_words(rig: Rig, count: int) -> str:
-    """A number of blocks of an elastic slider, with their length where it is known."""
+    """Return a number of blocks of an elastic slider in words, with their length where
+    it is known.
+    """
     body = rig.natural.slider
     words = f"{count} of {body.size} blocks"
     if body.spacing is None:
@@ -385,8 +401,8 @@ def blocks_in_words(rig: Rig, count: int) -> str:
 
 
 def large_events(run: xr.Dataset) -> xr.Dataset:
-    """Events of three blocks or more; `reach`: up to which block of a bar, from 1,
-    contacts broke; `force_before` it.
+    """Return the events of three blocks or more, with two more columns: `reach`, the
+    last block of a bar, from 1, whose contacts broke, and `force_before` the event.
     """
     found = events(run)
     found = found.isel(event=np.flatnonzero(found["blocks"].values >= _LARGE))
@@ -399,15 +415,15 @@ def large_events(run: xr.Dataset) -> xr.Dataset:
 
 
 def gone(values: xr.DataArray, events: xr.Dataset) -> xr.DataArray:
-    """Return the change of the values of the blocks over each event."""
+    """Return the change of the values of each block over each event."""
     return values.sel(time=events["end"], method="nearest") - values.sel(
         time=events["start"], method="nearest"
     )
 
 
 def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
-    """Return a dict for each row of a table, at most `most`; the longest rows if there
-    are more.
+    """Return a dict for each row of a table; if there are more than `most`, of those
+    with the most blocks.
     """
     frame = table[
         [name for name, column in table.data_vars.items() if column.dims == (along,)]
@@ -419,8 +435,8 @@ def rows(table: xr.Dataset, along: str, *, most: int) -> list[dict[str, Any]]:
 
 
 def is_of_a_chain(run: xr.Dataset, name: str = "velocity") -> bool:
-    """Whether a Dataset has a variable of each block of a chain, or of one row of a
-    sheet, at two times or more.
+    """Whether a Dataset holds this variable for the blocks of a chain, or of one row of
+    a sheet, at two times or more.
     """
     across = run.coords.get("across", np.zeros(1))
     along = name in run and set(run[name].dims) == {"time", "block"}
@@ -428,8 +444,8 @@ def is_of_a_chain(run: xr.Dataset, name: str = "velocity") -> bool:
 
 
 def on_blocks(run: xr.Dataset, name: str, who: str) -> xr.DataArray:
-    """Take a variable of each block along time, or complain; the message begins with
-    `who`.
+    """Return a variable along time and block; `InputError`, which begins with `who`, if
+    the run does not hold it.
     """
     if not is_of_a_chain(run, name):
         remedy = (

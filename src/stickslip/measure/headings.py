@@ -1,6 +1,4 @@
-"""Headings of the columns of a measured table: names, units, and the quantity that
-they mean.
-"""
+"""Headings of the columns of a measured table: names, units, and quantities."""
 
 import re
 import tomllib
@@ -46,11 +44,11 @@ _TAIL = re.compile(r"(?P<name>.*?[^\W_])\s*(?:[/,_]|\s+in\b|\s)\s*(?P<unit>[^\s/
 
 
 def unit_named(text: str) -> tuple[str, float] | None:
-    """Kind of quantity and size in SI units of a unit that instruments write; None
-    if it is not one of these.
+    """Return the kind of quantity of a unit and its size in SI units; None if the unit
+    is not known.
     """
     plain = text.strip()
-    # Nm is no nanometre, but Newton and MIN mean the same in small letters
+    # Nm is not nm, but Newton and MIN mean the same in lower case: try that last
     return (
         _simple_unit(plain)
         or _torque(plain)
@@ -59,14 +57,14 @@ def unit_named(text: str) -> tuple[str, float] | None:
 
 
 def _simple_unit(plain: str) -> tuple[str, float] | None:
-    """A unit as it is written, and no product."""
+    """Return kind and size of a unit that is not a product, in the case given."""
     if plain.lower() in _UNITS:
         return _UNITS[plain.lower()]
     prefix = plain[:-1]
     if plain[-1:] in ("V", "A") and prefix in ("", *PREFIXES):
         return "signal", float(f"1e{PREFIXES[prefix][1]}") if prefix else 1.0
     found = unit_size(plain)
-    if found is None or plain == "d":  # which names a displacement rather than days
+    if found is None or plain == "d":  # names a displacement more often than days
         return None
     for kind, si in _TABLES["si"].items():
         if unit_size(si) == (1.0, found[1]):
@@ -75,7 +73,9 @@ def _simple_unit(plain: str) -> tuple[str, float] | None:
 
 
 def _torque(plain: str) -> tuple[str, float] | None:
-    """Unit of a torque: a force times a length, with any separator between them."""
+    """Return kind and size of a unit of torque: of force and length, with any separator
+    between them.
+    """
     for cut in range(1, len(plain)):
         pair = plain[:cut].rstrip(_TIMES), plain[cut:].lstrip(_TIMES)
         sizes = dict(found for each in pair if (found := _simple_unit(each)))
@@ -85,8 +85,8 @@ def _torque(plain: str) -> tuple[str, float] | None:
 
 
 def ratio(unit: str, of: str) -> float | None:
-    """Size of a unit in another of the same kind; None if they are not known, or of
-    two kinds.
+    """Return the size of a unit in another one; None if either is not known, or if
+    their kinds differ.
     """
     one = unit_named(unit)
     other = unit_named(of)
@@ -94,17 +94,19 @@ def ratio(unit: str, of: str) -> float | None:
 
 
 def simple(name: str) -> str:
-    """A name as it is compared: in small letters, with blanks between words."""
+    """Return a name in the form in which names are compared: in lower case, with blanks
+    between words.
+    """
     plain = re.sub("[\N{MICRO SIGN}\N{GREEK SMALL LETTER MU}]", "mu", name).lower()
     return re.sub(r"[\s_.\-:/]+", " ", plain).strip()
 
 
 def _named(name: str) -> Quantity:
-    """Return the quantity that a name means: the whole, or the longest known one in it,
-    the last of equally long ones; of "torque of the motor" the part before "of the".
+    """Return the quantity of a name: that of the whole, or of the longest known name in
+    it, the last of several; of "torque of the motor", the part before "of the".
 
-    A single letter counts only where it stands alone, or behind the name of an
-    instrument: ``DAQ.F``.
+    A single letter counts only if it stands alone, or after the name of an instrument:
+    ``DAQ.F``.
     """
     plain = simple(name)
     if plain in _NAMED:
@@ -122,21 +124,21 @@ def _named(name: str) -> Quantity:
 
 
 class Heading(NamedTuple):
-    """Name and unit of a column as the file has them; either may be empty."""
+    """Name and unit of a column as the file writes them; either may be empty."""
 
     name: str = ""
     unit: str = ""
 
     @classmethod
     def read(cls, cell: str) -> Self:
-        """Take the head of a column apart: ``Force (N)``, ``Force [N]``,
-        ``Force / N``, ``force_N``.
+        """Split the heading of a column into name and unit: ``Force (N)``,
+        ``Force [N]``, ``Force / N``, ``force_N``.
         """
         cell = cell.strip(' "\t')
         if bracket := _BRACKET.fullmatch(cell):
             return cls(**bracket.groupdict())
         tail = _TAIL.fullmatch(cell)
-        # F_N is the normal force, and no force in N; F/N is one (ISO 80000)
+        # F_N is the normal force, not a force in N; F/N is a force in N (ISO 80000)
         if tail and ("/" in cell or _NAMED.get(simple(cell)) != "load"):
             unit = unit_named(tail["unit"])
             named = _named(tail["name"])
@@ -146,15 +148,15 @@ class Heading(NamedTuple):
 
     @property
     def quantity(self) -> Quantity:
-        """Quantity of the column, by its name or, where that is none of ours, by its
-        unit; empty if neither is known.
+        """Quantity of the column by its name or, if that is not known, by its unit;
+        empty if neither is known.
         """
         unit = unit_named(self.unit)
         named = _named(self.name)
         if unit is None or unit[0] == "signal":
             return named
         kind = unit[0]
-        if named in ("force", "coefficient"):  # of friction, as its unit says
+        if named in ("force", "coefficient"):  # the unit decides between the two
             named = "coefficient" if kind in ("number", "percentage") else "force"
         fits = kind in _TABLES["kinds"].get(named, ())
         by_unit: Quantity = _TABLES["without_a_name"].get(kind, "")
@@ -167,7 +169,7 @@ class Heading(NamedTuple):
 
     @property
     def is_torque(self) -> bool:
-        """Whether a column of friction holds a torque."""
+        """Whether the column holds a torque, by its unit or else by its name."""
         kind = (unit_named(self.unit) or ("",))[0]
         words = {*simple(self.name).split()}
         return kind == "torque" or (not kind and bool(words & _TORQUES))
@@ -177,10 +179,10 @@ class Heading(NamedTuple):
 
 
 def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
-    """Return names and units of `width` columns, from lines above them: the last that
-    holds names, and the units in the line below it or above it.
+    """Return names and units of `width` columns from the lines above them: the last
+    line of names, and the line of units below or above it.
 
-    Lines of dashes, and the label of a line ("Unit"), are left out.
+    Lines of dashes and labels of a line ("Unit") are ignored.
     """
     plain = [[_text_of(cell) for cell in row] for row in rows]
     plain = [row for row in plain[-_MOST_ROWS:] if any(row)]
@@ -194,16 +196,16 @@ def headings_of(rows: Sequence[Sequence[str]], width: int) -> list[Heading]:
 
 
 def _text_of(cell: str) -> str:
-    """Return the text of a cell above a column; nothing, if it underlines, or labels
-    its row.
+    """Return the text of a cell above a column; empty for a line of dashes and for a
+    label of its row.
     """
     text = cell.strip(' "\t')
     return "" if simple(text) in _LABELS or not re.search(r"[^-=_*~\s]", text) else text
 
 
 def _are_units(row: Sequence[str], *, alone: bool) -> bool:
-    """Whether at least half of the cells of a line are units, or all cells where no
-    line of names is beside it.
+    """Whether at least half of the cells of a line are units, or all of them if the
+    line stands alone.
     """
     cells = [cell.strip("[]()") for cell in row if cell]
     kinds = [found[0] for cell in cells if (found := unit_named(cell))]
@@ -212,7 +214,9 @@ def _are_units(row: Sequence[str], *, alone: bool) -> bool:
 
 
 def _joined(name: str, unit: str) -> Heading:
-    """A name and the cell in the line of units, which may be a second name."""
+    """Return the heading of a name and its cell in the line of units, which may hold a
+    second name instead.
+    """
     heading = Heading.read(name)
     plain = unit.strip("[]()")
     if plain and unit_named(plain) is None and _named(plain):
@@ -221,8 +225,8 @@ def _joined(name: str, unit: str) -> Heading:
 
 
 def with_coefficients(headings: Sequence[Heading]) -> list[Heading]:
-    """Give a column "friction" without a unit the unit 1: where other columns have
-    units, it is a coefficient.
+    """Give the unit 1 to a column "friction" without a unit, if at least two other
+    columns have units: it is then a coefficient.
     """
     if sum(bool(unit) for _, unit in headings) < 2:
         return [*headings]

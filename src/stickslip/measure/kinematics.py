@@ -1,5 +1,5 @@
-"""The motion of a slider by the slope of its force: a slider that is held loads the
-spring at a full, known rate.
+"""The motion of a slider from the slope of the spring force: a slider that is held
+loads the spring at the full rate, stiffness times drive velocity.
 """
 
 from __future__ import annotations
@@ -31,31 +31,32 @@ from stickslip.words import engineering
 if TYPE_CHECKING:
     import xarray as xr
 
-_STEADY = 1e-3  # relative change of a rate that is none
-# error of a slope, over that of the loading: its window is as long as that takes, and
-# no longer
+_STEADY = 1e-3  # relative change at which an iterated rate has converged
+# Error of a slope over the loading rate: slopes are taken over as many samples as this
+# needs, and no more.
 SLOPE_ERROR = 0.1
-# of the time, and times the drive: a slider that sticks and slips is stuck, and off the
-# drive, by more
+# A slider that sticks and slips is stuck for at least this fraction of the time, and
+# deviates (rms) from the drive velocity by at least this fraction of it.
 HALF = 0.5
-# of a drop: above and below these parts of it, the slider gets moving and comes to rest
+# The time of a drop is taken between these fractions of its height: above and below
+# them, the slider gets moving and comes to rest.
 _UPPER = 0.75
 _LOWER = 0.25
-# part of a free oscillation's fall, half a cycle, between those
+# fraction of half a cycle that a free oscillation spends between them
 _BETWEEN = (math.acos(1.0 - 2.0 * _UPPER) - math.acos(1.0 - 2.0 * _LOWER)) / math.pi
 
 
 def _slope_width(step: float, noise: float, rate: float) -> int:
-    """Samples over which a slope is known to a part `SLOPE_ERROR` of the loading rate,
-    by least squares.
+    """Return the number of samples over which a least-squares slope has the error
+    `SLOPE_ERROR` of the loading rate.
     """
     narrowest: float = (12.0 * (noise / (SLOPE_ERROR * rate * step)) ** 2) ** (1 / 3)
     return max(math.ceil(narrowest) | 1, 3)
 
 
 def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
-    """Return slopes by least squares over as many samples as give the loading rate to
-    a tenth; none if that takes more than a twelfth of all.
+    """Return least-squares slopes of the force with an error of a tenth of the loading
+    rate; empty if that takes more than a twelfth of the samples.
     """
     width = _slope_width(step, noise, rate)
     if 12 * width > force.size:
@@ -64,8 +65,8 @@ def _slopes(force: Array, step: float, noise: float, rate: float) -> Array:
 
 
 def _full_rate(force: Array, step: float, noise: float) -> float:
-    """Rate at which a force rises at its fullest, the upper mode of its slopes; NaN
-    where that is not seen.
+    """Return the loading rate of a force, the upper mode of its slopes; NaN if it is
+    not found.
     """
     rate = math.inf
     for _ in range(20):
@@ -89,27 +90,27 @@ def motion(
     velocity: float | str,
     contacts: int | None = None,
 ) -> xr.Dataset:
-    """Return a measured trace with the motion of its slider, which the force of a known
-    spring shows.
+    """Return a measured trace with the motion of its slider, from the force of a known
+    spring.
 
     With a drive at velocity ``V`` and a spring of stiffness ``K`` the slider is at
     ``X = V t - F/K`` (`displacement`, in m), its velocity ``V - (dF/dt)/K``
-    (`velocity`, beside `drive_velocity`, in m/s). Slopes are read by least squares over
+    (`velocity`, beside `drive_velocity`, in m/s). Slopes are fitted by least squares to
     as many samples as give the velocity to a tenth of the drive's, so that faster
     motion is smoothed. `regime`, `drops` and pictures then know how fast the slider
-    moves, as they do of a run. Raises `InputError` if the data know the motion already,
-    or the force is no force, or its noise hides the motion.
+    moves, as for a run. Raises `InputError` if the data already hold the motion, if
+    the force has no unit of force, or if its noise hides the motion.
 
     Parameters
     ----------
     data : Dataset
         A measured trace, in units of force and time.
     stiffness, velocity : float or str
-        Of all that gives way before the slider moves (the driving spring, machine and
-        sensor, contacts that are held), and of the drive: in N/m and m/s, or texts with
-        a unit.
+        Stiffness of everything that yields before the slider moves (the driving spring,
+        machine and sensor, contacts that hold), and velocity of the drive: in N/m and
+        m/s, or texts with a unit.
     contacts : int, optional
-        Their number: motion within their noise is no oscillation.
+        Number of contacts: motion within their noise is no oscillation.
 
     Examples
     --------
@@ -179,14 +180,14 @@ def motion(
 
 
 def _units_of(trace: Trace) -> list[float | None]:
-    """The units of a force and of its times in SI units."""
+    """Return the size in SI units of the units of a force and of its times."""
     known = (trace.force_unit, "N"), (trace.time_unit, "s")
     return [ratio(unit or si, si) for unit, si in known]
 
 
 def rms_velocity_deviation(trace: Trace) -> float:
-    """Rms difference of the velocities of slider and drive of a bench, over that of
-    the drive, less the error of slopes; NaN if unknown.
+    """Return the rms deviation of the slider's velocity from the drive's, over the
+    drive's, without the error of slopes; NaN for a run, or if it is not known.
     """
     if trace.pace is None or not trace.measured:
         return math.nan
@@ -194,9 +195,10 @@ def rms_velocity_deviation(trace: Trace) -> float:
 
 
 def _half_cycle(trace: Trace, found: Slips) -> float:
-    """Half a cycle of the free oscillation that falls as fast as typical drops do; NaN
-    where samples or scatter leave more than an eighth of it open, and so a quarter of
-    the mass.
+    """Return half a period of the free oscillation that falls as fast as typical drops.
+
+    NaN where its error, by the sampling or the scatter, exceeds an eighth: that of the
+    mass would exceed a quarter.
     """
     halves = np.array([_fall_time(trace, found, i) for i in range(found.size)])
     halves /= _BETWEEN
@@ -208,15 +210,17 @@ def _half_cycle(trace: Trace, found: Slips) -> float:
 
 
 def _fall_time(trace: Trace, found: Slips, i: int) -> float:
-    """Time that a drop spends between two levels: of straight lines from sample to
-    sample, so that noise adds to it as often as it takes away.
+    """Return the time that a drop spends between the levels `_LOWER` and `_UPPER`.
+
+    It sums the pieces between samples, interpolated linearly, so that noise lengthens
+    it as often as it shortens it.
     """
     slip = slice(found.peak[i], found.trough[i] + 1)
     height = (trace.force[slip] - found.after[i]) / found.drops[i]
     low = np.minimum(height[1:], height[:-1])
     high = np.maximum(height[1:], height[:-1])
     inside = np.clip(np.minimum(high, _UPPER) - np.maximum(low, _LOWER), 0.0, None)
-    # a line that is level is within, or not
+    # a level piece is inside as a whole, or outside
     part = inside / np.maximum(high - low, 1e-9)
     part[(low == high) & (low > _LOWER) & (high < _UPPER)] = 1.0
     return float((part * np.diff(trace.t[slip])).sum())
@@ -226,29 +230,29 @@ def _fall_time(trace: Trace, found: Slips, i: int) -> float:
 class Kinematics(Answer):
     """Motion of a slider, in units of its drive and in SI units."""
 
-    mass: float  #: the given one, in kg; NaN without
-    motion: str  #: in words
+    mass: float  #: mass of the slider as given, in kg; NaN if none was given
+    motion: str  #: the motion in words
     #: fraction of the time in which the slider is slower than a quarter of the drive
     stuck: float
-    #: rms difference of the velocities of slider and drive, over that of the drive,
-    #: less the error of slopes
+    #: rms deviation of the slider's velocity from the drive's, over the drive's,
+    #: without the error of slopes
     swing: float
     #: height of the autocorrelation of the velocity at one period; 0 without one
     correlation: float
-    period: float  #: in s; NaN without one
+    period: float  #: period of the motion, in s; NaN without one
     slips: int  #: number of force drops
     recurrence: float  #: mean time between them in s
     recurrence_variation: float  #: its coefficient of variation
-    drop: float  #: mean drop in m (over the stiffness)
+    drop: float  #: mean drop over the stiffness, in m
     drop_variation: float  #: its coefficient of variation
-    #: full rate of the force over stiffness times velocity: 1 of a slider that sticks,
-    #: .2 if never
+    #: measured loading rate over stiffness times velocity: 1 for a slider that sticks,
+    #: about .2 for one that never does
     loading: float
-    #: in kg: that this spring moves as quickly as slips or oscillation go; NaN if
-    #: unresolved
+    #: mass, in kg, that oscillates on this spring as fast as the slips or the
+    #: oscillation; NaN if unresolved
     effective_mass: float
-    noise: float  #: of the sensor, in m of the spring
-    #: samples that were left out as faults of the sensor, in all of the record
+    noise: float  #: noise of the sensor over the stiffness, in m
+    #: number of samples left out as faults of the sensor, in all of the record
     spikes: int
     #: remarks on stiffness and velocity
     notes: tuple[str, ...] = ()
@@ -259,7 +263,7 @@ class Kinematics(Answer):
             drop = engineering(self.drop, "m", 3)
             wait = engineering(self.recurrence, "s", 3)
             lines.append(
-                f"{self.slips} drops, slow ones too, of {drop} on average (CV "
+                f"{self.slips} drops, slow ones included, of {drop} on average (CV "
                 f"{self.drop_variation:.2g}), every {wait} (CV "
                 f"{self.recurrence_variation:.2g})"
             )
@@ -270,7 +274,7 @@ class Kinematics(Answer):
         if math.isfinite(self.effective_mass):
             mass = engineering(1e3 * self.effective_mass, "g", 3)
             part = self.effective_mass / self.mass
-            of = f", {part:.2g} of what it weighs" if math.isfinite(part) else ""
+            of = f", {part:.2g} of its mass" if math.isfinite(part) else ""
             lines.append(f"it moves as {mass} would on this spring{of}")
         noise = f"noise of the sensor: {engineering(self.noise, 'm', 2)} of the spring"
         if self.spikes:
@@ -279,23 +283,23 @@ class Kinematics(Answer):
 
 
 def _note_loading(loading: float) -> tuple[str, ...]:
-    """Note a full rate that no slider makes which is stuck: it is slower than a quarter
-    of the drive, there and back.
+    """Note a loading rate too high for a stuck slider, which moves forwards or
+    backwards at less than a quarter of the drive velocity.
     """
     if not loading > 1.0 + RESTS:
         return ()
     return (
-        "no slider that is held loads its spring so fast, at "
-        f"{loading:.2g} of stiffness times velocity: one of them is too small",
+        f"the force rises at {loading:.2g} of stiffness times velocity, too fast for a "
+        "held slider: one of the two is too small",
     )
 
 
 def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinematics:
-    """Return how a slider moves, from a trace with the motion that `motion` found, or a
-    part of it; else `InputError`.
+    """Return how a slider moves, from a trace that `motion` returned, or a part of it;
+    `InputError` for other data.
 
-    The effective mass is compared with the `mass` of the slider, in kg, or a text with
-    a unit.
+    The `mass` of the slider, in kg or a text with a unit, is compared with the
+    effective mass.
 
     Examples
     --------
@@ -351,7 +355,7 @@ def kinematics(data: xr.Dataset, *, mass: float | str | None = None) -> Kinemati
     return Kinematics(
         mass=math.nan if mass is None else read_value("mass", mass, "kg", "75.6 g"),
         motion=f"{word}: slower than a quarter of the drive for {100.0 * stuck:.3g} % "
-        f"of the time, {swing:.2g} times the drive's velocity off that (rms)",
+        f"of the time, rms deviation from the drive's velocity {swing:.2g} of it",
         stuck=stuck,
         swing=swing,
         correlation=cycles.correlation,

@@ -1,4 +1,4 @@
-"""The parts of a record as a table, a line each."""
+"""The table of the parts of a record, one line for each."""
 
 import math
 from collections.abc import Sequence
@@ -24,11 +24,13 @@ _COLUMNS = {
     "each": "time",
     "cycles": "",
 }
-"""The numbers of a part, and their quantities."""
+"""Columns of the table and the quantity of each."""
 
 
 def end_of(part: "Regime") -> float:
-    """End of a part, or of the cycle after its last slip where two are missing."""
+    """Return the end of a part, or that of the cycle after its last slip if two slips
+    are missing.
+    """
     end = part.window[1]
     if part.kind == SLIPS and end - part.last_slip > 2.0 * part.period:
         return part.last_slip + part.period
@@ -36,7 +38,7 @@ def end_of(part: "Regime") -> float:
 
 
 def _numbers(part: "Regime") -> list[float | None]:
-    """The numbers of a part, in the order of the columns."""
+    """Return the numbers of a part, in the order of the columns."""
     found = [
         part.window[0],
         end_of(part),
@@ -50,15 +52,15 @@ def _numbers(part: "Regime") -> list[float | None]:
 
 
 def part_table(parts: Sequence["Regime"]) -> list[str]:
-    """The parts of a record as aligned lines."""
+    """Return the table of the parts of a record as aligned lines."""
     left = len(parts) - MOST_LINES
     more = [f"and {left} more (--json has all)"] if left > 0 else []
     return [*aligned(part_rows(parts)), *more]
 
 
 def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
-    """The titles of a table of the parts of a record, and its rows: when, how the
-    slider moves, the force there, and its drops.
+    """Return the titles and the rows of the table of the parts of a record: times, kind
+    of motion, force, and drops of each part.
     """
     if not parts:
         return []
@@ -92,7 +94,7 @@ def part_rows(parts: Sequence["Regime"]) -> list[tuple[str, ...]]:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Cells of rows below one another, as lines."""
+    """Return rows of cells as lines with aligned columns."""
     rows = [[printable(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

@@ -1,4 +1,4 @@
-"""The period of a force: the one estimator that all of the package uses."""
+"""The period of a force: the only estimator of periods in the package."""
 
 import math
 from dataclasses import dataclass
@@ -16,20 +16,20 @@ from stickslip.measure.trace import (
 
 PERIODIC = 0.7  # least autocorrelation at one period of a periodic force
 JITTER = math.sqrt(-2.0 * math.log(PERIODIC)) / (2.0 * math.pi)
-"""Variation of the cycles that leaves a sine this correlation at one period, as
-``exp(-(2 pi CV)^2 / 2)``: .13.
+"""Coefficient of variation of the cycles of a sine that has this correlation at one
+period, ``exp(-(2 pi CV)^2 / 2)``: .13.
 """
-# the first peak of the autocorrelation above this part of the highest is that of one
-# period
+# the first peak of the autocorrelation above this fraction of the highest is that of
+# one period
 _HALF = 0.5
-# of a period: rises closer than this belong to one cycle (ringing crosses the levels
-# again)
+# rises closer than this fraction of a period belong to one cycle (ringing crosses the
+# levels again)
 _TOGETHER = 0.7
 
 
 REGULAR = 0.3
 """Coefficient of variation of waits above which a motion has no frequency: the spectrum
-of such a renewal process has no peak at it.
+of such a renewal process has no peak.
 """
 
 
@@ -41,7 +41,8 @@ class Cycles:
     variation: float  #: coefficient of variation of the times of the cycles
     #: autocorrelation of the force at one period: 1 if it repeats, near 0 for noise
     correlation: float
-    #: when the cycles begin, in their rise; the last one ends the last complete cycle
+    #: times, in their rises, at which the cycles begin; the last one ends the last
+    #: complete cycle
     times: Array
 
     @property
@@ -51,7 +52,7 @@ class Cycles:
 
     @property
     def periodic(self) -> bool:
-        """Whether the force repeats itself, in cycles of even length."""
+        """Whether the force repeats itself in cycles of equal length."""
         return (
             self.count >= FEWEST_CYCLES
             and self.correlation >= PERIODIC
@@ -60,27 +61,27 @@ class Cycles:
 
 
 def regularity(variation: float) -> float:
-    """Correlation at one period that a variation of its cycles leaves to a sine."""
+    """Return the correlation at one period of a sine whose cycles vary so much."""
     return math.exp(-0.5 * (2.0 * math.pi * variation) ** 2)
 
 
 def find_cycles(t: Array, force: Array) -> Cycles:
-    """Return the cycles of a force: how far it repeats itself, and where each cycle
+    """Return the cycles of a force: how well it repeats itself, and when each cycle
     begins.
 
-    The autocorrelation parts one period from a part of it and from several; each cycle
-    is then timed by itself, from one rise through the upper third of the range of the
-    force in a typical cycle to the next.
+    The autocorrelation distinguishes one period from its fractions and multiples; each
+    cycle is then timed by itself, from one rise into the upper third of the range of
+    the force in a typical cycle to the next.
     """
     lag, correlation = _autocorrelation_peak(t, force)
     starts = np.zeros(1, dtype=int)
     if correlation:
-        # half a sample earlier, so that rounding decides about none
+        # half a sample earlier, so that rounding does not decide between two samples
         half = 0.5 * (t[-1] - t[0]) / (t.size - 1)
         firsts = np.searchsorted(t, np.arange(t[0], t[-1] - lag, lag) - half)
         if firsts.size >= FEWEST_CYCLES and np.diff(firsts).all():
             starts = firsts
-    # Of each cycle: one that is larger than the others says nothing.
+    # medians over the cycles, as one large cycle says nothing about the others
     low = float(np.median(np.minimum.reduceat(force, starts)))
     high = float(np.median(np.maximum.reduceat(force, starts)))
     third = (high - low) / 3.0
@@ -100,8 +101,8 @@ def find_cycles(t: Array, force: Array) -> Cycles:
 def rises(
     t: Array, force: Array, low: float, high: float
 ) -> tuple[NDArray[np.intp], Array]:
-    """Rises of a force through `high`, each with a drop below `low` before it:
-    samples, and times between them.
+    """Return the rises of a force through `high` that follow a drop below `low`: the
+    first samples above, and the interpolated times.
     """
     side = np.where(force > high, 1, np.where(force < low, -1, 0))
     outside = np.flatnonzero(side)
@@ -111,23 +112,25 @@ def rises(
 
 
 def _autocorrelation_peak(t: Array, force: Array) -> tuple[float, float]:
-    """Lag and height of the peak of the autocorrelation that belongs to one period;
-    NaN and 0 if there is none.
+    """Return lag and height of the peak of the autocorrelation at one period; NaN and 0
+    if there is none.
     """
     size = t.size
     even = np.linspace(t[0], t[-1], size)
     rest = without_drift(np.interp(even, t, force))
     lags = size // 2
     spectrum = fft.rfft(rest, fft.next_fast_len(size + lags, real=True))
-    power = fft.irfft(spectrum.real**2 + spectrum.imag**2)[:lags]
-    if not power.min() < 0:  # a constant force has none below zero, either
+    correlation = fft.irfft(spectrum.real**2 + spectrum.imag**2)[:lags]
+    if not correlation.min() < 0:  # drift alone, or a constant force
         return math.nan, 0.0
-    power /= power[0] * (1.0 - np.arange(lags) / size)
-    inner = power[1:-1]
-    tops = (inner >= power[:-2]) & (inner > power[2:]) & (inner > 0)
-    at = 1 + np.flatnonzero(tops)
-    at = at[at > np.argmax(power < 0)]
-    if not at.size:
+    correlation /= correlation[0] * (1.0 - np.arange(lags) / size)
+    inner = correlation[1:-1]
+    is_peak = (inner >= correlation[:-2]) & (inner > correlation[2:]) & (inner > 0)
+    peaks = 1 + np.flatnonzero(is_peak)
+    peaks = peaks[peaks > np.argmax(correlation < 0)]
+    if not peaks.size:
         return math.nan, 0.0
-    first = int(at[np.argmax(power[at] >= _HALF * power[at].max())])
-    return first * (even[1] - even[0]), float(power[first])
+    # several periods correlate as well as one, but fractions of a period less
+    high_enough = correlation[peaks] >= _HALF * correlation[peaks].max()
+    first = int(peaks[np.argmax(high_enough)])
+    return first * (even[1] - even[0]), float(correlation[first])

@@ -1,4 +1,6 @@
-"""Where stick-slip starts and ends while the velocity of the drive changes."""
+"""Velocities at which stick-slip starts and ends while the velocity of the drive
+changes.
+"""
 
 from __future__ import annotations
 
@@ -20,46 +22,49 @@ from stickslip.words import engineering, listed
 if TYPE_CHECKING:
     import xarray as xr
 
-_PARTS = 16  # the window moves in steps of a sixteenth of it
-_LONGEST_TRANSIENT = 25  # windows: 50 cycles
+_PARTS = 16  # the window moves in steps of a sixteenth of its length
+_LONGEST_TRANSIENT = 25  # windows of two cycles: 50 cycles
 _WAYS = (
     ("up", "speeding up", "v1", "v2"),
     ("down", "slowing down", "v2_down", "v1_down"),
 )
-"""Each way: the velocities at which stick-slip sets in, and at which it ends."""
-# f_s, and x_s where a cycle is not known
-_LEVEL = 0.4
-_WINDOW = 4.0
+"""For each direction of the ramp: the names of the velocities at which stick-slip sets
+in and at which it ends.
+"""
+_LEVEL = 0.4  # default level of stick-slip, in f_s
+_WINDOW = 4.0  # length of a window in x_s, where the cycle is not known
 _OF = {
     "peak_to_peak": "spring_force",
     "drive_velocity": "velocity",
     "travel": "displacement",
 }
-"""Variables of a run in whose units the columns of its windows are; else its times."""
+"""Variables of the run that have the units of these columns; the other columns are
+times.
+"""
 
 
 def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     """Return the velocities at which stick-slip starts and ends while the drive speeds
     up and slows down.
 
-    Stick-slip is where the spring force oscillates by more than `level` (in its unit,
-    by default .4 ``f_s``), peak to peak, over a window of two cycles; it starts at the
-    end of the first such window and ends at the start of the last one. A state shorter
-    than half a window is passed over. An oscillation that is there from the very start
+    Stick-slip is defined by a spring force that oscillates by more than `level` (in its
+    unit, by default .4 ``f_s``), peak to peak, over a window of two cycles; it starts
+    at the end of the first such window and ends at the start of the last one. A state
+    shorter than half a window is ignored. An oscillation that is present from the start
     may be a transient: it counts if it has grown by `level`, or has lasted for 25
     windows. A cycle is the time in which the drive loads spring and contacts by the
-    largest change of the force in the run, and one free oscillation of the slider; of a
-    rig that is not known, or is elastic, a window is 4 ``x_s`` of travel.
+    largest change of the force in the run, plus one free oscillation of the slider; for
+    an elastic or unknown rig, a window is 4 ``x_s`` of travel.
 
     A ramp passes the boundary before the oscillation has grown (delayed bifurcation)
-    and noise may set it off early, so the answers depend on the rate of the ramp; they
+    and noise may start it early, so the results depend on the rate of the ramp; they
     are not the velocities of linear stability.
 
     The drive speeds up, or slows down, or first speeds up and then slows down; it may
     keep its velocity for a while. Raises `InputError` if it turns back or is not known,
-    or the run is in SI units and does not hold the rig it was made of; `UndecidedError`
-    if the drive does not change, goes up and down more than once, or travels less than
-    two windows, or there are too few samples in a window.
+    or the run is in SI units and does not hold its rig; `UndecidedError` if the drive
+    does not change, speeds up and slows down more than once, or travels less than two
+    windows, or there are too few samples in a window.
 
     Returns
     -------
@@ -67,10 +72,11 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
         `v1`, `v2`: on the way up, the first velocity at which stick-slip sets in, and
         the last at which it ends after that; `v2_down`, `v1_down` (the paper's ``v2'``,
         ``v1'``): the same on the way down. Each is NaN where it was not seen; the
-        attribute ``notes`` says why. Along ``travel`` of the drive, at the middle of
-        each window: `peak_to_peak`, `drive_velocity`, and its times `begin`, `middle`
-        and `end`. Along ``velocity``, where the drive goes up and then down: `up` and
-        `down`, the peak to peak on either way. Attributes: ``level``, ``window``.
+        attribute ``notes`` explains why. Along ``travel`` of the drive, at the middle
+        of each window: `peak_to_peak`, `drive_velocity`, and its times `begin`,
+        `middle` and `end`. Along ``velocity``, where the drive speeds up and then slows
+        down: `up` and `down`, the peak to peak in either direction. Attributes:
+        ``level``, ``window``.
     """
     trace = Trace.of(run)
     if trace.drive is None or np.any(trace.drive < 0):
@@ -80,8 +86,8 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
         )
     if trace.rig is None and unit_named(trace.force_unit):
         raise InputError(
-            f"transitions: spring_force is in {trace.force_unit}: the run does not say "
-            "what f_s is"
+            f"transitions: spring_force is in {trace.force_unit}, and f_s is not "
+            "known: the run does not hold its rig"
         )
     usual = _LEVEL * (trace.rig.unit("f_s") if trace.rig else 1.0)
     level = (
@@ -94,11 +100,11 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
     height, begin, middle, end = (
         seen[name].values for name in ("peak_to_peak", "begin", "middle", "end")
     )
-    # none is short
+    # the median removes states that are shorter than half a window
     on = median_filter(
         (height > level).astype(np.int8), _PARTS + 1, mode="nearest"
     ).astype(bool)
-    # What the start leaves behind only decays, and within some tens of windows.
+    # A transient of the start only decays, within some tens of windows.
     grown = np.flatnonzero(height > np.minimum.accumulate(height) + level)
     notes = ["the force oscillates above the level from the start"] if on[0] else []
     if (ends := int(np.argmin(on))) <= min([*grown[:1], _LONGEST_TRANSIENT * _PARTS]):
@@ -143,8 +149,8 @@ def transitions(run: xr.Dataset, *, level: float | None = None) -> xr.Dataset:
 
 
 def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
-    """Peak to peak of the spring force over a moving window of two cycles, or of 4
-    x_s where they are not known.
+    """Return the peak to peak of the spring force over a moving window of two cycles,
+    or of 4 x_s of travel where the cycle is not known.
     """
     import xarray as xr
 
@@ -202,8 +208,8 @@ def _oscillation(run: xr.Dataset, trace: Trace, level: float) -> xr.Dataset:
 
 
 def _turning_time(t: Array, drive: Array) -> float:
-    """Time at which the drive is fastest: its start if it only slows down, its end
-    if it only speeds up.
+    """Return the time at which the drive is fastest: the start if it only slows down,
+    the end if it only speeds up.
     """
     top = drive.max()
     loops = len(turning_points(np.pad(drive, 1), 1e-3 * top)[0])
@@ -222,8 +228,8 @@ def _turning_time(t: Array, drive: Array) -> float:
 
 
 def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
-    """Peak to peak on the way up and on the way down, against the velocity; nothing
-    where the drive goes one way.
+    """Return the peak to peak of the force against the velocity, on the way up and on
+    the way down; empty if the drive only speeds up or only slows down.
     """
     import pandas as pd
     import xarray as xr
@@ -256,8 +262,8 @@ def _both_ways(seen: xr.Dataset, top: float) -> xr.Dataset:
 
 
 def in_words(run: xr.Dataset) -> str:
-    """Say between which velocities a run on a ramp stick-slips; nothing for another
-    run.
+    """Return in words between which velocities a run on a ramp stick-slips; empty for
+    another run.
     """
     drive = np.abs(np.asarray(run.get("drive_velocity", 0.0), dtype=float))
     if not np.ptp(drive) > 2.0 * CONSTANT_DRIVE * drive.max():

@@ -54,8 +54,8 @@ if TYPE_CHECKING:
 
 __all__ = ["TINY", "Kind", "Regime", "regime"]
 
-LATE_PART = 0.4  # the last part of a run, in which its regime is judged
-MOST_PARTS = 0.75  # part of the time for which the parts of a record must agree
+LATE_PART = 0.4  # fraction of a run, at its end, in which its regime is judged
+MOST_PARTS = 0.75  # fraction of the time for which the parts of a record must agree
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -81,8 +81,8 @@ class Regime(Answer):
     mean_force: float  #: of the driving spring in the window
     #: largest force in all of the data, with which amplitudes are compared
     static_friction: float
-    #: second half over first, by a line through the logarithms of drops, or of the
-    #: scatter in eight parts
+    #: amplitude in the second half over that in the first, from a line through the
+    #: logarithms of the drops, or of the scatter in eight parts
     trend: float
     #: complete cycles in the window; of a force that is not periodic, complete drops
     cycles: int
@@ -95,34 +95,34 @@ class Regime(Answer):
     #: sawtooth
     slip_phase: float
     noise: float  #: standard deviation from sample to sample, in the unit of the force
-    #: Of the force alone: rate at which it rises between drops, which is stiffness
-    #: times velocity where the slider sticks ...
+    #: where only the force is known: rate at which it rises between drops, which is
+    #: stiffness times velocity if the slider sticks
     loading_rate: float | None = None
-    #: ... and rate at which it falls in a typical drop
+    #: and rate at which it falls in a typical drop
     falling_rate: float | None = None
     drive_velocity: float | None = None  #: mean in the window, where it is known
     #: measured speed of the drive at the beginning and at the end of the window
     speeds: Range | None = None
-    #: of the slider, over that of the drive, where they are known
+    #: largest velocity of the slider over that of the drive, where they are known
     largest_velocity: float | None = None
     #: fraction of the time in which the slider is slower than a quarter of the drive
     stuck: float | None = None
     #: with a normal load: the coefficient of friction, on average in the window
     mean_mu: float | None = None
-    static_mu: float | None = None  #: the largest in all of the data
+    static_mu: float | None = None  #: the largest coefficient in all of the data
     quantity: str = "force"  #: or "coefficient of friction", "torque"
-    time_unit: str = ""  #: of the times above; empty where the data do not say
-    force_unit: str = ""  #: of the forces above
-    velocity_unit: str = ""  #: of a measured speed
+    time_unit: str = ""  #: unit of the times above; empty where it is not known
+    force_unit: str = ""  #: unit of the forces above
+    velocity_unit: str = ""  #: unit of a measured speed
     #: remarks on the data: a saturated sensor, gaps, a drift
     notes: tuple[str, ...] = ()
     #: of a reciprocating test: half the difference of the two plateaus of its strokes
     half_width: float | None = None
-    offset: float | None = None  #: and their middle
-    #: stretches between gaps, steps of level or amplitude, and reversals, each judged
+    offset: float | None = None  #: of a reciprocating test: mean of the two plateaus
+    #: the parts between gaps, steps of level or amplitude, and reversals, each judged
     #: by itself; empty where there are none
     segments: tuple[Regime, ...] = ()
-    table: tuple[Criterion, ...] = ()  #: the tests that kind and reason are read off
+    table: tuple[Criterion, ...] = ()  #: the tests that decide kind and reason
 
     @property
     def drops_are(self) -> Literal["slips", "cycles", "drops"]:
@@ -143,7 +143,7 @@ class Regime(Answer):
 
     @property
     def is_in_turn(self) -> bool:
-        """Whether all parts are decided and differ: no single kind holds for all."""
+        """Whether all parts are decided, but differ in kind."""
         kinds = {each.kind for each in self.segments}
         return self.kind == OPEN and OPEN not in kinds and bool(kinds)
 
@@ -180,7 +180,7 @@ class Regime(Answer):
         return "\n".join(lines)
 
     def _evidence(self) -> list[str]:
-        """Return the evidence of a window that is one part, in lines."""
+        """Return lines of text with the evidence of a window without parts."""
         divisor, unit = prefixed(self.window[1], self.time_unit)
         begin, end = (time / divisor for time in self.window)
         mean, swing, noise, drop = (
@@ -217,7 +217,7 @@ class Regime(Answer):
         return lines
 
     def _rates(self, loading: float, falling: float) -> str:
-        """Return what the rates of a force alone show of the motion."""
+        """Return what the rates of a force alone show of the motion, in words."""
         # a slip is four times as fast as the drive: 1 + falls/(stiffness x velocity)
         most = falling / (1.0 / SLIP_PHASE - 1.0)
         rise, fall, limit = (
@@ -237,7 +237,7 @@ class Regime(Answer):
 
 
 def _rate_unit(of: Trace | Regime) -> str:
-    """Unit of a force per time."""
+    """Return the unit of a rate of the force."""
     return f"{of.force_unit.removesuffix('1')}/{of.time_unit}".rstrip("/")
 
 
@@ -252,10 +252,10 @@ def regime(
     "undecided" where that does not suffice.
 
     The verdict is about the window judged: an oscillation that still grows or shrinks
-    there is undecided, and so is one of which a change by a factor 2 from one half to
-    the other is not excluded. What lies between gaps, between steps of the level or of
-    the amplitude, and the strokes of a reciprocating test, is judged apart, and listed
-    in turn where it differs. Raises `InputError` if the data hold no force, or values
+    there is undecided, and so is one whose amplitude may change by a factor of 2 from
+    one half to the other. The parts between gaps, between steps of the level or of the
+    amplitude, and the strokes of a reciprocating test are judged separately, and listed
+    in order where they differ. Raises `InputError` if the data hold no force, or values
     that are not finite, or nothing after `after`.
 
     Parameters
@@ -279,15 +279,15 @@ def regime(
 
 
 def regime_of_run(run: Recording) -> Regime:
-    """Return the regime of a run with a drive, as its engine left it: the same as
-    `regime` of its Dataset.
+    """Return the regime of the recording of an engine: the same as `regime` of its
+    Dataset.
     """
     return _combine_parts(_judge_parts(_late_window(Trace.of_run(run))))
 
 
 def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
-    """The trace that data hold, or the part after a time, and its regime; a
-    coefficient of friction by its size.
+    """Return the trace of the data, or its part after a time, and its regime; the
+    coefficient of friction by its absolute value.
     """
     trace = Trace.of(data)
     if trace.measured and "spikes" not in data.attrs:
@@ -320,14 +320,16 @@ def judged(data: xr.Dataset, after: float | None) -> tuple[Trace, Regime]:
 
 
 def _with_mu(seen: Regime, size: xr.DataArray) -> Regime:
-    """A regime with the mean coefficient of friction in its window."""
+    """Return the regime with the mean and largest coefficient of friction in its
+    window.
+    """
     inside = size.sel(time=slice(*seen.window))
     return replace(seen, mean_mu=float(inside.mean()), static_mu=float(inside.max()))
 
 
 def _late_window(trace: Trace) -> Window:
-    """The last part of the last stretch of constant driving, or twice as much if
-    that holds few drops.
+    """Return the last 40 % of the last stretch of constant driving, or 80 % if that
+    part holds few drops.
     """
     assert trace.drive is not None
     last = trace.drive[-1]
@@ -340,14 +342,14 @@ def _late_window(trace: Trace) -> Window:
     for part in (LATE_PART, 2.0 * LATE_PART):
         late = Window.of(trace.part(end - part * (end - trace.t[first])))
         is_long = late.trace.t.size >= FEWEST_READINGS
-        if is_long and not 0 < late.found.size <= FEWEST_CYCLES:
+        if is_long and not 0 < late.slips.size <= FEWEST_CYCLES:
             break
     return late
 
 
 def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
-    """Judge a measured force, once it is loaded: between gaps and steps, and in
-    strokes, each by itself; with notes.
+    """Judge a measured force where the bench is loaded: each part between gaps and
+    steps, and each stroke, by itself; with notes.
     """
     stretches = trace.stretches
     loaded = [pull for each in stretches for pull in pulls(each)]
@@ -380,7 +382,7 @@ def _judge_measured(trace: Trace, *, whole: bool) -> Regime:
 
 
 def _note_gaps(trace: Trace) -> list[str]:
-    """Note gaps in the readings, but for those from part to part of a record."""
+    """Note gaps in the readings, except those between parts of a record."""
     gaps = trace.gaps
     if trace.part_number is not None:
         gaps = gaps[np.diff(trace.part_number)[gaps] == 0.0]
@@ -393,7 +395,7 @@ def _note_gaps(trace: Trace) -> list[str]:
 
 
 def _note_unloaded(stretches: Sequence[Trace], loaded: Sequence[Trace]) -> list[str]:
-    """Note the time in which the bench is unloaded."""
+    """Note how long the bench is unloaded."""
     all_time = sum(each.length for each in stretches)
     rests = all_time - sum(each.length for each in loaded)
     if rests <= 0.0:
@@ -403,15 +405,17 @@ def _note_unloaded(stretches: Sequence[Trace], loaded: Sequence[Trace]) -> list[
 
 
 def _doubt_oscillation(stroke: Regime) -> Regime:
-    """The regime of a stroke: an oscillation without slips may be one of the path."""
+    """Return the regime of a stroke; undecided for an oscillation without slips, which
+    a wavy path may cause.
+    """
     if stroke.kind != LASTS:
         return stroke
-    doubt = "by itself, or along a path that is wavy: other speeds tell"
+    doubt = "by itself, or because the path is wavy: other speeds would decide"
     return replace(stroke, kind=OPEN, reason=f"{stroke.reason}; {doubt}")
 
 
 def _skip_loading(trace: Trace) -> Window:
-    """The part behind the first loading of a force, and behind its breakaway."""
+    """Return the window after the first loading of a force."""
     usual = np.median(trace.force[trace.force.size // 2 :])
     first = int(np.argmax(trace.force >= usual))
     if 2 * first > trace.t.size:  # a slow drift reaches it late
@@ -424,8 +428,8 @@ def _skip_loading(trace: Trace) -> Window:
 
 
 def _judge_settled(loaded: Window) -> list[Regime]:
-    """Judge a loaded force; where a part is undecided, from where it has settled in the
-    first half of its time.
+    """Judge a loaded force; if a part is undecided, judge what follows its transient,
+    which ends in the first half of its time.
     """
     parts = _judge_parts(loaded)
     if all(part.kind != OPEN for part in parts):
@@ -439,7 +443,7 @@ def _judge_settled(loaded: Window) -> list[Regime]:
     if seen is loaded or (together.kind == OPEN and not together.is_in_turn):
         return parts
     begin = seen.trace.t[0]
-    cycles = np.count_nonzero(loaded.found.times < begin)
+    cycles = np.count_nonzero(loaded.slips.times < begin)
     if later[0].kind == SMOOTH and cycles >= FEWEST_CYCLES:
         until = words.engineering(begin, seen.trace.time_unit, 3)
         reason = f"an oscillation decays until {until}; since then {later[0].reason}"
@@ -448,11 +452,12 @@ def _judge_settled(loaded: Window) -> list[Regime]:
 
 
 def _skip_transient(seen: Window, latest: float) -> Window:
-    """The window from where its force has settled, before a time, behind the first few
-    drops, or a ringing, that are twice as large as what follows; else as it is.
+    """Return the window after the first few drops, or after a decaying oscillation, if
+    the force then settles before the time `latest`: what follows is half as large.
+    Return the same window if it does not.
     """
     trace = seen.trace
-    found = seen.found
+    found = seen.slips
     drops = found.drops[trace.t[found.end] <= latest]
     if not drops.size:
         return seen
@@ -464,27 +469,31 @@ def _skip_transient(seen: Window, latest: float) -> Window:
     rest = trace.part(trace.t[found.end[count - 1]])
     usual = np.median(rest.force[rest.force.size // 2 :])
     begin = rest.t[np.argmax(rest.force >= usual)]
+    if begin > latest or rest.part(begin).t.size < FEWEST_READINGS:
+        return seen
     settled = Window.of(rest.part(begin))
     force, t = settled.trace.force, settled.trace.t
     level = force - slope(force, t) * t
-    variance = level.var() - settled.found.noise**2
+    variance = level.var() - settled.slips.noise**2
     # as a sawtooth, peak to peak
     is_over = 12.0 * variance < (CLIMBS * drops[0]) ** 2
-    return settled if is_over and begin <= latest else seen
+    return settled if is_over else seen
 
 
 def _drift_rate(trace: Trace) -> float:
-    """Slope of the line that makes most of the range of a force; 0 if none does."""
+    """Return the slope of the line through a force; 0 unless the line makes most of its
+    range.
+    """
     drifts = trace.t.size > 1 and abs(trace.rise) > MOST * np.ptp(trace.force)
     return trace.rise / trace.length if drifts else 0.0
 
 
 def _judge_parts(seen: Window) -> list[Regime]:
-    """Judge the parts between steps of level or amplitude by themselves."""
-    calm = seen.past_waves
-    if calm is not seen and not segments(calm.trace, calm.found):
+    """Judge each part between steps of level or amplitude by itself."""
+    flat = seen.past_waves
+    if flat is not seen and not segments(flat.trace, flat.slips):
         return [_judge(seen)]
-    parts = segments(seen.trace, seen.found)
+    parts = segments(seen.trace, seen.slips)
     if not parts:
         return [_judge(seen)]
     judged_parts = [pair for part in parts for pair in _judge_part(part)]
@@ -502,24 +511,28 @@ def _judge_parts(seen: Window) -> list[Regime]:
 
 
 def _judge_part(part: Trace) -> list[tuple[Trace, Regime]]:
-    """A part and its regime; where that is open, as drops end that are small beside
-    those of other parts, the parts before and after, each with its own.
+    """Return a part with its regime or, if that is undecided, its finer parts between
+    pauses of its drops, each with its own regime.
+
+    Such pauses are missed in the whole record, if the drops of other parts are larger.
     """
     window = Window.of(part)
     seen = _judge(window)
-    finer = parts_between_pauses(part, window.found) if seen.kind == OPEN else []
+    finer = parts_between_pauses(part, window.slips) if seen.kind == OPEN else []
     return [(each, _judge(Window.of(each))) for each in finer] or [(part, seen)]
 
 
 def _speed(trace: Trace) -> float:
-    """Mean speed of the drive where it was measured; 1 elsewhere: one for all parts."""
+    """Return the mean speed of the drive; 1, the same for all parts, if it was not
+    measured.
+    """
     speed = trace.measured_velocity
     return 1.0 if speed is None else float(np.abs(speed).mean())
 
 
 def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
-    """Return a part without its drift, as sliding; None if the slider may be at rest
-    in it: its force rises as fast as that of a held slider in other parts.
+    """Return a part without its drift, if the slider slides in it; None if the slider
+    may be held: the force rises as fast as in the loading of other parts.
     """
     rate = part.rise / part.length
     if not climbs or not 0.0 < rate < (1.0 - ONE_RATE) * min(climbs) * _speed(part):
@@ -528,8 +541,8 @@ def _as_sliding(part: Trace, climbs: Sequence[float]) -> Trace | None:
 
 
 def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
-    """Return the longest part of the kind with the longest total time, if the others
-    agree; else list the parts in order.
+    """Return the regime of a record from those of its parts: if they agree, that of the
+    longest part of the prevalent kind, else undecided, with the parts in order.
     """
     lasts = Counter[Kind]()
     for each in parts:
@@ -545,7 +558,7 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
         many = Counter(each.kind for each in parts).most_common()
         counts = ", ".join(f"{count} {kind}" for kind, count in many)
         reason = f"reciprocating test, {strokes} strokes judged separately ({counts}); "
-        reason += seen.reason + ("" if agree else "; judge a part of the strokes")
+        reason += seen.reason + ("" if agree else "; judge some strokes by themselves")
         return replace(
             seen,
             kind=kind if agree else OPEN,
@@ -565,7 +578,7 @@ def _combine_parts(parts: Sequence[Regime], strokes: int = 0) -> Regime:
 
 
 def _until(run: Sequence[Regime]) -> str:
-    """Return the end of a row of parts, with the new speed where that changed."""
+    """Return the end of successive parts in words, with the new speed if it changed."""
     end = _end(run[-1])
     first = run[0].speeds
     last = run[-1].speeds
@@ -579,7 +592,7 @@ def _until(run: Sequence[Regime]) -> str:
 
 
 def _end(part: Regime) -> str:
-    """Return the end of a part as its table has it: to a thousandth of the part."""
+    """Return the end of a part in words, to a thousandth of its length."""
     begin = part.window[0]
     end = end_of(part)
     digits = 3 + int(math.log10(max(abs(end) / (end - begin), 1.0)) + 0.8)
@@ -598,7 +611,7 @@ def _judge(window: Window) -> Regime:
     if kind != OPEN and trace.measured and (rate := _drift_rate(trace)):
         drifts = words.engineering(trace.sign * rate, _rate_unit(trace), 3)
         notes.append(f"the force drifts by {drifts}")
-    slips = fast_slips(seen.trace, seen.found) if kind == SLIPS else seen.found
+    slips = fast_slips(seen.trace, seen.slips) if kind == SLIPS else seen.slips
     drop, _, drop_variation = mean_and_std(slips.drops)
     count = slips.size
     period, _, variation = mean_and_std(slips.waits)
@@ -625,7 +638,7 @@ def _judge(window: Window) -> Regime:
         drop=drop,
         drop_variation=drop_variation,
         slip_phase=slips.slip_phase(trace),
-        noise=seen.found.noise,
+        noise=seen.slips.noise,
         loading_rate=seen.loading.rate if shows_loading else None,
         falling_rate=seen.falling_rate if shows_loading else None,
         drive_velocity=drive,
@@ -642,8 +655,8 @@ def _judge(window: Window) -> Regime:
 
 
 def _last_slip(trace: Trace, slips: Slips) -> float:
-    """Return the end of the last drop that falls as fast, beside the rises before and
-    after it, as a slip does: the swings of a slider that comes to rest are slower.
+    """Return the end of the last drop whose rate is that of a slip, compared with the
+    rises before and after it; swings of a slider that comes to rest are slower.
     """
     t = trace.t
     rises = slips.loading_rates(t)
@@ -654,14 +667,14 @@ def _last_slip(trace: Trace, slips: Slips) -> float:
 
 
 def _driven_by_force(trace: Trace) -> str:
-    """Report the motion of a slider that a force drives, which holds it at no speed."""
+    """Describe the motion of a slider driven by a force, which has no regime."""
     assert trace.rig is not None
     assert trace.X is not None
     middle = 0.5 * (trace.t[0] + trace.t[-1])
     way = abs(trace.X[-1] - trace.X[np.searchsorted(trace.t, middle)])
-    # so far contacts stretch without sliding
+    # contacts may stretch by this length without sliding
     moves = "slides" if way > trace.rig.unit("length") else "rests"
-    return f"the force is the drive itself, and holds no speed; the slider {moves}"
+    return f"the drive is a force, which prescribes no speed; the slider {moves}"
 
 
 def _find_fault(trace: Trace, seen: Window) -> str:

@@ -1,5 +1,5 @@
-"""Steps within a record: where the level or the amplitude of a force changes for
-good.
+"""Steps within a record: times at which the level or the amplitude of a force changes
+permanently.
 """
 
 import math
@@ -20,17 +20,19 @@ from stickslip.measure.trace import (
     Trace,
 )
 
-_MOST_BLOCKS = 64
-_RESTS = 5.0  # by convention
-_SMOOTHED = 5  # samples of a median, which noise and single spikes do not move
-AT_ONCE = 0.75  # of a change comes from two blocks to the next two: else it is a drift
-# steps of the level by the scatter about it, of the amplitude by half or twice
+_MOST_BLOCKS = 64  # blocks of a record, between which steps are looked for
+_RESTS = 5.0  # see `_rests`; a convention
+_SMOOTHED = 5  # samples of a running median, which removes noise and single spikes
+# fraction of a change that a step makes from two blocks to the next two: else it is a
+# drift
+AT_ONCE = 0.75
+# smallest steps: of the level, one standard deviation; of the amplitude, a factor of 2
 LARGE = np.array([1.0, math.log(2.0)])
 
 
 def segments(trace: Trace, found: Slips) -> list[Trace]:
-    """The parts of a trace between steps of its level or amplitude, in turn; none
-    where there is no step.
+    """Return the parts of a trace between steps of its level or amplitude, and pauses,
+    in order; empty if there are none.
     """
     times = _pauses(trace, found)
     count = min(_MOST_BLOCKS, trace.t.size // FEWEST_READINGS)
@@ -43,8 +45,8 @@ def segments(trace: Trace, found: Slips) -> list[Trace]:
 
 
 def pulls(trace: Trace) -> list[Trace]:
-    """The parts of a trace in which its bench is loaded, all in one direction; the
-    trace itself where its force does not rest near zero.
+    """Return the parts of a trace in which the bench is loaded; the trace itself if the
+    bench never rests unloaded, or if the parts differ in direction.
     """
     size = np.abs(median_filter(trace.force, _SMOOTHED, mode="nearest"))
     rests = _rests(trace.t, size <= TINY * size.max())
@@ -64,11 +66,12 @@ def pulls(trace: Trace) -> list[Trace]:
 
 
 def _rests(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First samples in which an unloaded bench rests near zero, and first after them.
+    """Return the intervals in which the bench is unloaded, as pairs of their first
+    sample and the first sample after them.
 
-    An even climb to the largest force spends the part `TINY` of its time near zero: a
-    bench that stays there `_RESTS` times as long is unloaded, in all of the time and
-    beside each pull.
+    A steady climb to the largest force spends the fraction `TINY` of its time near
+    zero: a bench that stays there `_RESTS` times as long is unloaded, both in all of
+    the record and beside each pull.
     """
     if near.mean() < _RESTS * TINY:
         return []
@@ -85,22 +88,22 @@ def _rests(t: Array, near: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _before_unloading(size: Array, begin: int, end: int) -> int:
-    """First sample of a pull that is only unloaded from there on: behind the last one
-    as large as usual in its second half.
+    """Return the sample of a pull from which on it is only unloaded: the first after
+    the last force above the median of its second half.
     """
     usual = np.median(size[(begin + end) // 2 : end])
     return begin + int(np.flatnonzero(size[begin:end] >= usual)[-1]) + 1
 
 
 def parts_between_pauses(trace: Trace, found: Slips) -> list[Trace]:
-    """The parts of a trace between the ends and new beginnings of its drops; none
-    where they go on.
+    """Return the parts of a trace between the pauses of its drops; empty if there is no
+    pause.
     """
     return _between(trace, _pauses(trace, found))
 
 
 def _between(trace: Trace, times: list[float]) -> list[Trace]:
-    """The parts of a trace between times, but for those with few readings."""
+    """Return the parts of a trace between times, without those with few readings."""
     if not times:
         return []
     ends = [-math.inf, *sorted(times), math.inf]
@@ -109,8 +112,8 @@ def _between(trace: Trace, times: list[float]) -> list[Trace]:
 
 
 def _steps(trace: Trace, count: int) -> list[float]:
-    """Return the times at which the level or the amplitude of `count` blocks of a force
-    steps.
+    """Return the times of steps of the level or the amplitude, from `count` blocks of
+    the force.
     """
     first = trace.t.size % count
     blocks = trace.force[first:].reshape(count, -1)
@@ -128,7 +131,9 @@ def _steps(trace: Trace, count: int) -> list[float]:
 
 
 def _levels_and_amplitudes(blocks: Array) -> Array:
-    """Means of blocks, in their usual scatter, and the logarithms of their scatter."""
+    """Return the means of blocks, over their median scatter, and the logarithms of
+    their scatter.
+    """
     scatter = blocks.std(axis=1)
     scale = np.median(scatter) or scatter.max()
     levels = blocks.mean(axis=1) / scale
@@ -136,11 +141,12 @@ def _levels_and_amplitudes(blocks: Array) -> Array:
 
 
 def _noise(series: Array) -> Array:
-    """Scatter of means of each series about its steps.
+    """Return the noise of each series, corrected for the correlation of neighbours.
 
-    By medians, which steps do not move. Of a series with a memory r, differences of
-    the next but one are larger by 1 + r in squares, and means scatter as if it were
-    larger by (1 + r)/(1 - r).
+    It comes from medians of differences, which steps do not change. In a series with
+    the correlation r, squared differences of next neighbours but one are 1 + r times
+    those of neighbours, and means scatter as if the variance were (1 + r)/(1 - r)
+    times as large.
     """
     one = np.maximum(_scatter(np.diff(series)), STEADY)
     two = np.maximum(_scatter(series[:, 2:] - series[:, :-2]), STEADY)
@@ -149,10 +155,11 @@ def _noise(series: Array) -> Array:
 
 
 def _is_step(before: Array, after: Array) -> bool:
-    """Whether one of two series steps from one segment to the next, at once.
+    """Whether one of two series makes a sudden, significant step from one segment to
+    the next.
 
-    By the scatter of either segment, and Student's t: a peak that comes and goes has
-    no level of its own.
+    The error is that of the segments themselves, with Student's t, so that a passing
+    peak is no step.
     """
     error = np.hypot(_error(before), _error(after))
     shorter = min(before.shape[1], after.shape[1])
@@ -165,19 +172,19 @@ def _is_step(before: Array, after: Array) -> bool:
 
 
 def _scatter(series: Array) -> Array:
-    """Standard deviation about zero of each series, by the median."""
+    """Return the standard deviation about zero of each series, from the median."""
     return 1.4826 * np.median(np.abs(series), axis=1, keepdims=True)
 
 
 def _error(part: Array) -> Array:
-    """Standard error of the level of each series."""
+    """Return the standard error of the level of each series."""
     usual = np.median(part, axis=1, keepdims=True)
     return _scatter(part - usual) / math.sqrt(part.shape[1])
 
 
 def _pauses(trace: Trace, found: Slips) -> list[float]:
-    """Return the times at which a series of drops of a measured force ends and the
-    next begins: where the wait between two drops is longer than chance explains.
+    """Return the times at which a series of drops of a measured force ends and at which
+    the next begins: where a wait is longer than expected by chance.
     """
     waits = found.waits
     if not trace.measured or waits.size < FEWEST_CYCLES:
@@ -194,15 +201,15 @@ def _pauses(trace: Trace, found: Slips) -> list[float]:
 
 
 def _edges(series: Array) -> list[int]:
-    """Return the begins of the segments that leave least squares, each at a price, and
-    the end of the last one.
+    """Return the edges of the segments with the least sum of squared residuals, plus a
+    price for each segment (dynamic programming).
     """
     count = series.shape[1]
     padded = np.pad(series, ((0, 0), (1, 0)))
     sums = padded.cumsum(axis=1)
     squares = (padded**2).sum(axis=0).cumsum()
-    # So much does a step that is none take off two series of unit scatter by chance
-    # (chi squared with two degrees).
+    # A false step reduces the sum of squares of two series of unit variance by this
+    # much by chance (chi squared with two degrees of freedom).
     price = 2.0 * math.log(count / CHANCE)
     least = np.full(count + 1, math.inf)
     least[0] = 0.0
@@ -220,8 +227,8 @@ def _edges(series: Array) -> list[int]:
 
 
 def _likeliest(force: Array) -> int:
-    """Sample at which mean and scatter of a force change, by the likelihood of two
-    normal distributions.
+    """Return the sample at which mean and scatter of a force most likely change, if
+    both sides are normally distributed.
     """
     count = np.arange(2, force.size - 1)
     rest = force - force.mean()

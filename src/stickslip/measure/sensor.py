@@ -1,5 +1,5 @@
-"""The noise and the resolution of a sensor, and its faults: saturation, spikes, values
-that stand for none.
+"""Noise and resolution of a sensor, and its faults: saturation, spikes, and values that
+mean "no reading".
 """
 
 import math
@@ -10,43 +10,42 @@ from scipy.ndimage import maximum_filter, median_filter, minimum_filter
 
 from stickslip.measure.trace import FEWEST_READINGS, Array
 
-SIGMAS = 6.0  # standard deviations: a sample farther off is no noise
+SIGMAS = 6.0  # a sample more standard deviations off than this is not noise
 Mask = NDArray[np.bool_]
-FEW = 0.05  # largest part of the samples that may be faults of the sensor
-# samples, consecutive samples and peaks that make a saturated sensor; and samples just
-# below, to compare with
-FEWEST_FLAT = 10
-FLAT_RUN = 3
+FEW = 0.05  # largest fraction of the samples that may be faults of the sensor
+# A saturated force has at least this many peaks of at least this many equal samples. It
+# is compared with at least `FEWEST_FLAT` samples just below.
 FLAT_PEAKS = 3
-FEWEST_MOVING = 3  # values in turn that show a motion: a spark and its echo are two
-_BESIDE = [1, 1, 0, 1, 1]  # samples that one is compared with
-# samples from which noise, and the step of a recording, are read
-_FOR_NOISE = 500_000
-_FOR_RESOLUTION = 50_000
+FLAT_RUN = 3
+FEWEST_FLAT = 10
+FEWEST_MOVING = 3  # successive values that show a motion: a spark and its echo are two
+_BESIDE = [1, 1, 0, 1, 1]  # neighbours with which a sample is compared
+_FOR_NOISE = 500_000  # most samples from which the noise is estimated
+_FOR_RESOLUTION = 50_000  # most samples from which the resolution is estimated
 
 
 def white_noise(force: Array) -> float:
-    """Standard deviation of white noise, from second differences; those that many
-    slips spoil are left out.
+    """Return the standard deviation of the white noise of a force, from the second
+    differences, without the large ones, which are those of slips.
     """
     bend = _bends(force)
     first = noise = float(np.median(bend)) / 0.6745
     for _ in range(4):
         kept = bend[bend <= 2.0 * noise]  # at least half of them
-        # 0.6396: median of a half-normal cut at 2
+        # 0.6396: median of a half-normal distribution truncated at 2
         noise = max(float(np.median(kept)) / 0.6396, 0.5 * first)
     return noise / math.sqrt(6.0)
 
 
 def _bends(force: Array) -> Array:
-    """Sizes of second differences, of some samples evenly over a long record."""
+    """Return absolute second differences, of an even selection from a long record."""
     every = max(1, force.size // _FOR_NOISE)
     return np.abs(force[:-2:every] - 2.0 * force[1:-1:every] + force[2::every])
 
 
 def resolution(force: Array) -> float:
-    """Step in which a trace was recorded, interpolated samples left aside; 0 if its
-    values lie on no coarse grid.
+    """Return the step of the values of a recorded force, which a few interpolated
+    samples do not change; 0 if the values do not repeat.
     """
     values = np.unique(force := force[:: max(1, force.size // _FOR_RESOLUTION)])
     coarse = 1 < values.size <= force.size // 2
@@ -54,7 +53,7 @@ def resolution(force: Array) -> float:
 
 
 def note_saturation(force: Array) -> tuple[str, ...]:
-    """Note where the force looks saturated."""
+    """Note at which end of its range the force looks saturated."""
     return tuple(
         f"the {edge}s of the force are flat at {extreme:.4g}: the sensor or its "
         "amplifier seems to be saturated; drops are larger than what was recorded"
@@ -67,8 +66,9 @@ def note_saturation(force: Array) -> tuple[str, ...]:
 
 
 def far_outside(force: Array) -> Mask:
-    """Samples farther from all others than these ever are from one another: -9999,
-    or a spark; not such as differ from sample to sample, as a motion does.
+    """Return a mask of samples that are farther from all others than any of those from
+    one another, such as -9999 or a spark, but not of values that vary from sample to
+    sample, as in a motion.
     """
     known = np.isfinite(force)
     none = _stands_for_none(force)
@@ -87,7 +87,7 @@ def far_outside(force: Array) -> Mask:
     inside = ~found
     inner = np.flatnonzero(inside)
     if inner.size:
-        # as a bench is before and after the test
+        # before and after the test, the bench may be unloaded
         unloaded = _unloaded(force, force[inner])
         unloaded[inner[0] : inner[-1] + 1] = False
         found &= ~unloaded
@@ -100,8 +100,8 @@ def far_outside(force: Array) -> Mask:
 
 
 def _moves(force: Array, outside: Mask) -> Mask:
-    """Mark the samples outside where a force takes several values in turn, as it moves:
-    what stands for none, or a spark, is one value.
+    """Return a mask of the outside samples in which the force takes several successive
+    values, as in a motion; no reading, or a spark, has one value.
     """
     edges = np.flatnonzero(np.diff(outside, prepend=False, append=False))
     runs = edges.reshape(-1, 2)
@@ -113,8 +113,8 @@ def _moves(force: Array, outside: Mask) -> Mask:
 
 
 def _stands_for_none(force: Array) -> Mask:
-    """Samples of one value that recurs farther from the others than these from one
-    another: however many, they are no reading.
+    """Return a mask of the samples of one recurring value that is farther from all
+    others than any of those from one another: it means "no reading", however many.
     """
     known = force[np.isfinite(force)]
     for value in (known.min(), known.max()) if known.size else ():
@@ -126,15 +126,15 @@ def _stands_for_none(force: Array) -> Mask:
 
 
 def _unloaded(force: Array, others: Array) -> Mask:
-    """Mark the forces that are smaller in size than all others: no load, rather than no
-    reading.
+    """Return a mask of forces smaller in size than all `others`: the bench is unloaded,
+    rather than the reading missing.
     """
     return np.asarray(np.abs(force) < np.abs(others).min())
 
 
 def spikes(force: Array) -> Mask:
-    """Electrical spikes: samples farther from the four beside them than these, as in
-    a slip, from one another.
+    """Return a mask of electrical spikes: samples farther from their four neighbours
+    than those from one another.
     """
     found = np.zeros(force.size, dtype=bool)
     known = np.flatnonzero(np.isfinite(force))
@@ -143,28 +143,29 @@ def spikes(force: Array) -> Mask:
     highest = maximum_filter(values, footprint=_BESIDE, mode="mirror")
     beyond = np.maximum(lowest - values, values - highest)
     apart = beyond > highest - lowest
-    # not less those that slips spoil: these are no spikes
+    # without leaving out the differences of slips, so that slips are no spikes
     usual = 1.4826 * np.median(_bends(values)) / math.sqrt(6.0)
     noise = max(usual, resolution(values) / math.sqrt(12.0))
     off = np.abs(values - median_filter(values, 5))
     apart &= off > SIGMAS * noise
-    # At an end it is not seen whether a force comes back as a spike does: there it must
-    # exceed the range of four samples in a slip, and be no bench without load.
+    # At an end one cannot see whether the force returns, as after a spike: there a
+    # spike must exceed the largest range of four samples, as of a slip, and must not
+    # be that of an unloaded bench.
     for end, beside in ((0, 1), (-1, -2)):
         if apart[end]:
             inner = values[1:-1][~apart[1:-1]]
             steps = maximum_filter(inner, 4) - minimum_filter(inner, 4)
             is_far = abs(values[end] - values[beside]) > steps.max()
             apart[end] = is_far and not _unloaded(values[end], inner)
-    # jumps at many readings belong to the motion, not to the sensor
+    # many jumps belong to the motion, not to the sensor
     if np.count_nonzero(apart) <= FEW * values.size:
         found[known[apart]] = True
     return found
 
 
 def _is_flat(force: Array) -> bool:
-    """Whether a force stays at its largest value again and again, much longer than
-    at values just below; not where it is recorded in steps too coarse to show these.
+    """Whether a force repeatedly stays at its largest value, for much longer than at
+    values just below; False if too few samples are just below.
     """
     top = force.max()
     at = force == top
@@ -176,6 +177,6 @@ def _is_flat(force: Array) -> bool:
     if near.size < FEWEST_FLAT:
         return False
     _, counts = np.unique(near, return_counts=True)
-    # of a typical reading: values between steps, as of a filter, are seldom
+    # count of the value of a typical reading: a filter makes rare values between steps
     usual = np.median(np.repeat(counts, counts))
     return bool(FEWEST_FLAT * usual <= np.count_nonzero(at) <= 0.9 * force.size)

@@ -1,4 +1,6 @@
-"""Slips: the drops of a force that stand out. One picker for measures and for fits."""
+"""Slips: the significant drops of a force, found in the same way for measurements and
+for fits.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -16,47 +18,48 @@ from stickslip.measure.trace import FEWEST_CYCLES, Array, Trace, slope, without_
 
 Peaks = NDArray[np.intp]
 
-# a drop below this part of the typical drop is no slip of its own
+# a drop below this fraction of the typical drop is not a slip of its own
 SMALLEST_PART_OF_DROP = 0.1
 SLIP_VELOCITY = 3.5
-"""Times the drive that a slip reaches: between 2, of a sine that just comes to rest,
-and 2 pi, of a slider that is held and makes up for it by half a sine in a quarter of
-the cycle (their geometric mean).
+"""Least peak velocity of a slip over the drive's: the geometric mean of 2, for a sine
+that just comes to rest, and 2 pi, for a slider that is held, and slips by half a sine
+in a quarter of the cycle.
 """
 RINGING = 2.0
-"""Times as fast as the loading: the slider's swing back makes more of a rise than the
-drive; and times the time of the drop: between 1, of a swing back, and 3, of a slider
-that slips for a quarter of the time.
+"""A rise is ringing if it is faster than the loading by more than this factor, so that
+the slider's swing back makes more of it than the drive, and takes at most this many
+times the time of the drop: between 1, for a swing back, and 3, for the loading of a
+slider that slips for a quarter of the time.
 """
-# a slip starts and ends within this part of its drop from the peak and from the trough
+# a slip starts and ends within this fraction of its drop from its peak and trough
 EDGE = 0.05
-# samples, for the shape and the velocity of a slip to be seen
+# samples of a drop that resolve its shape and velocity
 FEWEST_IN_A_DROP = FEWEST_CYCLES
 # noise over drop above which peaks and troughs are taken from lines through their
 # neighbours
 CORRECTED = 0.005
-# over the root of the samples: excess of the scatter of a force that is noise over that
-# noise, by chance
+# The scatter of pure noise may exceed the estimated noise by chance by this number over
+# the square root of the number of samples, relatively.
 WHITE = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Slips:
-    """The drops of a force: samples, forces, and how they were found."""
+    """The drops of a force: their samples and forces, and how they were found."""
 
     peak: Peaks
     trough: Peaks
     start: Peaks
     end: Peaks
-    times: Array  # of the peaks
+    times: Array  # times of the peaks
     before: Array  # force before each slip
-    after: Array
+    after: Array  # force after each slip
     fastest: Array  # largest velocity of the slider in each; NaN where it is not known
-    smallest: float  # drop that counts, or that could be seen
-    noise: float
-    criterion: str
+    smallest: float  # smallest drop that counts or, if none does, that would be seen
+    noise: float  # of the sensor: standard deviation
+    criterion: str  # in words
     cycles: Cycles
-    cut: int  # drops that the ends of the data or a gap cut off
+    cut: int  # number of drops that the ends of the data or a gap cut off
 
     @property
     def size(self) -> int:
@@ -79,20 +82,22 @@ class Slips:
         return np.asarray(rises / (t[self.start[1:]] - t[self.end[:-1]]))
 
     def slip_phase(self, trace: Trace) -> float:
-        """Time in slips over the time from the first peak to the last."""
+        """Return the fraction of the time from first to last peak in which the force
+        drops.
+        """
         if self.size < 2:
             return math.nan
         falling = trace.t[self.trough] - self.times
         return float(falling[:-1].sum() / np.ptp(self.times))
 
     def typical(self, values: NDArray[Any]) -> float:
-        """Of values of each slip, that of a typical drop: their median, weighted by
-        the squares of the drops.
+        """Return the value of a typical drop, from the values of all drops: their
+        median, weighted by the squares of the drops.
         """
         return weighted_median(values, self.drops**2)
 
     def only(self, keep: NDArray[np.bool_], **change: Any) -> Self:
-        """Return some of the slips."""
+        """Return a selection of the slips."""
         each: dict[str, Any] = {
             name: values[keep]
             for name, values in vars(self).items()
@@ -102,7 +107,7 @@ class Slips:
 
 
 def weighted_median(values: NDArray[Any], weights: Array) -> float:
-    """Value below which half of the weight lies; not a number if there is none."""
+    """Return the value below which half of the weight lies; NaN without any weight."""
     if not weights.any():
         return math.nan
     half = np.quantile(values, 0.5, weights=weights, method="inverted_cdf")
@@ -110,22 +115,22 @@ def weighted_median(values: NDArray[Any], weights: Array) -> float:
 
 
 def _chance_drop(size: float, within: float, noise: float) -> float:
-    """Return the drop that noise shows between two of `size` samples, `within` that
-    many of one another; a tenth is to spare.
+    """Return the largest drop that noise makes by chance among `size` samples, between
+    two at most `within` samples apart; with a tenth to spare.
     """
     return 1.1 * noise * math.sqrt(4.0 * math.log(max(0.5 * size * within, 2.0)))
 
 
 def _typical_drop(force: Array, least: float) -> tuple[int, float]:
-    """Return the number of drops of at least this size, and the typical one."""
+    """Return the number of drops of at least this size, and the typical drop."""
     peaks, troughs = turning_points(force, least)
     drops = force[peaks] - force[troughs]
     return peaks.size, weighted_median(drops, drops**2)
 
 
 def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
-    """A force by a median, which keeps edges, as wide as cycles allow; and the drop
-    its noise may show by chance.
+    """Return the force smoothed by a running median, which keeps edges, as wide as the
+    cycles allow; and the largest drop that its noise then makes by chance.
     """
     size = force.size
     chance = _chance_drop(size, size, noise)
@@ -143,23 +148,23 @@ def _smoothed(force: Array, noise: float) -> tuple[Array, float]:
 def fitted_locally(
     force: Array, width: int, degree: int, derivative: int = 0, step: float = 1.0
 ) -> Array:
-    """Polynomial, or its derivative, that fits the `width` samples about each sample of
-    a force best; up to a constant.
+    """Return the force, up to a constant, or its derivative, from a polynomial fitted
+    to the `width` samples around each sample (Savitzky-Golay).
     """
-    # slow to load, and seldom needed
+    # slow to import, and seldom needed
     from scipy.signal import oaconvolve, savgol_coeffs
 
     width |= 1
     weights = savgol_coeffs(width, degree, deriv=derivative, delta=step)
-    # odd reflection continues a straight line as one
+    # an odd reflection continues a straight line at the ends
     rest = force - force.mean()
     padded = np.pad(rest, width // 2, "reflect", reflect_type="odd")
     return np.asarray(oaconvolve(padded, weights, "valid"))
 
 
 def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
-    """Drops above the noise and not small beside the typical one, cut off neither by
-    an end nor by a gap.
+    """Return the drops of a trace that exceed `minimum_drop`, by default the noise and
+    a tenth of the typical drop, without those cut off by an end or a gap.
     """
     force = trace.force
     size = force.size
@@ -184,7 +189,7 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
             least = chance
         typical_one = f"a tenth of the typical one, {chance:.2g} by noise ({noise:.2g})"
         criterion = f"drops of at least {smallest:.3g}: {typical_one}"
-    # the way of the slider against the drive's direction, less that of the drive
+    # displacement of the slider against the drive, minus the travel of the drive
     back = None
     if trace.X is not None and trace.drive is not None and not trace.measured:
         gone = cumulative_trapezoid(np.abs(trace.drive), trace.t, initial=0)
@@ -200,9 +205,9 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
     before = trace.force[peak]
     after = trace.force[trough]
     if trace.measured and peak.size and noise > CORRECTED * np.median(before - after):
-        # The largest of many noisy samples lies above the force, and the smallest below
-        # it, by up to three standard deviations of the noise: their difference
-        # overstates a drop. Lines through the loading beside it do not.
+        # The largest of many noisy samples lies above the true force, and the smallest
+        # below it, by up to three standard deviations of the noise: their difference
+        # overstates a drop. Lines through the loading before and after it do not.
         most = 3.0 * noise
         rises = np.append(0, end)[:-1] + 1, np.append(start, size - 1)[1:]
         before = np.clip(_levels(trace, start, rises[0]), before - most, before + most)
@@ -226,15 +231,15 @@ def find_slips(trace: Trace, minimum_drop: float | None = None) -> Slips:
         cycles=cycles,
         cut=int(np.count_nonzero(~whole)),
     )
-    # Without the noise of its ends a drop may be less than it seemed. Where typical
-    # ones are, noise made all of them.
+    # Corrected for noise, some drops may be too small to count. If the typical one is,
+    # noise made all of them.
     reaches = found.drops >= least
     return found.only(reaches & (found.typical(found.drops) >= least))
 
 
 def speeds(trace: Trace, found: Slips) -> Array:
-    """Largest velocity of the slider in each slip over that of the drive; not a
-    number where either is not known.
+    """Return the largest velocity of the slider in each slip over that of the drive;
+    NaN where either is not known.
     """
     if trace.drive is None:
         return np.full(found.size, math.nan)
@@ -242,8 +247,8 @@ def speeds(trace: Trace, found: Slips) -> Array:
 
 
 def fast_slips(trace: Trace, found: Slips) -> Slips:
-    """Leave out slow drops, where the velocity is known and seen, and typical ones
-    are fast.
+    """Return the slips without slow drops, if their velocity is known and resolved and
+    the typical drop is fast; else all of them.
     """
     speed = speeds(trace, found)
     fast = speed >= SLIP_VELOCITY
@@ -258,8 +263,8 @@ def fast_slips(trace: Trace, found: Slips) -> Slips:
 def turning_points(
     values: Array, drop: float, rise: float | None = None
 ) -> tuple[Peaks, Peaks]:
-    """Peaks (of a flat one, its end), and the troughs after: drops of at least
-    `drop`, rises of `rise` or `drop`.
+    """Return the peaks (the end of a flat one) and the troughs after them, with drops
+    of at least `drop`, and rises of at least `rise`, by default `drop`.
     """
     values = np.append(values, np.inf)
     peaks, troughs = zigzag(values, drop, drop if rise is None else rise)
@@ -275,14 +280,15 @@ def pick(
     *,
     back: Array | None = None,
 ) -> tuple[Peaks, Peaks]:
-    """Peaks and troughs of the slips of a force: drops that stand out, each joined with
-    the ringing that it sets off.
+    """Return peaks and troughs of the slips of a force: of the significant drops, each
+    joined with the ringing that follows it.
 
-    A rise is ringing where it is smaller than the drop before, and the slider's swing
-    back, by `back`, makes more of it than the way of the drive; else where it is twice
-    as fast as the force usually rises, and takes at most twice the samples of the drop
-    before it, as far as that is resolved: a swing back takes as long as a swing.
-    Ringing decays: a drop of twice the one before it is another slip.
+    A rise is ringing if it is smaller than the drop before it, and if the slider's
+    swing back makes more of it than the travel of the drive, by `back`, its backward
+    displacement minus that travel. Without `back`, it is ringing if it is smaller than
+    the drop, twice as fast as the force usually rises, and takes at most twice the
+    samples of the drop, as far as these resolve it. Ringing decays: a drop of twice the
+    one before it is another slip.
     """
     peaks, troughs = turning_points(force, drop, least)
     if peaks.size < 2:
@@ -315,8 +321,8 @@ def pick(
 def _edges(
     force: Array, peaks: Peaks, troughs: Peaks, noise: float
 ) -> tuple[Peaks, Peaks]:
-    """Last sample near each peak and first sample near its trough, to a part of the
-    drop, or within the noise.
+    """Return the last sample near each peak and the first near its trough, within a
+    fraction of the drop or the noise.
     """
     start = peaks.copy()
     end = troughs.copy()
@@ -332,8 +338,8 @@ def _edges(
 
 
 def _levels(trace: Trace, at: Peaks, other: Peaks) -> Array:
-    """Force at samples, by straight lines through a third of the samples from there
-    to others, 3 to 50 of them.
+    """Return the force at samples `at`, each from a line through the first third of
+    the samples, 3 to 50 of them, from there to the sample `other`.
     """
     levels = np.empty(at.size)
     for i, (here, there) in enumerate(zip(at.tolist(), other.tolist(), strict=True)):

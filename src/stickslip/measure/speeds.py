@@ -1,4 +1,4 @@
-"""Friction against speed, out of a record with a velocity or a displacement."""
+"""Friction against speed, from a record with a velocity or a displacement."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-# Preferred numbers of the series R10 (ISO 3): speeds that lie nearer to one another
-# than to the next of these count as one.
+# Speeds are rounded to ten per decade, as the preferred numbers R10 of ISO 3.
 _PER_DECADE = 10
 _MOST_BLOCKS = 1000
-_FEWEST_BLOCKS = 3  # of one speed, for a scatter
-LEAST_SPEED = 1e-4  # times the fastest: a slower one is the noise of a sensor at rest
+_FEWEST_BLOCKS = 3  # blocks of one speed that give a scatter
+# A speed below this fraction of the highest is the noise of a sensor at rest.
+LEAST_SPEED = 1e-4
 
 
 def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
-    """Return friction against speed, out of a record that goes through speeds.
+    """Return friction against speed, from a record whose speed changes.
 
-    The record is cut into short blocks; those of one speed, ten to a decade, give its
-    friction: the mean of the coefficient where the load is known, of the force
-    otherwise. Of strokes to and fro the offset and the reversals are left out.
+    The record is cut into short blocks, which are sorted into ten speeds per decade;
+    the blocks of each give its friction: the mean of the coefficient of friction where
+    the load is known, of the force otherwise. The offset and the reversals of
+    reciprocating strokes are left out.
 
     Parameters
     ----------
@@ -42,13 +43,13 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
     -------
     Dataset
         Along ``speed``, from slow to fast: `velocity`, `friction`, `error`, the
-        standard error of the mean from the scatter of the blocks and their memory, and
-        `readings`. Units are those of the record.
+        standard error of the mean from the scatter of the blocks and their correlation,
+        and `readings`. Units are those of the record.
 
     Raises
     ------
     InputError
-        If the record has neither of the two, or never moves.
+        If the record has neither velocity nor displacement, or never moves.
 
     Examples
     --------
@@ -104,7 +105,9 @@ def friction_at_speeds(data: xr.Dataset) -> xr.Dataset:
 
 
 def _blocks(data: xr.Dataset, piece: Trace, size: int) -> pd.DataFrame:
-    """Return speed and friction in blocks of readings of a record, or a stroke."""
+    """Return the mean speed and friction of each block of readings of a record or a
+    stroke.
+    """
     import pandas as pd
 
     within = data.sel(time=slice(piece.t[0], piece.t[-1]))
@@ -131,6 +134,8 @@ def _blocks(data: xr.Dataset, piece: Trace, size: int) -> pd.DataFrame:
 
 
 def _error(blocks: pd.Series[float]) -> float:
-    """The standard error of a mean of blocks, by their scatter and memory."""
+    """Return the standard error of the mean of blocks, from their scatter and
+    correlation.
+    """
     worth = independent((blocks - blocks.mean()).to_numpy())
     return float(blocks.std()) / math.sqrt(worth)

@@ -11,20 +11,23 @@ from stickslip.measure.periods import rises
 from stickslip.measure.slips import turning_points
 from stickslip.measure.trace import FEWEST_CYCLES, FEWEST_READINGS, Array, Trace
 
-# of the range of the displacement, or of half the difference of two plateaus: a stroke
-# goes at least so far
+# A stroke covers at least this fraction of the range of the displacement; or its force
+# passes the middle of two plateaus by this fraction of half their difference.
 LEAST_WAY = 0.5
-# part of a variance that two levels explain: 8/pi^2 of a sine, 1 of steps; midway
+# Two plateaus explain at least this fraction of the variance of a force: the middle
+# between 8/pi^2, for a sine, and 1, for steps.
 PLATEAUS = 1.0 - 0.5 * (1.0 - 8.0 / math.pi**2)
-# part of a level that is near it: a sine is so near its own for .4 of the time, steps
-# for all of it
+# A force is near its plateau within this fraction of it: a sine for 0.4 of the time,
+# steps for all of it.
 NEAR = 0.1
 
 
 def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
-    """The strokes of a reciprocating test, each along its own direction, less the
-    offset of all and without the reversals; friction, which is half the difference of
-    the two plateaus, and that offset. None of another test.
+    """Return the strokes of a reciprocating test, the friction, which is half the
+    difference of the two plateaus of the force, and the offset, which is their mean.
+
+    Each stroke is turned into its own direction, without the offset and the reversals.
+    For another test the list is empty, and the numbers are NaN.
     """
     edges = _reversals(trace)
     if len(edges) < 3:
@@ -50,8 +53,8 @@ def find_strokes(trace: Trace) -> tuple[list[Trace], float, float]:
 
 
 def _are_plateaus(strokes: list[Trace], trace: Trace, level: float) -> bool:
-    """Whether a force stays near its level for most of the time, and neither climbs
-    nor falls in its strokes.
+    """Whether a force stays near its plateaus for half of the time, and neither climbs
+    nor falls in a typical stroke.
     """
     near = sum(np.count_nonzero(part.force >= (1.0 - NEAR) * level) for part in strokes)
     rise = np.median([abs(part.rise) for part in strokes])
@@ -59,7 +62,9 @@ def _are_plateaus(strokes: list[Trace], trace: Trace, level: float) -> bool:
 
 
 def _along(trace: Trace, side: float, offset: float) -> Trace:
-    """A stroke along its own direction, ahead or back (`side` -1), less an offset."""
+    """Return a stroke turned into its own direction, forward or back (`side` -1),
+    without the offset.
+    """
     force = side * (trace.force - offset)
     velocity = trace.velocity
     if velocity is not None and trace.drive is not None:
@@ -74,14 +79,16 @@ def _along(trace: Trace, side: float, offset: float) -> Trace:
 
 
 def _plateau(force: Array) -> float:
-    """The mean of the middle half of a stroke, which its reversals do not touch."""
+    """Return the mean of the middle half of a stroke, away from its reversals."""
     quarter = force.size // 4
     return float(force[quarter : force.size - quarter].mean())
 
 
 def _reversals(trace: Trace) -> list[int]:
-    """First samples of strokes, and the end of the last: by displacement, or a force
-    with two plateaus in turn.
+    """Return the first samples of the strokes, and the end of the last one.
+
+    They come from the displacement or, if that is not known, from a force that
+    alternates between two plateaus.
     """
     size = trace.t.size
     if (way := trace.displacement) is not None:
@@ -107,29 +114,29 @@ def _reversals(trace: Trace) -> list[int]:
     ]
     lengths = np.diff(edges)
     if lengths.size >= FEWEST_CYCLES:
-        lengths = lengths[1:-1]  # those at the ends may be cut off
+        lengths = lengths[1:-1]  # the first and the last may be cut off
     elif not are_to_and_fro(low, high):
-        return []  # few turns are reversals only where the force changes its sign
+        return []  # few turns are reversals only if the force changes its sign
     return edges if lengths.min() >= FEWEST_READINGS else []
 
 
 def are_to_and_fro(low: float, high: float) -> bool:
-    """Whether two forces lie on both sides of zero, one at least half as far as the
-    other.
+    """Whether two forces lie on both sides of zero, the nearer at least half as far
+    from it as the other.
     """
     nearer, farther = sorted((-low, high))
     return nearer >= LEAST_WAY * farther > 0.0
 
 
 def _takes_two_levels(force: Array) -> bool:
-    """Whether two levels that a force takes in turn explain it."""
+    """Whether a force alternates between two levels, which explain it."""
     low, high = _two_levels(force)
     rest = force - np.where(force > 0.5 * (low + high), high, low)
     return bool((rest**2).mean() <= (1.0 - PLATEAUS) * force.var())
 
 
 def _two_levels(force: Array) -> Range:
-    """The two levels that leave the least squares of a force."""
+    """Return the two levels that fit a force best, by least squares."""
     low, high = (float(edge) for edge in np.quantile(force, (0.05, 0.95)))
     middle = math.nan
     for _ in range(20):

@@ -1,4 +1,4 @@
-"""A table of numbers in a file of any kind: text, spreadsheet, or binary."""
+"""Reading a table of numbers from a file: text, spreadsheet, or binary."""
 
 import csv
 import io
@@ -28,13 +28,13 @@ _EXPORTED = {
     b"\xff\xd8\xff": "a picture: export the table as .csv",
     b"\x80\x04": "a pickle of Python: write the columns as .csv or .npy",
 }
-"""Binary files that are not read, by their first bytes, and how to export them."""
+"""Kinds of file that cannot be read, by their first bytes, and how to export them."""
 
 
 def read_table(
     raw: bytes, delimiter: str | None = None, decimal: str | None = None
 ) -> Table:
-    """Find out how a file is laid out; `InputError` if it is no table."""
+    """Return the table in the bytes of a file; `InputError` if there is none."""
     for magic, export in _EXPORTED.items():
         if raw.startswith(magic):
             raise InputError(f"is {export}")
@@ -47,7 +47,7 @@ def read_table(
         return read(raw)
     except InputError:
         raise
-    # libraries raise errors of zip, XML, struct, and of their own
+    # libraries raise errors of zip, XML and struct, and their own
     except Exception as error:
         remedy = (
             "`pip install 'stickslip[traces]'` to read .xlsx and .tdms, "
@@ -57,7 +57,7 @@ def read_table(
 
 
 def _of_numpy(raw: bytes) -> Table:
-    """An array of numpy: its fields, or its columns."""
+    """Return the table of a numpy array: its fields, or its columns."""
     values = np.load(io.BytesIO(raw), allow_pickle=False)
     if values.dtype.names:
         return _of_named({name: values[name] for name in values.dtype.names})
@@ -65,7 +65,7 @@ def _of_numpy(raw: bytes) -> Table:
 
 
 def _of_sound(raw: bytes) -> Table:
-    """The channels of a .wav file, at its rate."""
+    """Return the table of the channels of a .wav file, with its sampling interval."""
     from scipy.io import wavfile
 
     rate, values = wavfile.read(io.BytesIO(raw))
@@ -75,8 +75,8 @@ def _of_sound(raw: bytes) -> Table:
 
 
 def _of_matlab(raw: bytes) -> Table:
-    """The variables of a .mat file, those of a struct by their own names; of matrices
-    the columns.
+    """Return the table of the variables of a .mat file: fields of structs by their own
+    names, matrices by columns.
     """
     from scipy.io import loadmat
 
@@ -93,7 +93,9 @@ def _of_matlab(raw: bytes) -> Table:
 
 
 def _columns_of(name: str, values: Any) -> dict[str, Any]:
-    """The columns of an array under its name and, of several, their numbers."""
+    """Return the columns of an array, named by its name and, if there are several,
+    their numbers.
+    """
     if values.ndim != 2:
         return {name: values} if values.ndim == 1 else {}
     along = max(values, values.T, key=len)
@@ -103,7 +105,9 @@ def _columns_of(name: str, values: Any) -> dict[str, Any]:
 def _of_named(
     named: Mapping[str, Any], kind: str = "variable", read: str = "what has {} numbers"
 ) -> Table:
-    """Named columns of numbers, those of the length that most of them have."""
+    """Return the table of named columns of numbers: of those with the most frequent
+    length.
+    """
     long = {
         name: np.array(values, dtype=float)
         for name, values in named.items()
@@ -132,7 +136,9 @@ def _of_named(
 
 
 def _of_spreadsheet(raw: bytes) -> Table:
-    """The sheet with most numbers of an .xlsx file, as text separated by tabs."""
+    """Return the table in the sheet with the most numbers of an .xlsx file, read as
+    text separated by tabs.
+    """
     import pandas as pd
 
     sheets = pd.read_excel(
@@ -155,7 +161,7 @@ def _of_spreadsheet(raw: bytes) -> Table:
 
 
 def _left_out(read: str, kind: str, left: list[str]) -> tuple[str, ...]:
-    """A note of tables besides the one that was read, if there are any."""
+    """Return a note of the tables that were not read, if there are any."""
     if not left:
         return ()
     named = ", ".join(left[:5]) + (f" and {len(left) - 5} more" * (len(left) > 5))
@@ -164,7 +170,7 @@ def _left_out(read: str, kind: str, left: list[str]) -> tuple[str, ...]:
 
 
 def _of_tdms(raw: bytes) -> Table:
-    """The channels of numbers in a TDMS file, of those that are equally long."""
+    """Return the table of the channels of numbers of equal length in a TDMS file."""
     import nptdms
 
     file = nptdms.TdmsFile.read(io.BytesIO(raw))
@@ -193,8 +199,8 @@ def _of_tdms(raw: bytes) -> Table:
 
 
 def _step_of(properties: Mapping[str, Any]) -> float:
-    """Return the sampling interval of a channel of a TDMS file in s; 0 where it has
-    none, as a spectrum, whose readings lie apart in 1/s.
+    """Return the sampling interval of a channel of a TDMS file in s; 0 if it has none,
+    as in a spectrum, whose interval is in 1/s.
     """
     step = float(properties.get("wf_increment") or 0.0)
     size = unit_size(str(properties.get("wf_xunit_string") or "s").strip())

@@ -1,5 +1,5 @@
-"""A table of numbers as instruments write them: its layout by its head and a sample
-of its rows, then its columns.
+"""Reading a table of numbers as instruments write them: first its layout, from its head
+and a sample of its rows, then its columns.
 """
 
 from __future__ import annotations
@@ -34,39 +34,40 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_COLUMNS = 1000
-_LONGEST_LINE = 65_536  # characters of a line that are looked at
-_SAMPLE = 400  # lines looked at to find out how a table is laid out
-_HEAD = 1000  # lines among which a table must start
-_LOOKED_AT = 50  # rows, and cells of each, by which a layout is chosen
+_LONGEST_LINE = 65_536  # most characters read of a line
+_SAMPLE = 400  # number of lines from which the layout is found
+_HEAD = 1000  # a table must start within this many lines
+_LOOKED_AT = 50  # number of rows, and of cells of each, by which a layout is chosen
 _LONGEST_NUMBER = 60  # characters of a cell that may hold a number
 
 _CONTROLS = bytes([*range(9), *range(13, 32), 127])
-_ROW = re.compile(r"\s*(?![#%!]|//)\S")  # neither blank nor a comment
-_NO_ROW = re.compile(rb"\n[^\S\n]*(?=\n|[#%!]|//)")  # the end of the line before one
+_ROW = re.compile(r"\s*(?![#%!]|//)\S")  # a line that is neither blank nor a comment
+# the end of a line that is followed by a blank line or a comment
+_NO_ROW = re.compile(rb"\n[^\S\n]*(?=\n|[#%!]|//)")
 _NUMBER = re.compile(
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?)\s*([^\W\d_%°](?:[^,;\s]|\s(?![-+.\d])){0,11}|[%°])?"
 )
 _BLANKS, _BEFORE_NUMBERS = " ", "  "
-"""Separators of columns besides one character: blanks, or only those before a number,
-where units stand behind it.
+"""Separators of columns that are not one character: any blanks, or only the blanks
+before a number, if units follow the numbers.
 """
-_FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 is 15
+_FORTRAN = str.maketrans("dD", "ee")  # 1.5D+01 means 15
 _COMMAS = str.maketrans(".,", ",.")
 _NONE = {"nan", "na", "n/a", "null", "none", "-", "--", "---", ""}
 _NO_VALUE = _NONE | {"inf", "-inf", "+inf"}
-"""What stands for no value; the first of them for one that was not taken."""
+"""Texts that stand for no value, and among them (`_NONE`) those for no reading."""
 
 Numbered = list[tuple[int, str]]
 """Lines with their numbers, from zero."""
 
 
 class Table(NamedTuple):
-    """A table: its headings, the places of its columns of numbers, and the line of
-    each row; the step in s where the file says so.
+    """A table: its headings, the indices of its columns of numbers, the line number of
+    each row, and the sampling interval in s if the file holds it.
 
-    `read` returns columns by their places, NaN where a cell holds no value, infinite
-    where it holds what cannot be read; `line` the text of a line; `notes` name the
-    parts of the file that were left out.
+    `read` returns columns by their indices, with NaN for a cell without a value, and
+    infinity for one that cannot be read; `line` returns the text of a line; `notes`
+    name the parts of the file that were left out.
     """
 
     headings: list[Heading]
@@ -78,7 +79,7 @@ class Table(NamedTuple):
     notes: tuple[str, ...] = ()
 
     def listed(self) -> str:
-        """The columns, for a message."""
+        """Return the numbers and names of the columns, for a message."""
         shown = []
         for i, heading in enumerate(self.headings):
             named = f"{i + 1} '{heading}'" if heading.name else f"{i + 1}"
@@ -88,13 +89,13 @@ class Table(NamedTuple):
 
 
 def read_cell(cell: str, comma: bool = False) -> tuple[float | None, str]:
-    """Number and unit of a cell, a time of the day as seconds; None and no unit
-    where it holds no finite number.
+    """Return number and unit of a cell, a time of day in seconds; None and an empty
+    unit if it holds no finite number.
     """
     cell = cell.strip().strip('"').replace("\N{MINUS SIGN}", "-")
     if len(cell) > _LONGEST_NUMBER:
         return None, ""
-    # as it stands: 25.04.2026 has points where decimals have commas, too
+    # try times before decimal commas are replaced: 25.04.2026 has points, too
     if (seconds := seconds_of(cell)) is not None:
         return seconds, "s"
     match = _NUMBER.fullmatch(cell.translate(_COMMAS) if comma else cell)
@@ -133,22 +134,22 @@ class _Layout(NamedTuple):
         return sum(are_numbers) / len(are_numbers) if are_numbers else none
 
     def fit(self, lines: list[str]) -> tuple[bool, float]:
-        """Return two measures of how well it parts lines: whether few of them hold a
-        number within a cell beside another mark, and the fraction of the cells that are
-        numbers.
+        """Return two measures of how well the layout splits lines: whether few of them
+        have a cell with a number and another separator in it, and the fraction of the
+        cells that are numbers.
         """
         rows = [self.split(line)[:_LOOKED_AT] for line in lines]
         cut = sum(any(map(self._is_cut, row)) for row in rows)
         return 2 * cut < len(rows), self.numbers(chain(*rows))
 
     def _is_cut(self, cell: str) -> bool:
-        """Whether a number stands within a cell beside another mark."""
+        """Whether a cell holds a number and another separator."""
         parts = re.split(r"[\t;|]", cell)
         return len(parts) > 1 and self.numbers(parts) > 0.0
 
 
 def _as_utf8(raw: bytes) -> bytes:
-    """The text of a file in UTF-8, its lines ended by a line feed."""
+    """Return the text of a file in UTF-8, with lines that end with a line feed."""
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or raw[1:2] == b"\0":
         raw = raw.decode("utf-16", errors="replace").encode()
     raw = raw.removeprefix(b"\xef\xbb\xbf").rstrip(b"\x1a")  # the end of a file of DOS
@@ -158,7 +159,7 @@ def _as_utf8(raw: bytes) -> bytes:
         # units such as µ, written by older instruments
         raw = raw.decode("latin-1").encode()
     raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    # else the same object: a long file is held once
+    # without need, no copy is made of a long file
     if not raw.endswith(b"\n"):
         raw += b"\n"
     if len(raw.translate(None, _CONTROLS)) < len(raw):
@@ -167,7 +168,7 @@ def _as_utf8(raw: bytes) -> bytes:
 
 
 class _Lines(NamedTuple):
-    """The lines of a text, found by their number from zero."""
+    """The lines of a text, by their number from zero."""
 
     raw: bytes
     begins: NDArray[np.int64]  # where each line begins, and where the text ends
@@ -187,7 +188,7 @@ class _Lines(NamedTuple):
         return [(i, line) for i, line in first if line.strip()]
 
     def sample(self, begin: int) -> list[str]:
-        """Rows from the line `begin` on, evenly over the text."""
+        """Return rows from evenly spaced lines of the text, from `begin` on."""
         places = np.linspace(begin, self.total, _SAMPLE, endpoint=False)
         lines = map(self.line, np.unique(places.astype(int)).tolist())
         return [*filter(_ROW.match, lines)]
@@ -196,14 +197,12 @@ class _Lines(NamedTuple):
 def read_text(
     raw: bytes, delimiter: str | None = None, decimal: str | None = None
 ) -> Table:
-    """Read the rows of numbers in a text, and their headings; `InputError` if there
-    are none.
-    """
+    """Return the table in the bytes of a text; `InputError` if there is none."""
     raw = _as_utf8(raw)
     octets = np.frombuffer(raw, dtype=np.uint8)
     lines = _Lines(raw, np.append(0, np.flatnonzero(octets == ord("\n")) + 1))
     labview, head = _without_header_of_labview(lines.head())
-    # there may be text above: rows are looked for in the last third of a head
+    # text may precede the table: leave the first third of the lines out of the sample
     sample = lines.sample((2 * head[0][0] + lines.total) // 3) if head else []
     if not sample:
         raise InputError(
@@ -233,8 +232,8 @@ def read_text(
         raise InputError(
             f"rows such as {shortened(sample[len(sample) // 2])!r} may hold {width} "
             "columns, or fewer with decimal commas; write decimal points, or a line "
-            "of names above, one to a column, as 'time (s),force (N)' (in Python say "
-            "decimal=',' or delimiter=',', too)"
+            "of names above, one to a column, as 'time (s),force (N)' (in Python, "
+            "also decimal=',' or delimiter=',')"
         )
     headings = headings_of(named, width)
     step = _labview(labview, headings, numeric, layout)
@@ -242,7 +241,7 @@ def read_text(
     clocks = {i: turn_of(columns[i][0]) for i in numeric if ":" in columns[i][0]}
     for i in numeric:
         units[i] = mode(read_cell(cell, layout.comma)[1] for cell in columns[i])
-        if i in clocks:  # its heading may hold the form of a clock, hh:mm:ss
+        if i in clocks:  # the heading may hold the format hh:mm:ss instead of a unit
             headings[i] = Heading(headings[i].name or "time", "s")
         headings[i] = _with_unit_of_cells(headings[i], units[i], i)
     quoted = '"' in "".join(sample)
@@ -272,7 +271,9 @@ def read_text(
 
 
 def _without_header_of_labview(head: Numbered) -> tuple[list[str], Numbered]:
-    """Part the header of a LabVIEW file, empty where there is none, from the rest."""
+    """Separate the header of a LabVIEW file, empty if there is none, from the other
+    lines.
+    """
     lines = [line for _, line in head]
     ends = [k for k, line in enumerate(lines, 1) if line.startswith("***End_of_Header")]
     end = max(ends, default=0)
@@ -280,7 +281,7 @@ def _without_header_of_labview(head: Numbered) -> tuple[list[str], Numbered]:
 
 
 def _first_row(head: Numbered, numeric: list[int], layout: _Layout) -> int:
-    """Return the number of the first line that has a number in each column of them."""
+    """Return the number of the first line with a number in each numeric column."""
     for i, line in head:
         row = layout.split(line) if numeric and _ROW.match(line) else []
         cells = [row[k] for k in numeric if k < len(row)]
@@ -293,7 +294,7 @@ def _first_row(head: Numbered, numeric: list[int], layout: _Layout) -> int:
 
 
 def _with_unit_of_cells(heading: Heading, unit: str, column: int) -> Heading:
-    """Return the heading with the unit that stands in the cells of its column."""
+    """Return the heading with the unit that is written in the cells of its column."""
     if not unit:
         return heading
     if not (ratio(unit, heading.unit) if heading.unit else unit_named(unit)):
@@ -306,7 +307,7 @@ def _with_unit_of_cells(heading: Heading, unit: str, column: int) -> Heading:
 
 
 def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> _Layout:
-    """The layout by which most cells are numbers, and no number is left in a cell."""
+    """Return the layout that best splits a sample of lines into cells of numbers."""
     if decimal not in (None, ".", ","):
         raise refused("decimal", decimal, "must be '.' or ','")
     marks = [delimiter or ""]
@@ -323,13 +324,13 @@ def _layout(sample: list[str], delimiter: str | None, decimal: str | None) -> _L
 
 
 def _as_wide(line: str, layout: _Layout, width: int) -> list[str]:
-    """The cells of a line above the table, one to a column; none if they are too
-    few.
+    """Return the cells of a line above the table, one for each column; empty if their
+    number differs.
     """
     if layout.mark not in (_BLANKS, _BEFORE_NUMBERS):
-        # rows may leave out a last one for remarks, as LabVIEW's do
+        # the line may have one more cell, for remarks, as in LabVIEW's files
         found = [layout.split(line)[:width]]
-    else:  # names may hold blanks: look for other marks first
+    else:  # names may hold blanks: try other separators first
         found = [_Layout(other, False).split(line) for other in ",;\t" if other in line]
         blanks = (r"\s{2,}", r"\s+(?![\[(])", r"\s+")
         found += [re.split(each, line.strip()) for each in blanks]
@@ -339,7 +340,7 @@ def _as_wide(line: str, layout: _Layout, width: int) -> list[str]:
 def _labview(
     head: list[str], headings: list[Heading], numeric: list[int], layout: _Layout
 ) -> float | None:
-    """Time step from the head of a LabVIEW measurement file; its units complete the
+    """Return the time step from the header of a LabVIEW file, and add its units to the
     headings.
     """
     mark = "\t" if layout.mark.isspace() else layout.mark
@@ -355,7 +356,9 @@ def _labview(
 
 
 def _is_surplus(beyond: pd.Series[Any], comma: bool) -> NDArray[np.bool_]:
-    """Rows with a number or a unit beyond the last column: no number of them counts."""
+    """Return a mask of rows with a number or a unit beyond the last column, which makes
+    all numbers of the row unreliable.
+    """
     texts = [str(text) for text in beyond.cat.categories]
     wrong = [
         read_cell(text, comma)[0] is not None or unit_named(text) is not None
@@ -365,8 +368,8 @@ def _is_surplus(beyond: pd.Series[Any], comma: bool) -> NDArray[np.bool_]:
 
 
 def _since_first(times: Array, turn: float) -> Array:
-    """Times since the first; at each leap backwards a time of the day, or of the hour,
-    begins anew.
+    """Return times since the first one; at each jump backwards, a time of day starts
+    again after `turn`, a day or an hour.
     """
     known = np.isfinite(times)
     since = times[known]
@@ -381,8 +384,8 @@ def _since_first(times: Array, turn: float) -> Array:
 def _cells(
     lines: _Lines, start: int, columns: list[int], layout: _Layout, *, quoted: bool
 ) -> pd.DataFrame:
-    """Cells of some columns, one row for each line; surplus cells of a row are put
-    into the last column.
+    """Return the cells of some columns, one row for each line; those of the last
+    column hold what follows the columns of the table.
     """
     import pandas as pd
 
@@ -392,7 +395,7 @@ def _cells(
         rows = re.sub(rb"(?<=\S)[ \t]+(?=[-+.\d])", b"\t", rows)
         mark = "\t"
     width = columns[-1]
-    full = mark.join("0" * (width + 1)) + "\n"  # a row that has them all
+    full = mark.join("0" * (width + 1)) + "\n"  # a row with all columns, dropped below
     count = lines.total - start
     with suppress(pd.errors.ParserError):
         cells = pd.read_csv(
@@ -407,7 +410,7 @@ def _cells(
             skipinitialspace=True,
             quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE,
             encoding_errors="replace",
-            # else pandas warns of texts among numbers, which are reported later
+            # otherwise pandas warns of texts among numbers, which are reported later
             low_memory=False,
         )[1:]
         if len(cells) == count:
@@ -419,14 +422,14 @@ def _cells(
 
 
 def _as_numbers(cells: pd.Series[Any], usual: str, comma: bool) -> Array:
-    """The numbers of a column, NaN where a cell stands for no value, infinite where it
-    cannot be read, or holds a number in another unit than usual.
+    """Return the numbers of a column: NaN for a cell without a value, infinity for one
+    that cannot be read or has another unit than usual.
     """
 
     def number(cell: Any) -> Any:
-        if isinstance(cell, int):  # pandas keeps those beyond 64 bits as they are
+        if isinstance(cell, int):  # pandas leaves integers beyond 64 bits as they are
             return cell if abs(cell) < sys.float_info.max else math.inf
-        if not isinstance(cell, str):  # of some parts pandas makes numbers
+        if not isinstance(cell, str):  # pandas has read some of the cells as numbers
             return cell
         if cell.strip().strip('"').lower() in _NONE:
             return math.nan

@@ -1,6 +1,4 @@
-"""The arrays of a Dataset as the measures need them, and the turning points of a
-force.
-"""
+"""The arrays of a measured or simulated force trace, and statistics of them."""
 
 from __future__ import annotations
 
@@ -31,17 +29,18 @@ if TYPE_CHECKING:
 
 FEWEST_READINGS = 16
 FEWEST_CYCLES = 4  # complete cycles needed to speak of a period
-ERRORS = 3.0  # standard errors beyond which a difference is no chance ...
-CHANCE = float(ndtr(-ERRORS))  # ... and how often one lies beyond them by chance
+ERRORS = 3.0  # a difference of more standard errors than this is significant ...
+CHANCE = float(ndtr(-ERRORS))  # ... and the probability of one by chance
 RESTS = 0.25
-"""Times the drive: a slider that is slower is stuck, and one that differs by less on
-average moves evenly. And part of the time: one that just comes to rest in a sine is
-stuck for arccos(3/4)/pi = .23 of it, one that sticks for longer.
+"""A slider slower than this fraction of the drive velocity is stuck; one whose velocity
+deviates by less than this fraction (rms) moves steadily. A slider that is stuck for at
+least this fraction of the time sticks: one that just comes to rest in a sinusoidal
+motion is stuck for arccos(3/4)/pi = .23 of it.
 """
 # relative change of the drive's velocity that still counts as constant
 CONSTANT_DRIVE = 0.01
-# A measured trace that begins this many of its lengths after zero has an origin that
-# is not its own, such as 1970: differences of its times would lose digits.
+# Times of a measured trace that begin this many trace lengths after zero count from an
+# origin such as 1970: differences between them would lose digits.
 _FAR = 10.0
 _VARIABLES = {
     "t": "time",
@@ -56,8 +55,8 @@ _VARIABLES = {
 
 
 def check_numbers(place: str, variable: xr.DataArray) -> None:
-    """Raise `InputError` if a variable holds no numbers, or such as are too large or
-    too small to be multiplied.
+    """Raise `InputError` if a variable does not hold numbers, or holds numbers too
+    large or too small to be multiplied.
     """
     if variable.dtype.kind not in "fiu":
         raise InputError(
@@ -71,11 +70,11 @@ def check_numbers(place: str, variable: xr.DataArray) -> None:
 
 
 def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
-    """A Dataset with a force along time: as it is, or made of a force alone over its
-    times; dates become seconds.
+    """Return the data as a Dataset with a force along time; a force alone becomes one,
+    and dates become seconds.
 
-    Times of a trace that are counted from far before it, such as 1970, start with its
-    first reading; times of a run are those of its drive, and stay.
+    Times of a trace that count from long before it, such as from 1970, are shifted to
+    start at its first reading. Times of a run are left alone: its drive refers to them.
     """
     import pandas as pd
     import xarray as xr
@@ -110,7 +109,7 @@ def dataset_of(data: xr.Dataset | xr.DataArray | pd.Series) -> xr.Dataset:
 
 
 def _along_time(data: xr.Dataset, name: str) -> Array:
-    """Values of a variable along time, the mean of the blocks of a slider;
+    """Return the values of a variable along time, averaged over the blocks of a slider;
     `InputError` if some are not finite.
     """
     along = data[name]
@@ -142,8 +141,8 @@ class Trace:
     t: Array
     force: Array
     sign: float
-    # force in all of the data: static friction, where they hold a slip or the first
-    # loading
+    # largest force in all of the data: the static friction, if they hold a slip or the
+    # first loading
     largest: float
     X: Array | None = None
     velocity: Array | None = None
@@ -152,21 +151,21 @@ class Trace:
     part_number: Array | None = None
     measured_velocity: Array | None = None  # of the drive, as measured beside the force
     rig: Rig | None = None
-    contacts: int | None = None  # their number, where it is known
-    measured: bool = False  # by a sensor with noise; False for a simulated run
+    contacts: int | None = None  # number of contacts, where it is known
+    measured: bool = False  # measured by a sensor with noise; False for a simulated run
     time_unit: str = ""
     force_unit: str = ""
     velocity_unit: str = ""
     quantity: str = "force"
-    # of a known spring and drive: rate at which a held slider is loaded, and time over
-    # which the slopes are taken that the motion is known by
+    # for a known spring and drive: loading rate of a held slider, and the time over
+    # which the slope of the force was taken to obtain the velocity of the slider
     full_rate: float | None = None
     slope_window: float = 0.0
 
     @classmethod
     def of(cls, data: xr.Dataset | xr.DataArray | pd.Series) -> Self:
-        """Take them from a Dataset; `InputError` if it holds no force, or values
-        that are not finite.
+        """Make a trace of a Dataset; `InputError` if it holds no force, or values that
+        are not finite.
         """
         data = dataset_of(data)
         if "spring_force" not in data or "time" not in data["spring_force"].dims:
@@ -183,8 +182,8 @@ class Trace:
         force = arrays["force"]
         drive = arrays.get("drive")
         # A load cell may count pull as negative: then the sign of the force shows the
-        # direction, unless it was turned. A force that is well above and below zero
-        # has lost its mean, and does not show it.
+        # direction, unless the user has flipped it. A force that goes well above and
+        # below zero has lost its mean, so its sign shows nothing.
         backwards = (
             not data.attrs.get("flipped")
             and np.mean(force) < 0
@@ -203,10 +202,10 @@ class Trace:
         rig = None
         contacts = data.attrs.get("contacts")
         if "provenance" in data.attrs:
-            # brings all engines, which no measured trace needs
+            # imports all engines, which no measured trace needs
             from stickslip.simulation import rig_of
 
-            with suppress(InputError):  # not every run says what it was made of
+            with suppress(InputError):  # not every run records its rig
                 rig = rig_of(data)
         if rig is not None:
             contacts = _contacts_of(rig) or contacts
@@ -236,8 +235,8 @@ class Trace:
 
     @classmethod
     def of_run(cls, run: Recording) -> Self:
-        """Take them from a run with a drive, as its engine left it: as `of` does
-        from its Dataset.
+        """Make a trace of the recording of an engine: the same as `of` makes of its
+        Dataset.
         """
         series = run.series(_VARIABLES.values())
         arrays: dict[str, Any] = {
@@ -258,14 +257,14 @@ class Trace:
 
     @cached_property
     def steady_load_from(self) -> float:
-        """Time at which the normal load of a run has come to its last value."""
+        """Time from which the normal load of a run is constant."""
         if self.rig is None or not self.rig.drive.load:
             return -math.inf
         return self.rig.drive.load[-1].time * self.rig.unit("time")
 
     @property
     def length(self) -> float:
-        """From the first reading to the last."""
+        """Time from the first reading to the last."""
         return float(self.t[-1] - self.t[0])
 
     @property
@@ -275,13 +274,13 @@ class Trace:
 
     @cached_property
     def rise(self) -> float:
-        """Rise of the force from the first to the last sample, by a line."""
+        """Rise, over the length of the trace, of the line fitted to the force."""
         return slope(self.force, self.t) * self.length
 
     @cached_property
     def clock(self) -> Array:
-        """The times or, where the velocity of the drive was measured, its travel over
-        its mean velocity: by that a force climbs at one rate.
+        """Times or, where the velocity of the drive was measured, its travel over its
+        mean velocity: against that, the loading rate is constant.
         """
         if self.measured_velocity is None:
             return self.t
@@ -291,16 +290,16 @@ class Trace:
 
     @cached_property
     def pace(self) -> Array | None:
-        """Velocity of the slider over the usual one of the drive; None where it is
-        not known.
+        """Velocity of the slider over the median velocity of the drive; None where it
+        is not known.
         """
         drive = 0.0 if self.drive is None else float(np.median(self.drive))
         return self.velocity / drive if self.velocity is not None and drive else None
 
     @property
     def speeds(self) -> Range | None:
-        """Measured speed of the drive at the beginning and at the end; None where it
-        was not measured.
+        """Speed of the drive at the beginning and at the end; None where it was not
+        measured.
         """
         if self.measured_velocity is None:
             return None
@@ -311,15 +310,17 @@ class Trace:
 
     @property
     def stuck(self) -> float | None:
-        """Part of the time in which the slider is slower than a quarter of the
-        drive; None where it is not known.
+        """Fraction of the time in which the slider is slower than a quarter of the
+        drive; None where its velocity is not known.
         """
         return None if self.pace is None else float(np.mean(self.pace < RESTS))
 
     @property
     def gaps(self) -> NDArray[np.intp]:
-        """Samples before another part of a record, or a gap: a step of more than 16
-        of those beside it, as many readings as a verdict needs.
+        """Last samples before a gap or before the next part of a record.
+
+        A gap is a time step of more than 16 times (the fewest readings of a verdict)
+        the steps on either side of it.
         """
         step = np.diff(self.t)
         ends = np.zeros(step.size, dtype=bool)
@@ -330,7 +331,7 @@ class Trace:
 
     @property
     def stretches(self) -> list[Self]:
-        """Stretches between gaps, and the parts of a record, in turn."""
+        """Parts of the trace between gaps, and the parts of a record, in order."""
         return [
             self.part(*ends)
             for ends in pairwise([self.t[0], *self.t[self.gaps + 1], math.inf])
@@ -348,7 +349,7 @@ class Trace:
 
 
 def _check_times(t: Array) -> None:
-    """Raise `InputError` if there are few readings, or their times do not rise."""
+    """Raise `InputError` if there are too few readings, or their times do not rise."""
     if t.size < FEWEST_READINGS:
         raise InputError(
             f"measure: {t.size} samples of spring_force are too few: "
@@ -363,21 +364,21 @@ def _check_times(t: Array) -> None:
 
 
 def _along_drive(arrays: Mapping[str, Any], sign: float) -> dict[str, Array]:
-    """Force and motion in the direction of the drive."""
+    """Return force and motion counted positive in the direction of the drive."""
     turned = {"force", "X", "velocity", "drive"} & arrays.keys()
     return {key: sign * arrays[key] for key in turned}
 
 
 def _contacts_of(rig: Rig) -> int | None:
-    """Return the number of contacts that a rig draws; None where it has none."""
+    """Return the number of contacts that a rig draws; None if its method draws none."""
     if not isinstance(rig.method, DRAWN):
         return None
     return rig.method.count * int(getattr(rig.slider, "size", 1))
 
 
 def _is_of_the_slider(velocity: Array, force: Array) -> bool:
-    """Whether a velocity is that of the slider rather than of the drive: then what
-    the loss of the spring is most of its variation.
+    """Whether a velocity is that of the slider rather than of the drive: then most of
+    its variation is the rate at which the spring force falls.
     """
     count = (velocity.size - 1) // FEWEST_READINGS
     if count < FEWEST_READINGS:
@@ -394,20 +395,20 @@ def _is_of_the_slider(velocity: Array, force: Array) -> bool:
 
 
 def without_drift(values: Array) -> Array:
-    """Even samples less their linear trend and all that has fewer than four cycles:
-    too slow to be distinguished from a drift.
+    """Return evenly spaced samples without their linear trend and without waves of
+    fewer than four cycles, which cannot be distinguished from a drift.
     """
     count = values.size
-    at = np.arange(count) - 0.5 * (count - 1)  # from the middle
+    at = np.arange(count) - 0.5 * (count - 1)  # sample number from the middle
     rest = values - values.mean()
     # the sum of the squares of `at` is count (count^2 - 1)/12
     rise = 12.0 * np.einsum("i,i->", at, rest) / (count * (count**2 - 1.0))
     work = np.multiply(rise, at)
     rest -= work
-    # The slowest cosines, orthogonal to one another, each from the two before. A
-    # transform and its inverse would do the same, in twenty times the time where a
-    # large prime divides the length. Long arrays are written over: new memory costs
-    # more than the sums.
+    # Remove the slowest cosines, which are orthogonal, each computed from the two
+    # before (Chebyshev). A Fourier transform and its inverse would do the same, but
+    # take twenty times as long where a large prime divides the length. Arrays are
+    # overwritten, as allocating new ones costs more than the sums.
     wave = np.cos(np.pi / count * (at + 0.5 * count))
     twice = np.multiply(2.0, wave, out=at)
     before = np.ones(count)
@@ -421,9 +422,9 @@ def without_drift(values: Array) -> Array:
 
 
 def slope(values: Array, at: Array) -> float:
-    """Slope of the straight line through values.
+    """Return the least-squares slope of values.
 
-    By sums: products of long vectors would wake the threads of BLAS.
+    It uses sums, as dot products of long vectors would start the threads of BLAS.
     """
     at = at - at.mean()
     return float((at * (values - values.mean())).sum()) / float((at * at).sum())
@@ -436,16 +437,16 @@ def memory(rest: Array) -> float:
 
 
 def independent(rest: Array, least: float = 1.0) -> float:
-    """Return the effective number of independent residuals, ``n (1 - r)/(1 + r)`` with
-    their correlation `r` from one to the next (Bartlett), at least `least`.
+    """Return the effective number of independent residuals, at least `least`:
+    ``n (1 - r)/(1 + r)`` with the correlation `r` of neighbours (Bartlett).
     """
     r = memory(rest)
     return max(rest.size * (1.0 - r) / (1.0 + r), least)
 
 
 def mean_and_std(values: Array) -> tuple[float, float, float]:
-    """Mean, sample standard deviation and coefficient of variation of the values
-    that are known.
+    """Return mean, sample standard deviation and coefficient of variation of the finite
+    values.
     """
     kept = values[np.isfinite(values)]
     mean = float(kept.mean()) if kept.size else math.nan

@@ -1,4 +1,4 @@
-"""Reading a force trace measured on a bench, as instruments write it."""
+"""Reading a measured force trace from a file of an instrument."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LARGEST_FILE = 100_000_000  # bytes
-# 2.5 N/V: a number, a unit, and that of the reading, if it has one
+# 2.5 N/V: a number, its unit and, optionally, the unit of the reading
 SCALE = re.compile(
     r"\s*([-+.\d]+(?:[eE][-+\d]+)?)\s*([^/\d\s][^/]*?)\s*(?:/\s*(\S+))?\s*"
 )
@@ -59,11 +59,13 @@ def read_trace(
     comments (``#``, ``%``, ``//``, ``!``), and one unit in the cells (``0.04 N``).
     Where rows cannot be read, and at spikes of a single sample, six standard deviations
     off, the force is interpolated linearly in time, and that is reported; more than 3
-    unreadable rows, and more than 1 %, are an error. No reading is a blank cell, nan,
-    N/A, or one value far outside the others, such as -9999; where such rows are more
-    than 16 in turn, a gap, or half of all, they are left out.
+    unreadable rows, and more than 1 %, are an error. A blank cell, nan, N/A, or one
+    value far outside the others, such as -9999, means no reading; more than 16 such
+    rows in succession are a gap, and are left out, as are such rows if they are half of
+    all.
 
-    A clock that restarts begins another test: tests stand behind one another, in parts.
+    Where the clock restarts, another test begins: its times are made to follow those of
+    the test before, and the tests are numbered as parts.
 
     Raises `InputError` if there is no such file, or it is no table of numbers, or no
     such column; if the choice of the columns or a unit is not clear; if times do not
@@ -74,32 +76,32 @@ def read_trace(
     path : path
         The file; at most 100 MB.
     force, time, displacement, load, velocity : str or int, optional
-        Columns by name or by number, from 1, a unit behind a colon where the file has
-        none: ``"3:mN"``; behind that of the force what a reading stands for, too:
-        ``"3:2.5 N/V"``, ``":2.5 N/V"``. By default those whose names or units say so;
-        the only column of numbers besides, or the coefficient of friction, is the
-        force; a torque is one, too; a column without a name that rises evenly is the
-        time. The normal load may be a quantity: ``"20 N"``.
+        Columns by name or by number, from 1. A unit may follow after a colon, if the
+        file has none: ``"3:mN"``; for the force also the force of a reading:
+        ``"3:2.5 N/V"``, ``":2.5 N/V"``. By default columns are chosen by their names or
+        units. The force may be a torque or a coefficient of friction, and is else the
+        only column of numbers left; the time is else a column without a name that rises
+        evenly. The normal load may be a quantity: ``"20 N"``.
     step : float or str, optional
         Sampling interval, if the table has no time column: in s, or ``"0.5 ms"``.
     flip : bool
         Change the sign of the force: for a sensor that counts pull as negative, and has
         an offset.
     delimiter : str, optional
-        What separates the columns; found out by default.
+        Separator of the columns; detected by default.
     decimal : {".", ","}, optional
-        Decimal sign; found out by default.
+        Decimal sign; detected by default.
 
     Returns
     -------
     Dataset
-        Along `time`: `spring_force` (of the unit 1 if it is a coefficient), `filled`,
+        Along `time`: `spring_force` (with the unit 1 if it is a coefficient), `filled`,
         true where it was interpolated, and, where known, `measured_displacement`,
-        `load` and `mu`, the force over its size, `measured_velocity`, and `part`, the
-        number of the test or of its step. Units are those of the file; N and s where it
-        says nothing. Attributes ``source``, ``read``: which columns, in words,
-        ``rows``, ``flipped``, ``spikes`` and ``note``: what was filled in and what was
-        assumed.
+        `load` and `mu`, the force over the absolute load, `measured_velocity`, and
+        `part`, the number of the test or of its step. Units are those of the file, or N
+        and s if it has none. Attributes: ``source``; ``read``, the columns in words;
+        ``rows``, ``flipped``, ``spikes``; and ``note``, with what was interpolated and
+        what was assumed.
 
     Examples
     --------
@@ -166,7 +168,7 @@ def read_trace(
                 size, force_unit = of_one, "1"
         values["force"] *= size
     except InputError as error:
-        error.args = (one_line(f"{path}: {error}"),)  # which keeps its note
+        error.args = (one_line(f"{path}: {error}"),)  # a new error would lose its note
         raise
     units = {"time": "s", "load": "N"}
     units |= {name: each.heading.unit for name, each in chosen.items()}
@@ -184,8 +186,8 @@ def read_trace(
 
 
 def _other_time(table: Table, step: float) -> list[str]:
-    """Note a column of times that the step replaces; `InputError` if it rises by steps
-    of another size in a unit that it names.
+    """Return notes of a column of times that the given step contradicts; `InputError`
+    if that column has a unit.
     """
     for i in table.numeric:
         heading = table.headings[i]
@@ -210,7 +212,7 @@ def _other_time(table: Table, step: float) -> list[str]:
 
 
 def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
-    """Describe in words which columns hold what, and how often the force was read."""
+    """Return in words which columns were read, and the sampling interval."""
     order = [name for name in ("time", *_TEXTS) if name in chosen and name != "part"]
     named = [f"{name}: {chosen[name]}" for name in order]
     usual = float(np.median(np.diff(data["time"])))
@@ -218,13 +220,13 @@ def _described(data: xr.Dataset, chosen: Mapping[str, Choice]) -> str:
     return "; ".join(
         [
             *named,
-            f"{data.sizes['time']} readings, one each {each}",
+            f"{data.sizes['time']} readings, one every {each}",
         ]
     )
 
 
 def _scale(text: str, unit: str) -> tuple[float, str]:
-    """Factor to a force, and its unit, of a text such as 2.5 N/V."""
+    """Return the factor and the unit of force of a text such as 2.5 N/V."""
     match = SCALE.fullmatch(text)
     if match:
         size = read_cell(match[1])[0]
@@ -235,15 +237,15 @@ def _scale(text: str, unit: str) -> tuple[float, str]:
             return size * fits, match[2]
     here = f", of a column in {unit}" if unit else ""
     raise refused(
-        "scale", text, f"must be what a reading stands for{here}: 2.5 N/V, 3 mN"
+        "scale", text, f"must be the force of one reading{here}: 2.5 N/V, 3 mN"
     )
 
 
 def _rows(
     table: Table, chosen: Mapping[str, Choice], step: float
 ) -> tuple[dict[str, Array], list[str]]:
-    """The columns that were chosen, with times, and a note of rows that cannot be
-    read; `InputError` if many cannot.
+    """Return the chosen columns, with times, and notes of rows that cannot be read;
+    `InputError` if many cannot be read.
     """
     read = table.read([each.place for each in chosen.values()])
     values = {name: read[each.place] for name, each in chosen.items()}
@@ -267,8 +269,8 @@ def _rows(
 def _without_a_last_row(
     table: Table, values: dict[str, Array]
 ) -> tuple[NDArray[np.int64], list[str]]:
-    """Leave out a last row whose time does not rise, as one that is cut off or written
-    twice, with a note; return the lines of the others.
+    """Remove a last row whose time does not rise, as one that is cut off or written
+    twice; return the line numbers of the other rows, and a note.
     """
     times = values["time"]
     known = np.flatnonzero(np.isfinite(times))
@@ -286,13 +288,16 @@ def _without_a_last_row(
 def _unreadable(
     table: Table, values: dict[str, Array], lines: NDArray[np.int64], blank: Mask
 ) -> list[str]:
-    """Leave out forces that stand for none, and note all rows that cannot be read;
-    `InputError` if these, the blank ones aside, are many, or few are left.
+    """Replace forces that mean "no reading" by NaN, and return notes of all rows that
+    cannot be read.
+
+    Raises `InputError` if many rows cannot be read, apart from those without a reading,
+    or if few rows are left.
     """
     force = values["force"]
     outside = far_outside(force)
-    # What a logger writes for no reading is one value, however often it comes; before
-    # and after a test may be anything.
+    # A logger writes one value for no reading, however often; before and after a test
+    # there may be any values.
     first, last = np.flatnonzero(~outside)[[0, -1]]
     within = force[first:last][outside[first:last]]
     no_reading = outside | blank
@@ -335,8 +340,9 @@ def _unreadable(
 def _put_in_turn(
     table: Table, values: dict[str, Array], lines: NDArray[np.int64]
 ) -> list[str]:
-    """Put tests, whose clock begins anew, behind one another, and number them and
-    their steps; `InputError` if times fall otherwise.
+    """Shift the times of tests, before each of which the clock restarts, so that they
+    follow one another, number tests and their steps, and return notes; `InputError` if
+    times fall for another reason.
     """
     times = values["time"]
     known = np.flatnonzero(np.isfinite(times))
@@ -366,7 +372,7 @@ def _put_in_turn(
     for at in back:
         times[at:] += np.nanmax(times[:at]) + usual - times[at]
     steps = values.pop("part", np.zeros(times.size))
-    # a number that changes with each few rows counts something else
+    # a number that changes after a few rows does not number steps
     turns = np.flatnonzero(np.diff(steps)) + 1
     if np.diff([0, *turns, times.size]).min() < FEWEST_READINGS:
         turns = turns[:0]
@@ -375,7 +381,7 @@ def _put_in_turn(
         values["part"] = 1.0 + np.cumsum(edges, dtype=float)
     if not back.size:
         return []
-    many = f"{back.size + 1} tests, put behind one another"
+    many = f"{back.size + 1} tests, joined one after another"
     return [f"the clock restarts at line {line}: {many}"]
 
 
@@ -388,7 +394,7 @@ _TEXTS = {
     "part": ("part", "number of the test, or of its step"),
     "filled": ("filled", "row was unreadable, or a spike; force interpolated"),
 }
-"""Variables of a trace that is read: the name of each, and its title."""
+"""Names and titles of the variables of a trace."""
 
 
 def _dataset(
@@ -398,12 +404,14 @@ def _dataset(
     flip: bool,
     is_torque: bool,
 ) -> xr.Dataset:
-    """Fill the gaps, and label the columns."""
+    """Return the columns as a labelled Dataset, with unreadable forces and spikes
+    interpolated.
+    """
     import pandas as pd
     import xarray as xr
 
     rows = pd.DataFrame(values)
-    # spikes stand out of the noise of their own test
+    # find spikes in each part, as they are compared with its noise
     ends = np.flatnonzero(np.diff(values.get("part", np.zeros(1)))) + 1
     spiky = np.concatenate([spikes(part) for part in np.split(values["force"], ends)])
     if count := int(np.count_nonzero(spiky)):
@@ -426,8 +434,8 @@ def _dataset(
         units["time"] = "s"
         rows.index = pd.Index(DAY * (rows.index - first), name="time")
         notes.append(
-            "the times are taken for days, as spreadsheets count them from 1900; where "
-            "they are none, write their unit into the heading, as in time (s)"
+            "the times are taken for days, as spreadsheets count them from 1900; if "
+            "they are not, write their unit into the heading, as in time (s)"
         )
     for name, usual in (("force", "N m" if is_torque else "N"), ("time", "s")):
         if not units[name]:
@@ -444,7 +452,7 @@ def _dataset(
     elif "load" in rows:
         alike = units["force"] == units["load"]
         if size := 1.0 if alike else ratio(units["force"], units["load"]):
-            # some sensors count pressing as negative
+            # some sensors count a pressing load as negative
             pressed = rows["load"].abs().replace(0.0, np.nan)
             rows["mu"] = size * rows["force"] / pressed
         else:
@@ -469,7 +477,9 @@ def _dataset(
 
 
 def _in_a_gap(missing: pd.Series[bool]) -> NDArray[np.bool_]:
-    """Rows without a reading that are too many in turn to be interpolated."""
+    """Return a mask of rows without a reading, of which there are too many in
+    succession to interpolate them.
+    """
     run = (missing != missing.shift()).cumsum()
     many = missing.groupby(run).transform("size") > FEWEST_READINGS
     return np.asarray(missing & many)

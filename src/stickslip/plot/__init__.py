@@ -1,8 +1,8 @@
-"""Pictures: a Dataset in, matplotlib Axes out.
+"""Pictures of Datasets, as matplotlib Axes.
 
 Every function draws the content of a Dataset, a run of the model or a measured trace,
 in its own units: labels come from ``long_name`` and ``units`` of the variables. Without
-`ax` a function makes a figure of its own; write it with `save`:
+`ax` a function makes a new figure; write it with `save`:
 
 >>> interface = ss.Interface(thresholds=ss.Gaussian(mean=1.0, std=0.1))
 >>> rig = ss.Rig(
@@ -15,10 +15,10 @@ in its own units: labels come from ``long_name`` and ``units`` of the variables.
 >>> save(overview(run), "run.png").name
 'run.png'
 
-Figures are plain `matplotlib.figure.Figure` objects, unknown to pyplot: nothing to
-close, no window system needed. The module itself can be called: ``ss.plot(run)`` is
-``ss.plot.overview(run)``, and ``ss.plot(answer)`` the picture of a prediction, a chart,
-a fit or any other answer that has one.
+Figures are plain `matplotlib.figure.Figure` objects, which pyplot does not manage: they
+need not be closed, and need no window system. The module itself can be called:
+``ss.plot(run)`` is ``ss.plot.overview(run)``, and ``ss.plot(answer)`` the picture of a
+prediction, a chart, a fit or any other answer that has one.
 """
 
 import sys
@@ -146,10 +146,10 @@ __all__ = [
 
 
 class _Plot(ModuleType):
-    """A module that draws its argument: the first thing to try in a notebook."""
+    """A module that draws its argument when it is called."""
 
     def __call__(self, what: object) -> Figure:
-        """Draw a run, a measured trace or a sweep at a glance, or the picture of an
+        """Draw an overview of a run, a measured trace or a sweep, or the picture of an
         answer.
         """
         if isinstance(what, xr.Dataset):
@@ -158,7 +158,7 @@ class _Plot(ModuleType):
             figure: Figure = what.plot()
             return figure
         raise InputError(
-            f"plot: of {type(what).__name__} there is no picture: give a run, trace, "
+            f"plot: there is no picture of {type(what).__name__}: give a run, trace, "
             "sweep or answer"
         )
 

@@ -45,9 +45,9 @@ from stickslip.simulation import rig_of
 
 What = Literal["attached", "velocity", "force"]
 
-_MOST_ROWS = 1200
-_APART = 0.02  # of the time of a run: how close together two numbers may stand
-_DECADES = 4.0  # of slip velocity in a picture, below the largest
+_MOST_ROWS = 1200  # most pixels along the time
+_APART = 0.02  # smallest distance of two numbers, as a fraction of the time of a run
+_DECADES = 4.0  # decades of velocity below the largest that are shown
 
 
 @house_style()
@@ -58,8 +58,7 @@ def spacetime(
     *,
     upright: bool = True,
 ) -> Axes:
-    """Draw the state of each block of an elastic slider, blocks to the right and
-    time upwards.
+    """Draw the state of each block of an elastic slider over block number and time.
 
     Parameters
     ----------
@@ -67,12 +66,12 @@ def spacetime(
         A run of a `Chain`, or one row of a `Sheet`; select a time first to see one
         event: ``run.sel(time=slice(0, 200))``.
     what : {"attached", "velocity", "force"}
-        Fraction of attached contacts, relative to that of each block at the beginning
-        of the picture; velocity of the blocks, in decades; or friction force.
+        Fraction of attached contacts, relative to that of each block at the start of
+        the picture; velocity of the blocks, in decades; or friction force.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes for the picture; by default those of a new figure.
     upright : bool
-        False to have time to the right and blocks upwards.
+        Whether time runs upwards rather than to the right.
 
     Examples
     --------
@@ -122,9 +121,11 @@ def spacetime(
 
 
 def _places(run: xr.Dataset, block: Array) -> xr.DataArray:
-    """Places of blocks along a slider: a length where that of a block is known."""
+    """Return the positions of blocks along a slider, as lengths if that of a block is
+    known.
+    """
     found = xr.DataArray(block, attrs={"long_name": "block"})
-    with contextlib.suppress(InputError):  # a Dataset that does not hold its rig
+    with contextlib.suppress(InputError):  # the Dataset does not hold its rig
         rig = rig_of(run)
         if (spacing := rig.natural.slider.spacing) is not None:
             look = {
@@ -137,8 +138,8 @@ def _places(run: xr.Dataset, block: Array) -> xr.DataArray:
 
 @house_style()
 def elastic_overview(run: xr.Dataset) -> Figure:
-    """Draw a run of a `Chain`, or a row of a `Sheet`: driving force with its events,
-    velocity of all blocks in time.
+    """Draw a run of a `Chain`, or a row of a `Sheet`: the spring force with its events,
+    and the velocity of all blocks, over time.
     """
     figure = style.new_figure(PAGE, 4.8)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -151,8 +152,8 @@ def elastic_overview(run: xr.Dataset) -> Figure:
 
 @house_style()
 def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw how fast contacts first broke along a `Chain` in a run, with the speed of
-    sound.
+    """Draw the speed at which contacts first broke along a `Chain` in a run, with the
+    speed of sound.
     """
     found = measure.fronts(run)
     speed = found["speed"].where(found["speed"] > 0)
@@ -178,15 +179,14 @@ def fronts(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
-    """Draw the speed of fronts against the prestress ahead of them: theory, and a
-    run with a profile of it.
+    """Draw the speed of fronts against the prestress ahead of them.
 
-    Of a run of a `Chain` from a `Prestressed` start, local speeds against the local
-    prestress, with the exact curve; of a rig, the curve alone.
+    For a run of a `Chain` from a `Prestressed` start, it draws the local speed against
+    the local prestress, with the exact curve; for a rig, the curve alone.
     """
     rig = data if isinstance(data, Rig) else rig_of(data)
     ax = given_or_new(ax)
-    # on each block that the first front passes, away from its ends
+    # each block that the first front passes, except near its ends
     if isinstance(data, xr.Dataset):
         start = rig.start
         interface = rig.natural.interface
@@ -214,14 +214,14 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
         )
     least = front_threshold(rig)
     theory = list[Front]()
-    # from some prestress on contacts give way by themselves
+    # above some prestress, contacts break without a front
     with contextlib.suppress(InputError):
         for tau in least + (0.98 - least) * np.linspace(0.0, 1.0, 41)[1:] ** 2:
             theory.append(front_speed(rig, prestress=float(tau)))
     if not theory:
         raise InputError(
             f"front_curve: Interface.thresholds = {rig.interface.thresholds}: no "
-            "prestress has a front"
+            "prestress gives a front"
         )
     moving = [(front.prestress, front.speed) for front in theory if front.speed > 0]
     ax.plot(*np.transpose(moving), color=BLACK, label=f"theory ({theory[0].blocks})")
@@ -236,8 +236,8 @@ def front_curve(data: xr.Dataset | Rig, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the driving force of a `Chain` pulled at one end, each precursor a dot
-    with the blocks that it reaches.
+    """Draw the spring force of a `Chain` pulled at one end, with a dot for each
+    precursor and the number of the block that it reaches.
     """
     ax, _ = along_time(run, "spring_force", ax, 2.6, color=GREY, linewidth=0.9)
     found = large_events(run).sortby("reach", ascending=False)
@@ -255,7 +255,7 @@ def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
                 markersize=3.5,
                 label=text,
             )
-    written: list[float] = []  # of events close together, the longest
+    written: list[float] = []  # times of the numbers; the longest events come first
     columns = found[["start", "force_before", "reach"]].to_array()
     for x, y, reach in columns.values.T[~whole.values]:
         if all(abs(x - other) > _APART * float(run["time"][-1]) for other in written):
@@ -274,11 +274,11 @@ def precursors(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw how far each precursor ran against the driving force at which it did, with
-    the exact curve.
+    """Draw the length of each precursor against the spring force before it, with the
+    exact curve.
 
-    The run is of a `Chain` pulled at one end, the curve that of a first slow pull, all
-    thresholds at their mean and without re-attachment.
+    The run is one of a `Chain` pulled at one end; the curve is that of a first slow
+    pull, with all thresholds at their mean, and without re-attachment.
     """
     found = large_events(run)
     rig = rig_of(run)
@@ -319,9 +319,7 @@ def precursor_lengths(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw how far each block of a `Chain` slipped in each event, early events dark
-    and late events bright.
-    """
+    """Draw the slip of each block of a `Chain` in each event, later events brighter."""
     moved = on_blocks(run, "displacement", "plot")
     found = large_events(run)
     if found.sizes["event"] == 0:
@@ -347,7 +345,7 @@ def slip_profiles(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def _dress_speed(ax: Axes, rig: Rig) -> None:
-    """Label an axis of front speeds, and mark that of sound."""
+    """Label an axis of front speeds, and mark the speed of sound."""
     sound = _chain(rig).sound_speed * rig.unit("1/time")
     ax.axhline(sound, label="sound", **COMPARED)
     unit = "time unit" if rig.scales is None else "s"

@@ -1,4 +1,4 @@
-"""A run to see in motion, and to hear."""
+"""A run as a film and as a sound."""
 
 import math
 
@@ -22,10 +22,10 @@ from stickslip.simulation import rig_of
 from stickslip.words import engineering
 
 _FRAMES = 200  # 10 s
-_RATE = 44_100  # samples a second, as on a compact disc
+_RATE = 44_100  # samples per second, as on a compact disc
 _AUDIBLE = (20.0, 20_000.0)  # Hz: the range of human hearing, as textbooks give it
-_LOUD = 0.9  # of the largest sample that there is
-# in x_s: from contact to contact, their height, room for the spring
+_LOUD = 0.9  # amplitude, as a fraction of the largest possible sample
+# in x_s: distance of contacts, their height, and the room for the spring
 _PITCH = 0.64
 _HIGH = 2.1
 _REACH = 9.0
@@ -33,14 +33,15 @@ _REACH = 9.0
 
 @house_style()
 def contacts(run: xr.Dataset) -> FuncAnimation:
-    """Film the slider on some of its contacts that stretch, break and re-attach, in
-    step with the force, as it ends.
+    """Return a film of the last cycles of a run: the slider on some of its contacts,
+    which stretch, break and re-attach, and the force.
 
-    The run, of one rigid slider, is made again by its provenance, and each contact that
-    is shown was computed; of a solver that follows no contacts one by one, contacts of
-    the same rig are shown. Frames lie closer together where the slider is fast, so that
-    it slows down through the slips. Write it with `save`, as GIF. Raises `InputError`
-    if it is no such run, or its drive has pieces that end on a condition.
+    The run, of one rigid slider, is repeated from its provenance, so that the contacts
+    shown are those of the run. For a solver that does not follow single contacts, those
+    of another run of the same rig are shown. Frames are closer together where the
+    slider is fast, so that the film slows down during slips. Write it with `save`, as
+    GIF. Raises `InputError` for another run, or if a piece of the drive ends on a
+    condition.
     """
     seen = frames(rig_of(run), 1.0, _FRAMES, lambda _share: None)
     figure = new_figure(PAGE, 3.6)
@@ -57,7 +58,7 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
     lengths = seen.drive - seen.slider
     shortest = min(float(lengths.min()), 0.0)
     scale = min(1.0, _REACH / (max(float(lengths.max()), 1.0) - shortest))
-    # the end of the slider; the drive stays in its place, at 0
+    # right end of the slider; the drive is drawn at rest, at 0
     right = -1.5 - scale * (lengths - shortest)
     count = seen.flags.shape[1]
     wide = _PITCH * count
@@ -107,17 +108,17 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
 
     show(0)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # else it is looked for in each frame
+    figure.set_layout_engine("none")  # else each frame computes the layout again
     return FuncAnimation(
         figure, show, len(seen.times), interval=1000 / style.PER_SECOND
     )
 
 
 def _bristles(feet: Array, stretching: Array, attached: Array) -> list[Array]:
-    """Return a segment for each contact, from the slider to its tip.
+    """Return a line segment for each contact, from the slider to its tip.
 
     The tip of an attached contact is on the ground, behind its foot by its stretching;
-    that of a detached one hangs half-way down.
+    that of a detached contact hangs halfway down.
     """
     behind = np.where(attached, stretching, 0.0)
     height = np.where(attached, 0.0, 0.5 * _HIGH)
@@ -127,8 +128,8 @@ def _bristles(feet: Array, stretching: Array, attached: Array) -> list[Array]:
 
 
 def _ground_marks(left: float, shift: float) -> tuple[Array, Array]:
-    """Return the strokes below the ground, which stand still while the picture moves
-    with the drive; NaN parts one stroke from the next.
+    """Return the hatching of the ground, which is at rest while the picture moves with
+    the drive; NaN separates the strokes.
     """
     marks = np.arange(left, 3, 2.0) + shift
     x = np.ravel([marks, marks - 0.6, marks * np.nan], "F")
@@ -137,8 +138,8 @@ def _ground_marks(left: float, shift: float) -> tuple[Array, Array]:
 
 
 def sound(run: xr.Dataset) -> tuple[int, Array]:
-    """Return a run or a measured trace as it sounds: the spring force about its mean,
-    at its own pace.
+    """Return a run or a measured trace as a sound: the spring force about its mean, in
+    real time.
 
     Write it with `save`, as WAV; in a notebook,
     ``IPython.display.Audio(samples, rate=rate)``.
@@ -146,18 +147,18 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
     Parameters
     ----------
     run : Dataset
-        A force along time, in units of SI, with an oscillation that can be heard: from
-        20 Hz to 20 kHz.
+        A force along time, in SI units, with an audible oscillation: from 20 Hz to
+        20 kHz.
 
     Returns
     -------
     rate, samples : int, ndarray of int16
-        Samples a second, 44,100, and the samples.
+        Samples per second, 44,100, and the samples.
 
     Raises
     ------
     InputError
-        If there is nothing to hear, or the times are in no unit of seconds.
+        If nothing is audible, or the times have no unit of time.
 
     Examples
     --------
@@ -172,10 +173,10 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
             f"sound: times are in {seen.time_unit or 'no unit'}: give the rig in SI "
             "units, or the unit"
         )
-    # through speeds, it is undecided as a whole
+    # an undecided regime may have a period, such as that of a drive with several speeds
     if seen.kind == "smooth sliding" or not math.isfinite(seen.period):
         raise InputError(
-            f"sound: there is none: {seen.kind}, no oscillation with a period"
+            f"sound: nothing is audible: {seen.kind}, no oscillation with a period"
         )
     frequency = seen.frequency
     if not _AUDIBLE[0] <= frequency <= _AUDIBLE[1]:
@@ -184,13 +185,13 @@ def sound(run: xr.Dataset) -> tuple[int, Array]:
             "lighter slider change its pitch"
         )
         raise InputError(
-            f"sound: {engineering(frequency, 'Hz', 3)} is not heard, as 20 Hz to 20 "
-            f"kHz are; {remedy}"
+            f"sound: {engineering(frequency, 'Hz', 3)} is inaudible, outside 20 Hz to "
+            f"20 kHz; {remedy}"
         )
     t = seconds * force["time"].values
     F = force.values
-    # Each sample is the mean over its time: of a run with more samples nothing is heard
-    # at a wrong pitch.
+    # Each sample is the mean over its time, so that higher frequencies of a run with
+    # more samples are not aliased.
     way = np.interp(
         np.arange(t[0], t[-1], 1.0 / _RATE),
         t,

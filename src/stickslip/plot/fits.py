@@ -1,4 +1,4 @@
-"""Pictures of fits: the slips of a trace and its statistics among those of the
+"""Pictures of fits: the slips of a trace, and its statistics compared with those of the
 draws; velocity steps and holds.
 """
 
@@ -30,19 +30,19 @@ from stickslip.plot.style import (
     panel,
 )
 
-# `stickslip.fitting.Fit`, `stickslip.rate_state.StepFit`: they stand above pictures,
-# which take attributes
+# `stickslip.fitting.Fit` or `stickslip.rate_state.StepFit`, which this module may not
+# import, as they are in higher layers
 Fit = Any
 Step = Any  # `stickslip.rate_state.Step`
-_WIDEST = 4.0
-_LOW = 0.02
-_SHOWN = 12
+_WIDEST = 4.0  # range of the deviations of statistics, in standard deviations
+_LOW = 0.02  # p below which a statistic is marked
+_SHOWN = 12  # most slips, or steps, that are drawn
 
 
 @house_style()
 def slips(data: xr.Dataset) -> Figure:
-    """Draw the result of `Events.to_dataset`: trace and slips, drops, peaks against
-    troughs, and the loading rate.
+    """Draw the result of `Events.to_dataset`: the trace with its slips, their drops,
+    troughs against peaks, and the loading rate.
     """
     figure = new_figure(PAGE, 4.6)
     (trace, drops), (pairs, rate) = figure.subplots(2, 2)
@@ -99,8 +99,8 @@ def slips(data: xr.Dataset) -> Figure:
 
 @house_style()
 def fitted(found: Fit) -> Figure:
-    """Draw a `fit`: slips of the trace above simulated ones, the test of its
-    statistics, and the intervals.
+    """Draw a `fit`: slips of the trace and simulated slips, the test of the statistics,
+    and the intervals of the parameters.
     """
     figure = new_figure(PAGE, 6.6)
     measured, simulated, test, parameters = figure.subplot_mosaic(
@@ -108,8 +108,8 @@ def fitted(found: Fit) -> Figure:
     ).values()
     simulated.sharex(measured)
     simulated.sharey(measured)
-    # A dozen slips of the trace from its middle, and as long a part of a simulated one,
-    # to the same scales.
+    # a dozen slips from the middle of the trace, and an equally long part of a
+    # simulated trace, on the same scales
     events = found.events
     made = found.simulated()
     begin = events.time[events.peak_at[len(events) // 2]]
@@ -135,8 +135,8 @@ def fitted(found: Fit) -> Figure:
 
 
 def _draw_test(ax: Axes, found: Fit) -> None:
-    """The statistics of the trace among those of series of the draws, in standard
-    deviations of the latter.
+    """Draw the statistics of the trace beside those of simulated series of the draws,
+    in standard deviations of the latter.
     """
     for row, one in enumerate(found.test.reset_index().itertuples()):
         at = -row - (0.0 if one.fitted else 0.6)
@@ -204,11 +204,10 @@ def _draw_intervals(ax: Axes, found: Fit) -> None:
 def velocity_step(
     step: Step, fits: Sequence[Fit], names: Sequence[str] = (), *, length: str = "um"
 ) -> Figure:
-    """Draw a velocity step, as `velocity_step_in` cuts it out, the fits to it, and
-    their residuals below.
+    """Draw a velocity step, as `velocity_step_in` returns it, with its fits and their
+    residuals.
 
-    The `names` of the fits stand in the legend, `length` is the unit of the
-    displacement.
+    The legend shows the `names` of the fits; `length` is the unit of the displacement.
     """
     figure = new_figure(PAGE, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 1], sharex=True)
@@ -234,7 +233,7 @@ def velocity_step(
 @house_style()
 def steps_and_holds(found: Fit) -> Figure:
     """Draw the result of `fit_record`: the record with its steps and holds marked, each
-    step with its fit, and the peaks after holds over their times.
+    step with its fit, and the peaks after holds against the hold times.
     """
     length, clock, unit = found.record.units
     panels = [*found.steps[: _SHOWN - 1]] + [None] * bool(found.holds)
@@ -276,8 +275,8 @@ def steps_and_holds(found: Fit) -> Figure:
 
 
 def _draw_healing(ax: Axes, found: Fit, across: str) -> None:
-    """Peaks after holds with their errors, and a line of the slope of the healing
-    through their mean.
+    """Draw the peaks after holds with their errors, and a line through their mean with
+    the slope of the healing.
     """
     hold = np.array([one.hold for one in found.holds])
     peak = np.array([float(one.peak) for one in found.holds])
@@ -292,11 +291,11 @@ def _draw_healing(ax: Axes, found: Fit, across: str) -> None:
 
 @house_style()
 def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figure:
-    """Draw how far the force of a `slide_hold_slide` run peaks after holds, and relaxes
-    in them, over their times.
+    """Draw the peak of the force after each hold of a `slide_hold_slide` run, and the
+    relaxation in it, against the hold time.
 
-    Growth of the peaks `per_decade` by rate and state, ``b ln 10``, is a line through
-    the last of them.
+    The growth of the peaks `per_decade` by rate and state, ``b ln 10``, is drawn as a
+    line through the last peak.
     """
     figure = new_figure(COLUMN, 3.6)
     upper, lower = figure.subplots(2, 1, height_ratios=[3, 2], sharex=True)
@@ -323,7 +322,7 @@ def peaks_after_holds(run: xr.Dataset, per_decade: float | None = None) -> Figur
         run["hold"].assign_attrs(spacing="log"),
         run["relaxation"].assign_attrs(long_name="relaxation"),
     )
-    lower.xaxis.set_major_locator(LogLocator())  # decades alone: the picture is narrow
+    lower.xaxis.set_major_locator(LogLocator())  # only decades fit a narrow picture
     return figure
 
 

@@ -1,5 +1,5 @@
-"""Maps: sweeps over one or two parameters, and the stability map around a rig, with
-the results of theory on top.
+"""Pictures of sweeps over one or two parameters, and of the stability map around a rig,
+with results of theory.
 """
 
 import math
@@ -41,12 +41,12 @@ REGIMES: dict[str, tuple[str, str, str]] = {
     "failed": ("#FFFFFF", "x", "xxxxxxx"),
     "not run": ("#FFFFFF", "", ""),
 }
-"""Colour, mark and hatching of each outcome of a case of a sweep; light to dark in
-print without colour, too.
+"""Colour, mark and hatching of each outcome of a case of a sweep, which also differ in
+black-and-white print.
 """
 _STARTS = {"from rest": "from a start at rest", "sliding": "from smooth sliding"}
 _HALO = [Stroke(linewidth=3.2, foreground="white"), Normal()]
-_ENTRY = 1.6  # inches of an entry of a legend
+_ENTRY = 1.6  # width of an entry of a legend, in inches
 _LINE: Any = {
     "color": BLACK,
     "linewidth": 1.6,
@@ -61,19 +61,19 @@ _WHITE_BOX: Any = {
     "alpha": 0.85,
 }
 EDGE: Any = {"edgecolor": GREY, "linewidth": 0.5}
-"""The line about a patch in a legend."""
+"""Outline of a patch in a legend."""
 
 
 @house_style()
 def sweep_picture(data: xr.Dataset) -> Figure:
-    """Draw a sweep: the regimes in a plane of two axes, or the oscillation of the force
-    along one; starts side by side.
+    """Draw a sweep: the regimes in the plane of two axes, or the oscillation of the
+    force along one; with a panel for each start.
 
-    It holds its ``regime``, or is a refinement with the regime of its runs; with
-    ``edge_<axis>`` and ``band_<axis>...`` the results of theory go on top, see
-    `stickslip.sweep.theory.with_theory`. The first axis goes to the right. Where there
-    are several seeds, a cell has the regime of all. A picture holds one axis or two,
-    beside seed and start.
+    The Dataset holds the ``regime`` of its cases, or is a refinement with the regime of
+    its runs. Results of theory, ``edge_<axis>`` and ``band_<axis>...``, are drawn on
+    top, see `stickslip.sweep.theory.with_theory`. The first axis is horizontal. With
+    several seeds, a cell shows the regime that all of them have. Besides seed and
+    start, a sweep must have one axis or two.
     """
     if "regime" not in data:
         raise InputError("plot: this sweep holds no variable regime; measure it")
@@ -100,7 +100,7 @@ def sweep_picture(data: xr.Dataset) -> Figure:
 
 
 def _kinds(data: xr.Dataset) -> xr.DataArray:
-    """Results of the cases, in words."""
+    """Return the outcomes of the cases, in words."""
     regime = _words(data["regime"])
     status = _words(data["status"])
     return regime.where(~status.isin(["failed", "not run"]), status)
@@ -115,8 +115,8 @@ def _words(codes: xr.DataArray) -> xr.DataArray:
 
 
 def _plane(data: xr.Dataset, draw: Any, across: str, up: str) -> Figure:
-    """Draw a panel for each start, in which `draw` puts the cases, with the results
-    of theory; and one legend.
+    """Draw a panel for each start, with the cases by the function `draw` and the
+    results of theory; and one legend.
     """
     starts = (
         np.unique(data["start"].values.astype(str))
@@ -175,7 +175,7 @@ def _draw_cells(
 def _draw_runs(
     ax: Axes, data: xr.Dataset, across: str, up: str, start: str | None
 ) -> None:
-    """Mark the runs of a refinement, and where it found the regime to change."""
+    """Mark the runs of a refinement, and the points at which the regime changes."""
     mine = data.isel(
         run=data["start"].values == start,
         crossing=data["start_at"].values == start,
@@ -222,11 +222,11 @@ def _draw_marks(
 
 
 def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str = "") -> None:
-    """Draw the boundary of smooth sliding, and where stick-slip ends beside it."""
+    """Draw the stability boundary of smooth sliding, and where stick-slip ends."""
     if "edge_curve" in data:
         for x, y, _ in _curves(data, across, up, "edge_curve"):
             ax.plot(x, y, **_LINE)
-    else:  # theory knows one of the axes only
+    else:  # theory has results along one of the axes only
         for name, draw in ((across, ax.axvline), (up, ax.axhline)):
             for value in data.get(f"edge_{name}", []):
                 draw(float(value), **_LINE)
@@ -238,7 +238,7 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str = "") -> None:
             color=YELLOW,
             alpha=0.3,
             linewidth=0,
-            label="both last, computed",
+            label="both persist, computed",
         )
     if f"band_{up}_fold" in data and data.sizes["band"]:
         fold = data.sortby(f"band_{across}")
@@ -258,14 +258,14 @@ def _draw_theory(ax: Axes, data: xr.Dataset, across: str, up: str = "") -> None:
 def _curves(
     data: xr.Dataset, across: str, up: str, counted: str
 ) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
-    """The curves of a boundary, one by one, and which points are of each."""
+    """Yield the curves of a boundary, each with a mask of its points."""
     of, x, y = (data[name].values for name in (counted, f"edge_{across}", f"edge_{up}"))
     for curve in np.unique(of):
         yield x[of == curve], y[of == curve], of == curve
 
 
 def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
-    """The oscillation of the force along one parameter, and the results of theory."""
+    """Draw the oscillation of the force along one parameter, and results of theory."""
     if "peak_to_peak" not in data:
         raise InputError(
             "plot: this sweep holds no variable peak_to_peak; measure it to draw it "
@@ -307,10 +307,10 @@ def _amplitude_along(data: xr.Dataset, axis: str) -> Figure:
 
 @house_style()
 def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure:
-    """Draw the stability map of `advise.chart`: growth rate, the boundary with its
-    frequency, and the rig's own point.
+    """Draw the stability map of `advise.chart`: the growth rate, the stability limit
+    with its frequency, and the rig's own point.
 
-    An arrow leads `to` the values of its parameters after a change.
+    An arrow shows a change of the rig `to` new values of its parameters.
     """
     across, up = map(str, found["growth_rate"].dims)
     figure = new_figure(1.6 * COLUMN, 4.6)
@@ -392,7 +392,9 @@ def chart(found: xr.Dataset, *, to: Mapping[str, float] | None = None) -> Figure
 
 
 def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
-    """Growth rates as colours about zero, by decades, with their bar."""
+    """Draw growth rates as colours, logarithmic on both sides of zero, with a colour
+    bar.
+    """
     values = np.ma.masked_invalid(found["growth_rate"].transpose(up, across).values)
     largest = float(np.abs(values).max()) if values.count() else 1.0
     norm = SymLogNorm(
@@ -420,8 +422,8 @@ def _shade(ax: Axes, found: xr.Dataset, across: str, up: str) -> None:
 
 
 def _places(ax: Axes, x: Array, y: Array, written: list[Array]) -> Iterator[int]:
-    """Yield places along a curve for its frequency: on the limit itself, inside the
-    axes, and apart from each other.
+    """Yield indices of points of a curve at which to write its frequency: inside the
+    axes, and apart from the other numbers.
     """
     places = ax.transAxes.inverted().transform(
         ax.transData.transform(np.column_stack([x, y]))
@@ -440,7 +442,7 @@ def _places(ax: Axes, x: Array, y: Array, written: list[Array]) -> Iterator[int]
 
 
 def _cell_edges(axis: xr.DataArray) -> Array:
-    """Edges of the cells about the values of an axis."""
+    """Return the edges of the cells around the values of an axis."""
     values = np.asarray(axis.values, dtype=float)
     places = np.log(values) if (log := axis.attrs.get("spacing") == "log") else values
     steps = np.diff(places) if places.size > 1 else np.ones(1)
@@ -452,8 +454,8 @@ def _cell_edges(axis: xr.DataArray) -> Array:
 
 
 def legend_below(figure: Figure, patches: Iterable[Patch] = ()) -> Figure:
-    """Put one legend of all axes below them, where it hides no data, in as many rows
-    as its width asks for.
+    """Draw one legend for all axes below them, where it hides no data, in as many rows
+    as it needs.
     """
     found: dict[Any, Any] = dict.fromkeys(REGIMES) | {
         patch.get_label(): patch for patch in patches

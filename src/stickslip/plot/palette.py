@@ -12,13 +12,13 @@ PURPLE = "#CC79A7"
 YELLOW = "#F0E442"
 GREY = "#7F7F7F"
 PALETTE = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-"""Colours of Okabe and Ito, which colour-blind readers distinguish; yellow is too
-pale for a line.
+"""Colours of Okabe and Ito, which colour-blind readers can distinguish; their yellow is
+too pale for a line.
 """
 
-DASHED = (0, (4, 2))  # the dashes of a line that is compared with
+DASHED = (0, (4, 2))  # dashes of a reference line
 COMPARED: Any = {"color": GREY, "linewidth": 0.9, "linestyle": DASHED}
-"""Look of such a line."""
+"""Style of a reference line."""
 
 COLUMN = 3.5  # width of a printed column, in inches
 PAGE = 7.0  # width of a printed page, in inches

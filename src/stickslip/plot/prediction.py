@@ -1,5 +1,5 @@
-"""Pictures of a prediction: the motion at each speed, the margins, and the waves of
-an elastic slider.
+"""Pictures of a prediction: the motion at each speed, the margins, and the waves of an
+elastic slider.
 """
 
 import math
@@ -21,8 +21,8 @@ from stickslip.plot.palette import BLACK, DASHED, GREY, PAGE, VERMILLION
 from stickslip.plot.runs import force_trace
 from stickslip.plot.style import dress, house_style, new_figure
 
-# `stickslip.advise.Prediction`: advice stands above pictures, which take it by its
-# attributes alone
+# `stickslip.advise.Prediction`, which this module may not import, as it is in a higher
+# layer
 Prediction = Any
 
 _CYCLES_SHOWN = 12
@@ -33,8 +33,8 @@ _BY_THEORY = {
 
 @house_style()
 def prediction(answer: Prediction) -> Figure:
-    """Draw the result of `predict`: motion at each speed, force at the rig's own, how
-    far each parameter may be varied.
+    """Draw the result of `predict`: the motion at each speed, the force at the rig's
+    own speed, and the margins of each parameter.
     """
     rows = len(answer.margins)
     moves = len(answer.along_drive) > 1
@@ -72,13 +72,13 @@ def prediction(answer: Prediction) -> Figure:
 
 def _title(rig: Any, sentence: str) -> str:
     words = with_micro(f"{rig.name}: {sentence}")
-    # a number stays with its unit
+    # keep each number and its unit in one line
     words = re.sub(r"(?<=\d) (?=\S)", "\N{NO-BREAK SPACE}", words)
     return "\n".join(textwrap.wrap(words, 105)).replace("$", r"\$")
 
 
 def _patch(kind: str) -> Patch:
-    """A kind of motion in the legend."""
+    """Return the entry of a kind of motion for the legend."""
     hatch = "....." if kind == "unknown" else None
     return Patch(
         label=_BY_THEORY.get(kind, kind),
@@ -89,7 +89,7 @@ def _patch(kind: str) -> Patch:
 
 
 def _strip(ax: Axes, bands: Any) -> list[Patch]:
-    """Colour ranges by their motion."""
+    """Draw ranges as bars coloured by their motion; return legend entries."""
     patches = []
     for band in bands:
         patch = _patch(band.kind)
@@ -118,7 +118,9 @@ def _strip(ax: Axes, bands: Any) -> list[Patch]:
 
 
 def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
-    """Colour the speeds by their motion; mark those of the rig."""
+    """Draw the speeds coloured by their motion, and mark those of the rig; return
+    legend entries.
+    """
     patches = _strip(ax, answer.bands)
     speed = answer.rig.velocity
     upright = ax.get_xaxis_transform()
@@ -153,7 +155,7 @@ def _strip_of_speeds(ax: Axes, answer: Prediction) -> list[Patch]:
 
 
 def _axis_of_speeds(ax: Axes, answer: Any) -> None:
-    """A logarithmic axis of the speeds searched."""
+    """Make the horizontal axis a logarithmic one of the speeds searched."""
     look = {
         "long_name": "speed",
         "units": answer.rig.unit_name("x_s/time"),
@@ -196,8 +198,8 @@ def _bars(ax: Axes, row: int, ranges: Any, kind: str) -> None:
 
 
 def _margins(ax: Axes, answer: Prediction) -> None:
-    """A bar for each parameter, as a factor on its value: where smooth sliding is
-    stable, and the mitigations.
+    """Draw a bar for each parameter, over the factor on its value: where smooth sliding
+    is stable; and the mitigations.
     """
     stops = {each.parameter: each.to / each.now for each in answer.mitigations}
     names = list(
@@ -251,7 +253,7 @@ def _margins(ax: Axes, answer: Prediction) -> None:
 @house_style()
 def waves(answer: Any) -> Figure:
     """Draw the result of `predict` for a `Chain` or a `Sheet`: the speeds at which each
-    wave on it grows.
+    wave grows.
     """
     rows = max(len(answer.waves), 1)
     figure = new_figure(PAGE, 1.4 + 0.3 * rows)

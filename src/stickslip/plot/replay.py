@@ -1,9 +1,8 @@
-"""The contacts of a run, one by one, as a film of them, and the drawing of the
-explorer, replay them.
+"""The single contacts of a run, frame by frame, for films and for the explorer.
 
-The run is made once more, in steps from frame to frame, and each contact is looked at
-in each frame. Frames lie closer where the slider moves fast, so that shown at an even
-pace they slow down through the slips.
+The run is repeated in steps from frame to frame, and the state of each contact is read
+in each frame. Frames are closer in time where the slider moves fast, so that a film at
+a constant rate slows down during slips.
 """
 
 import math
@@ -24,14 +23,15 @@ from stickslip.simulation import simulate
 from stickslip.simulation.driver import follow
 from stickslip.simulation.engines import Advance, Beginning, Leg, engine_of
 
-SHOWN = 40  # contacts in the drawing; the run may have any number of them
-CYCLES = 5.0  # cycles of loading that the frames span
+SHOWN = 40  # most contacts that are drawn
+CYCLES = 5.0  # number of loading cycles that the frames span
 ATTACHED = 1  # flag of a contact in a frame: it is attached
-RENEWED = 2  # it broke and re-attached since the frame before
-# part of the frames that is spread over the path of the slider, the rest over the time
+RENEWED = 2  # flag: it broke and re-attached since the frame before
+# fraction of the frames that is spread evenly over the path of the slider, the rest
+# over the time
 _MOVING = 0.7
 _SAMPLES = 20_000
-_CONTACTS = 2_000  # contacts that are drawn for a rig whose solver has none
+_CONTACTS = 2_000  # number of contacts for a rig whose solver does not follow them
 
 
 class Frames(NamedTuple):
@@ -43,18 +43,18 @@ class Frames(NamedTuple):
     force: Array
     slider: Array
     drive: Array
-    # of the contacts that are shown, along the second axis; 0 of one that is not
-    # attached
+    # of shape (frames, contacts shown); 0 for a detached contact
     stretching: Array
-    flags: NDArray[np.uint8]  # in the same shape
-    contacts: int  # in the interface; fewer may be shown
-    # whether this is the run itself, and not one with other contacts or random numbers
+    flags: NDArray[np.uint8]  # of the same shape
+    contacts: int  # number in the interface, of which fewer may be shown
+    # whether this is the run itself, rather than one with other contacts or random
+    # numbers
     exact: bool
     own: bool  # whether the rig's own solver follows single contacts
 
 
 def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
-    """Frames from a fraction of the drive on, as many as given."""
+    """Return `count` frames, which start at the fraction `at` of the drive."""
     case = rig.natural
     if not isinstance(case.slider, Slider):
         raise InputError(
@@ -62,8 +62,8 @@ def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
         )
     if any(piece.until is not None for piece in case.drive.pieces):
         raise InputError(
-            "drive.pieces: the drawing follows drives whose pieces end at a given time "
-            "only"
+            "drive.pieces: the drawing follows only drives whose pieces end at a given "
+            "time"
         )
     method = (
         case.method
@@ -97,8 +97,8 @@ def frames(rig: Rig, at: float, count: int, watch: Progress) -> Frames:
 
 
 def lasting(rig: Rig, duration: float) -> Rig:
-    """Return the rig with its drive up to a time; one of constant velocity may go on
-    beyond its end.
+    """Return the rig with its drive cut at a time, or, if its velocity is constant,
+    extended to that time.
     """
     first = rig.drive.pieces[0]
     lasts = rig.drive.duration
@@ -129,7 +129,9 @@ def lasting(rig: Rig, duration: float) -> Rig:
 
 
 def _window(rig: Rig, at: float) -> Range:
-    """From when to when: some cycles from a little before a time on."""
+    """Return the first and last time of the frames: some cycles, which start shortly
+    before the fraction `at` of the drive.
+    """
     slider = rig.slider
     duration = rig.drive.duration
     stretch = rig.interface.threshold_distribution.moment(1) * (
@@ -149,8 +151,8 @@ def _window(rig: Rig, at: float) -> Range:
 def _frame_times(
     rig: Rig, begin: float, end: float, count: int, watch: Progress
 ) -> Array:
-    """Times of the frames: even in a clock that runs with the time and with the path
-    of the slider.
+    """Return the times of the frames, evenly spaced in a weighted mean of the time and
+    the path of the slider.
     """
     turn = math.sqrt(rig.slider.mass / (rig.slider.stiffness + 1.0))
     interval = min(max((end - begin) / _SAMPLES, 0.1 * turn), (end - begin) / 2_000)
@@ -169,8 +171,8 @@ def _frame_times(
 def _look(
     rig: Rig, method: Contacts, times: Array, watch: Progress
 ) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
-    """Positions of slider and drive at some times of the run, and stretchings and
-    flags of its contacts there.
+    """Return positions of slider and drive at some times of the run, and stretchings
+    and flags of its contacts.
     """
     beginning = Beginning(rig.interface, rig.slider, rig.velocity, rig.start)
     engine: Any = engine_of(rig.interface, method)(beginning, method)
@@ -202,8 +204,8 @@ def _look(
 
     first = sample()
     slider = engine.slider
-    # `follow` asks this of an engine, whose samples hold the contacts one by one,
-    # besides where the slider is.
+    # what `follow` needs of an engine; its samples hold the position of the slider and
+    # the single contacts
     followed: Any = SimpleNamespace(
         columns=("displacement",), slider=slider, here=engine.here, advance=advance
     )
@@ -213,8 +215,8 @@ def _look(
         [1, 1 + shown.size],
         axis=1,
     )
-    # Where the slider was when a contact attached: elsewhere now, if it broke and
-    # attached again since.
+    # position of the slider at which a contact attached, which changes if it breaks and
+    # re-attaches
     place = pd.DataFrame(slider - stretching).where(attached > 0)
     moved = np.abs(place - place.ffill().shift().fillna(math.inf)) > 1e-9 * (
         1.0 + np.abs(slider)

@@ -1,4 +1,4 @@
-"""Pictures of a run or of a measured trace."""
+"""Pictures of a run or a measured trace."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -40,12 +40,12 @@ from stickslip.plot.style import (
 )
 from stickslip.words import engineering, number, prefixed
 
-_MANY_SLIPS = 60  # more are marked by smaller dots
-_STRIP = 1.1  # height of one
+_MANY_SLIPS = 60  # more slips than this are marked by smaller dots
+_STRIP = 1.1  # height of the strip of a part of a structure, in inches
 _MOST_STRIPS = 6
-_DRIFT = 2.0  # a part has gone so much further than it swings
-_ZOOM = 6  # slips of a measured trace that are drawn by themselves
-# a velocity this many times that of the drive asks for a logarithmic axis
+_DRIFT = 2.0  # a drift of more than this many peak to peaks is removed from a part
+_ZOOM = 6  # slips of a measured trace that are drawn enlarged
+# with velocities above this many times the drive's, the axis is logarithmic
 _WIDE_RANGE = 25.0
 
 
@@ -57,8 +57,8 @@ def force_trace(
     events: xr.Dataset | None = None,
     color: str = BLUE,
 ) -> Axes:
-    """Draw the spring force of a run or a measured trace against time; `events` of
-    `stickslip.drops` are marked.
+    """Draw the spring force of a run or a measured trace against time, with marks for
+    `events` that `stickslip.drops` returned.
     """
     ax, force = along_time(run, "spring_force", ax, color=color)
     if events is not None and events.sizes.get("event"):
@@ -74,7 +74,8 @@ def force_trace(
             markersize=size,
             label=f"{gap.size} filled in",
         )
-    # another scale, or, where the load changes, a line of its own
+    # the coefficient of friction is another scale of the same line or, if the load
+    # changes, a line of its own
     if "mu" in run and "load" in run:
         right = ax.twinx()
         right.spines["right"].set_visible(True)
@@ -91,10 +92,10 @@ def force_trace(
 
 @house_style()
 def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the velocity of the slider, and of the drive, against time.
+    """Draw the velocities of the slider and of the drive against time.
 
-    Where the slider gets more than 25 times as fast as the drive the axis is
-    logarithmic from the drive's velocity on.
+    If the slider becomes more than 25 times as fast as the drive, the axis is
+    logarithmic above the drive's velocity.
     """
     ax, speed = along_time(run, "velocity", ax, color=GREEN, label="slider")
     if "drive_velocity" in run:
@@ -103,7 +104,7 @@ def velocity(run: xr.Dataset, ax: Axes | None = None) -> Axes:
         ax.plot(*thinned, label="drive", **COMPARED)
         usual = float(abs(drive).max())
         if 0.0 < _WIDE_RANGE * usual < float(abs(speed).max()):
-            # decades within the linear part would crowd around 0
+            # labels within the linear part would overlap around 0
             ax.set_yscale("symlog", linthresh=usual)
             ax.yaxis.set_major_formatter(
                 lambda value, _: "" if 0 < abs(value) < usual else style.minus(value)
@@ -122,7 +123,7 @@ def attached(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def _load(run: xr.Dataset, ax: Axes) -> Axes:
-    """Draw the normal load of a run that changes it against time."""
+    """Draw the changing normal load of a run against time."""
     ax, load = along_time(run, "load", ax, color=ORANGE)
     ax.set_ylim(0.0, 1.05 * float(load.max()))
     ax.set_ylabel("normal load\n(1: usual)")
@@ -152,8 +153,8 @@ def phase_portrait(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def part(run: xr.Dataset, ax: Axes | None = None, *, number: int = 1) -> Axes:
-    """Draw the displacement by one mode or coordinate of a structure against time; what
-    goes along with the drive, less its mean motion.
+    """Draw the displacement in one mode or coordinate of a structure against time,
+    without its drift if it moves along with the drive.
     """
     if "parts" not in run:
         raise InputError("part: needs a run of a structure, which holds its parts")
@@ -184,7 +185,7 @@ def _at_contacts(run: xr.Dataset, ax: Axes) -> Axes:
 
 
 def _largest_parts(run: xr.Dataset) -> list[int]:
-    """Numbers of the parts of a structure that move most, in their order."""
+    """Return the numbers of the parts of a structure that move most, sorted."""
     if "parts" not in run:
         return []
     spread = run["parts"].std("time").to_numpy()
@@ -202,10 +203,10 @@ _ENERGIES = {
 
 @house_style()
 def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw where the work of the drive has gone: the parts stacked, and the work,
-    which they add up to, on top.
+    """Draw the energies into which the work of the drive has gone, stacked, and the
+    work, which is their sum, on top.
     """
-    # An envelope would not stack; one of each group of samples will do.
+    # envelopes cannot be stacked, so take one sample of each group
     thin = run.isel(
         time=slice(None, None, max(1, run.sizes["time"] // style.MOST_POINTS))
     )
@@ -240,28 +241,28 @@ def energy(run: xr.Dataset, ax: Axes | None = None) -> Axes:
 def overview(
     run: xr.Dataset, *, events: xr.Dataset | None = None, seen: Regime | None = None
 ) -> Figure:
-    """Draw a run at a glance: force with its slips marked, velocities, attached
-    fraction, a load that changes, and each mode or coordinate of a structure; whatever
-    of these there is.
+    """Draw an overview of a run: its force with marked slips, velocities, attached
+    fraction, changing load, and the modes or coordinates of a structure, as far as it
+    has them.
 
-    Of a chain, the force with its events, and the velocity of every block. Of a
-    measured trace that stick-slips, six of its slips besides, how large drops are,
-    troughs over peaks, and drops over the time before them.
+    For a chain, draw the force with its events, and the velocity of every block. For a
+    measured trace with stick-slip, also draw six slips enlarged, the sizes of drops,
+    troughs against peaks, and drops against recurrence times.
 
     Parameters
     ----------
     run : Dataset
         A run or a measured trace.
     events : Dataset, optional
-        Slips to mark; by default those that `stickslip.drops` finds, where the regime
-        is stick-slip.
+        Slips to mark; by default those that `stickslip.drops` finds, if the regime is
+        stick-slip.
     seen : Regime, optional
-        The regime, if it has been judged.
+        The regime, if it is known.
 
     Raises
     ------
     InputError
-        If the Dataset has no spring force, or too little of it to look for slips.
+        If the Dataset has no spring force, or too few samples to find slips.
     """
     variable(run, "spring_force")
     if events is None and is_of_a_chain(run):
@@ -314,8 +315,8 @@ def overview(
 
 @house_style()
 def side_by_side(left: xr.Dataset, right: xr.Dataset) -> Figure:
-    """Draw the forces of two runs on one scale, each under its regime and the speed
-    of its drive.
+    """Draw the forces of two runs on one scale, titled with the regime and the speed of
+    the drive.
     """
     figure = style.new_figure(PAGE, 2.3)
     axes = figure.subplots(1, 2, sharey=True)
@@ -335,7 +336,7 @@ _SHADES |= {"smooth sliding": GREEN, "undecided": GREY}
 
 
 def _shade_parts(ax: Axes, seen: Regime) -> None:
-    """Shade the parts of a record that were judged apart, and name their kinds."""
+    """Shade the parts of a record that were judged separately by their kinds."""
     named = set[str]()
     for part in seen.segments:
         label = part.kind if part.kind not in named else None
@@ -352,9 +353,7 @@ def _shade_parts(ax: Axes, seen: Regime) -> None:
 
 
 def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> Range:
-    """Draw six slips from the middle of a trace, and return the times between which
-    they lie.
-    """
+    """Draw six slips from the middle of a trace, and return the time they span."""
     first = events.sizes["event"] // 2 - _ZOOM // 2
     some = events.isel(event=slice(first, first + _ZOOM))
     around = float(np.nanmedian(events["recurrence"]))
@@ -366,7 +365,9 @@ def _zoomed(ax: Axes, run: xr.Dataset, events: xr.Dataset) -> Range:
 
 
 def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
-    """Draw the sizes of drops, troughs over peaks, and drops over their waits."""
+    """Draw the sizes of drops, troughs against peaks, and drops against recurrence
+    times.
+    """
     drop, peak, trough, recurrence = (
         events[name].assign_attrs(long_name=title)
         for name, title in (
@@ -390,8 +391,8 @@ def _draw_drops(axes: Sequence[Axes], events: xr.Dataset) -> None:
 
 
 def _title(run: xr.Dataset, seen: Regime) -> str:
-    """The speeds that a drive goes through, which has no one regime; else that, and
-    how often and how far it drops.
+    """Return a title: the speeds of a drive that changes, else the regime, with its
+    frequency and drop.
     """
     if "drive_velocity" in run:
         low = float(run["drive_velocity"].min())
@@ -412,13 +413,13 @@ def _title(run: xr.Dataset, seen: Regime) -> str:
 
 
 def _speed(value: float, run: xr.Dataset) -> str:
-    # in three digits: the samples of a ramp may miss its end
+    # three digits, as the samples of a ramp may miss its exact end
     factor, unit = prefixed(value, units_of(run["drive_velocity"]), 3)
     return f"{number(value / factor, 3)} {style.unit_text(unit)}".strip()
 
 
 def _mark_slips(ax: Axes, force: xr.DataArray, events: xr.Dataset) -> None:
-    """Shade the slips and put a dot on the peak before each."""
+    """Shade the slips, and mark the peak before each with a dot."""
     start = events["start"].values
     lasts = events["end"].values - start
     slips = events.attrs.get("drops_are", "slips") == "slips"
@@ -433,7 +434,7 @@ def _mark_slips(ax: Axes, force: xr.DataArray, events: xr.Dataset) -> None:
         label="slipping" if slips else "falling",
     )
     peaks = events["force_before"].values
-    if "stroke" in events:  # where forces are those without the offset of the strokes
+    if "stroke" in events:  # the forces of strokes are given without their offset
         peaks = np.interp(start, force["time"].values, force.values)
     ax.plot(
         start,

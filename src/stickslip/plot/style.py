@@ -1,6 +1,4 @@
-"""Parts that all pictures share: the style of the house, labels with units, legends,
-files.
-"""
+"""What all pictures share: the style, labels with units, legends, and files."""
 
 import io
 import math
@@ -44,49 +42,48 @@ _PRINTED = {
     r"\b([A-Za-z]+)_([A-Za-z]+)\b": r"$\1_{\\mathrm{\2}}$",
     r"\bk\b": "$k$",
 }
-"""Parts of units, and how they are printed."""
+"""Patterns in units, and their form in print."""
 _POWER = re.compile(r"\$10\^\{-?\d+\}\$(?: |$)")
-PER_SECOND = 20  # frames of a film
-# a line of more is drawn by its envelope: the picture is the same, the file is not
+PER_SECOND = 20  # frames of a film per second
+# A line of more points is reduced to its envelope: it looks the same, but the file is
+# smaller.
 MOST_POINTS = 6_000
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw in the style of the house within this context; settings outside it stay
-    as they are.
+    """Draw in the style of the package within this context, and restore the settings
+    after it.
 
-    To set it for good: ``matplotlib.style.use("stickslip.plot.house")``.
+    To set the style permanently: ``matplotlib.style.use("stickslip.plot.house")``.
     """
     with mpl.rc_context(dict(_STYLE)):
         yield
 
 
 def new_figure(width: float = COLUMN, height: float = 2.6) -> Figure:
-    """Return an empty figure of a size in inches, in the style of the house."""
+    """Return an empty figure of a size in inches, in the style of the package."""
     with house_style():
         return Figure(figsize=(width, height), layout="constrained")
 
 
 def given_or_new(ax: Axes | None, width: float = COLUMN, height: float = 2.6) -> Axes:
-    """Return the axes, or without any those of a new figure in the style of the
-    house.
-    """
+    """Return the axes given, or those of a new figure in the style of the package."""
     return new_figure(width, height).add_subplot() if ax is None else ax
 
 
 def unit_text(units: str) -> str:
-    """Return a unit as it is printed: ``"x_s/time"`` as "x_s per time unit" with a
-    proper index; "" for none.
+    """Return a unit in its printed form: ``"x_s/time"`` as "x_s per time unit" with an
+    index; empty for no unit.
     """
     if units in ("", "1"):
         return ""
     if units == "time":
         return "time units"
-    if power := _POWER.match(units):  # of `dress`
+    if power := _POWER.match(units):  # added by `dress`
         return (power[0] + unit_text(units[power.end() :])).strip()
     if "$" in units:
-        # of a file: it is text, and no formula
+        # a unit from a file is text, not a formula
         return printable(units).replace("$", r"\$")
     text = printable(units)
     for pattern, drawn_as in _PRINTED.items():
@@ -95,9 +92,7 @@ def unit_text(units: str) -> str:
 
 
 def _drawable(text: str) -> str:
-    """Return a text with its dollar signs as they are, if it is no formula that can
-    be drawn.
-    """
+    """Return a text with its dollar signs escaped, unless it has a valid formula."""
     try:
         MathTextParser("path").parse(text)
     except ValueError:
@@ -106,8 +101,8 @@ def _drawable(text: str) -> str:
 
 
 def label(variable: xr.DataArray, most: int = 200) -> str:
-    """Return the label of an axis: long name and unit of a variable, in two lines if
-    it has more characters.
+    """Return the label of an axis: long name and unit of a variable, in two lines if it
+    is longer than `most` characters.
     """
     name = str(variable.attrs.get("long_name", variable.name))
     units = units_of(variable)
@@ -126,15 +121,16 @@ def label(variable: xr.DataArray, most: int = 200) -> str:
 
 
 def minus(value: float) -> str:
-    """A number on an axis, with a proper minus sign."""
+    """Return a number of an axis, with a typographic minus sign."""
     return f"{value:.6g}".replace("-", "\N{MINUS SIGN}")
 
 
 def dress(axis: Axis, variable: xr.DataArray) -> float:
-    """Label an axis with the name and unit of a variable; SI units get the prefix that
-    suits the values, by a factor that is returned.
+    """Label an axis with the name and unit of a variable; return the factor of its
+    unit.
 
-    An axis of equal ratios (``spacing`` is "log") is logarithmic, with plain numbers.
+    SI units get a prefix that suits the values. If the attribute ``spacing`` is "log",
+    the axis is logarithmic, with plain numbers.
     """
     units = units_of(variable)
     log = variable.attrs.get("spacing") == "log"
@@ -142,12 +138,12 @@ def dress(axis: Axis, variable: xr.DataArray) -> float:
     upright = isinstance(axis, YAxis)
     largest = middle = float(np.nanmax(values, initial=0.0))
     if log:
-        # over decades the middle decides
+        # on a logarithmic axis, the geometric mean decides on the prefix
         middle = float(np.exp(np.nanmean(np.log(values[values > 0]))))
     factor = 1.0
     if not 0.5 <= middle < 5e3:
         factor, units = prefixed(middle, units)
-    # else matplotlib writes it above
+    # put the power of ten into the label, as matplotlib would write it above the axis
     if factor == 1.0 and not log and middle > 0.0 and not 1e-5 <= middle < 1e6:
         power = math.floor(math.log10(middle))
         factor = 10.0**power
@@ -163,20 +159,21 @@ def dress(axis: Axis, variable: xr.DataArray) -> float:
 
 
 def number_plainly(axis: Axis, factor: float = 1.0, *, decades: bool = False) -> None:
-    """Number a logarithmic axis without powers, over a factor, its decades alone or
-    others, too.
+    """Label a logarithmic axis with numbers over a factor, without powers of ten; with
+    `decades`, label only the decades.
     """
     axis.set_major_locator(LogLocator(subs=(1.0,) if decades else (1.0, 2.0, 5.0)))
     axis.set_major_formatter(lambda value, _: minus(value / factor))
     axis.set_minor_formatter(NullFormatter())
 
 
-_FEW_DECADES = 30.0  # an axis of equal ratios up to it is numbered without powers
+# a logarithmic axis over a smaller ratio than this is labelled without powers of ten
+_FEW_DECADES = 30.0
 
 
 def legend_above(ax: Axes, *, columns: int = 4) -> None:
-    """Put the legend above the axes on the right, where it hides no data, if there
-    is anything to name.
+    """Put a legend above the axes on the right, where it hides no data, if it has any
+    entry.
     """
     if ax.get_legend_handles_labels()[0]:
         ax.legend(
@@ -196,8 +193,8 @@ def panel(
     legend: Any = None,
     **properties: Any,
 ) -> None:
-    """Put letter and title above a panel; name its axes, by variables or words;
-    place the legend; set limits.
+    """Set the title of a panel, the labels of its axes, by variables or texts, its
+    legend, and other properties of the axes.
     """
     ax.set(**properties)
     for axis, named in ((ax.xaxis, x), (ax.yaxis, y)):
@@ -208,7 +205,7 @@ def panel(
             factor = dress(axis, named)
         low, high = axis.get_view_interval()
         if axis.get_scale() == "log" and high < _FEW_DECADES * low:
-            number_plainly(axis, factor)  # else such as 6 x 10^-2
+            number_plainly(axis, factor)  # rather than as 6 x 10^-2
     if legend == "above":
         legend_above(ax)
     elif legend is not None:
@@ -218,17 +215,17 @@ def panel(
 
 
 def interval(ax: Axes, row: float, ends: Any, value: float, color: str) -> None:
-    """Draw an interval as a bar along a row, with a mark at a value."""
+    """Draw an interval as a horizontal bar in a row, with a mark at a value."""
     ax.plot(ends, [row, row], color=color, linewidth=7, solid_capstyle="butt")
     ax.plot(value, row, "|", color="white", markersize=7)
 
 
 def variable(data: xr.Dataset, name: str) -> xr.DataArray:
-    """Take a variable along time, or complain."""
+    """Return a variable along time; `InputError` if the Dataset does not have it."""
     if name not in data:
         there = ", ".join(map(str, data.data_vars)) or "none"
         raise InputError(f"plot: this Dataset has no variable {name}; it has: {there}")
-    # of an elastic slider, the mean over its blocks
+    # average over the blocks of an elastic slider
     if data[name].dims == ("time", "block"):
         return data[name].mean("block", keep_attrs=True)
     if data[name].dims != ("time",):
@@ -246,8 +243,8 @@ def variable(data: xr.Dataset, name: str) -> xr.DataArray:
 def along_time(
     run: xr.Dataset, name: str, ax: Axes | None, height: float = 2.2, **style: Any
 ) -> tuple[Axes, xr.DataArray]:
-    """Draw a variable against time, thinned to its envelope, on new axes unless
-    given; also return the variable.
+    """Draw a variable against time, reduced to its envelope, on the axes given or new
+    ones; return the axes and the variable.
     """
     drawn = variable(run, name)
     ax = given_or_new(ax, PAGE, height)
@@ -258,8 +255,8 @@ def along_time(
 
 
 def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
-    """Thin out a long line to about a number of points: smallest and largest value of
-    each group, in their order.
+    """Reduce a long line to about `most` points: the smallest and largest value of each
+    group of points, in their order.
     """
     group = y.size // (most // 2)
     if group < 3 or not np.all(np.isfinite(y)):
@@ -274,8 +271,8 @@ def envelope(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]
 
 
 def format_of(path: FileName, kind: str = "") -> str:
-    """Return the format of a picture, film, sound or page, by the suffix of its
-    name; else `InputError`.
+    """Return the format of a picture, film, sound or page from the suffix of its name;
+    `InputError` for another suffix.
     """
     what, *formats = _FORMATS.get(kind, _FORMATS[""])
     suffix = Path(path).suffix.lower().removeprefix(".")
@@ -286,7 +283,7 @@ def format_of(path: FileName, kind: str = "") -> str:
 
 
 class _Film(PillowWriter):
-    """A film that is put together in memory: no file fails before the last."""
+    """A writer of films to memory, so that the file is written only once."""
 
     def finish(self) -> None:
         self.content = io.BytesIO()
@@ -302,8 +299,8 @@ class _Film(PillowWriter):
 
 
 def save(shown: Figure | FuncAnimation | tuple[int, Array], path: FileName) -> Path:
-    """Write a figure as PNG, SVG or PDF, by suffix, a film as GIF, a sound as WAV;
-    whole or not at all.
+    """Write a figure as PNG, SVG or PDF, by suffix, a film as GIF, or a sound as WAV;
+    completely or not at all.
     """
     files.target(path)
     if isinstance(shown, Figure):
@@ -314,7 +311,7 @@ def save(shown: Figure | FuncAnimation | tuple[int, Array], path: FileName) -> P
         with house_style():
             shown.save(Path(path), film, dpi=100)
         return files.write(path, film.content.getbuffer())
-    from scipy.io import wavfile  # slow to load, and seldom needed
+    from scipy.io import wavfile  # slow to import, and seldom needed
 
     format_of(path, "sound")
     heard = io.BytesIO()
@@ -323,8 +320,8 @@ def save(shown: Figure | FuncAnimation | tuple[int, Array], path: FileName) -> P
 
 
 def drawn(figure: Figure, kind: str) -> memoryview:
-    """Return a figure as PNG, SVG or PDF, without a date: the same figure gives the
-    same bytes.
+    """Return a figure as PNG, SVG or PDF, without a date, so that the same figure gives
+    the same bytes.
     """
     date = {"svg": "Date", "pdf": "CreationDate"}.get(kind)
     picture = io.BytesIO()

@@ -1,6 +1,5 @@
-"""Pictures of a rough surface: its contacts, their sizes, and a rig that follows.
-
-`stickslip.surface` stands beside pictures, which take its Datasets and attributes.
+"""Pictures of a rough surface: its contacts, their sizes, and the estimate of an
+interface.
 """
 
 from typing import Any
@@ -29,7 +28,7 @@ _MICRO = 1e6  # micrometres in a metre
 @house_style()
 def surface(found: xr.Dataset, estimate: Any = None, answer: Any = None) -> Figure:
     """Draw the contacts of a map, as `stickslip.surface.contacts` returns them, and
-    their diameters; below, an `estimate` from them and a prediction, if given.
+    their diameters; below, if given, an `estimate` from them and a prediction.
     """
     rows = 1 if estimate is None else 2
     figure = new_figure(PAGE, 3.0 + 1.9 * (rows - 1))
@@ -46,10 +45,10 @@ def surface(found: xr.Dataset, estimate: Any = None, answer: Any = None) -> Figu
 
 @house_style()
 def surface_map(found: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw heights in grey, and in colour where they touch."""
+    """Draw heights in grey, and the contacts in colour."""
     ax = given_or_new(ax, 3.5, 3.0)
     height = _MICRO * found["height"].to_numpy()
-    # nodes stand in the middle of their pixels
+    # nodes are in the middle of their pixels
     step = _MICRO * float(found["x"][1])
     ends = (
         0.0,
@@ -78,8 +77,8 @@ def surface_map(found: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 @house_style()
 def contact_sizes(found: xr.Dataset, ax: Axes | None = None) -> Axes:
-    """Draw the fraction of the stiffness in contacts up to a diameter, at each
-    resolution.
+    """Draw, for each resolution, the fraction of the stiffness in contacts up to a
+    diameter.
     """
     ax = given_or_new(ax, 3.5, 3.0)
     resolution = found["resolution_of"].to_numpy()
@@ -113,7 +112,7 @@ def contact_sizes(found: xr.Dataset, ax: Axes | None = None) -> Axes:
 
 
 def _draw_ranges(ax: Axes, estimate: Any) -> None:
-    """The two lengths, with their ranges, over a logarithmic axis."""
+    """Draw the two lengths, with their ranges, on a logarithmic axis."""
     rows = (
         ("elastic", estimate.elastic, estimate.elastic_between, BLUE),
         ("renewal", estimate.renewal, estimate.renewal_between, GREEN),
@@ -125,7 +124,7 @@ def _draw_ranges(ax: Axes, estimate: Any) -> None:
     high = _MICRO * estimate.renewal_between[1] * 2.0
     panel(
         ax,
-        "which length counts, a map does not say",
+        "a map does not show which length applies",
         "breaking displacement (µm)",
         None,
         xscale="log",
@@ -137,8 +136,8 @@ def _draw_ranges(ax: Axes, estimate: Any) -> None:
 
 
 def _draw_verdict(ax: Axes, estimate: Any, answer: Any) -> None:
-    """The standard deviation with its range and, of a prediction, how many of the rigs
-    within the ranges oscillate.
+    """Draw the standard deviation with its range and, for a prediction, the fraction of
+    rigs within the ranges that oscillate.
     """
     interval(ax, 1, estimate.std_between, estimate.std["renewal"], BLACK)
     names = ["std"]

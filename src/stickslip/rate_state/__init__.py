@@ -1,9 +1,9 @@
-"""Rate and state out of contacts: the verdict of an interface, fits of measured steps,
-and files for other programs.
+"""Rate-and-state friction from contacts: whether an interface follows it, fits of
+measured steps, and files for other programs.
 
 Geophysicists describe friction by a direct effect ``a``, an evolution effect ``b`` and
-a distance ``D``. Contacts with temperature and ageing come near to it, others do not;
-`rate_and_state` reports which, and what the parameters get wrong.
+a distance ``D``. Contacts with activation and ageing approximate it, others do not;
+`rate_and_state` reports whether an interface does, and where the parameters are wrong.
 """
 
 from stickslip.rate_state.contacts import finite_step, small_step

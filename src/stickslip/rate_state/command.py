@@ -1,5 +1,5 @@
 """``stickslip rsf``: whether a rig is rate-and-state-like, and fits of measured
-steps.
+velocity steps.
 """
 
 import json as jsonlib
@@ -29,18 +29,18 @@ Text = str | None
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Options for a rig, and values that a measured step needs.
+    """Options for a rig and for a measured trace.
 
     Parameters
     ----------
     law
         Which law to fit.
     velocity
-        Before the step of a rig; by default its own.
+        Velocity of a rig before the step; by default its own.
     step
         Ratio of the velocities.
     holds
-        Also slide and hold, with these times of rest: '1 s, 10 s'.
+        Also slide, hold and slide, with these hold times: '1 s, 10 s'.
     export
         Print, or write, the input of another program.
     load
@@ -50,25 +50,25 @@ class Options:
     output
         Write the export to a file.
     step_at
-        Of a trace: the one step that is nearest to this time, '68.7 s'.
+        For a trace: fit only the step nearest to this time, '68.7 s'.
     from_
-        Of a trace: velocity before it, where no displacement shows it: '3 um/s'.
+        For a trace: velocity before the step, if no displacement shows it: '3 um/s'.
     to
-        Of a trace: velocity after the step.
+        For a trace: velocity after the step.
     span
-        Of a trace: displacement about each step, '5 um, 120 um'.
+        For a trace: displacements before and after each step, '5 um, 120 um'.
     trend
-        Of a trace: fit a linear trend in displacement besides.
+        For a trace: also fit a linear trend in displacement.
     stiffness
-        Of a trace: '0.006 1/um'; fitted by default.
+        For a trace: stiffness, '0.006 1/um'; fitted by default.
     json
         Print JSON for a machine to read.
     displacement
-        Of a trace: column of the displacement, by name or number.
+        For a trace: column of the displacement, by name or number.
     force
-        Of a trace: column of the friction, by name or number.
+        For a trace: column of the friction, by name or number.
     plot
-        Draw a trace with its steps and holds and each fit, or peaks after holds.
+        Draw a trace with its steps, holds and fits, or the peaks after holds.
     """
 
     law: Literal["best", "ageing", "slip"] = "best"
@@ -92,10 +92,11 @@ class Options:
 
 
 def rsf(data: Path, *, given: Options = Options()) -> None:
-    """Say whether a rig is rate-and-state-like, or fit rate and state to the velocity
-    steps of a measured trace, and read its holds.
+    """Report whether a rig is rate-and-state-like, or fit rate and state to the
+    velocity steps of a measured trace, and evaluate its holds.
 
-    Exit code 2 and the number that fails, if the interface is not rate-and-state-like.
+    If the interface is not rate-and-state-like, the exit code is 2, and the message
+    gives the number that fails.
 
     Parameters
     ----------
@@ -128,7 +129,7 @@ def rsf(data: Path, *, given: Options = Options()) -> None:
 
 
 def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
-    """Return the verdict on a rig as numbers and words; an export has words alone."""
+    """Return the verdict on a rig as numbers and as text; for an export, text only."""
     rig = rig_files.read_rig(path)
     _check(path, rig, given)
     speed = rig.velocity
@@ -182,7 +183,7 @@ def _judged(path: Path, given: Options) -> tuple[dict[str, Any], str]:
 
 
 def _check(path: Path, rig: Rig, given: Options) -> None:
-    """Refuse options for a rig without what they need."""
+    """Raise `InputError` for options whose other required options are missing."""
     for option, needed in {
         "plot": "holds",
         "area": "export",
@@ -192,9 +193,7 @@ def _check(path: Path, rig: Rig, given: Options) -> None:
         if (value := getattr(given, option)) and not getattr(given, needed):
             raise InputError(f"--{option} {value}: needs --{needed}")
     if given.holds and given.export:
-        raise InputError(
-            "--holds: not together with --export; ask for one after the other"
-        )
+        raise InputError("--holds: excludes --export; give one after the other")
     if given.load and not rig.scales:
         raise InputError(
             f"--load {given.load}: {path} is in natural units; a load needs a rig file "
@@ -203,7 +202,9 @@ def _check(path: Path, rig: Rig, given: Options) -> None:
 
 
 def _read(option: str, text: str, rig: Rig, unit: str, example: str) -> float:
-    """An option with its unit; of a rig in natural units a plain number."""
+    """Return the value of an option, with its unit; for a rig in natural units, of a
+    plain number.
+    """
     natural = rig.scales is None
     if natural:
         unit = "1"
@@ -212,7 +213,7 @@ def _read(option: str, text: str, rig: Rig, unit: str, example: str) -> float:
 
 
 def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit:
-    """The fit of all steps of a trace, or of one, in the units of the trace."""
+    """Return the fit of all steps of a trace, or of one, in the units of the trace."""
     trace = read_trace(path, force=given.force, displacement=given.displacement)
     along, clock, force = (
         units_of(trace.get(name))
@@ -238,7 +239,7 @@ def _fitted(path: Path, given: Options, report: Progress) -> StepFit | RecordFit
         )
     if given.step_at is None:
         if given.from_ or given.to:
-            raise InputError("--from, --to: need --step-at, about when the step came")
+            raise InputError("--from, --to: need --step-at, the time of the step")
         return fit_record(trace, progress=report, **how)
     how["at"] = read_value(
         "--step-at", given.step_at, clock, "68.7 s", bare=True, above=None

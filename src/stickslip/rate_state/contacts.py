@@ -1,5 +1,5 @@
-"""Response of contacts to a step of the velocity: a small step from their linear
-response, a finite step by cohorts.
+"""Response of contacts to a step of the velocity: to a small step by their linear
+response, to a finite step by cohorts.
 """
 
 import math
@@ -17,12 +17,12 @@ from stickslip.simulation.steps_and_holds import velocity_step
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.sliding.response import splined
 
-# for a step that is fitted: errs by .1 % of its range, laws by several
+# for fits of a step: its error is .1 % of the range, that of the laws several per cent
 ROUGH = MasterEquation(rtol=1e-3)
-_FINEST = 2e-3  # step of the wave numbers, at least: a grid of ten thousand
-_CLOSEST = 3e-4  # and of those that follow a delay: a grid of a hundred thousand
-# of the response, by a spline of fourth order before it knows a middle: an error of
-# 1e-4 with it
+_FINEST = 2e-3  # smallest step of the wave numbers: a grid of ten thousand
+_CLOSEST = 3e-4  # smallest step with a delay: a grid of a hundred thousand
+# Change of the response at a new middle point up to which a cubic spline is not
+# refined: with that point, its error, of fourth order, is 1e-4.
 _MISSED = 1.6e-3
 
 
@@ -34,14 +34,14 @@ def small_step(
     stiffness: float = math.inf,
     coarse: float = 1.0,
 ) -> Array:
-    """Force over ``ln`` of the ratio after a small step of the velocity of a load
-    point: ``kappa`` behind a spring.
+    """Return the force after a small step of the velocity of the load point, over
+    ``ln`` of the velocity ratio, from the dynamic stiffness ``kappa`` of the contacts.
 
-    The inverse transform of ``kappa(q)/q^2``: the sine transform of ``Im kappa/y^2``,
-    its factor linear between frequencies. It is per contact, in ``f_s``, over the
-    displacement `slip` of the load point, above 0, in ``x_s``. The spring has a
-    `stiffness` per contact; a rigid slider an infinite one. A grid of frequencies that
-    is not `coarse` gives an error of 1e-4.
+    It is the inverse transform of ``kappa(q)/q^2``, computed as the sine transform of
+    ``Im kappa/y^2``, with ``Im kappa/y`` linear between the grid points. The force is
+    per contact, in ``f_s``, at displacements `slip` of the load point, above 0, in
+    ``x_s``. The spring has a `stiffness` per contact, infinite for a rigid drive. With
+    `coarse` 1 the error is 1e-4; larger values make the grid coarser.
     """
     instance("small_step: interface", interface, Interface, "an Interface")
     v = number("small_step: velocity", velocity, above=0, hint="in x_s per time")
@@ -64,12 +64,12 @@ def small_step(
 def _answer(
     interface: Interface, velocity: float, coarse: float
 ) -> tuple[Array, ComplexArray]:
-    """Wave numbers that follow every turn of the response, and ``kappa`` there."""
+    """Return wave numbers that resolve the response, and ``kappa`` at these."""
     response = respond(interface)
     thresholds = interface.threshold_distribution
     mean = thresholds.moment(1)
-    # Contacts that are nearly alike break together, life after life: a resonance of
-    # this width, from its first on.
+    # Contacts with nearly equal thresholds break together again and again: their first
+    # resonance has the width `sharp`.
     away = velocity * interface.delay.longest / mean
     cv = thresholds.standard_deviation() / mean
     sharp = 2.0 * (math.pi * cv) ** 2 / (1.0 + away) ** 3
@@ -82,7 +82,7 @@ def _answer(
         )
     few = math.ceil(60 / coarse)
     many = math.ceil(250 / coarse)
-    # its table has no more
+    # the table of `Langevin` ends here
     top = 1e3 if isinstance(interface.ageing, Langevin) else 1e5
     y = np.concatenate(
         [
@@ -99,8 +99,8 @@ def _answer(
             None, :
         ]
 
-    # At first as far apart as no resonance is passed over, and a fourth of its period;
-    # halved where a spline misses.
+    # The first grid resolves every resonance, with at least four points per period; it
+    # is refined where a spline misses.
     apart = max(int(min(2.0 * sharp, 1.6 / max(1.0, away)) / fine), 1)
     return y / mean, splined(factor_at, u, apart, _MISSED)(u)[0] * y
 
@@ -114,11 +114,12 @@ def finite_step(
     stiffness: float = math.inf,
     method: MasterEquation = MasterEquation(),
 ) -> tuple[Array, Array]:
-    """Force over the displacement of the load point after a step of its velocity, from
-    steady sliding.
+    """Return the force over the displacement of the load point after a step of its
+    velocity, from steady sliding.
 
-    The result of `velocity_step` as two arrays: displacement of the load point from the
-    step on, in ``x_s``, and force per contact, in ``f_s``, minus that before the step.
+    The two arrays are the displacement of the load point since the step, in ``x_s``,
+    and the force per contact, in ``f_s``, minus that before the step, from
+    `velocity_step`.
     """
     instance("finite_step: interface", interface, Interface, "an Interface")
     run = velocity_step(
@@ -135,11 +136,11 @@ def finite_step(
 
 
 def contact_stiffness(interface: Interface, velocity: float) -> float:
-    """Stiffness of the contacts that are attached in steady sliding, per contact: what
-    a sudden step finds.
+    """Return the stiffness of the contacts attached in steady sliding, per contact,
+    which resists a sudden step.
 
-    Contacts live alike with a delay and without one, so the force that they carry falls
-    with the fraction attached.
+    It is the fraction attached, computed as the ratio of the forces with the delay and
+    without, as attached contacts carry the same force in both.
     """
     if velocity * interface.delay.moment(1) == 0:
         return 1.0

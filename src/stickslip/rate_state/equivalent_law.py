@@ -1,5 +1,5 @@
-"""Rate-and-state law equivalent to an interface: its a, b and D, how well they describe
-the interface, and where they fail.
+"""The rate-and-state law that best describes an interface: its a, b and D, how well
+they describe the interface, and where they fail.
 """
 
 import math
@@ -28,67 +28,69 @@ from stickslip.stability.critical import critical_spring
 from stickslip.words import engineering
 
 SLIP = 6.0  # slip over which steps are fitted, in mean thresholds
-_POINTS = 600  # places of the slip at which they are compared
-# an interface is rate-and-state-like below this misfit of a small step, and this change
-# of each parameter over a decade of velocity
+_POINTS = 600  # number of values of the slip at which they are compared
+# An interface is rate-and-state-like below this misfit of a small step, and these
+# relative changes of the parameters over a decade of velocity.
 MISFIT = 0.05
 DRIFTS = {"a": 0.10, "b": 0.10, "D": 0.20}
-# least direct effect, over the fitted a, and the wave number, times the mean threshold,
-# at which it is measured
+# The direct effect is at least this fraction of the fitted a, at this wave number, in
+# inverse mean thresholds.
 _RESOLVED = 0.3
 _FAST = 200.0
-# range of a and b over the largest change of the force; the least stands for 0 in a
-# logarithm
+# range of a and b over the largest change of the force; its lower end stands for 0, as
+# logarithms are fitted
 _LEAST = 1e-7
 _MOST = 1e3
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RateAndStateFit(Answer):
-    """Rate-and-state parameters of an interface, and what they are worth.
+    """Rate-and-state parameters of an interface, and how well they describe it.
 
-    Per contact and in natural units; `in_units` gives those of a rig. `Estimate` is a
-    number with its standard ``error``, which is how well the step fixes the
-    parameters, not how well the law describes it.
+    They are per contact and in natural units; `in_units` converts them to those of a
+    rig. `Estimate` is a number with its standard ``error``, which is that of the fit of
+    the step, not that of the law.
     """
 
-    #: "ageing" or "slip", whose distance changes less between a step up and a step down
+    #: "ageing" or "slip": the one whose distance differs less between a step up and a
+    #: step down
     law: Law
-    #: of the step that was asked for; of a small one where it is not like them
+    #: direct effect; as `b` and `distance`, fitted to the step asked for or, if the
+    #: interface is not rate-and-state-like, to a small step
     a: Annotated[Estimate, Number("f_s")]
-    b: Annotated[Estimate, Number("f_s")]  #: evolution effect; ``a`` is the direct one
+    b: Annotated[Estimate, Number("f_s")]  #: evolution effect
     distance: Annotated[Estimate, Number("x_s")]  #: ``D``, over which the state evolves
-    misfit: float  #: of a small step: rms over the range of the force
-    step_misfit: float | None  #: the same for the step that was asked for
-    #: relative change of a, b, D, of small steps, over the decade of velocity
+    misfit: float  #: of a small step: rms residual over the range of the force
+    step_misfit: float | None  #: misfit of the step asked for
+    #: relative changes of a, b and D of small steps over a decade of velocity
     drift: tuple[float, ...]
-    #: ``D`` of the step up over that of the step down, for the law
+    #: ``D`` of the step up over that of the step down
     asymmetry: float | None
 
     #: Growth of the peaks after holds per e-fold of the hold time, for long holds: the
-    #: slope of ageing. None where thresholds do not grow with the logarithm of age.
+    #: slope of ageing. None if thresholds do not grow with the logarithm of age.
     healing: Annotated[float | None, Number("f_s")]
 
-    velocity: Annotated[float, Number("x_s/time")]  #: of smooth sliding before the step
+    velocity: Annotated[float, Number("x_s/time")]  #: velocity before the step
     step: float  #: ratio of the velocities
     kinetic_friction: Annotated[float, Number("f_s")]  #: force in smooth sliding
     contact_stiffness: Annotated[float, Number("k")]  #: of the attached contacts
 
-    #: Stiffness of the driving spring below which smooth sliding of a slider without
-    #: mass is unstable: by rate and state, in series with the contacts.
+    #: Stiffness of the driving spring, in series with the contacts, below which smooth
+    #: sliding of a massless slider is unstable by rate and state.
     critical_stiffness: Annotated[float, Number("k")]
 
-    #: the same by the contacts themselves
+    #: critical stiffness by the contacts themselves
     exact_critical_stiffness: Annotated[float, Number("k")]
 
     holds: bool  #: whether the interface is rate-and-state-like
-    reason: str  #: what fails, or what was tested
-    #: of the rig in whose units, N and m, the numbers are; None in natural units
+    reason: str  #: which test fails, or what was tested
+    #: scales of the rig if the numbers are in its units, N and m; None in natural units
     scales: Scales | None = None
 
     def in_units(self, of: Rig | Scales) -> Self:
-        """Return parameters found in natural units in those of a rig: forces of all
-        its contacts, in N.
+        """Return the parameters, which are in natural units, in those of a rig, with
+        the forces of all its contacts, in N.
         """
         scales = of.scales if isinstance(of, Rig) else of
         if scales is None or self.scales is not None:
@@ -97,20 +99,20 @@ class RateAndStateFit(Answer):
 
     @property
     def parameters(self) -> RateAndState:
-        """The law and its parameters, to slide with."""
+        """The law with its parameters."""
         return RateAndState(law=self.law, a=self.a, b=self.b, distance=self.distance)
 
     @property
     def healing_over_b(self) -> float | None:
-        """Healing over b: 1 by rate and state; by contacts with ageing ``c`` and
-        width ``A`` it is ``2 c/(A + c)``.
+        """Healing over b: 1 by rate and state, but ``2 c/(A + c)`` for contacts with
+        the ageing slope ``c`` and the activation width ``A``.
         """
         return None if self.healing is None else self.healing / self.b
 
     @property
     def ratio(self) -> float:
-        """Critical stiffness by rate and state over the exact one; NaN where neither
-        has one.
+        """Critical stiffness by rate and state over the exact one; NaN if sliding is
+        stable on any spring by both.
         """
         exact = self.exact_critical_stiffness
         fitted = self.critical_stiffness
@@ -120,15 +122,15 @@ class RateAndStateFit(Answer):
 
     @property
     def danger(self) -> Literal["none", "too low", "too high"]:
-        """Direction in which the critical stiffness of rate and state errs; too low
-        is the unsafe side.
+        """Whether the critical stiffness of rate and state is too low, which is unsafe,
+        or too high.
         """
         if math.isnan(self.ratio) or abs(self.ratio - 1.0) < 0.01:
             return "none"
         return "too low" if self.ratio < 1.0 else "too high"
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values."""
+        """Return all fields and derived numbers as plain values."""
         derived = {
             "healing_over_b": self.healing_over_b,
             "ratio": self.ratio,
@@ -186,21 +188,21 @@ def rate_and_state(
     step: float = 10.0,
     law: Literal["best", "ageing", "slip"] = "best",
 ) -> RateAndStateFit:
-    """Decide whether an interface is rate-and-state-like, with which parameters, and
-    what these get wrong.
+    """Decide whether an interface is rate-and-state-like, and return its parameters
+    with their errors.
 
     Small steps of the velocity, from the exact linear response, are fitted over six
-    breaking displacements at this velocity and at both ends of the decade about it.
-    Rate-and-state-like is what has a direct effect (``a`` above 0), a misfit below 5 %,
-    and ``a`` and ``b`` that change by less than 10 % and ``D`` by less than 20 % over
-    the decade. Then a step by the factor asked for, up and down, gives the law and
-    gives the numbers. The critical stiffness by rate and state stands beside the exact
-    one.
+    breaking displacements at this velocity and at both ends of the decade around it. An
+    interface is rate-and-state-like if it has a direct effect (``a`` above 0), if the
+    misfit is below 5 %, and if ``a`` and ``b`` change by less than 10 %, and ``D`` by
+    less than 20 %, over the decade. Then steps by the factor asked for, up and down,
+    determine the law and its parameters. The result has the critical stiffness by rate
+    and state, and the exact one.
 
     Parameters
     ----------
     velocity : float
-        Of smooth sliding before the step, in ``x_s`` per time.
+        Velocity of smooth sliding before the step, in ``x_s`` per time.
     step : float
         Ratio of the velocities, above 1.
     law : {"best", "ageing", "slip"}
@@ -299,8 +301,8 @@ def _fitted(
     law: Law,
     near: Array | None,
 ) -> LeastSquaresFit:
-    """Fit a, b, D to the force from a step on, 0 at first, over a slip; near
-    some values, if there are any.
+    """Return a fit of a, b and D to the change of the force after a step, over a slip
+    `reach`, started from the values `near`, if they are given.
     """
     largest = float(np.max(np.abs(rise)))
     low = np.array([_LEAST * largest, _LEAST * largest, 1e-4 * reach])
@@ -321,8 +323,8 @@ def _fitted(
 
 
 def _small(interface: Interface, velocity: float) -> LeastSquaresFit:
-    """Fit a small step by the linear response of the contacts, which is the same for
-    both laws.
+    """Return a fit to a small step, by the linear response, which is the same for both
+    laws.
     """
     slip = np.linspace(
         0.0,
@@ -343,8 +345,8 @@ def _small(interface: Interface, velocity: float) -> LeastSquaresFit:
 def _of_a_step(
     interface: Interface, velocity: float, step: float, laws: Sequence[Law], near: Array
 ) -> tuple[Law, LeastSquaresFit, float]:
-    """Fit laws to steps up and down: the law of which D changes less, its fit, and D
-    up over D down.
+    """Fit laws to a step up and a step down; return the law whose D differs less
+    between them, its fit to the step up, and D up over D down.
     """
     reach = SLIP * interface.threshold_distribution.moment(1)
 
@@ -386,7 +388,7 @@ def _of_a_step(
 
 
 def _failing(interface: Interface, velocity: float, fit: LeastSquaresFit) -> str:
-    """Reason why it is not rate and state; empty if there is none."""
+    """Return why a small step is not rate-and-state-like; empty if it is."""
     a = fit.estimates()[0]
     spring = contact_stiffness(interface, velocity)
     wave = 1j * _FAST / interface.threshold_distribution.moment(1)
@@ -404,7 +406,7 @@ def _failing(interface: Interface, velocity: float, fit: LeastSquaresFit) -> str
         return f"a = {a:.2g} ± {a.error:.1g} is not resolved"
     if fit.misfit >= MISFIT:
         return (
-            f"a small step is fitted to {100 * fit.misfit:.2g} % of its range only; "
+            f"the misfit of a small step is {100 * fit.misfit:.2g} % of its range; "
             f"must be below {100 * MISFIT:g} %"
         )
     return ""

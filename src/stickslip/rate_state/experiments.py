@@ -1,6 +1,4 @@
-"""The two experiments as they are read: a velocity step cut out of a run or a trace,
-and healing after holds.
-"""
+"""Velocity steps, cut out of a run or a trace, and healing after holds."""
 
 import math
 from dataclasses import dataclass
@@ -21,7 +19,7 @@ from stickslip.rate_state.fitting import Estimate
 from stickslip.rate_state.pieces import SteadyPiece, find_pieces
 
 _FRICTIONS = ("mu", "spring_force", "friction_force", "friction")
-"""Variables that may hold the friction, in the order in which they are looked for."""
+"""Variables that may hold the friction, in the order in which they are tried."""
 _PLACES = (
     "measured_displacement",
     "measured_velocity",
@@ -29,27 +27,28 @@ _PLACES = (
     "velocity",
     "displacement",
 )
-"""Variables that may hold the motion of the load point, in this order: of a run, whose
-velocity is known, the displacement is that of its slider.
+"""Variables that may hold the motion of the load point, in the order in which they are
+tried. The velocities come before `displacement`, which in a run is that of the slider.
 """
 _FEWEST = 30  # samples after a step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A velocity step as it is fitted: friction over the displacement of the load
-    point, 0 at the step.
+    """A velocity step, in the form in which it is fitted: friction over the
+    displacement of the load point since the step.
     """
 
-    displacement: Array  #: in bins, rising
+    displacement: Array  #: mean of each bin, rising
     friction: Array
     before: float  #: velocity of the load point before the step
-    after: float  #: and after it
-    at: float = 0.0  #: time at which lines of the displacement cross, or a given one
-    at_error: float = 0.0  #: of that crossing; 0 of a time that is only expected
+    after: float  #: velocity after the step
+    #: time of the step, at which lines through the displacement cross, or a given time
+    at: float = 0.0
+    at_error: float = 0.0  #: error of the crossing; 0 for a given time
     #: whether the displacement was measured; else it is the velocities times the time
     measured: bool = True
-    length_unit: str = ""  #: of the data; empty where it has none
+    length_unit: str = ""  #: unit of the data; empty if it has none
     time_unit: str = ""
     friction_unit: str = ""
 
@@ -60,15 +59,15 @@ class Step:
 
     @property
     def stretch(self) -> float:
-        """Displacement before the given time, if the step came
-        earlier: it went on at another speed.
+        """Factor on the displacement before the given time, if the step came earlier:
+        without a measured displacement, the load point then moved at the later speed.
         """
         return 1.0 if self.measured else self.ratio
 
     @property
     def near(self) -> float:
-        """Distance from the given time within which the step is looked for: as far as
-        there is data before, and half of that after.
+        """Displacement from the given time within which the step is searched: as far
+        as there are data before it, but at most half of those after it.
         """
         end = float(self.displacement.max())
         return float(
@@ -76,21 +75,23 @@ class Step:
         )
 
     def since(self, late: float, displacement: Array | None = None) -> Array:
-        """Displacement since the step, if that came later by some displacement than
-        was given.
+        """Return the displacement since the step, if the step came a displacement
+        `late` after the given time.
         """
         x = self.displacement if displacement is None else displacement
         return np.where(x < 0, self.stretch, 1.0) * x - late
 
     def level(self, late: float = 0.0) -> float:
-        """Friction before the step, if that came later by some displacement."""
+        """Return the friction before the step, if the step came a displacement `late`
+        after the given time.
+        """
         before = self.friction[self.since(late) <= 0]
         return float(np.median(before) if before.size else self.friction[0])
 
 
 class Record(NamedTuple):
-    """Friction of a run or a trace over time, and the pieces of constant speed of its
-    displacement, if it holds one.
+    """Friction of a run or a trace over time and, if it has a displacement, the pieces
+    of constant speed of that.
     """
 
     time: Array
@@ -98,11 +99,11 @@ class Record(NamedTuple):
     place: Array | None  #: displacement of the load point, without its noise
     pieces: list[SteadyPiece]
     names: tuple[str | None, str, str]  #: variables of displacement, time, friction
-    units: tuple[str, str, str]  #: of these; "" without one
+    units: tuple[str, str, str]  #: their units; empty without one
 
     @classmethod
     def of(cls, data: xr.Dataset) -> Self:
-        """Take friction and displacement out of a Dataset; `InputError` if it holds no
+        """Return friction and displacement of a Dataset; `InputError` if it holds no
         friction.
         """
         instance("data", data, xr.Dataset, "a Dataset, as read_trace() returns it")
@@ -112,7 +113,7 @@ class Record(NamedTuple):
         name = next((one for one in _FRICTIONS if one in there), None)
         if name is None or "time" not in data.coords:
             raise InputError(
-                "data: holds no friction along a time; it must have one of "
+                "data: holds no friction over time; it must have one of "
                 f"{', '.join(_FRICTIONS)}"
             )
         along = next((one for one in _PLACES if one in there), None)
@@ -150,7 +151,7 @@ class Record(NamedTuple):
         )
 
     def steps(self) -> list[tuple[SteadyPiece, SteadyPiece]]:
-        """The pieces before and after each velocity step."""
+        """Return the pieces before and after each velocity step."""
         return [pair for pair in pairwise(self.pieces) if pair[0].steps_to(pair[1])]
 
     def cut(
@@ -160,7 +161,7 @@ class Record(NamedTuple):
         span: Range | None = None,
         bins: int = 800,
     ) -> Step:
-        """Cut out the step between two pieces, in bins of displacement."""
+        """Return the step between two pieces, in bins of displacement."""
         at = after.begin
         speeds = [abs(float(one.velocity)) for one in (before, after)]
         if self.place is None:
@@ -168,12 +169,12 @@ class Record(NamedTuple):
             back = 0.1 * float(x.max())
         else:
             x = (self.place - after.place) * math.copysign(1.0, after.velocity)
-            # The first half of the time before may still show the step before that.
+            # the first half of the time before may still show an earlier step
             back = 0.5 * speeds[0] * (before.end - before.begin)
         back, forth = span or (back, float(x.max()))
         inside = (x >= -back) & (x <= forth)
         inside &= (self.time >= before.begin) & (self.time <= after.end)
-        # These may lie on either side of the step.
+        # leave out readings that may lie on either side of the step
         inside &= np.abs(self.time - at) >= ERRORS * after.begin_error
         rows = pd.DataFrame(
             {
@@ -187,7 +188,7 @@ class Record(NamedTuple):
                 f"{_FEWEST}"
             )
         width = float(np.ptp(rows.x)) / min(bins, len(rows))
-        # No bin has readings of both sides of the step.
+        # bins end at the step, so that none holds readings of both sides
         held = rows.groupby(np.floor(rows.x / width)).mean()
         length, clock, unit = self.units
         return Step(
@@ -218,29 +219,29 @@ def velocity_step_in(
     Parameters
     ----------
     data : Dataset
-        As `read_trace` or a run gives it: ``mu``, ``spring_force``, ``friction_force``
-        or ``friction`` along ``time``. The displacement of the load point is
-        ``measured_displacement`` or ``displacement`` (of a run that is the slider's,
-        and is not used), else the velocities times the time.
+        A run, or a trace as `read_trace` returns it, with ``mu``, ``spring_force``,
+        ``friction_force`` or ``friction`` along ``time``. The displacement of the load
+        point is ``measured_displacement`` or ``displacement`` (in a run, that is the
+        slider's, and is not used), else the velocities times the time.
     at : float
-        Time of the step, in the unit of time of the data. Where the displacement shows
-        steps, the one that is nearest to it is cut out, and its time and place are
-        those at which lines through both sides cross.
+        Time of the step, in the unit of time of the data. If the displacement shows
+        steps, the nearest of them is cut out, and its time and position are those at
+        which lines through both sides cross.
     before, after : float, optional
         Velocities of the load point, in displacement per time of the data; by default
         those of its displacement.
     span : (float, float), optional
-        Displacements before and after the step, no farther than the next steps;
-        by default all there is after it, and half of what is before, or a tenth of that
-        after it without a displacement.
+        Displacements before and after the step, up to the next steps at most. By
+        default all after it, and half of that before it or, without a displacement, a
+        tenth of that after it.
     bins : int
-        Into how many bins of equal displacement the data is averaged, at most.
+        Largest number of bins of equal displacement over which the data are averaged.
 
     Raises
     ------
     InputError
-        If there is no such variable, or less than 30 samples after the step, or the
-        displacement shows another one.
+        If there is no such variable, or fewer than 30 samples after the step, or the
+        displacement shows another step.
 
     Examples
     --------
@@ -260,7 +261,9 @@ def velocity_step_in(
 
 
 def checked_span(span: Range | None) -> Range | None:
-    """Displacements before and after a step; None where none are given."""
+    """Return the displacements before and after a step, checked; None if none are
+    given.
+    """
     if span is None:
         return None
     before, after = pair("span", span, "displacements before and after each step")
@@ -273,8 +276,8 @@ def step_near(
     before: float | None = None,
     after: float | None = None,
 ) -> tuple[SteadyPiece, SteadyPiece]:
-    """The pieces before and after the step nearest to a time: those of the
-    displacement, or of the velocities that are given where it shows none.
+    """Return the pieces before and after the step nearest to a time: those of the
+    displacement or, if that shows no step, with the velocities given.
     """
     first, last = record.time[[0, -1]].tolist()
     at = number(
@@ -323,14 +326,14 @@ def step_near(
 class Healing(Answer):
     """Peaks after holds and their growth, in the units of the run."""
 
-    hold: tuple[float, ...]  #: times of rest, rising
-    #: as `slide_hold_slide` gives them, one for each hold
+    hold: tuple[float, ...]  #: hold times, rising
+    #: for each hold, as `slide_hold_slide` returns them
     relaxation: tuple[float, ...]
     peak: tuple[float, ...]
     slip_to_peak: tuple[float, ...]
-    #: growth of the peak for each factor of ten in the hold, from one hold to the next
+    #: growth of the peak per decade of hold time, from each hold to the next
     per_decade: tuple[float, ...]
-    by_rate_and_state: float  #: by rate and state, for long holds: ``b ln 10``
+    by_rate_and_state: float  #: growth by rate and state for long holds: ``b ln 10``
     time_unit: str
     force_unit: str
     length_unit: str
@@ -357,26 +360,26 @@ class Healing(Answer):
         lines = ["".join(f"{cell:>14}" for cell in row) for row in rows]
         expected = f"b ln 10 = {self.by_rate_and_state:.4g} {F}"
         end = (
-            f"rate and state says {expected} per decade of hold time; give two holds "
-            "to compare"
+            f"rate and state predicts {expected} per decade of hold time; give two "
+            "holds to compare"
         )
         if self.per_decade:
             last = self.per_decade[-1]
             end = (
                 f"healing over the last two holds: {last:.4g} {F} per decade of hold "
                 "time, "
-                f"{last / self.by_rate_and_state:.2f} times what rate and state says "
-                f"({expected})"
+                f"{last / self.by_rate_and_state:.2f} times what rate and state "
+                f"predicts ({expected})"
             )
         return "\n".join([*lines, end])
 
 
 def healing(run: xr.Dataset, b: float) -> Healing:
-    """Return how much the peaks of a `slide_hold_slide` run grow with the time of the
-    hold, all of which differ.
+    """Return the growth of the peaks of a `slide_hold_slide` run with the hold time, of
+    which all must differ.
 
-    Beside it stands the growth by rate and state with the evolution effect `b`, in the
-    unit of force of the run.
+    The result also has the growth by rate and state with the evolution effect `b`, in
+    the unit of force of the run.
     """
     instance(
         "healing: run", run, xr.Dataset, "a Dataset, as slide_hold_slide() returns it"

@@ -1,5 +1,5 @@
-"""Rate-and-state parameters of an interface as the input of other programs: QDYN,
-tandem, DiaBayes, rsfmodel.
+"""Export of rate-and-state parameters of an interface to other programs: QDYN, tandem,
+DiaBayes, rsfmodel.
 """
 
 import math
@@ -29,32 +29,32 @@ def export_rate_and_state(
     """Write the rate-and-state parameters of an interface as the input of another
     program.
 
-    Forces become coefficients of friction: those of the contacts, times ``N f_s``, over
-    the normal load. The file begins with the protocol of the fit and with what the
-    parameters get wrong: the critical stiffness beside the exact one.
+    Forces become coefficients of friction: forces per contact, times ``N f_s``, over
+    the normal load. The file starts with how the parameters were fitted, and with their
+    error: the critical stiffness beside the exact one.
 
     Parameters
     ----------
     fit : RateAndStateFit
-        From `rate_and_state`.
+        Result of `rate_and_state`.
     program : {"qdyn", "tandem", "diabayes", "rsfmodel"}
     scales : Scales
         Values of ``N f_s``, ``x_s`` and the unit of time.
     load : str or float
         Normal load, ``"2 kN"`` or in N.
     area : str or float, optional
-        Of the surface, ``"1 cm^2"`` or in m^2: for the normal stress that QDYN and
-        tandem take.
+        Area of the surface, ``"1 cm^2"`` or in m^2, for the normal stress that QDYN and
+        tandem need.
     path : path, optional
-        Where to write it; the text is returned as well.
+        File to write; the text is returned as well.
 
     Raises
     ------
     InputError
-        If the interface is not rate-and-state-like, the program does not know the law,
+        If the interface is not rate-and-state-like, the program does not have the law,
         or a quantity is missing.
     """
-    instance("fit", fit, RateAndStateFit, "what rate_and_state() gives")
+    instance("fit", fit, RateAndStateFit, "the result of rate_and_state()")
     instance("scales", scales, Scales, "Scales(force=..., stretching=..., time=...)")
     if program not in get_args(Program):
         known = ", ".join(get_args(Program))
@@ -66,7 +66,7 @@ def export_rate_and_state(
         )
     if fit.law == "slip" and program in ("tandem", "diabayes"):
         raise InputError(
-            f"program = {program!r}: knows the ageing law only, and the interface "
+            f"program = {program!r}: has only the ageing law, and the interface "
             "follows the slip law; use 'qdyn' or "
             "'rsfmodel', or fit law='ageing'"
         )
@@ -78,7 +78,7 @@ def export_rate_and_state(
     )
     if math.isnan(stress) and program in ("qdyn", "tandem"):
         raise InputError(
-            f"area: is missing; {program} takes the normal stress, the load over an "
+            f"area: is missing; {program} needs the normal stress, the load over an "
             "area such as '1 cm^2'"
         )
     si = fit.in_units(scales)
@@ -96,7 +96,7 @@ def export_rate_and_state(
     )
     template = resources.files(__package__) / "templates" / f"{program}.txt"
     mark = "--" if program == "tandem" else "#"
-    # between load point and surface: the contacts
+    # the contacts are the spring between load point and surface
     spring = si.contact_stiffness / weight
     text = "".join(f"{mark} {line}\n" for line in notes) + Template(
         template.read_text(encoding="utf-8")

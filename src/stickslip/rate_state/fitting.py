@@ -1,5 +1,5 @@
-"""Least squares in logarithms, from several starts, and numbers that carry the error
-of a fit.
+"""Least squares in logarithms, from several starts, and numbers with the error of a
+fit.
 """
 
 import math
@@ -16,11 +16,12 @@ from stickslip.words import prefixed
 
 
 def _keeping_error(operation: Callable[[Any, Any], tuple[Any, Any]]) -> Any:
-    """Method of an `Estimate` for an operation, which returns value and slope.
+    """Return a method of `Estimate` for an operation, a function that returns the value
+    and its slope.
 
-    With one exact number the result is an estimate, of an error larger by the size of
-    the slope. With an array, or another estimate, whose covariance would be needed, it
-    is plain.
+    With an exact number, the result is an estimate, whose error is multiplied by the
+    absolute slope. With an array, or with another estimate, whose covariance would be
+    needed, it is a plain value.
     """
 
     def method(one: "Estimate", other: Any) -> Any:
@@ -33,19 +34,17 @@ def _keeping_error(operation: Callable[[Any, Any], tuple[Any, Any]]) -> Any:
 
 
 class Estimate(float):
-    """A value that was fitted, with its standard error: a number like others, that
-    has `error`.
-    """
+    """A fitted value with its standard `error`; otherwise it behaves like a float."""
 
     error: float
 
     def __new__(cls, value: float, error: float = 0.0) -> Self:
-        """Take a value and its standard error."""
+        """Make an estimate of a value and its standard error."""
         one = super().__new__(cls, value)
         one.error = float(error)
         return one
 
-    # Above that of numpy's numbers, so that ``np.float64(3.0)*e`` asks `__rmul__`.
+    # higher than that of numpy's numbers, so that ``np.float64(3.0)*e`` uses `__rmul__`
     __array_priority__ = 100.0
 
     __mul__ = __rmul__ = _keeping_error(lambda x, y: (x * y, y))
@@ -59,30 +58,30 @@ class Estimate(float):
     __rpow__ = _keeping_error(lambda x, y: (y**x, y**x * np.log(y)))
 
     def __round__(self, digits: Any = None) -> Any:
-        """Return it rounded, with its error."""
+        """Return the rounded value, with its error."""
         return Estimate(round(float(self), digits or 0), self.error)
 
     def _stepped(self, other: object) -> Any:
-        """Raise `TypeError`: a quotient in whole numbers jumps within the error."""
+        """Raise `TypeError`: an integer quotient has no error, as it jumps."""
         raise TypeError(
-            f"{self.words()}: has no whole quotient by {other!r} that keeps its error; "
-            "use float(...) of it"
+            f"{self.words()}: an integer quotient by {other!r} has no error; use "
+            "float(...) of it"
         )
 
     __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = _stepped
     __divmod__ = __rdivmod__ = _stepped
 
     def __neg__(self) -> "Estimate":
-        """The opposite, with its error."""
+        """Return the negative value, with its error."""
         return Estimate(-float(self), self.error)
 
     def __abs__(self) -> "Estimate":
-        """Its size, with its error."""
+        """Return the absolute value, with its error."""
         return Estimate(abs(float(self)), self.error)
 
     def words(self, unit: str = "") -> str:
-        """``(8.602 ± 0.082) N``: to two digits of the error, in one unit, with the
-        SI prefix of the larger of both.
+        """Return value and error in words, such as ``(8.602 ± 0.082) N``: with two
+        digits of the error, and the SI prefix of the larger of the two.
         """
         divisor, unit = prefixed(max(abs(self), self.error), unit)
         value = float(self) / divisor
@@ -97,17 +96,17 @@ class Estimate(float):
 
 
 class LeastSquaresFit(NamedTuple):
-    """Result of least squares: values with their covariance, and the curve."""
+    """Result of least squares."""
 
-    value: Array
+    value: Array  # of each parameter
     covariance: Array
-    rms: float
-    misfit: float  # the same over the range of the data
-    curve: Array
+    rms: float  # of the residuals
+    misfit: float  # the rms over the range of the data
+    curve: Array  # the model at the data
     converged: bool
 
     def estimates(self, inflation: float = 1.0) -> list[Estimate]:
-        """The values with their standard errors."""
+        """Return the values with their standard errors, times `inflation`."""
         return [
             *map(Estimate, self.value, inflation * np.sqrt(np.diag(self.covariance)))
         ]
@@ -123,9 +122,10 @@ def least_squares(
     tolerance: float = 1e-10,
     most: int = 200,
 ) -> LeastSquaresFit:
-    """Fit a model from several starts, by logarithms where a range lies above 0.
+    """Return the best of several fits of a model, each from another start; parameters
+    whose ranges are positive are fitted by their logarithms.
 
-    A model may be NaN, or raise `UndecidedError`, where it has no curve.
+    The model may return NaN, or raise `UndecidedError`, where it has no result.
     """
     logarithmic = low > 0
     scale = float(np.ptp(data)) or 1.0
@@ -162,10 +162,10 @@ def least_squares(
     value = values(best.x)
     if square / data.size > 1e4:
         raise UndecidedError(
-            "no rate-and-state parameters fit: the slider runs away for all that were "
-            "tried"
+            "no rate-and-state parameters fit: the slider runs away with all that "
+            "were tried"
         )
-    # A parameter on which the curve does not depend has a large error, not one of 0.
+    # a parameter on which the curve does not depend must get a large error, not 0
     _, singular, turned = np.linalg.svd(np.asarray(best.jac), full_matrices=False)
     turned = (
         turned

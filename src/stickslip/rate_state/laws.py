@@ -1,5 +1,5 @@
-"""Rate and state: the two laws, their spring-slider, their small-step response and
-their critical stiffness.
+"""Rate-and-state friction: the two laws, with their spring-slider motion, small-step
+response and critical stiffness.
 """
 
 import math
@@ -24,7 +24,7 @@ class RateAndState(Record):
     Parameters
     ----------
     law : {"ageing", "slip"}
-        How the state evolves: ``theta' = 1 - V theta/D`` (Dieterich), or
+        Evolution of the state: ``theta' = 1 - V theta/D`` (Dieterich), or
         ``-(V theta/D) ln(V theta/D)`` (Ruina).
     a, b : float
         Direct and evolution effect, in the unit of the friction.
@@ -40,10 +40,10 @@ class RateAndState(Record):
     ]
 
     def critical_stiffness(self, contact_stiffness: float = math.inf) -> float:
-        """Stiffness below which steady sliding of a slider without mass is unstable; 0
-        if it never is.
+        """Return the stiffness below which steady sliding of a massless slider is
+        unstable; 0 if it never is.
 
-        ``(b - a)/D``; with the spring of the contacts in series
+        It is ``(b - a)/D`` or, with the spring of the contacts in series,
         ``1/(D/(b - a) - 1/k_c)``.
         """
         if self.b <= self.a:
@@ -52,23 +52,24 @@ class RateAndState(Record):
         return 1.0 / softness if softness > 0 else math.inf
 
     def slide(self, time: ArrayLike, velocity: ArrayLike, *, stiffness: float) -> Array:
-        """Friction minus that of the start, velocity and state ``theta`` of a massless
-        slider, from steady sliding.
+        """Return the motion of a massless slider from steady sliding: its friction
+        minus that at the start, its velocity, and its state ``theta``.
 
         Parameters
         ----------
         time : array_like, shape (n,)
-            Rising.
+            Rising times.
         velocity : array_like, shape (n,)
-            Of the far end of the spring, from each time to the next; 0 in a hold.
+            Velocity of the driven end of the spring, from each time to the next; 0 in a
+            hold.
         stiffness : float
-            Of the spring that pulls it, friction per displacement.
+            Stiffness of the spring, friction per displacement.
 
         Raises
         ------
         UndecidedError
-            If the slider runs away: with the slip law it may after a large step even on
-            a spring stiffer than critical.
+            If the slider runs away. With the slip law, it may do so after a large step
+            even on a spring stiffer than critical.
 
         Examples
         --------
@@ -130,13 +131,13 @@ class RateAndState(Record):
         )
 
     def step(self, slip: ArrayLike, ratio: float, *, stiffness: float) -> Array:
-        """Friction after a step of the velocity by a factor, over the displacement
-        of the load point; 0 before it.
+        """Return the change of the friction after a step of the velocity by a factor,
+        over the displacement of the load point; 0 before the step.
         """
         x = np.asarray(slip, dtype=float)
         found = np.zeros_like(x)
         later, place = np.unique(x[x > 0], return_inverse=True)
-        if later.size:  # in units of the first velocity
+        if later.size:  # with the velocity before the step as the unit of velocity
             time = np.concatenate([[-1.0, 0.0], later / ratio])
             found[x > 0] = self.slide(
                 time, np.where(time < 0, 1.0, ratio), stiffness=stiffness
@@ -144,10 +145,11 @@ class RateAndState(Record):
         return found
 
     def small_step(self, slip: ArrayLike, *, stiffness: float) -> Array:
-        """Friction over ``ln`` of the ratio after a small step of the velocity: the
-        same for both laws.
+        """Return the change of the friction after a small step of the velocity, over
+        ``ln`` of the velocity ratio, which is the same for both laws.
 
-        The inverse transform of ``k G/(q (k + q G))`` with ``G = a - b/(1 + q D)``.
+        It is the inverse transform of ``k G/(q (k + q G))`` with
+        ``G = a - b/(1 + q D)``.
         """
         x = np.asarray(slip, dtype=float)
         k = stiffness

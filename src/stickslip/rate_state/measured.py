@@ -1,4 +1,4 @@
-"""A measured velocity step: as rate and state, and as contacts."""
+"""Fits of a measured velocity step: of rate and state, and of contacts."""
 
 import math
 from abc import ABC, abstractmethod
@@ -27,27 +27,27 @@ from stickslip.rate_state.laws import LAWS, Law, RateAndState
 from stickslip.rate_state.pieces import SteadyPiece
 from stickslip.sliding import kinetic_friction
 
-# Distances D after which a step is forgotten: exp(-20) of it is left.
+# displacement after which the state has forgotten a step, in D: exp(-20) of it is left
 _REACH = 20.0
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class FittedStep(Answer, ABC):
-    """Fields that fits of a step share, in the units of the data."""
+    """The fields that all fits of a step have, in the units of the data."""
 
-    step: Step  #: what was fitted
-    #: of whatever is between load point and sliding surface, friction per displacement
+    step: Step  #: the step that was fitted
+    #: stiffness between load point and sliding surface, friction per displacement
     stiffness: Estimate
-    late: float = 0.0  #: how much displacement after the given time the step came
+    late: float = 0.0  #: displacement from the given time to the step
     at: Estimate = Estimate(0.0)  #: time of the step
     level: float = 0.0  #: friction before the step
-    trend: float = 0.0  #: its slope in displacement
-    rms: float = 0.0  #: of the residuals
-    misfit: float = 0.0  #: the same over the range of the friction
+    trend: float = 0.0  #: slope of a linear trend in displacement
+    rms: float = 0.0  #: rms of the residuals
+    misfit: float = 0.0  #: rms over the range of the friction
 
     def friction(self, displacement: ArrayLike) -> Array:
-        """Friction of the fit over the displacement of the load point, 0 at the time
-        that was given.
+        """Return the friction of the fit over the displacement of the load point since
+        the given time.
         """
         x = np.asarray(displacement, dtype=float)
         return self.level + self.trend * x + self._rise(self.step.since(self.late, x))
@@ -56,8 +56,8 @@ class FittedStep(Answer, ABC):
     def _rise(self, since: Array) -> Array: ...
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values, each estimate with its error; of the step its
-        velocities and units.
+        """Return all fields as plain values, each estimate with its error; of the step,
+        only its velocities and units.
         """
         found = super().to_dict()
         step = found.pop("step")
@@ -67,7 +67,7 @@ class FittedStep(Answer, ABC):
         }
 
     def _rest_in_words(self) -> str:
-        """Stiffness, time of the step and residuals."""
+        """Return stiffness, time of the step and residuals, in words."""
         spring = "not identified"
         length = self.step.length_unit
         friction = self.step.friction_unit
@@ -95,16 +95,16 @@ class StepFit(FittedStep):
     a: Estimate  #: direct effect
     b: Estimate  #: evolution effect
     distance: Estimate  #: ``D``, over which the state evolves
-    #: its error is that of the difference: a and b err together
+    #: ``a - b``; its error takes the covariance of a and b into account
     a_minus_b: Estimate = Estimate(0.0)
-    with_trend: bool = True  #: whether a linear trend was fitted besides
-    #: a, b, a - b and D of the fit without a trend, or with one if this has none;
-    #: None if that identifies none
+    with_trend: bool = True  #: whether a linear trend was also fitted
+    #: a, b, a - b and D of a fit without the trend, or with one if this has none; None
+    #: if that fit does not identify them
     other: tuple[float, float, float, float] | None = None
 
     @property
     def parameters(self) -> RateAndState:
-        """The law and its parameters, to slide with."""
+        """The law with its parameters."""
         return RateAndState(law=self.law, a=self.a, b=self.b, distance=self.distance)
 
     @property
@@ -119,8 +119,8 @@ class StepFit(FittedStep):
 
     @property
     def moved(self) -> str:
-        """Describe the parameters that change by more than their quoted error with or
-        without a linear trend; empty if none does.
+        """Parameters that change by more than their error without the linear trend, or
+        with one, in words; empty if none does.
         """
         how = f"with{'out' * self.with_trend} a linear trend"
         if self.other is None:
@@ -150,21 +150,23 @@ class StepFit(FittedStep):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ContactsFit(FittedStep):
-    """A step read as contacts with Bell activation and logarithmic ageing."""
+    """Parameters of contacts with Bell activation and logarithmic ageing, fitted to a
+    step.
+    """
 
-    thresholds: Distribution  #: of mean 1, in units of `breaking_displacement`
+    thresholds: Distribution  #: with mean 1, in units of `breaking_displacement`
     width: Estimate  #: activation width ``A``, over the mean threshold
-    ageing: Estimate  #: slope ``c``, over the mean threshold
+    ageing: Estimate  #: slope ``c`` of ageing, over the mean threshold
     breaking_displacement: Estimate  #: mean ``x_s``, in the unit of displacement
-    linear: bool  #: whether by the linear response alone
+    linear: bool  #: whether only the linear response was fitted
 
     @property
     def interface(self) -> Interface:
         """The interface, in natural units with ``breaking_displacement/before`` as the
         unit of time.
 
-        Attempts and the time of ageing are given: the force depends on their
-        logarithms.
+        The attempts and the time of ageing are not fitted, as the force depends only on
+        their logarithms.
         """
         return Interface(
             thresholds=self.thresholds,
@@ -173,8 +175,9 @@ class ContactsFit(FittedStep):
         )
 
     def _rise(self, since: Array) -> Array:
-        """By linear response or by cohorts; the level before the step says how large
-        the unit of force is.
+        """Return the change of the friction, by linear response or by cohorts.
+
+        The friction before the step defines the unit of force.
         """
         interface = self.interface
         x_s = self.breaking_displacement
@@ -215,10 +218,11 @@ def _fitted(
     trend: bool,
     **how: Any,
 ) -> tuple[AnyFit, Array]:
-    """Fit a step of some kind beside a line, and when it came; and the covariance of
-    the fitted values.
+    """Fit a record of a `kind`, plus a line, to a step; return it with the covariance
+    of the fitted values.
 
-    Fields of the kind are given, or fitted within their `ranges` from each of `starts`.
+    Fields of the record are `given`, or fitted within their `ranges`, from each of
+    `starts`.
     """
     low, high = np.array([*ranges.values()]).T
     lines = np.vander(step.displacement, 2 if trend else 1, increasing=True)
@@ -241,7 +245,7 @@ def _fitted(
         high,
         **how,
     )
-    # not less than one for each parameter
+    # at least one independent residual for each parameter
     worth = independent(step.friction - fit.curve, least=low.size)
     inflation = math.sqrt(step.friction.size / worth)
     values = dict(zip(ranges, fit.estimates(inflation), strict=True))
@@ -257,12 +261,12 @@ def _fitted(
         if not value.error < value:
             raise _unidentified(f"{found_as}, an error as large as the value")
         if not least * (1 + 1e-6) < value < largest * (1 - 1e-6):
-            raise _unidentified(f"{found_as} is at the end of the range that was tried")
+            raise _unidentified(f"{found_as} is at an end of its range")
     late = values.pop("late", Estimate(0.0))
     if abs(late) > 0.999 * step.near > 1e-6 * step.displacement.max():
         raise _unidentified(
-            f"no step as near the time {step.at:g} that was given as data is kept; "
-            "correct the time"
+            f"no step near the given time {step.at:g}, within the data kept; correct "
+            "the time"
         )
     beside = of_line @ (step.friction - above(fit.value))
     line = dict(zip(("level", "trend"), beside.tolist(), strict=False))
@@ -300,22 +304,22 @@ def fit_rate_and_state(
     """Fit rate-and-state parameters to a velocity step of a run or of a measured trace,
     in the units of the data.
 
-    The time of the step is fitted, too, near the one that is given: no farther off than
-    data is kept before it.
+    The time of the step is also fitted, near the given time: within the displacement
+    that is kept before it.
 
     Parameters
     ----------
     data : Dataset or Step
-        A trace with the step in it, or a `Step` cut out already.
+        A trace with the step, or a `Step` that is already cut out.
     at, before, after, span
-        As in `stickslip.rate_state.velocity_step_in`; not beside a `Step`.
+        As in `stickslip.rate_state.velocity_step_in`; not used with a `Step`.
     law : {"best", "ageing", "slip"}
-        Which law to fit; the one with the smaller residuals by default.
+        Which law to fit; by default the one with the smaller residuals.
     stiffness : float, optional
-        Between load point and sliding surface, friction per displacement; fitted by
-        default.
+        Stiffness between load point and sliding surface, friction per displacement;
+        fitted by default.
     trend : bool
-        Whether friction may change linearly with displacement besides.
+        Whether to fit a linear trend in displacement as well.
 
     Raises
     ------
@@ -367,33 +371,35 @@ def fit_rate_and_state(
 def nearby(
     record: Record, before: SteadyPiece, after: SteadyPiece, span: Range | None
 ) -> Step:
-    """Cut out a step within a span, or without one as far as its state remembers:
-    farther off, friction is hardly a line.
+    """Return the step between two pieces, within a span or, by default, within the
+    displacement over which the state changes: farther off, friction is rarely linear.
     """
     step = record.cut(before, after, span)
     if span:
         return step
     back = -float(step.displacement[0])
-    turns = bounded("parts of a step", HALVINGS)  # each at most half as long
+    turns = bounded("parts of a step", HALVINGS)  # each turn at least halves the step
     while True:
         next(turns)
         x = step.displacement
         try:
             forth = _REACH * float(_rough(step, "slip")[2])
-        except UndecidedError:  # it may lie within a few bins
+        except UndecidedError:  # the change may lie within a few bins
             forth = 0.05 * float(x[-1])
         if forth > 0.5 * x[-1]:
             return step
         try:
             step = record.cut(before, after, (min(back, forth), forth))
-        except InputError:  # too few readings
+        except InputError:  # a shorter step has too few readings
             return step
 
 
 def fit_laws(
     step: Step, laws: Sequence[Law], stiffness: float | None, *, trend: bool
 ) -> dict[Law, StepFit | UndecidedError]:
-    """Fit each of the laws to a step; the reason where one is not identified."""
+    """Return the fit of each law to a step, or the error that explains why its
+    parameters are not identified.
+    """
     found: dict[Law, StepFit | UndecidedError] = {}
     for law in laws:
         try:
@@ -404,7 +410,7 @@ def fit_laws(
 
 
 def best_law(fits: Mapping[Law, StepFit | UndecidedError]) -> StepFit:
-    """The fit with the smallest residuals; `UndecidedError` if there is none."""
+    """Return the fit with the smallest residuals; `UndecidedError` if there is none."""
     found = [one for one in fits.values() if isinstance(one, StepFit)]
     if found:
         return min(found, key=lambda one: one.rms)
@@ -413,8 +419,10 @@ def best_law(fits: Mapping[Law, StepFit | UndecidedError]) -> StepFit:
 
 
 def _rough(step: Step, law: Law) -> Array:
-    """About a, b, D, the displacement over which friction rises, and how late the step
-    came: those of a rigid slider behind a lag, by linear least squares on a grid.
+    """Return rough values of a, b, D, the displacement over which friction rises, and
+    the displacement from the given time to the step.
+
+    They are those of a rigid slider with a lag, from linear least squares on a grid.
     """
     x = step.displacement
     fine = _bin_width(step)
@@ -448,10 +456,10 @@ def _rough(step: Step, law: Law) -> Array:
 
 
 def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> StepFit:
-    """Fit a law, to a rigid machine where that does as well, and once more with or
-    without the trend.
+    """Return the fit of a law, with a rigid machine if that fits as well, and with the
+    parameters of a fit without the trend, or with one.
     """
-    # means of bins round
+    # the means of bins have rounding errors
     if not np.ptp(step.friction) > 1e-12 * np.abs(step.friction).max():
         raise UndecidedError(
             f"the friction is {step.friction[0]:g} throughout: there is no step in it"
@@ -462,8 +470,9 @@ def _fit_law(step: Step, law: Law, stiffness: float | None, *, trend: bool) -> S
     found = fit(start, stiffness, trend=trend)
     start = vars(found)
     if not found.stiffness.error < found.stiffness:
-        # A machine as stiff as can be resolved is rigid, where that is within an error,
-        # and by how much it lags behind, too.
+        # The stiffness is not resolved. Take the stiffest one that could be, as that of
+        # a rigid machine, if its fit is not significantly worse, and if its lag changes
+        # a by less than the error.
         with suppress(UndecidedError):
             limit = Estimate(10.0 * _stiffest(step, a), math.inf)
             rigid = fit(start, limit, trend=trend)
@@ -488,7 +497,7 @@ def _fit_from(
     *,
     trend: bool,
 ) -> StepFit:
-    """Fit a law from a start, with or without a trend."""
+    """Return the fit of a law from a start, with or without a trend."""
     a = float(start["a"])
     reach = float(step.displacement.max())
     ranges = {
@@ -510,15 +519,15 @@ def _fit_from(
 
 
 def _bin_width(step: Step) -> float:
-    """Displacement from bin to bin."""
+    """Return the displacement from bin to bin."""
     return float(np.median(np.diff(step.displacement)))
 
 
 def _stiffest(step: Step, a: float) -> float:
-    """Stiffness that is looked for, at most.
+    """Return the largest stiffness to fit.
 
-    A rise that takes less than a tenth of a bin cannot be distinguished from a sudden
-    one, and would take as many more steps of the integrator.
+    A rise within less than a tenth of a bin cannot be distinguished from a sudden one,
+    and would take the integrator many more steps.
     """
     return 10.0 * a / _bin_width(step)
 
@@ -530,25 +539,26 @@ def fit_contacts(
     trend: bool = True,
     linear: bool = False,
 ) -> ContactsFit:
-    """Read a velocity step as contacts: activation width, ageing and breaking
+    """Fit contacts to a velocity step: activation width, ageing and breaking
     displacement, for given thresholds.
 
     The contacts have Bell activation and logarithmic ageing, on a spring of unknown
-    stiffness. A first fit by their linear response is the start of one by cohorts,
-    exact for a step of any size. Fits for several distributions of thresholds, side by
-    side, give their scatter: the fit with the smallest residuals.
+    stiffness. A first fit, by their linear response, is the start of a second one by
+    cohorts, which is exact for a step of any size. Fits for several distributions of
+    thresholds can be compared: the best scatter is that of the fit with the smallest
+    residuals.
 
     Parameters
     ----------
     step : Step
-        The step that `velocity_step_in` cuts out.
+        The step, as `velocity_step_in` returns it.
     thresholds : Distribution
-        Of mean 1.
+        Thresholds, with a mean of 1.
     trend : bool
-        Whether friction may change linearly with displacement besides.
+        Whether to fit a linear trend in displacement as well.
     linear : bool
-        Only fit the linear response, which takes half of the time: for steps by a
-        factor of a few.
+        Whether to fit only the linear response, which takes half the time, and suffices
+        for steps by a factor of a few.
 
     Raises
     ------
@@ -557,7 +567,7 @@ def fit_contacts(
     UndecidedError
         If the data does not determine the parameters, as in `fit_rate_and_state`.
     """
-    instance("fit_contacts: step", step, Step, "what velocity_step_in() cuts out")
+    instance("fit_contacts: step", step, Step, "a Step of velocity_step_in()")
     if abs(thresholds.positive().moment(1) - 1.0) > 0.05:
         raise InputError(
             f"thresholds = {thresholds}: must have a mean of 1; the breaking "
@@ -583,7 +593,7 @@ def fit_contacts(
         step,
         ranges=ranges,
         trend=trend,
-        # no finer than the data
+        # no finer than the error of the model
         tolerance=1e-4 if linear else ROUGH.rtol,
     )
     given = {"thresholds": thresholds, "linear": True}

@@ -1,5 +1,5 @@
-"""Pieces of constant speed of a measured displacement, and when each begins: where
-lines through both sides cross.
+"""Pieces of constant speed of a measured displacement; each starts at the time at which
+the lines through both sides cross.
 """
 
 import math
@@ -19,23 +19,23 @@ from stickslip.measure.trace import (
 )
 from stickslip.rate_state.fitting import Estimate
 
-# Means of neighbouring readings that are searched, at most: one that is never still
-# takes a second for as many.
+# Readings are averaged to at most this many points; a displacement that never has a
+# constant speed then takes a second.
 _MOST_POINTS = 10_000
-# Groups in which the noise is judged by its median, at least: thirty steps, each of
-# which disturbs two or three of them, do not move it.
+# Fewest groups whose median gives the noise: thirty steps, each of which disturbs two
+# or three groups, do not change it.
 _FEWEST_GROUPS = 256
-_FEWEST_POINTS = 3  # a line goes through two, whatever they are
+_FEWEST_POINTS = 3  # fewest points of a line: two always lie on one
 
 
 class SteadyPiece(NamedTuple):
-    """A stretch of time at a constant speed."""
+    """A time interval of constant speed."""
 
-    begin: float  # times
-    end: float
+    begin: float  # time
+    end: float  # time
     velocity: Estimate
-    place: float  # displacement at its begin
-    begin_error: float = 0.0  # of the time at which lines cross
+    place: float  # displacement at the beginning
+    begin_error: float = 0.0  # error of `begin`, at which lines cross
 
     @property
     def is_rest(self) -> bool:
@@ -50,19 +50,19 @@ class SteadyPiece(NamedTuple):
 
 
 class _Line(NamedTuple):
-    """Line through the points of a stretch, from one to before another."""
+    """A line through the points from `first` to before `end`."""
 
     first: int
     end: int
-    time: float  # mean
-    place: float
+    time: float  # mean time
+    place: float  # mean displacement
     slope: Estimate
 
     def at(self, time: float) -> float:
         return float(self.place + self.slope * (time - self.time))
 
 
-_Run = list[_Line]  # of one speed
+_Run = list[_Line]  # successive lines of one speed
 
 
 class _Points(NamedTuple):
@@ -73,18 +73,19 @@ class _Points(NamedTuple):
     noise: float
 
     def edges(self) -> list[int]:
-        """Return the begins of the lines that leave least squares, each at a price, and
-        the end of the last one: optimal partitioning, pruned (Killick, Fearnhead and
+        """Return the edges of the lines with the least sum of squared residuals, plus a
+        price for each line: optimal partitioning with pruning (Killick, Fearnhead and
         Eckley 2012).
         """
         t, x, noise = self
-        # A line that is none takes off so much by chance (chi squared with two
-        # degrees).
+        # a false line reduces the sum of squares by this much by chance (chi squared
+        # with two degrees of freedom)
         price = 2.0 * noise**2 * math.log(t.size / CHANCE)
         least = np.full(t.size + 1, -price)
         begin = np.zeros(t.size + 1, dtype=int)
-        # Sums over the points from each begin that is tried, about its first one: of
-        # all points, they would lose the digits of a short piece.
+        # Sums over the points of a line from each start that is tried, relative to its
+        # first point: cumulative sums over all points would lose the digits of a short
+        # piece.
         tried = np.array([0])
         sums = np.zeros((5, 1))
         for end in range(1, t.size + 1):
@@ -102,7 +103,7 @@ class _Points(NamedTuple):
             best = int(np.argmin(costs))
             least[end] = costs[best]
             begin[end] = tried[best]
-            # What a later end could not take off either is not tried again.
+            # prune the starts that cannot be best for any later end, either
             kept = costs - price <= least[end]
             tried = np.append(tried[kept], min(end, t.size - 1))
             sums = np.append(sums[:, kept], np.zeros((5, 1)), axis=1)
@@ -113,7 +114,7 @@ class _Points(NamedTuple):
         return edges[::-1]
 
     def line(self, first: int, end: int) -> _Line:
-        """Line through some points."""
+        """Return the line through the points from `first` to before `end`."""
         when = self.t[first:end]
         where = self.x[first:end]
         middle = float(when.mean())
@@ -127,11 +128,13 @@ class _Points(NamedTuple):
         return _Line(first, end, middle, level, slope)
 
     def speed(self, run: _Run) -> Estimate:
-        """Slope of one line through all points of a run."""
+        """Return the slope of one line through all points of a run."""
         return self.line(run[0].first, run[-1].end).slope
 
     def alike(self, lines: list[_Line]) -> list[_Run]:
-        """Join neighbours of the same speed, those that differ least first."""
+        """Return runs of successive lines of the same speed; the lines that differ
+        least are joined first.
+        """
         runs = [[line] for line in lines]
         turns = bounded("pieces of one speed", len(runs) + 1)
         while next(turns) and len(runs) > 1:
@@ -150,25 +153,26 @@ class _Points(NamedTuple):
         last = float(t[before.end - 1])
         first = float(t[after.first])
         steeper = float(after.slope - before.slope)
-        # Until the lines are that far apart, noise may shift where they part.
+        # noise may shift the edge while the lines are within three standard deviations
         apart = ERRORS * noise / abs(steeper) if steeper else 0.0
         beyond = max(first - last, float(t[1] - t[0]) * _FEWEST_POINTS, apart)
         gap = float(before.at(0.0) - after.at(0.0))
         crossing = gap / steeper if steeper else math.nan
         if not last - beyond <= crossing <= first + beyond:
             return Estimate(0.5 * (last + first), beyond)
-        # The end of a line through n points errs by 2/sqrt(n) of their noise.
+        # the error of a line at its end is 2/sqrt(n) times the noise of its n points
         parts = [4.0 / (line.end - line.first) for line in (before, after)]
         return Estimate(crossing, noise * math.sqrt(sum(parts)) / abs(steeper))
 
 
 def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
-    """Find the pieces of constant speed of a displacement over time, and the
+    """Return the pieces of constant speed of a displacement over time, and the
     displacement without its noise.
 
-    The displacement is cut into lines that leave least squares, each at the price of
-    what chance would take off. Neighbours whose speeds differ by less than a quarter
-    are one piece: so much a drive fluctuates by itself.
+    The displacement is divided into lines with the least sum of squared residuals, plus
+    a price for each line, by which a false line reduces that sum by chance. Neighbours
+    whose speeds differ by less than a quarter are one piece, as a drive may fluctuate
+    by that much.
     """
     size = -(-time.size // _MOST_POINTS)
     when = time - time[0]
@@ -181,13 +185,13 @@ def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
     crossings = [points.crossing(a[-1], b[0]) for a, b in pairwise(runs)]
     for crossing, (a, b) in zip(crossings, pairwise(runs), strict=True):
         if a[-1].end == b[0].first:
-            # Noise shifts where the lines part by some points, not where they cross.
+            # noise shifts the edge of a line by some points, but hardly the crossing
             parts[b[0].first] = float(crossing)
     which = np.searchsorted([*parts.values()], when)
     values = np.array([(line.place, line.slope, line.time) for line in lines], float)
     level, slope, middle = values[which].T
     clean = place[0] + level + slope * (when - middle)
-    # What is alike from reading to reading is no noise: the load point moved so.
+    # correlated residuals are not noise, but motion of the load point
     rest = place - clean
     found = list[SteadyPiece]()
     fastest = 0.0
@@ -210,12 +214,13 @@ def find_pieces(time: Array, place: Array) -> tuple[list[SteadyPiece], Array]:
 
 
 def _noise(t: Array, x: Array) -> float:
-    """Standard deviation of the displacement about lines, as if its points were
-    independent: the largest from groups of several sizes, as correlated noise scatters
-    more in larger groups.
+    """Return the standard deviation of independent noise about lines.
+
+    It is the largest of estimates from groups of several sizes, as correlated noise
+    gives a larger one in larger groups.
     """
     resolution = np.diff(np.unique(x)).min(initial=math.inf)
-    # What sums of squares leave of exact lines, and of rounding.
+    # at least the rounding of sums of squares for exact lines
     found = [1e-5 * float(np.ptp(x))]
     if resolution < math.inf:
         found.append(float(resolution) / math.sqrt(12.0))
@@ -224,7 +229,7 @@ def _noise(t: Array, x: Array) -> float:
     while next(turns) and t.size // size >= min(_FEWEST_GROUPS, t.size):
         when = _means(t, size)
         where = _means(x, size)
-        # off the line between the neighbours
+        # deviation from the line between the neighbours
         late = (when[1:-1] - when[:-2]) / (when[2:] - when[:-2])
         early = 1.0 - late
         off = where[1:-1] - early * where[:-2] - late * where[2:]
@@ -236,15 +241,15 @@ def _noise(t: Array, x: Array) -> float:
 
 
 def _means(values: Array, size: int) -> Array:
-    """Means of groups of neighbours."""
+    """Return the means of groups of `size` neighbours."""
     count = values.size // size
     mean: Array = values[: count * size].reshape(count, size).mean(axis=1)
     return mean
 
 
 def _difference(one: Estimate, other: Estimate) -> float:
-    """Logarithm of the ratio of two speeds; 0 where neither differs from rest,
-    or both from each other.
+    """Return the absolute logarithm of the ratio of two speeds: 0 if they do not differ
+    significantly, infinite if they differ in sign, or one is 0.
     """
     if abs(one - other) < ERRORS * math.hypot(one.error, other.error):
         return 0.0

@@ -1,5 +1,5 @@
-"""Rate and state of a whole record: its velocity steps, fitted one by one, and the
-healing in its holds.
+"""Rate and state of a whole record: its velocity steps, each fitted, and the healing in
+its holds.
 """
 
 import math
@@ -24,19 +24,19 @@ from stickslip.rate_state.laws import LAWS, Law
 from stickslip.rate_state.measured import StepFit, fit_laws, nearby
 from stickslip.rate_state.pieces import SteadyPiece
 
-_FEWEST_HOLDS = 3  # a line goes through two, whatever their peaks are
+_FEWEST_HOLDS = 3  # fewest holds that give a slope: two always lie on a line
 
 
 @dataclass(frozen=True, kw_only=True)
 class Hold:
-    """A rest of the load point between sliding at one velocity, and the peak of the
+    """A hold of the load point between sliding at one velocity, and the peak of the
     friction after it.
     """
 
     at: float  #: time at which it begins
-    hold: float  #: how long it lasts
-    relaxation: Estimate  #: friction at its end less that of sliding before it
-    peak: Estimate  #: the largest friction afterwards less that of sliding
+    hold: float  #: hold time
+    relaxation: Estimate  #: friction at its end minus that of sliding before it
+    peak: Estimate  #: largest friction after it minus that of sliding before it
     slip_to_peak: float  #: displacement of the load point from its end to the peak
 
 
@@ -44,24 +44,25 @@ class Hold:
 class RecordFit(Answer):
     """Velocity steps and holds of a record, in the units of the data.
 
-    One law is fitted to all steps: the one that most identify, then the likelier.
+    One law is fitted to all steps: the one that most steps identify and, of two, the
+    likelier one.
     """
 
-    record: Any  #: what was fitted, a `Record`
+    record: Any  #: the `Record` that was fitted
     source: str  #: name of the file
-    read: str  #: which columns, or variables, hold what
-    law: Law | None  #: None if no step is identified
-    steps: tuple[StepFit, ...]
-    #: times of the steps that do not identify it, and why
+    read: str  #: the columns or variables that were used, in words
+    law: Law | None  #: the law of the steps; None if no step is identified
+    steps: tuple[StepFit, ...]  #: fits of the identified steps
+    #: times of the steps that are not identified, and why
     refused: tuple[tuple[float, str], ...]
     holds: tuple[Hold, ...]
-    #: growth of the peak for each factor of ten in the hold; None for less than three
+    #: growth of the peak per decade of hold time; None for fewer than three holds
     healing: Estimate | None
 
     @property
     def mean(self) -> dict[str, Estimate]:
-        """Means of a, b, a - b and D over two steps or more, each with the standard
-        deviation between the steps as its error.
+        """Means of a, b, a - b and D over the steps, each with the standard deviation
+        between steps as its error; empty for fewer than two steps.
         """
         if len(self.steps) < 2:
             return {}
@@ -72,7 +73,7 @@ class RecordFit(Answer):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain values, each estimate with its error."""
+        """Return all fields as plain values, each estimate with its error."""
         units = ("length_unit", "time_unit", "friction_unit")
         found = plain(replace(self, record=None, steps=()))
         del found["record"]
@@ -126,12 +127,12 @@ class RecordFit(Answer):
 
     def _healing_words(self, unit: str) -> str:
         if self.healing is None:
-            return "healing: takes three holds of different times"
+            return "healing: needs three holds of different times"
         words = f"healing: {self.healing.words(unit)} per decade of hold time"
         if not self.steps:
             return words
         expected = math.log(10.0) * np.mean([float(one.b) for one in self.steps])
-        return f"{words}; the steps say b ln 10 = {expected:.4g} {unit}".rstrip()
+        return f"{words}; the steps give b ln 10 = {expected:.4g} {unit}".rstrip()
 
 
 def fit_record(
@@ -143,7 +144,7 @@ def fit_record(
     trend: bool = True,
     progress: bool | Progress | None = None,
 ) -> RecordFit:
-    """Find the velocity steps and the holds of a record in its displacement or
+    """Find the velocity steps and the holds of a record from its displacement or
     velocity, and fit each.
 
     Parameters
@@ -156,7 +157,7 @@ def fit_record(
     stiffness, span, trend
         As in `fit_rate_and_state`.
     progress : bool or callable, optional
-        A bar, or a function of the fraction that is done.
+        True for a bar, or a function of the fraction done.
 
     Raises
     ------
@@ -209,7 +210,7 @@ def fit_record(
             report(k / len(steps))
             try:
                 step = nearby(record, *pair, span)
-            except InputError as error:  # too short a piece
+            except InputError as error:  # a piece is too short
                 fits.append(dict.fromkeys(laws, UndecidedError(str(error))))
             else:
                 fits.append(fit_laws(step, laws, spring, trend=trend))
@@ -236,8 +237,8 @@ def fit_record(
 
 
 def _unlikely(fits: Sequence[StepFit | UndecidedError]) -> tuple[int, float]:
-    """Return the number of steps that a law does not identify, and minus the logarithm
-    of its likelihood for the others.
+    """Return the number of steps that are not identified with a law, and minus the
+    logarithm of its likelihood for the others.
     """
     found = [fit for fit in fits if isinstance(fit, StepFit)]
     logs = (fit.step.friction.size * math.log(fit.rms) for fit in found)
@@ -245,7 +246,7 @@ def _unlikely(fits: Sequence[StepFit | UndecidedError]) -> tuple[int, float]:
 
 
 def _is_hold(before: SteadyPiece, rest: SteadyPiece, after: SteadyPiece) -> bool:
-    """Whether a piece is a rest between sliding at the same velocity."""
+    """Whether a piece is a hold between sliding at the same velocity."""
     if not rest.is_rest or not before.steps_to(after):
         return False
     return abs(math.log(after.velocity / before.velocity)) < math.log1p(RESTS)
@@ -255,9 +256,9 @@ def _hold(
     record: Record, before: SteadyPiece, rest: SteadyPiece, after: SteadyPiece
 ) -> Hold:
     level = _level(record, 0.5 * (before.begin + before.end), rest.begin)
-    # The state changes with the logarithm of the time: little in the last tenth.
+    # friction relaxes with the logarithm of time, so little in the last tenth
     low = _level(record, rest.end - 0.1 * (rest.end - rest.begin), rest.end)
-    # The other half of the sliding is the level of the next hold.
+    # the other half of the sliding gives the level of the next hold
     half = 0.5 * (after.begin + after.end)
     inside = (record.time >= rest.end) & (record.time <= half)
     when, peak = _peak(record.time[inside], record.friction[inside])
@@ -271,7 +272,7 @@ def _hold(
 
 
 def _level(record: Record, begin: float, end: float) -> Estimate:
-    """Mean friction between two times, with its error."""
+    """Return the mean friction between two times, with its error."""
     first, last = np.searchsorted(record.time, [begin, end]).tolist()
     part = record.friction[min(first, last - 1) : last]
     many = independent(part - part.mean())
@@ -279,8 +280,8 @@ def _level(record: Record, begin: float, end: float) -> Estimate:
 
 
 def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
-    """Return the time and the size of the largest friction: the vertex of the widest
-    parabola about it that leaves no more than the noise.
+    """Return the time and the value of the largest friction: the vertex of the widest
+    parabola around it that fits within the noise.
     """
     noise = 1.4826 * float(np.median(np.abs(np.diff(friction, 2)))) / math.sqrt(6.0)
     best = (
@@ -293,10 +294,11 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
         smooth = savgol_filter(friction, size, 2)
         top = int(smooth.argmax())
         rest = (friction - smooth)[max(top - size // 2, 0) : top + size // 2 + 1]
-        # Chi squared has a standard deviation of sqrt(2 size).
+        # the standard deviation of chi squared is sqrt(2 size)
         if float(rest @ rest) > noise**2 * (size + math.sqrt(2.0 * size)):
             break
-        # The middle of a parabola through m points errs by sqrt(9/(4 m)) of theirs.
+        # the error in the middle of a parabola is sqrt(9/(4 m)) times the noise of its
+        # m points
         error = 1.5 * noise / math.sqrt(size)
         best = (
             float(time[top]),
@@ -307,8 +309,8 @@ def _peak(time: Array, friction: Array) -> tuple[float, Estimate]:
 
 
 def _healing(holds: Sequence[Hold]) -> Estimate | None:
-    """Growth of the peaks for each factor of ten in the hold, by weighted least
-    squares; its error by their scatter where that is larger than their errors.
+    """Return the growth of the peaks per decade of hold time, from weighted least
+    squares; its error is the larger of that from their errors and from their scatter.
     """
     decades = np.array([math.log10(one.hold) for one in holds])
     if np.unique(decades.round(2)).size < _FEWEST_HOLDS:
@@ -324,7 +326,7 @@ def _healing(holds: Sequence[Hold]) -> Estimate | None:
 
 
 def _table(heads: dict[str, str], rows: list[list[str]]) -> str:
-    """A table of cells under names with their units."""
+    """Return a text table of rows, with names and units in its first line."""
     names = [
         f" {name} ({unit})" if unit else f" {name}" for name, unit in heads.items()
     ]

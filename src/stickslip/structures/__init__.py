@@ -1,5 +1,5 @@
-"""Structures on an interface: the interface as an element of them, and as other
-programs take it.
+"""Structures on an interface: simulation of structures, the interface as an element of
+other simulators, and its export to other programs.
 """
 
 from stickslip.structures.element import Element as Element

@@ -1,4 +1,4 @@
-"""``stickslip export``: the interface as another program takes it."""
+"""``stickslip export``: the interface of a rig as the input of another program."""
 
 from pathlib import Path
 from typing import Annotated
@@ -24,7 +24,7 @@ def export(
         Parameter(name="--set", negative="", consume_multiple=False),
     ] = (),
 ) -> None:
-    """Write the interface of a rig as another program takes it.
+    """Write the interface of a rig as the input of another program.
 
     Parameters
     ----------
@@ -32,13 +32,14 @@ def export(
         A rig file in TOML, or the name of an example: `stickslip new` lists them.
     to
         A linear system of the dynamic stiffness (statespace: .mat, .json), friction in
-        slow motion as other programs take it, or the contacts themselves (fmu).
+        slow motion (modelica, simscape, mujoco, lugre), or the contacts themselves
+        (fmu).
     output
-        Write it to a file; by default it is printed.
+        Write to a file; by default the text is printed.
     speeds
         Range of speeds of a table: '1 mm/s' '1 m/s'.
     poles
-        Of the linear system: even, by default 6.
+        Number of poles of the linear system: even, by default 6.
     settings
         A key of the rig file and its value, drive.velocity="2 mm/s"; may be given
         again.

@@ -1,4 +1,6 @@
-"""Contacts as an element: drawn as those of a run, with their later draws."""
+"""Single contacts as an element: they start as those of a run, and then draw their own
+random numbers.
+"""
 
 import math
 from collections.abc import Callable
@@ -19,9 +21,9 @@ from stickslip.simulation.engines.start import survival_of
 
 
 def element_of(beginning: Beginning, method: Contacts) -> kernel.ElementState:
-    """Return the contacts of a run of the same method at its beginning, as an element.
+    """Return the contacts of a run of the same method at its start, as an element.
 
-    What they draw later has its own random numbers.
+    Later draws use random numbers of the element.
     """
     drawn = EventByEvent(beginning, method).attachments()
     low, high = np.random.SeedSequence(method.seed).generate_state(2).tolist()
@@ -68,7 +70,9 @@ def draws_of(interface: Interface) -> kernel.Draws:
 
 
 def _knots(distribution: Distribution) -> Array:
-    """Probabilities at which the quantiles of a distribution jump or bend."""
+    """Return the probabilities at which the quantile function of a distribution is not
+    smooth.
+    """
     knots = np.array(distribution.knots)
     survival = distribution.survival(knots) if knots.size else knots
     return np.asarray(survival[(survival > 0.0) & (survival < 1.0)])
@@ -80,7 +84,9 @@ def _whole(distribution: Distribution, weight: float = 1.0) -> Portion:
 
 
 def _within(newborn: Distribution, strongest: float, interface: Interface) -> Portion:
-    """Return stretchings of newborns, of those that the strongest contact can bear."""
+    """Return the distribution of newborn stretchings, truncated to those that the
+    strongest contact can bear.
+    """
     largest = strongest if interface.areas is None else math.sqrt(strongest)
     bottom, top = newborn.survival([largest, -largest])
     part = float(top - bottom)
@@ -97,7 +103,7 @@ def _constant(time: float) -> Callable[[Array], Array]:
 
 
 def _delays(interface: Interface) -> list[Portion]:
-    """Return the portions of the delays: given times, distributions, and never."""
+    """Return the portions of the delays: fixed times, distributions, and infinity."""
     (times, weights), rest = interface.delay.parts()
     portions = [
         Portion(weight, _constant(time))
@@ -112,20 +118,20 @@ def _delays(interface: Interface) -> list[Portion]:
 
 
 class ContactByContact:
-    """Contacts that break at thresholds of their own, each carried by itself."""
+    """Contacts with thresholds of their own, each simulated by itself."""
 
     def __init__(self, beginning: Beginning, method: Contacts) -> None:
         self.state = element_of(beginning, method)
 
     @property
     def here(self) -> tuple[float, float]:
-        """Time, and displacement of the slider."""
+        """Time and displacement of the slider."""
         m = self.state.motion[0]
         return float(m.time), float(m.position)
 
     @property
     def force(self) -> float:
-        """Friction force now."""
+        """Present friction force."""
         return kernel.force_of(self.state)
 
     def step(
@@ -134,23 +140,27 @@ class ContactByContact:
         velocity: float,
         displacement: float,
     ) -> tuple[float, float, float]:
-        """Move the slider."""
+        """Move the slider to a displacement in a time; return force, impulse and
+        stiffness.
+        """
         return kernel.step(self.state, dt, velocity, displacement)
 
     def energies(self) -> tuple[float, float]:
-        """Energy stored, and lost since the beginning."""
+        """Return the energy stored, and the energy lost since the start."""
         lost = float(self.state.motion[0].lost) / self.state.contacts.size
         return kernel.energy_of(self.state), lost
 
     def next_event(self) -> tuple[float, float, float]:
-        """Ways ahead and back until a contact breaks, time until one re-attaches."""
+        """Return the distances forward and back until a contact breaks, and the time
+        until one re-attaches.
+        """
         ahead, behind = kernel.next_break(self.state)
         return ahead, behind, kernel.next_attachment(self.state)
 
     def save(self) -> bytes:
-        """Return the state."""
+        """Return the state as bytes."""
         return self.state.memory.tobytes()
 
     def load(self, content: bytes) -> None:
-        """Take a state that `save` returned."""
+        """Restore a state that `save` returned."""
         self.state.memory[:] = np.frombuffer(content)

@@ -16,27 +16,27 @@ if TYPE_CHECKING:
     from stickslip.structures.contacts import ContactByContact
     from stickslip.structures.engines import DrivenEngine
 
-_FARTHEST = 1e4  # way of a step, in x_s: each contact breaks as often
+_FARTHEST = 1e4  # longest step, in x_s, in which each contact breaks this many times
 
 
 class Reaction(NamedTuple):
     """Response of an interface to a step."""
 
     force: float
-    """Friction force at the end, against a positive displacement."""
+    """Friction force at the end of the step; it resists a positive displacement."""
     impulse: float
-    """Integral of the force over the step."""
+    """Integral of the force over the time of the step."""
     stiffness: float
-    """Slope of the force in the displacement, at the end."""
+    """Derivative of the force by the displacement, at the end of the step."""
 
 
 class NextEvent(NamedTuple):
-    """Ways of the slider and time until the interface changes."""
+    """Distances of the slider, and time, until the interface changes."""
 
     ahead: float
-    """Way ahead until a contact breaks; infinite if none would."""
+    """Distance forward until a contact breaks; infinite if none would."""
     behind: float
-    """Way back until a contact breaks."""
+    """Distance back until a contact breaks."""
     reattachment: float
     """Time until a contact re-attaches; infinite if none will."""
 
@@ -45,42 +45,44 @@ class NextEvent(NamedTuple):
 class State:
     """State of an element, as `Element.save` returns it; can be pickled and compared.
 
-    Random numbers belong to it: an element that loads it goes on bit for bit.
+    It includes the random numbers, so that an element that loads it continues bit for
+    bit.
     """
 
-    element: str  #: which elements can load it: equal of all with the same contacts
-    content: Any  #: bytes of contacts one by one, else an engine of the method
+    element: str  #: identifies the elements that can load it: those with equal contacts
+    content: Any  #: bytes of the single contacts, or an engine of the method
 
 
 class Element:
-    """The interface as an element of a simulator of one's own: the motion of the slider
-    goes in, force, impulse and stiffness come out.
+    """The interface as an element of another simulator, which prescribes the motion of
+    the slider and gets force, impulse and stiffness.
 
-    Exact within a step for `Contacts` without ageing and activation: the way of the
-    slider alone decides what happens, not how it is cut into steps. All else goes
-    through the engines of runs: some 100 times slower, along lines, without
-    `next_event`. Numbers are in the rig's own units; for an `Interface`, natural and
-    per contact.
+    For `Contacts` without ageing and activation, a step is exact: the result depends on
+    the path of the slider, and not on its division into steps. Other interfaces and
+    methods use the engines of runs, which are some 100 times slower, move the slider
+    along lines, and have no `next_event`. Numbers are in the rig's own units; for an
+    `Interface`, natural and per contact.
 
     Parameters
     ----------
     rig : Rig or Interface
         The contacts, with the start of the rig: attached at displacement 0, or sliding
-        at the rig's velocity. Slider and drive are the caller's own.
+        at the rig's velocity. The caller simulates slider and drive.
     method : Contacts, MasterEquation or Population
-        How they are carried. By default 1,000 contacts.
+        Method for the contacts, by default 1,000 single ones.
 
     Raises
     ------
     InputError
-        If the method cannot take what the interface has.
+        If the method does not support a part of the interface.
 
     Notes
     -----
-    **Right: couple by the impulse.** Each break is a jump of the force, so whatever
-    looks at forces at the ends of steps is of first order. Verlet with the impulse is
-    of second (errors 8.9e-6, 1.2e-7 and 1.3e-9 ``x_s`` at steps of 1e-3, 1e-4 and
-    1e-5, of a mass on 1,000 contacts; 7.2e-7 at 1e-5 with the force at the end)::
+    **Right: couple by the impulse.** The force jumps with each break, so a scheme that
+    uses the forces at the ends of steps is of first order. Verlet with the impulse is
+    of second order (for a mass on 1,000 contacts, errors 8.9e-6, 1.2e-7 and 1.3e-9
+    ``x_s`` at steps of 1e-3, 1e-4 and 1e-5; 7.2e-7 at 1e-5 with the force at the
+    end)::
 
         x += dt * v + 0.5 * dt**2 * (pull - friction) / mass
         friction, impulse, _ = element.step(dt, x, velocity=v)
@@ -90,7 +92,7 @@ class Element:
     **Wrong: a callback in** ``scipy.integrate.solve_ivp``. Its trial evaluations would
     move the contacts: errors 3.7e-3, 4.5e-4, 2.2e-3 with `rtol` 1e-3, 1e-4, 1e-6. A
     solver that rejects steps has to `load` before each evaluation, and to step and
-    `save` on acceptance: 1.1e-3, 2.7e-4, 5.7e-5.
+    `save` after acceptance: errors 1.1e-3, 2.7e-4, 5.7e-5.
 
     Examples
     --------
@@ -119,7 +121,7 @@ class Element:
         self._length, self._time, self._force, self._stiffness, self._energy = sizes
         self._velocity = self._length / self._time
         self._carrier = _carrier(beginning, method)
-        # the seed is a part of the state
+        # elements with other seeds can exchange states, which hold the random numbers
         alike = replace(method, seed=0) if isinstance(method, DRAWN) else method
         kind = repr((interface, alike))
         self._kind = hashlib.sha256(kind.encode()).hexdigest()[:16]
@@ -130,23 +132,23 @@ class Element:
         displacement: float,
         velocity: float | None = None,
     ) -> Reaction:
-        """Move the slider on to a displacement, and return what the interface does.
+        """Move the slider to a displacement, and return the response of the interface.
 
         Parameters
         ----------
         dt : float
-            Duration, above 0.
+            Duration of the step, above 0.
         displacement : float
-            Where the slider is at the end.
+            Displacement of the slider at the end of the step.
         velocity : float, optional
-            Velocity of the slider at the beginning. With it the way within the step is
-            a parabola; by default it is a line.
+            Velocity of the slider at the start of the step. With it, the motion within
+            the step is a parabola; by default it is a line.
 
         Raises
         ------
         InputError
-            If a number is not finite, the duration not above 0, or the way longer than
-            10,000 breaking displacements.
+            If a number is not finite, the duration is not above 0, or the step is
+            longer than 10,000 breaking displacements.
         """
         v = math.nan
         if velocity is not None:
@@ -171,7 +173,7 @@ class Element:
 
     @property
     def time(self) -> float:
-        """Time since the beginning."""
+        """Time since the start."""
         return self._carrier.here[0] * self._time
 
     @property
@@ -181,35 +183,35 @@ class Element:
 
     @property
     def force(self) -> float:
-        """Friction force now."""
+        """Present friction force."""
         return self._carrier.force * self._force
 
     @property
     def stored_energy(self) -> float:
-        """Energy that contacts hold now."""
+        """Energy presently stored in the contacts."""
         return self._carrier.energies()[0] * self._energy
 
     @property
     def lost_energy(self) -> float:
-        """Energy lost in breaks and by sliding contacts since the beginning."""
+        """Energy lost by breaking and by sliding contacts since the start."""
         return self._carrier.energies()[1] * self._energy
 
     def next_event(self) -> NextEvent:
-        """Return how far the slider can go either way until a contact breaks, and how
-        long it takes until the next re-attaches.
+        """Return how far the slider can move in either direction until a contact
+        breaks, and the time until the next one re-attaches.
         """
         ahead, behind, wait = self._carrier.next_event()
         return NextEvent(ahead * self._length, behind * self._length, wait * self._time)
 
     def save(self) -> State:
-        """Return the state, random numbers included."""
+        """Return the state, including the random numbers."""
         return State(self._kind, self._carrier.save())
 
     def load(self, state: State) -> None:
-        """Go back to a state that `save` returned, of this element or another one with
-        the same contacts; else `InputError`.
+        """Restore a state that `save` returned, of this element or of another one with
+        equal contacts; `InputError` for other states.
         """
-        instance("Element.load: state", state, State, "what Element.save() returned")
+        instance("Element.load: state", state, State, "a State of Element.save()")
         if state.element != self._kind:
             raise InputError(
                 f"Element.load: state.element = {state.element!r}: is of other "
@@ -219,15 +221,15 @@ class Element:
 
 
 def _number(name: str, value: object) -> float:
-    """Return a finite number quickly."""
+    """Return a finite number, with a fast path for valid floats."""
     if isinstance(value, float) and -LARGEST <= value <= LARGEST:
         return value
     return number(f"Element.step: {name}", value)
 
 
 def _carrier(beginning: Beginning, method: Method) -> ContactByContact | DrivenEngine:
-    """Return the contacts by a method."""
-    # Compiled kernels are not for those who only read a signature.
+    """Return the contacts, simulated by a method."""
+    # imported here, so that importing `Element` does not load compiled kernels
     from stickslip.structures.contacts import ContactByContact
     from stickslip.structures.engines import DrivenEngine
 

@@ -1,4 +1,4 @@
-"""Any other method as an element: the engine of a run, its slider driven."""
+"""The engine of a run as an element, with a prescribed motion of the slider."""
 
 import math
 from typing import NamedTuple
@@ -10,7 +10,8 @@ from stickslip.kernels.drive import Quadratic, Stop
 from stickslip.model.methods import Contacts, Method
 from stickslip.simulation.engines.base import COLUMNS, Beginning, Engine, Leg, advances
 
-# way, in x_s, below which next to nothing breaks and differences of energy are rounded
+# distance, in x_s, below which hardly any contact breaks, and rounding dominates
+# differences of energy
 _SHORT = 1e-6
 
 
@@ -23,9 +24,10 @@ class _Content(NamedTuple):
 
 
 class DrivenEngine:
-    """An engine whose slider goes along lines, its force read off three times a step.
+    """An engine with a slider that moves along lines; the impulse is integrated by
+    Simpson's rule from three forces per step.
 
-    The impulse of contacts one by one, whose force jumps, is that of their work.
+    For single contacts, whose force jumps, the impulse follows from their work.
     """
 
     def __init__(
@@ -50,12 +52,12 @@ class DrivenEngine:
 
     @property
     def here(self) -> tuple[float, float]:
-        """Time, and displacement of the slider."""
+        """Time and displacement of the slider."""
         return self._now.engine.here()
 
     @property
     def force(self) -> float:
-        """Friction force now."""
+        """Present friction force."""
         return self._now.force
 
     def step(
@@ -64,7 +66,9 @@ class DrivenEngine:
         velocity: float,
         displacement: float,
     ) -> tuple[float, float, float]:
-        """Move the slider along a line, whatever its velocity at the beginning."""
+        """Move the slider along a line, whatever its velocity at the start of the step;
+        return force, impulse and stiffness.
+        """
         del velocity
         engine, force, energies = self._now
         t, x = engine.here()
@@ -83,14 +87,16 @@ class DrivenEngine:
         return end, impulse, float(rows[1, 3])
 
     def energies(self) -> tuple[float, float]:
-        """Energy stored, and lost since the beginning; NaN where they are not known."""
+        """Return the energy stored, and the energy lost since the start; NaN if they
+        are not known.
+        """
         return self._now.energies
 
     def next_event(self) -> tuple[float, float, float]:
-        """Raise `InputError`: chance decides."""
+        """Raise `InputError`: the next event is not known."""
         raise InputError(
             "Element.next_event: contacts that age or break by chance, or are not "
-            "counted one by one, have no next event that is known; take Contacts "
+            "simulated singly, have no next event that is known; use Contacts "
             "without ageing and activation"
         )
 
@@ -99,5 +105,5 @@ class DrivenEngine:
         return self._now._replace(engine=self._now.engine.copy())
 
     def load(self, content: _Content) -> None:
-        """Take a state that `save` returned."""
+        """Restore a state that `save` returned."""
         self._now = content._replace(engine=content.engine.copy())

@@ -1,5 +1,6 @@
-"""An interface as the input of other programs: its dynamic stiffness as a linear
-system, its friction as what Modelica, Simscape, MuJoCo and LuGre take.
+"""Export of an interface to other programs: its dynamic stiffness as a linear system,
+its friction in the forms of Modelica, Simscape, MuJoCo and LuGre, and its contacts as
+an FMU.
 """
 
 import json
@@ -24,7 +25,7 @@ from stickslip.structures.statespace import state_space
 Target = Literal["statespace", "modelica", "simscape", "mujoco", "lugre", "fmu"]
 _BY_SPEED = ("modelica", "simscape", "lugre")
 _SUFFIXES = {"statespace": (".mat", ".json"), "fmu": (".fmu",)}
-_POINTS = 13  # speeds of a table
+_POINTS = 13  # number of speeds of a table
 _LIMITS = "good for compensation and slow motion; predicts neither squeal nor hunting"
 
 
@@ -36,33 +37,32 @@ def export(
     speeds: Ends | None = None,
     poles: int | None = None,
 ) -> str:
-    """Write the interface of a rig as another program takes it.
+    """Write the interface of a rig as the input of another program.
 
-    Tables hold steady sliding alone, with their range of speeds: good for compensation
-    and slow motion; they predict neither squeal nor hunting, as memory is lost.
+    Tables hold only steady sliding in a range of speeds. They are good for compensation
+    and slow motion, but predict neither squeal nor hunting, as they have no memory.
 
     Parameters
     ----------
     rig : Rig
-        In SI units; in natural units it has a linear system only.
+        A rig in SI units; in natural units, only its linear system can be written.
     to : {"statespace", "modelica", "simscape", "mujoco", "lugre", "fmu"}
         The linear system of `state_space`; ``SupportFriction``; ``Translational
-        Friction``; ``frictionloss`` of a slide joint; ``sigma_0`` and ``g(v)``; the
-        contacts themselves as a functional mock-up unit (FMI 2.0, co-simulation), for
-        which gcc is needed: what `Element` does.
+        Friction``; ``frictionloss`` of a slide joint; ``sigma_0`` and ``g(v)``; or the
+        contacts themselves as a functional mock-up unit (FMI 2.0, co-simulation), which
+        works as `Element` and needs gcc.
     path : path, optional
-        Where to write it; a linear system goes to ``.mat`` or ``.json``, a unit to
-        ``.fmu``.
+        File to write; ``.mat`` or ``.json`` for a linear system, ``.fmu`` for a unit.
     speeds : (float, float), optional
-        Range of speeds of a table, in the rig's unit or as texts with units. By default
-        a factor 30 either way of the rig's velocity.
+        Range of speeds of a table, in the rig's unit or as texts with units; by default
+        a factor 30 below and above the rig's velocity.
     poles : int, optional
-        Of the linear system, by default 6.
+        Number of poles of the linear system, by default 6.
 
     Returns
     -------
     str
-        The content as text; of a linear system as JSON, of a unit its name.
+        The content as text; for a linear system as JSON, for a unit its file name.
 
     Raises
     ------
@@ -101,22 +101,24 @@ def _check(
     speeds: Any,
     poles: Any,
 ) -> None:
-    """Refuse, before any work, a rig or options that cannot be exported."""
+    """Raise `InputError`, before any work, for a rig or options that cannot be
+    exported.
+    """
     if to not in get_args(Target):
         raise refused("to", to, f"must be one of {', '.join(get_args(Target))}")
     if rig.scales is None and to != "statespace":
         raise InputError(
-            f"to = {to!r}: takes SI units, and the rig is in natural units; give "
-            "contact_strength and breaking_displacement with units, or take statespace"
+            f"to = {to!r}: needs SI units, and the rig is in natural units; give "
+            "contact_strength and breaking_displacement with units, or use statespace"
         )
     if not rig.velocity > 0.0:
         raise InputError(
-            f"drive.velocity = {rig.velocity:g}: must be above 0; an export is of "
+            f"drive.velocity = {rig.velocity:g}: must be above 0; an export describes "
             "steady sliding at it"
         )
     if speeds is not None and to not in _BY_SPEED:
         raise InputError(
-            f"speeds: are for {', '.join(_BY_SPEED)}; {to} takes the rig's velocity, "
+            f"speeds: are for {', '.join(_BY_SPEED)}; {to} uses the rig's velocity, "
             "drive.velocity"
         )
     if poles is not None and to != "statespace":
@@ -149,10 +151,12 @@ def _static(rig: Rig) -> float:
 
 
 def _notes(rig: Rig, program: str, speeds: Array | None = None) -> list[str]:
-    """Return the lines at the top: where it holds, and where it fails."""
+    """Return the comments at the top of a file: where the friction holds, and where it
+    fails.
+    """
     ends = [rig.velocity] if speeds is None else speeds[[0, -1]] * rig.unit("velocity")
     range_of = " to ".join(engineering(float(v), "m/s") for v in ends)
-    # a comment of XML has no two dashes
+    # a comment in XML must not contain two successive dashes
     name = printable(rig.name).replace("--", "- -")
     return [
         f"Friction of the contacts of {name}, for {program}, written by stickslip.",

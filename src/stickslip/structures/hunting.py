@@ -1,11 +1,11 @@
-"""Does a position-controlled axis hunt: roots of steady tracking first, then one slip,
-then moves.
+"""Hunting of a position-controlled axis: first the roots of steady tracking, then one
+slip, then moves.
 
-Contacts that strengthen with rest let an axis stick, the integral of the controller
-pulls it off, and it slips past its place: it hunts. One slow pull, with the
-proportional and derivative gains alone, shows how far: the axis can hunt only if that
-slip is longer than the break-away displacement. Whether it does depends on the move: up
-to a fold of the gain the axis may stand still, too.
+An axis hunts if contacts that strengthen at rest let it stick, the integral of the
+controller pulls it off, and it slips past its target. One slow pull, with only the
+proportional and derivative gains, gives the length of a slip: the axis can hunt only if
+it is longer than the break-away displacement. Whether it does hunt depends on the move:
+up to a fold of the gain, the axis may also stand still.
 """
 
 import math
@@ -26,16 +26,20 @@ from stickslip.simulation.run import simulate
 from stickslip.stability import count_unstable, critical
 from stickslip.structures.runs import SteppedStructure
 
-MOST_CONTACTS = 2000  # of a move
-MOVES = (1.5, 3.0, 5.4, 8.0)  # in x_s, where none are given
-# A move has settled after `_PERIODS` periods of hunting; the last `_JUDGED` decide.
+MOST_CONTACTS = 2000  # most contacts of a simulated move
+MOVES = (1.5, 3.0, 5.4, 8.0)  # moves in x_s, if none are given
+# A hold after a move lasts for `_PERIODS` periods of hunting; the last `_JUDGED` of
+# them decide.
 _PERIODS = 12
 _JUDGED = 5
-_HUNTS = 0.3  # of the break-away displacement, peak to peak: far from creeping to rest
-_RISE = 1.1  # of the gain, from which the fold is closed in on
-_HALVINGS = 3
-_LARGEST = 100.0  # gain sought, over that of the axis
-# Pulls: so slow against the free motion of the axis that its inertia counts no more
+# An axis hunts with a peak to peak above this fraction of the break-away displacement;
+# one that creeps to rest stays far below.
+_HUNTS = 0.3
+_RISE = 1.1  # factor by which the gain is raised until hunting ends ...
+_HALVINGS = 3  # ... and number of bisections after that
+_LARGEST = 100.0  # largest gain tried, over that of the axis
+# Speeds of a pull over that of the free motion of the axis: so slow that its inertia
+# does not matter.
 _QUICK, _SLOW = 1e-3, 2e-4
 _SAMPLES = 40_000
 
@@ -43,21 +47,21 @@ _SAMPLES = 40_000
 class Tracking(NamedTuple):
     """Steady tracking at a speed."""
 
-    unstable: int  #: roots that grow with the gains of the axis
-    without_integral: int  #: and with ``ki = 0``
-    limit: float  #: ``ki`` up to which tracking is steady; infinite, or 0 for none
-    frequency: float  #: of the oscillation beyond, in cycles per time
+    unstable: int  #: number of unstable roots with the gains of the axis
+    without_integral: int  #: number of unstable roots with ``ki = 0``
+    limit: float  #: ``ki`` up to which tracking is steady; may be 0 or infinite
+    frequency: float  #: of the oscillation beyond the limit, in cycles per time
 
 
 class Slip(NamedTuple):
-    """One slip of a slow pull on the proportional and derivative gains."""
+    """One slip of a slow pull with only the proportional and derivative gains."""
 
-    break_away: float  #: displacement at which it begins
-    length: float  #: 0 where the axis does not slip
+    break_away: float  #: displacement at which the slip begins
+    length: float  #: length of the slip; 0 if the axis does not slip
 
     @property
     def peak_to_peak(self) -> float:
-        """Width of hunting: the slip and the break-away displacement together."""
+        """Width of hunting: the sum of the slip and the break-away displacement."""
         return self.length + self.break_away
 
 
@@ -67,12 +71,12 @@ class Move:
 
     distance: float
     peak_to_peak: float
-    period: float  #: NaN where it stands still
+    period: float  #: NaN if the axis stands still
     hunts: bool
 
 
 def axis_of(rig: Rig) -> ControlledAxis:
-    """Return the axis of a rig, or raise `InputError`."""
+    """Return the axis of a rig; `InputError` if its slider is none."""
     instance("rig", rig, Rig, "a Rig(interface, slider, drive)")
     instance("Rig.slider", rig.slider, ControlledAxis, "a ControlledAxis")
     assert isinstance(rig.slider, ControlledAxis)
@@ -80,8 +84,8 @@ def axis_of(rig: Rig) -> ControlledAxis:
 
 
 def with_gain(axis: ControlledAxis, kp: float) -> ControlledAxis:
-    """Return the axis with another gain, as well damped, and with the same time
-    ``kp/ki`` of its integral.
+    """Return the axis with another proportional gain, the same damping ratio, and the
+    same integral time ``kp/ki``.
     """
     factor = kp / axis.kp
     kd = axis.kd * math.sqrt(factor)
@@ -89,22 +93,22 @@ def with_gain(axis: ControlledAxis, kp: float) -> ControlledAxis:
 
 
 def tracking(rig: Rig) -> Tracking:
-    """Return up to which integral gain an axis tracks steadily at the speed of a rig,
-    by linear theory, with the hold between samples, in natural units.
+    """Return the integral gain up to which an axis tracks steadily at the speed of a
+    rig, by linear theory, in natural units; it includes the hold between samples.
 
-    Where a mode is neutral ``kp + Re kappa(i w) = M w^2``, and
-    ``ki = w^2 (kd + M eta) + w Im kappa(i w)``. Nothing is asked of passivity: the
-    unstable roots are counted.
+    At the limit, ``kp + Re kappa(i w) = M w^2``, and
+    ``ki = w^2 (kd + M eta) + w Im kappa(i w)``. Unstable roots are counted, without
+    any assumption of passivity.
 
     Parameters
     ----------
     rig : Rig
-        With a `ControlledAxis` as its slider.
+        A rig with a `ControlledAxis` as its slider.
 
     Raises
     ------
     InputError
-        If it has none, or the interface has no steady sliding.
+        If the slider is no axis, or the interface has no steady sliding.
 
     Examples
     --------
@@ -133,14 +137,14 @@ def tracking(rig: Rig) -> Tracking:
 
 
 def strengthens(interface: Interface) -> bool:
-    """Whether contacts strengthen with rest, without which no axis sticks."""
+    """Whether contacts strengthen at rest, without which no axis sticks."""
     return interface.ageing is not None or interface.delay.moment(1) > 0.0
 
 
 def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Slip:
-    """Return the slip of an axis that is pulled slowly, from a rest at which all
-    contacts are unstretched. No axis hunts whose slip is not longer than the break-away
-    displacement.
+    """Return the slip of an axis that is pulled slowly, starting at rest with all
+    contacts unstretched. If it is not longer than the break-away displacement, the axis
+    cannot hunt.
     """
     slider = Slider(
         stiffness=axis.kp,
@@ -174,12 +178,12 @@ def one_slip(interface: Interface, axis: ControlledAxis, method: Contacts) -> Sl
 
 
 class Hunt:
-    """Moves of an axis, after each of which it is to stand still; in natural units.
+    """Simulation of moves of an axis, each followed by a hold; in natural units.
 
     Parameters
     ----------
     rig : Rig
-        With a `ControlledAxis`; moves are at the speed of its drive.
+        A rig with a `ControlledAxis`; moves have the speed of its drive.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -198,7 +202,7 @@ class Hunt:
 
     @property
     def possible(self) -> bool:
-        """Whether the axis could hunt: there is an integral, contacts strengthen with
+        """Whether the axis can hunt: it has an integral gain, contacts strengthen at
         rest, and the slip is longer than the break-away displacement.
         """
         return (
@@ -209,18 +213,18 @@ class Hunt:
 
     @property
     def period(self) -> float:
-        """Time between two slips in the same direction, about: the integral reverses
-        the force twice, at half the peak-to-peak position error.
+        """Approximate time between two slips in the same direction, in which the
+        integral reverses the force twice, at half the peak-to-peak position error.
         """
         return 8.0 / (self.axis.ki * self.slip.peak_to_peak)
 
     @property
     def moves(self) -> tuple[float, ...]:
-        """Distances that are tried."""
+        """Distances of the moves."""
         return self.axis.moves or tuple(self.mean * each for each in MOVES)
 
     def move(self, distance: float) -> Move:
-        """Make a move, hold, and judge whether the axis hunts."""
+        """Simulate a move and a hold, and return whether and how the axis hunts."""
         return self._move(distance)[0]
 
     def _move(self, distance: float) -> tuple[Move, SteppedStructure]:
@@ -231,12 +235,14 @@ class Hunt:
         return self._hold(engine, distance), engine
 
     def _hold(self, engine: SteppedStructure, place: float) -> Move:
-        """Let an axis stand at a place for some periods of hunting."""
+        """Hold an axis at a position for some periods of hunting, and return its
+        motion.
+        """
         period = self.period + 2.0 * self.interface.delay.moment(1)
         hold = constant(0.0, _PERIODS * period)
+        # `follow` takes times since the start of the run, which includes the move
         begin, _ = engine.here()
         times = begin + np.linspace(0.0, hold.duration, 100 * _PERIODS)
-        # the driver's clock begins anew with each drive
         track = follow(engine, hold, place, times[:-1])
         late = track["displacement"][-100 * _JUDGED :]
         width = float(np.ptp(late))
@@ -245,8 +251,9 @@ class Hunt:
         return Move(place, width, every, hunts)
 
     def fold(self) -> float:
-        """Return the gain above which hunting ends: the gain of an axis that hunts is
-        raised, `with_gain`, until it stands still.
+        """Return the gain above which hunting ends.
+
+        The gain of an axis that hunts is raised, by `with_gain`, until it stands still.
 
         Raises
         ------
@@ -280,13 +287,13 @@ class Hunt:
     def _raised(
         self, engine: SteppedStructure, kp: float, place: float
     ) -> SteppedStructure | None:
-        """The motion at a place with a higher gain, if it still hunts."""
+        """Return the engine with a higher gain, after a hold, if it still hunts."""
         raised = engine.turned(self.interface, with_gain(self.axis, kp))
         return raised if self._hold(raised, place).hunts else None
 
 
 def _period(t: Array, x: Array) -> float:
-    """Mean time between rises through the middle."""
+    """Return the mean time between rises through the middle."""
     above = x > 0.5 * (x.max() + x.min())
     rises = t[1:][above[1:] & ~above[:-1]]
     return float(np.mean(np.diff(rises))) if rises.size > 1 else math.nan

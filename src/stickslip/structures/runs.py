@@ -1,5 +1,7 @@
-"""The engine of a linear structure on contacts: steps in which the structure is known
-exactly, and the contacts, too, on the way that the structure predicts.
+"""The engine of a linear structure on contacts.
+
+Each step solves the structure exactly, and moves the contacts exactly along the path
+that the structure predicts.
 """
 
 import math
@@ -32,23 +34,23 @@ from stickslip.simulation.estimates import Course, Part
 from stickslip.simulation.result import STATE
 from stickslip.structures.contacts import draws_of, element_of
 
-# Radians of the fastest motion that the contacts could have, in a step: it errs by a
-# 24th of the square of that, 4e-6
+# Length of a step, in radians of the fastest motion on attached contacts: the error is
+# a 24th of its square, 4e-6.
 _STEP = 0.01
-RADIAN = 1.0 / _STEP  # steps of the fastest motion in a radian
-_UPDATE = 20  # steps between two updates of a controller, at least
-_ROUNDING = 1e-10  # of a step, within which times are the same
-_OF_INTEGRAL = 3  # states of an axis with an integral
-_ADVANCE = 50_000  # steps between two reports
-_SECONDS = 1e-6, 1e-9  # of a step: by itself, and for each contact
-_CONTACT = 400.0  # bytes
+RADIAN = 1.0 / _STEP  # number of steps in a radian of the fastest motion
+_UPDATE = 20  # fewest steps between two updates of a controller
+_ROUNDING = 1e-10  # times within this fraction of a step are equal
+_OF_INTEGRAL = 3  # number of states of an axis with an integral
+_ADVANCE = 50_000  # steps between two reports of progress
+_SECONDS = 1e-6, 1e-9  # time of a step, and additional time for each contact
+_CONTACT = 400.0  # bytes of a contact
 _ENERGIES = ("spring_force", "kinetic_energy", "spring_energy")
 _OF_STRUCTURE = {"work", "damped_energy", "kinetic_energy", "spring_energy"}
 
 
 def engine_for(interface: Interface, method: object) -> type[Engine]:
-    """Return the engine of structures, if it takes this interface and method; else
-    `InputError`.
+    """Return the engine of structures; `InputError` if it does not support the
+    interface or the method.
     """
     if not isinstance(method, Contacts):
         raise refused(
@@ -68,9 +70,9 @@ def engine_for(interface: Interface, method: object) -> type[Engine]:
 
 
 class SteppedStructure(Engine):
-    """A linear structure on contacts that break at thresholds of their own.
+    """Engine of a linear structure on contacts with thresholds of their own.
 
-    Steps are a hundredth of a radian of the fastest motion, or the time between two
+    A step is a hundredth of a radian of the fastest motion, or the time between two
     samples if that is shorter.
     """
 
@@ -78,7 +80,7 @@ class SteppedStructure(Engine):
 
     @staticmethod
     def cost(rig: Rig, method: Any, course: Course) -> tuple[Part, ...]:  # noqa: ARG004
-        """Return the work of the steps."""
+        """Return the estimated work and memory of the steps of a run."""
         natural = rig.natural
         steps = natural.drive.duration / longest_step(natural.slider)
         alone, each = _SECONDS
@@ -103,7 +105,7 @@ class SteppedStructure(Engine):
         force = force_of(self._element)
         self._system, self._body, self._controller = _parts(structure)
         self._z = np.zeros(len(self._system.A))
-        # arrays, as a copy of the engine copies these
+        # kept in arrays, which a copy of the engine copies
         self._memory = blank(kernel.CONTROL, 1)
         self._run = blank(kernel.RUN, 1)
         self._leg: tuple[Quadratic, float] | None = None
@@ -119,7 +121,7 @@ class SteppedStructure(Engine):
         self.columns = names
 
     def _slide(self, beginning: Beginning, force: float) -> None:
-        """Begin in steady sliding, but for a perturbation of the velocity."""
+        """Start in steady sliding, with a perturbation of the velocity."""
         velocity = beginning.velocity
         state, _ = self.slider.sliding(velocity, force)
         faster = beginning.slider_velocity - velocity
@@ -131,9 +133,9 @@ class SteppedStructure(Engine):
         self._z[:] = state + kick * faster / float(self._body.moving @ kick)
 
     def turned(self, interface: Interface, structure: Structure) -> Self:
-        """Return a copy that goes on with another structure of the same kind, the
-        integral of whose controller keeps its force, and with contacts that will draw
-        as those of another interface.
+        """Return a copy that continues with another structure of the same kind, and
+        with contacts that draw from another interface. The integral force of a
+        controller is kept.
         """
         before = self.slider
         other = self.copy()
@@ -144,57 +146,57 @@ class SteppedStructure(Engine):
         integral = self._z.size == _OF_INTEGRAL and not self._controller.sample_time
         if isinstance(before, ControlledAxis) and integral:
             assert isinstance(structure, ControlledAxis)
-            # the state is the integral of the error
+            # the state is the integral of the error, so the force changes with the gain
             other._z[-1] *= before.ki / structure.ki
         return other
 
     @property
     def drive_stiffness(self) -> float:
-        """Slope of the pull over the position of the drive."""
+        """Derivative of the pull by the position of the drive."""
         return float(self._body.pull_drive)
 
     def pull(self, place: float, velocity: float) -> float:
-        """Force of the drive, at a position and velocity, on the structure."""
+        """Return the force on the structure of a drive at a position and velocity."""
         body = self._body
         pull = Pull(body.pull, body.pull_drive, body.pull_rate)
         return pull.force(self._z, place, velocity)
 
     def spring_force(self, samples: Array, leg: Leg) -> tuple[Array, Array]:
-        """Spring force at the samples of a leg, and its slope."""
+        """Return the spring force at the samples of a leg, and its time derivative."""
         force = samples[:, self.columns.index("spring_force")]
         return force, np.gradient(force, leg.times)
 
     @property
     def seconds(self) -> float:
-        """Seconds that an advance takes, at most."""
+        """Longest time that an advance takes, in seconds."""
         alone, each = _SECONDS
         return _ADVANCE * (alone + each * float(self._element.contacts.size))
 
     def here(self) -> tuple[float, float]:
-        """Time, and position of the contacts."""
+        """Return the time, and the position of the contacts."""
         m = self._element.motion[0]
         return float(m.time), float(m.position)
 
     def contact_force(self) -> float:
-        """Force of the contacts now, per contact."""
+        """Return the present force of the contacts, per contact."""
         return float(self._run[0].force)
 
     def stretchings(self) -> Stretchings:
-        """Stretchings of the attached contacts now."""
+        """Return the present stretchings of the attached contacts."""
         contacts = self._element.contacts
         held = contacts.until < 0.0
         x = self.here()[1] - contacts.birth[held]
         return Stretchings(x, np.full(x.size, 1.0 / contacts.size), cells=False)
 
     def advance(self, leg: Leg) -> Advance:
-        """Go on by some steps."""
+        """Advance by some steps."""
         run = self._run[0]
         if self._leg != (leg.drive, leg.end):
             self._begin(leg)
         columns = len(self.columns)
         sampling = Sampling(leg.times, np.empty((leg.times.size, columns)))
         run.sample = 0.0
-        # the clock of the steps rounds as large times do
+        # at large times, the time of the steps has a rounding error
         rounding = 8.0 * np.finfo(float).eps * abs(leg.end)
         if rounding > _ROUNDING * self._way.h:
             earlier = np.minimum(leg.times, leg.end - rounding)
@@ -222,13 +224,13 @@ class SteppedStructure(Engine):
         over = why == STOPPED or int(run.steps) >= self._steps
         if over:
             self._leg = None
-        if over and why != STOPPED:  # the clock of the steps has its own rounding
+        if over and why != STOPPED:  # remove the rounding error of the time
             self._element.motion[0].time = leg.end
             self._element.motion[0].carry = 0.0
         return Advance(sampling.samples[: int(run.sample)], tuple(seen), over)
 
     def _begin(self, leg: Leg) -> None:
-        """Choose steps that divide a leg."""
+        """Start a leg: divide its time into equal steps."""
         now, _ = self.here()
         longest = longest_step(self.slider)
         if leg.times.size > 1:
@@ -242,8 +244,8 @@ class SteppedStructure(Engine):
 
 
 def longest_step(structure: Structure) -> float:
-    """Return the step: some angle of the fastest motion on attached contacts, and a
-    part of the time between two updates of a controller.
+    """Return the longest step: a fraction of a radian of the fastest motion on attached
+    contacts, and of the time between two updates of a controller.
     """
     system = structure.system
     attached = system.A + np.outer(system.force, system.contact)
@@ -253,9 +255,10 @@ def longest_step(structure: Structure) -> float:
 
 
 def propagator(system: LinearSystem, h: float) -> kernel.Propagator:
-    """Return the change of the state in a step by itself, and by friction force,
-    position, velocity and acceleration of the drive, which are constant or follow each
-    other.
+    """Return the propagator of the state over a step, with its dependence on the
+    friction force and on position, velocity and acceleration of the drive.
+
+    Friction force and acceleration are constant within the step.
     """
     A, force, drive, rate, _, _ = system
     n = len(A)
@@ -272,8 +275,8 @@ def propagator(system: LinearSystem, h: float) -> kernel.Propagator:
 def _parts(
     structure: Structure,
 ) -> tuple[LinearSystem, kernel.Body, kernel.Controller]:
-    """Return a structure as steps take it, with its controller where that is updated
-    now and then.
+    """Return linear system, body and controller of a structure, in the form that the
+    kernel needs; only a sampled controller is separate from the system.
     """
     if isinstance(structure, ControlledAxis) and structure.sample_time > 0.0:
         return _sampled(structure)
@@ -292,7 +295,9 @@ _UNSAMPLED = kernel.Controller(0.0, 0.0, 0.0, 0.0, 0.0)
 def _sampled(
     axis: ControlledAxis,
 ) -> tuple[LinearSystem, kernel.Body, kernel.Controller]:
-    """Return an axis whose force, its last state, is constant between updates."""
+    """Return the parts of an axis with a sampled controller: its force is the last
+    state, and constant between updates.
+    """
     inverse = 1.0 / axis.mass
     nothing = np.zeros(3)
     system = LinearSystem(

@@ -1,10 +1,10 @@
 """The contacts in steady sliding as a linear system: a rational fit of their dynamic
-stiffness, by vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14,
-1052, 1999).
+stiffness by vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1052,
+1999).
 
 ``kappa(s)/s`` is fitted as a strictly proper function, so that ``kappa(0) = 0`` and
 ``kappa`` is finite at high frequencies. Poles are kept stable. Passivity is not
-enforced: ``kappa`` is not passive, and that is what makes stick-slip.
+enforced: ``kappa`` is not passive, which is the cause of stick-slip.
 """
 
 import io
@@ -23,23 +23,23 @@ from stickslip.model.units import engineering
 from stickslip.sliding import kinetic_friction, respond
 from stickslip.sliding.response import ComplexArray
 
-# Renewal frequencies that a pair of poles reaches: the last pair stands for all
-# resonances beyond the band, too
+# Width of the band, in renewal frequencies per pair of poles. It is below 1, as the
+# last pair also represents all resonances beyond the band.
 _REACH = 0.6
-_POINTS = 60  # frequencies for each pair of poles, at least
-_TURNS = 30  # poles settle within ten
-_SETTLED = 1e-9  # renewal frequencies by which poles still move
+_POINTS = 60  # fewest frequencies for each pair of poles
+_TURNS = 30  # most iterations; poles converge within ten
+_SETTLED = 1e-9  # change of the poles at convergence, in renewal frequencies
 _FEWEST, _MOST = 4, 24
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StateSpace(Answer):
     """Linear system of the contacts in steady sliding: ``z' = A z + B x``,
-    ``F = friction + C z + D x``, with ``x`` the displacement of the slider beside
+    ``F = friction + C z + D x``, with ``x`` the displacement of the slider relative to
     steady motion.
 
-    Its transfer function `stiffness` is the dynamic stiffness of the contacts, to the
-    `error` in the band. It holds at its velocity alone, and for motions smaller than
+    Its transfer function `stiffness` is the dynamic stiffness of the contacts, with the
+    `error` in the band. It holds only at its velocity, and for motions smaller than
     breaking displacements.
     """
 
@@ -47,14 +47,14 @@ class StateSpace(Answer):
     B: Array  #: shape (poles, 1)
     C: Array  #: shape (1, poles)
     D: Array  #: shape (1, 1)
-    velocity: float  #: of steady sliding
-    friction: float  #: force of steady sliding at the velocity
+    velocity: float  #: velocity of steady sliding
+    friction: float  #: force of steady sliding
     band: tuple[float, float]  #: angular frequencies between which it was fitted
-    error: float  #: largest in the band, over the largest dynamic stiffness there
-    units: dict[str, str]  #: of velocity, friction, band, and of C and D (stiffness)
+    error: float  #: largest error in the band, over the largest dynamic stiffness there
+    units: dict[str, str]  #: units of velocity, friction, band, and stiffness (C and D)
 
     def stiffness(self, s: ArrayLike) -> ComplexArray:
-        """Return force over displacement for motion ``exp(s t)``, in the shape of
+        """Return force over displacement for motion ``exp(s t)``, with the shape of
         `s`.
         """
         points = np.asarray(s, dtype=complex)
@@ -62,11 +62,11 @@ class StateSpace(Answer):
         return np.reshape(states + self.D[0, 0], points.shape)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the system as plain numbers and lists, with words about it."""
+        """Return the system as plain numbers and lists, with its text as ``about``."""
         return {"about": str(self)} | super().to_dict()
 
     def mat(self) -> bytes:
-        """Return the system as a file of MATLAB."""
+        """Return the content of a MATLAB file of the system."""
         from scipy.io import savemat
 
         file = io.BytesIO()
@@ -82,30 +82,30 @@ class StateSpace(Answer):
         return (
             f"dynamic stiffness of the contacts at {engineering(self.velocity, speed)}:"
             f" {len(self.A)} poles, up to {top}, error {self.error:.1e} of its peak;\n"
-            f"friction {engineering(self.friction, force)}; small motions about steady "
-            "sliding at this speed alone; not passive, as the contacts are not"
+            f"friction {engineering(self.friction, force)}; for small motions about "
+            "steady sliding at this speed only; not passive, as the contacts are not"
         )
 
 
 def state_space(rig: Rig, *, poles: int = 6) -> StateSpace:
-    """Fit the dynamic stiffness of the contacts of a rig by a linear system, in the
-    rig's own units.
+    """Return a linear system that fits the dynamic stiffness of the contacts of a rig,
+    in the rig's own units.
 
-    Each resonance, at a multiple of the frequency at which contacts are renewed, takes
-    a pair of poles. Two pairs reach 1.2 renewal frequencies, three pairs 1.8.
+    Each resonance, at a multiple of the frequency at which contacts are renewed, needs
+    a pair of poles. Two pairs cover 1.2 renewal frequencies, three pairs 1.8.
 
     Parameters
     ----------
     rig : Rig
-        Contacts and velocity; neither slider nor drive matters beyond that.
+        A rig, of which only the contacts and the velocity are used.
     poles : int
         Number of poles, even, from 4 to 24.
 
     Raises
     ------
     InputError
-        If there is no steady sliding, contacts re-attach at once (there is no dynamic
-        stiffness then), or the number of poles is refused.
+        If there is no steady sliding, if contacts re-attach at once (the dynamic
+        stiffness is then 0), or if the number of poles is refused.
 
     Examples
     --------
@@ -157,8 +157,8 @@ def state_space(rig: Rig, *, poles: int = 6) -> StateSpace:
 
 
 def _blocks(poles: ComplexArray) -> Array:
-    """Return a real matrix with these eigenvalues: a block for each pair, a number for
-    each real one.
+    """Return a real matrix with these eigenvalues: a block for each complex pair, and a
+    diagonal element for each real one.
     """
     upper = poles[poles.imag >= 0.0]
     A = np.zeros((poles.size, poles.size))
@@ -174,7 +174,9 @@ def _blocks(poles: ComplexArray) -> Array:
 
 
 def _input(A: Array) -> Array:
-    """Return how an input acts on states of blocks: on the first of each pair."""
+    """Return the input vector of a matrix of blocks: 1 for real poles and for the first
+    state of each pair.
+    """
     below = np.append(0.0, np.diag(A, -1))
     return np.where(below == 0.0, 1.0, 0.0)
 
@@ -186,7 +188,7 @@ def _transfers(A: Array, B: Array, s: ComplexArray) -> ComplexArray:
 
 
 def _least(matrix: ComplexArray, values: ComplexArray) -> Array:
-    """Return the real numbers with which the matrix comes nearest to the values."""
+    """Return the real least-squares solution of a complex linear system."""
     both = np.concatenate([matrix.real, matrix.imag])
     size = np.linalg.norm(both, axis=0)
     found = np.linalg.lstsq(both / size, np.concatenate([values.real, values.imag]))
@@ -197,8 +199,9 @@ def _fit(s: ComplexArray, values: ComplexArray, pairs: int) -> tuple[Array, Arra
     """Fit values at ``s = i y``, in renewal frequencies; return the matrix of the poles
     and the residues.
 
-    Poles move to the zeros of a function with the same poles by which the values become
-    smooth: where both agree they stay. Errors count as those of ``kappa``.
+    Each iteration moves the poles to the zeros of a weight function with the same
+    poles, which makes the weighted values smooth, until they agree. Errors are weighted
+    as those of ``kappa``.
     """
     weight = np.abs(s) * np.sqrt(np.gradient(np.abs(s)))
     wanted = weight * values

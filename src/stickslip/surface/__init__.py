@@ -1,9 +1,9 @@
 """Contacts of a rough surface, from a map of heights, and the interface they make.
 
-`read` a map, or draw one with `self_affine` or `from_drawing`; `contacts` presses it on
-a flat surface; `estimate` gives their parameters, and `rig` puts these into a rig,
-with the ranges that it leaves as assumptions. A map is a prior: it does not say which
-length counts, nor the delay.
+`read` reads a map, `self_affine` and `from_drawing` generate a random one; `contacts`
+presses it on a flat surface; `estimate` gives the parameters of the interface, and
+`rig` puts these into a rig, with their ranges as assumptions. A map is only a prior: it
+determines neither which length applies, nor the delay.
 """
 
 from stickslip.surface.halfspace import press, tangential_stiffness
@@ -29,5 +29,8 @@ __all__ = [
     "low_pass",
     "material_named",
     "press",
+    "read",
+    "rig",
+    "self_affine",
+    "tangential_stiffness",
 ]
-__all__ += ["read", "rig", "self_affine", "tangential_stiffness"]

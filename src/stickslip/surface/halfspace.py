@@ -1,10 +1,10 @@
-"""Rough elastic half-spaces pressed together: pressures, and stiffness along the plane.
+"""Rough elastic half-spaces pressed together: pressures and tangential stiffness.
 
-The surface repeats itself in both directions, so a pressure ``p`` deforms it mode by
-mode, ``u(q) = 2 p(q) / (E* |q|)``. Contact without adhesion minimises the energy of the
-pressures: at least 0, at most the hardness, of the given mean. Conjugate gradients do
-that (Polonsky and Keer, Wear 231, 206, 1999; the cap: Almqvist et al., J. Tribol. 129,
-2007).
+The surface is periodic in both directions, so a pressure ``p`` deforms it mode by mode,
+``u(q) = 2 p(q) / (E* |q|)``. Contact without adhesion minimises the energy over
+pressures between 0 and the hardness, with the given mean. This is done by conjugate
+gradients (Polonsky and Keer, Wear 231, 206, 1999; with a hardness: Almqvist et al., J.
+Tribol. 129, 2007).
 """
 
 import math
@@ -18,13 +18,14 @@ from stickslip.errors import InputError, number, numbers, refused
 from stickslip.progress import Progress
 from stickslip.words import engineering
 
-_CHANGE = 1e-6  # of the pressures in a step, relative, that ends the search
-_STEPS = 2000  # at most; usual are 30 to 100
-_RESIDUAL = 1e-6  # of the displacements: the stiffness errs by its square
+_CHANGE = 1e-6  # relative change of the pressures in a step that ends the search
+_STEPS = 2000  # most steps; usual are 30 to 100
+# relative residual of the displacements: the error of the stiffness is its square
+_RESIDUAL = 1e-6
 
 
 def wave_numbers(shape: tuple[int, ...], spacing: float) -> tuple[Array, Array]:
-    """Wave numbers of the modes of a map along its two axes, as `rfft2` orders them."""
+    """Return the wave numbers of a map along its two axes, in the order of `rfft2`."""
     rows, columns = shape
     along = 2.0 * np.pi * fft.fftfreq(rows, spacing)
     across = 2.0 * np.pi * fft.rfftfreq(columns, spacing)
@@ -32,7 +33,7 @@ def wave_numbers(shape: tuple[int, ...], spacing: float) -> tuple[Array, Array]:
 
 
 def _compliance(shape: tuple[int, ...], spacing: float, modulus: float) -> Array:
-    """Displacement of each mode for a unit of pressure; the mean is left out."""
+    """Return the displacement of each mode per pressure, without the mean."""
     wave = np.hypot(*wave_numbers(shape, spacing))
     wave[0, 0] = np.inf
     return np.asarray(2.0 / (modulus * wave))
@@ -43,7 +44,7 @@ def _deformed(compliance: Array, load: Array) -> Array:
 
 
 def _plane(place: str, values: Array) -> Array:
-    """Numbers over a plane."""
+    """Return numbers over a plane as a two-dimensional array, or refuse them."""
     given = np.asarray(values)
     found = numbers(place, given.astype(float) if given.dtype == bool else given)
     if found.ndim != 2:
@@ -52,7 +53,9 @@ def _plane(place: str, values: Array) -> Array:
 
 
 def _dot(a: Array, b: Array) -> float:
-    """Scalar product; `@` would start threads that cost more than they bring."""
+    """Return the scalar product, without `@`, whose threads cost more time than they
+    save.
+    """
     return float((a * b).sum())
 
 
@@ -70,9 +73,9 @@ def press(
     Parameters
     ----------
     height : array, shape (n, m)
-        Heights, in the unit of the spacing; the highest touch first.
+        Heights, in the unit of the spacing; the highest nodes touch first.
     spacing : float
-        Between nodes, the same along both axes.
+        Distance between nodes, the same along both axes.
     pressure, modulus, hardness : float
         Mean pressure, the contact modulus ``E*`` of both bodies, and the largest
         pressure that they bear, in one unit.
@@ -121,7 +124,7 @@ def press(
         before, norm = norm, _dot(now, now)
         if norm == 0.0:
             return p.reshape(height.shape)
-        # by Polak and Ribiere: where nodes come or go it restarts by itself
+        # Polak and Ribiere: it restarts by itself where nodes enter or leave contact
         turned = norm - _dot(now, residual[free])
         along = now + (max(turned / before, 0.0) * field[free] if before else 0.0)
         field.fill(0.0)
@@ -133,10 +136,10 @@ def press(
         old = p[free]
         p[free] = np.clip(old - step * along, 0.0, hardness)
         if not p.any():
-            p[gap.argmin()] = load  # contact is smaller than a step sees
+            p[gap.argmin()] = load  # the step has lost all contact: restart at a node
         _carry(p, load, hardness)
         change = float(np.abs(p[free] - old).sum()) / load
-        # the cap may leave some of the load uncarried
+        # also check the load, some of which the hardness may leave uncarried
         if change < _CHANGE and abs(p.sum() / load - 1.0) < _CHANGE:
             return p.reshape(height.shape)
         progress(min(math.log(change) / math.log(_CHANGE), 1.0) if change < 1 else 0.0)
@@ -147,7 +150,7 @@ def press(
 
 
 def _carry(p: Array, load: float, hardness: float) -> None:
-    """Scale the pressures below the hardness, in place, to carry the load."""
+    """Scale the pressures below the hardness, in place, so that they carry the load."""
     capped = p >= hardness
     borne = hardness * np.count_nonzero(capped) if capped.any() else 0.0
     left = float(p.sum()) - borne
@@ -159,8 +162,8 @@ def _carry(p: Array, load: float, hardness: float) -> None:
 
 
 def _bearing(height: Array, load: float, hardness: float) -> Array:
-    """All contact is at the hardness: the highest nodes bear it (the bearing area), the
-    lowest of these the rest.
+    """Return pressures at the hardness on the highest nodes (the bearing area), the
+    lowest of which carries the rest of the load.
     """
     p = np.zeros(height.size)
     whole, rest = divmod(load / hardness, 1.0)
@@ -177,16 +180,16 @@ def tangential_stiffness(
     poisson: float,
 ) -> float:
     """Return the stiffness of a contact along the first axis, per area of the map: the
-    mean traction where all its nodes move by one unit.
+    mean traction for a unit displacement of all nodes in contact.
 
-    Each mode of traction deforms the surface ``(1 - nu qx²/q²)/(1 - nu)`` times as far
-    as one of pressure (Cerruti); `contact` is above 0 where surfaces touch.
+    Each mode of traction deforms the surface ``(1 - nu qx²/q²)/(1 - nu)`` times as much
+    as a mode of pressure (Cerruti); `contact` is above 0 where the surfaces touch.
     """
     inside = _plane("contact", contact) > 0.0
     if not inside.any():
         raise InputError("contact: nothing touches")
     if inside.all():
-        raise InputError("contact: all of the map touches, which has no stiffness")
+        raise InputError("contact: the whole map touches, so its stiffness is infinite")
     for place, value in (("spacing", spacing), ("modulus", modulus)):
         number(place, value, above=0)
     number("poisson", poisson, at_least=0, at_most=0.5)
@@ -198,14 +201,14 @@ def tangential_stiffness(
     field = np.zeros(inside.shape)
 
     def moved(traction: Array) -> Array:
-        """Displacement of the nodes in contact."""
+        """Return the displacement of the nodes in contact."""
         field[inside] = traction
         return _deformed(compliance, field)[inside]
 
     count = np.count_nonzero(inside)
     response = linalg.LinearOperator((count, count), matvec=moved, dtype=float)
-    # As many steps as unknowns in exact arithmetic; rounding takes some more, and
-    # ten times as many are the most.
+    # In exact arithmetic, it needs at most as many steps as unknowns; `cg` allows ten
+    # times as many.
     traction, failed = linalg.cg(response, np.ones(count), rtol=_RESIDUAL)
     if failed:
         raise RuntimeError(

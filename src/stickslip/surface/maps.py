@@ -1,7 +1,8 @@
-"""Maps of heights: read from files, drawn from a spectrum, levelled and smoothed.
+"""Maps of heights: reading them from files, generating them from a spectrum, levelling
+and smoothing them.
 
 A map is an `xarray.DataArray` of heights in m over ``x`` and ``y``; its attribute
-``note`` holds its history.
+``note`` records what was done to it.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ Length = float | str
 
 LARGEST_FILE = 1_000_000_000  # bytes
 FEWEST_NODES = 32  # along an axis
-_ALIKE = 1e-3  # spacings along both axes that differ by less are one
+_ALIKE = 1e-3  # spacings along both axes with a smaller relative difference are equal
 _HEADER = re.compile(r"^#?\s*(?:([A-Za-z][\w ]*?)\s*[:=]|([A-Za-z]\w*)\s)\s*(.+?)\s*$")
 _NAMES = {
     "width": "width",
@@ -41,7 +42,7 @@ _NAMES = {
     "cellsize": "spacing",
     "nodata_value": "hole",
 }
-"""Keys of headers, as Gwyddion and geographic systems write them."""
+"""Keys of headers that Gwyddion and geographic information systems write."""
 
 
 def length_of(place: str, value: Length) -> float:
@@ -50,8 +51,8 @@ def length_of(place: str, value: Length) -> float:
 
 
 def as_map(height: Array, spacing: ArrayLike) -> xr.DataArray:
-    """Return heights in m as a map with coordinates, or refuse them. There may be
-    several spacings, all the same.
+    """Return heights in m as a map with coordinates, or refuse them. Several spacings
+    may be given, which must be equal.
     """
     try:
         given = np.asarray(height)
@@ -68,7 +69,7 @@ def as_map(height: Array, spacing: ArrayLike) -> xr.DataArray:
     if holes := int(np.count_nonzero(~np.isfinite(values))):
         raise InputError(
             f"height: {holes} nodes ({percent(holes / values.size)}) have no height; "
-            "fill these holes where the map was made, or cut out a part without"
+            "fill these holes where the map was made, or cut out a part without holes"
         )
     steps = np.ravel(spacing).astype(float)
     shortest, longest = float(steps.min()), float(steps.max())
@@ -87,13 +88,13 @@ def as_map(height: Array, spacing: ArrayLike) -> xr.DataArray:
 
 
 def spacing_of(height: xr.DataArray) -> float:
-    """Spacing of the nodes of a map, in m."""
+    """Return the spacing of the nodes of a map, in m."""
     return float(height["x"][1] - height["x"][0])
 
 
 def levelled(height: xr.DataArray) -> xr.DataArray:
-    """Return a map without its mean plane, where that brings its opposite edges
-    together, as a tilt does not; the note says so.
+    """Return a map without its mean height and, if that makes its opposite edges agree
+    better, without its tilt; the note records it.
     """
     flat = height.to_numpy() - float(height.mean())
     x, y = (np.arange(n) - (n - 1) / 2.0 for n in flat.shape)
@@ -109,7 +110,7 @@ def levelled(height: xr.DataArray) -> xr.DataArray:
 
 
 def _mismatch(values: Array) -> float:
-    """Sum of the squared distances between opposite edges of a map."""
+    """Return the sum of the squared differences between opposite edges of a map."""
     jumps = values[0] - values[-1], values[:, 0] - values[:, -1]
     return sum(float((jump**2).sum()) for jump in jumps)
 
@@ -117,7 +118,7 @@ def _mismatch(values: Array) -> float:
 def low_pass(height: xr.DataArray, length: Length) -> xr.DataArray:
     """Return a map without the waves shorter than a length.
 
-    Raises `InputError` if the length is none.
+    Raises `InputError` if the length is not positive, or longer than the map.
 
     Examples
     --------
@@ -138,8 +139,8 @@ def low_pass(height: xr.DataArray, length: Length) -> xr.DataArray:
 
 
 def mean_waves(height: xr.DataArray) -> tuple[float, float]:
-    """Mean wavelengths (m) of the heights of a map, and of its short waves: ``2 pi``
-    times the ratios of rms height to slope and of rms slope to curvature.
+    """Return the mean wavelengths (m) of the heights of a map and of its short waves:
+    ``2 pi`` times the ratios of rms height to slope and of rms slope to curvature.
     """
     values = height.to_numpy()
     wave = np.hypot(*wave_numbers(values.shape, spacing_of(height)))
@@ -153,8 +154,9 @@ def mean_waves(height: xr.DataArray) -> tuple[float, float]:
 
 
 def correlation_length(height: xr.DataArray) -> float:
-    """Distance over which heights stay alike, in m: where their autocorrelation, the
-    mean along both axes, has fallen to 0.2, as for Sal of ISO 25178-2.
+    """Return the correlation length of heights, in m: the distance at which their
+    autocorrelation, averaged over both axes, has fallen to 0.2, as for Sal of ISO
+    25178-2.
     """
     values = height.to_numpy()
     power = np.abs(fft.rfft2(values - values.mean())) ** 2
@@ -173,8 +175,8 @@ def self_affine(
     nodes: int = 512,
     seed: int = 1,
 ) -> xr.DataArray:
-    """Return a random map whose spectrum is flat down to the length `roll_off` and then
-    falls as ``q^(-2 (1 + hurst))`` down to the length `cut_off`, of 8 nodes.
+    """Return a random map with a spectrum that is flat for waves longer than `roll_off`
+    and falls as ``q^(-2 (1 + hurst))`` down to the wave `cut_off`, of 8 nodes.
 
     Parameters
     ----------
@@ -185,14 +187,14 @@ def self_affine(
     roll_off, cut_off : float or str
         Longest and shortest wave of the roughness, in m or with a unit.
     nodes : int
-        Along each axis.
+        Number of nodes along each axis.
     seed : int
-        Of the heights.
+        Seed of the random heights.
 
     Raises
     ------
     InputError
-        If a number cannot be, or the map is too small for the longest wave.
+        If a number is out of range, or the map is too small for the longest wave.
 
     Examples
     --------
@@ -226,8 +228,8 @@ def self_affine(
 
 
 _CUT_OFFS = {2e-8: 8e-5, 1e-7: 2.5e-4, 2e-6: 8e-4, 1e-5: 2.5e-3, math.inf: 8e-3}
-"""Up to which Ra which cut-off of a profile is used (ISO 4288). A cut-off goes with
-RSm from a sixth of it to half of it.
+"""Cut-off length of a profile, by the largest Ra for which it is used (ISO 4288). RSm
+is between a sixth of the cut-off and half of it.
 """
 
 
@@ -238,13 +240,13 @@ def from_drawing(
     nodes: int = 512,
     seed: int = 1,
 ) -> xr.DataArray:
-    """Return a random map of a surface known from a drawing: ``Rq = 1.25 Ra`` of
-    Gaussian heights, waves from RSm down to a sixteenth of it, Hurst exponent 0.8.
+    """Return a random map of a surface that is specified in a drawing: Gaussian heights
+    with ``Rq = 1.25 Ra``, waves from RSm down to a sixteenth of it, Hurst exponent 0.8.
 
-    Two numbers leave much open, as the note says. Without RSm it is the middle of what
-    the cut-off of ISO 4288 for this Ra stands for.
+    Two numbers leave much uncertain, as the note says. By default, RSm is the middle of
+    the range for which ISO 4288 uses the cut-off of this Ra.
 
-    Raises `InputError` if a number cannot be.
+    Raises `InputError` if a number is out of range.
 
     Examples
     --------
@@ -285,14 +287,14 @@ def read(
     Parameters
     ----------
     file : path or object
-        ``.npz`` (arrays ``height`` and, if they are in it, ``spacing`` and ``unit``),
-        ``.csv`` or ``.asc`` (rows of numbers; lines of a header may give width and
-        height of the map, value units, spacing). Other files, where SurfaceTopography
-        is installed; a topography of that package as it is.
+        ``.npz`` (with an array ``height`` and, optionally, ``spacing`` and ``unit``),
+        ``.csv`` or ``.asc`` (rows of numbers; a header may give width and height of the
+        map, value units, spacing). Other files need SurfaceTopography; a topography of
+        that package is also accepted.
     unit : str, optional
-        Unit of the heights, ``"um"``; needed unless the file says.
+        Unit of the heights, ``"um"``; needed unless the file gives it.
     spacing : float or str, optional
-        Distance between nodes, in m or with a unit; needed unless the file says.
+        Distance between nodes, in m or with a unit; needed unless the file gives it.
 
     Raises
     ------
@@ -339,7 +341,7 @@ def read(
 
 
 def _sized(path: Path, values: Array, about: dict[str, Any]) -> xr.DataArray:
-    """The map, with the spacing that it is given or that its size gives."""
+    """Return the map with its spacing, as given or from the size of the map."""
     if "spacing" in about:
         steps: Any = length_of("spacing", about["spacing"])
     elif "width" in about and values.ndim == 2:
@@ -355,7 +357,7 @@ def _sized(path: Path, values: Array, about: dict[str, Any]) -> xr.DataArray:
 
 
 def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
-    """The heights of an archive of arrays, and its scalars."""
+    """Return the heights and the scalars of a ``.npz`` archive."""
     with np.load(path) as archive:
         names = archive.files
         flat = [name for name in names if archive[name].ndim == 2]
@@ -371,7 +373,7 @@ def _arrays(path: Path) -> tuple[Array, dict[str, Any]]:
 
 
 def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
-    """Rows of numbers, and the values in a header before them."""
+    """Return the rows of numbers of a text, and the values in its header."""
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     about: dict[str, Any] = {}
     begin = 0
@@ -392,7 +394,7 @@ def _rows(path: Path) -> tuple[Array, dict[str, Any]]:
 
 
 def _topography_in(path: Path) -> Any:
-    """Read a file of an instrument by SurfaceTopography, if it is there."""
+    """Read a file of an instrument with SurfaceTopography, if that is installed."""
     try:
         import SurfaceTopography
     except ImportError:
@@ -404,7 +406,7 @@ def _topography_in(path: Path) -> Any:
 
 
 def _of_topography(topography: Any, place: str) -> xr.DataArray:
-    """The map of an object of SurfaceTopography, in m."""
+    """Return the map of a topography of SurfaceTopography, in m."""
     try:
         given: Any = np.ma.asarray(topography.heights(), dtype=float)
         values = np.ma.filled(given, np.nan)

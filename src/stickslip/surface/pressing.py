@@ -1,4 +1,4 @@
-"""Contacts of a map under a load: where, how large, how loaded, how stiff."""
+"""Contacts of a map under a load: their positions, areas, forces and stiffnesses."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ from stickslip.surface.maps import (
 from stickslip.words import engineering, number, percent
 
 _RESOLUTIONS = 3
-MOST_CONTACT = 0.10  # of the area: beyond it contacts do not act alone
-_MOST_PIXELS = 0.30  # of the contacts that are a single node
-_MOST_PIXEL_AREA = 0.02  # and of the area in these
-FEWEST = 10.0  # effective contacts that act as many
-_NODES = 8  # of the shortest wave
-SPANS = 8.0  # correlation lengths of a map that holds a typical number of contacts
+MOST_CONTACT = 0.10  # fraction of the area above which contacts are not independent
+_MOST_PIXELS = 0.30  # most contacts that may be a single node, as a fraction
+_MOST_PIXEL_AREA = 0.02  # and the largest fraction of the contact area in these
+FEWEST = 10.0  # fewest effective contacts that form an interface of many contacts
+_NODES = 8  # nodes per shortest wave
+# fewest correlation lengths along a map that has a typical number of contacts
+SPANS = 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,9 +50,9 @@ class Material(Record):
     poisson : float
         Poisson's ratio. From 0.2 to 0.4 the stiffness of contacts changes by 4 %.
     hardness : float
-        Largest pressure that a contact bears, in Pa; infinite where all is elastic.
+        Largest pressure that a contact bears, in Pa; infinite for elastic contacts.
     source : str
-        Where the numbers come from.
+        Source of the numbers.
 
     Examples
     --------
@@ -68,7 +69,7 @@ class Material(Record):
 
     @property
     def modulus(self) -> float:
-        """Contact modulus ``E*`` of two bodies of it, in Pa."""
+        """Contact modulus ``E*`` of two bodies of this material, in Pa."""
         return self.young / (2.0 * (1.0 - self.poisson**2))
 
 
@@ -85,7 +86,7 @@ MATERIALS = {
         young=3e9, source="Tromborg et al. 2014, arXiv 1402.4700, Table S1: E 3 GPa"
     ),
 }
-"""Materials with a source each; of others the numbers are asked for."""
+"""Materials with known numbers and their sources."""
 
 
 def material_named(material: Material | str) -> Material:
@@ -94,7 +95,7 @@ def material_named(material: Material | str) -> Material:
         return MATERIALS[material]
     if isinstance(material, str):
         raise InputError(
-            f"material = {shown(material)}: known are {' and '.join(MATERIALS)}; of "
+            f"material = {shown(material)}: known are {' and '.join(MATERIALS)}; for "
             "others give --young '200 GPa' --poisson 0.3 --hardness '6 GPa', or a "
             "surface.Material(young=..., poisson=..., hardness=...)"
         )
@@ -113,35 +114,36 @@ def contacts(
 ) -> xr.Dataset:
     """Press a rough surface on a flat one and return its contacts.
 
-    The map is levelled and repeats itself. It is pressed as it is, and twice smoothed
-    to waves up to twice as long, not longer than those that carry its heights: what
-    these resolutions change is not known.
+    The map is levelled, and periodic. It is pressed at three resolutions: as it is, and
+    twice smoothed to longer shortest waves, each by a factor of at most 2, and not
+    beyond the waves that make most of its heights. Results that depend on the
+    resolution are not known from the map.
 
     Parameters
     ----------
     height : DataArray or array, shape (n, m)
-        A map as `read` returns it, or heights in m; of two rough surfaces their sum.
+        A map as `read` returns it, or heights in m; for two rough surfaces, their sum.
     spacing : float or str, optional
-        Of an array, in m or with a unit.
+        Distance between nodes of an array, in m or with a unit.
     pressure : float or str
         Load over the area of the map, in Pa or with a unit.
     material : Material or str
-        Of both bodies, or its name.
+        Material of both bodies, or its name.
     shortest : float or str, optional
-        Leave out waves shorter than it, in m or with a unit.
+        Leave out shorter waves, in m or with a unit.
     progress : bool or function, optional
-        A bar, or called with the fraction done.
+        True for a bar, or a function that is called with the fraction done.
 
     Returns
     -------
     Dataset
         Along ``contact``: ``area`` (m²), ``force`` (N), ``stiffness`` (N/m, along the
-        plane), ``place_x`` and ``place_y`` (m), and the ``resolution`` each belongs
-        to. Along ``resolution``, the finest first: ``shortest`` wave (m), the fraction
-        ``contact_area``, ``number``, ``effective_number`` ``(sum A)²/sum A²``,
-        ``length`` (m), the load over the stiffness of all contacts, and
-        ``interaction``, their stiffness over what it would be if each were alone. Also
-        the map and its pressures; the attribute ``note`` says what to mind.
+        plane), ``place_x`` and ``place_y`` (m), and ``resolution_of``, the resolution
+        to which each belongs. Along ``resolution``, the finest first: ``shortest`` wave
+        (m), the fraction ``contact_area``, ``number``, ``effective_number``
+        ``(sum A)²/sum A²``, ``length`` (m), the load over the stiffness of all
+        contacts, and ``interaction``, their stiffness over that of independent
+        contacts. Also the map and its pressures; the attribute ``note`` holds warnings.
 
     Raises
     ------
@@ -168,11 +170,11 @@ def contacts(
         raise InputError(f"height: has the dimensions {height.dims}; must have x and y")
     elif (unit := height.attrs.get("units")) != "m":
         raise InputError(
-            f"height: its attribute units is {shown(unit)}; give heights in m and say "
-            "so: height.assign_attrs(units='m')"
+            f"height: its attribute units is {shown(unit)}; give heights in m, with "
+            "the attribute: height.assign_attrs(units='m')"
         )
     elif not {"x", "y"} <= set(height.coords):
-        raise InputError("height: has no places; give it coordinates x and y in m")
+        raise InputError("height: has no coordinates; give it x and y in m")
     steps = np.abs(np.concatenate([np.diff(height[name]) for name in ("x", "y")]))
     checked = as_map(height.transpose("x", "y").to_numpy(), steps)
     surface = levelled(checked.assign_attrs(height.attrs))
@@ -195,7 +197,7 @@ def contacts(
 
 
 def _coarser(surface: xr.DataArray, length: float) -> xr.DataArray:
-    """A map without shorter waves, on as many nodes as these need."""
+    """Return a map without shorter waves, on as few nodes as the others need."""
     smooth = low_pass(surface, length)
     most = length / (_NODES * spacing_of(surface))
     fits = (s for s in (4, 2) if s <= most and not any(n % s for n in surface.shape))
@@ -211,7 +213,7 @@ def _pressed(
     *,
     finest: bool,
 ) -> xr.Dataset:
-    """The contacts of a map at one resolution."""
+    """Return the contacts of a map at one resolution."""
     spacing = spacing_of(surface)
     p = press(
         surface.to_numpy(),
@@ -236,7 +238,7 @@ def _pressed(
         body.modulus,
         body.poisson,
     )
-    # a disc of the same area, alone on a half-space (Mindlin)
+    # stiffness of a disc of the same area, alone on a half-space (Mindlin)
     softer = 2.0 * (1.0 - body.poisson) / (2.0 - body.poisson)
     alone = 2.0 * body.modulus * softer * np.sqrt(area / np.pi)
     interaction = stiffness / alone.sum()
@@ -260,29 +262,31 @@ def _pressed(
 
 
 def _labels(touching: Any) -> tuple[Any, int]:
-    """Number the contacts, nodes that share an edge, from 1; the map repeats itself."""
+    """Number the contacts, connected nodes of a periodic map, from 1; return the labels
+    of the nodes and the number of contacts.
+    """
     labels, _ = ndimage.label(touching)
     for first, last in ((labels[0], labels[-1]), (labels[:, 0], labels[:, -1])):
         for at in np.flatnonzero(first * last):
             labels[labels == last[at]] = first[at]
-    # the ground has number 0 and comes first
+    # nodes without contact have the label 0, which comes first
     names, group = np.unique(labels, return_inverse=True)
     return group.reshape(labels.shape), names.size - 1
 
 
 def _check_area(fraction: float) -> None:
-    """Refuse a load under which contacts feel each other; the stiffness of a map in
+    """Refuse a load under which contacts are not independent; the stiffness of a map in
     contact everywhere is infinite.
     """
     if fraction > MOST_CONTACT:
         raise InputError(
             f"pressure: contact covers {percent(fraction)} of the map; above "
-            f"{percent(MOST_CONTACT)} contacts do not act alone: lower the pressure"
+            f"{percent(MOST_CONTACT)} contacts are not independent: lower the pressure"
         )
 
 
 def _check(found: xr.Dataset, spacing: float) -> None:
-    """Refuse a map that does not show its contacts."""
+    """Refuse a map that does not resolve its contacts."""
     single = float(found["single_nodes"])
     if single > _MOST_PIXELS or float(found["single_node_area"]) > _MOST_PIXEL_AREA:
         raise InputError(
@@ -320,7 +324,7 @@ def _joined(
     load: float,
     body: Material,
 ) -> xr.Dataset:
-    """All resolutions in one Dataset, with units and notes."""
+    """Return one Dataset of all resolutions, with units and notes."""
     found = xr.concat(
         [row.drop_vars([*_EACH, "pressure"]) for row in rows], "resolution"
     )
@@ -337,13 +341,13 @@ def _joined(
     notes = [surface.attrs["note"]]
     if (few := float(found["effective_number"][0])) < FEWEST:
         notes.append(
-            f"{number(few, 2)} effective contacts, where {FEWEST:.0f} act as many: "
-            "take a larger map"
+            f"{number(few, 2)} effective contacts, fewer than the {FEWEST:.0f} of an "
+            "interface of many: take a larger map"
         )
     if spans < SPANS:
         notes.append(
-            f"the map spans {number(spans, 2)} correlation lengths, where {SPANS:.0f} "
-            "give a number of contacts"
+            f"the map spans {number(spans, 2)} correlation lengths; a number of "
+            f"contacts needs {SPANS:.0f}"
         )
     return found.assign_attrs(
         load=load,
@@ -366,7 +370,7 @@ def loads(
     material: Material | str,
     progress: Any = None,
 ) -> xr.Dataset:
-    """Return what `contacts` says along ``resolution`` at each of several loads, along
+    """Return the results of `contacts` along ``resolution`` for several loads, along
     ``load`` (Pa).
 
     Raises `InputError` as `contacts` does.
@@ -402,6 +406,6 @@ def loads(
 
 
 def level(found: xr.Dataset, resolution: int) -> dict[str, Array]:
-    """Areas, forces and stiffnesses of the contacts at one resolution."""
+    """Return areas, forces and stiffnesses of the contacts at one resolution."""
     here = found["resolution_of"].to_numpy() == resolution
     return {name: found[name].to_numpy()[here] for name in _EACH[:3]}

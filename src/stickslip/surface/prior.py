@@ -1,4 +1,4 @@
-"""Parameters of an interface from the contacts of a map: a prior, and its limits."""
+"""Estimated parameters of an interface from the contacts of a map, with ranges."""
 
 from __future__ import annotations
 
@@ -28,11 +28,12 @@ MEASURE = (
     "distance over which friction settles after the step the renewal length), and "
     "friction at two speeds, for the delay"
 )
-# error of a stiffness, as a factor: of a large map, and of a small one
+# error of a stiffness, as a factor, for a large map and for a small one
 _LARGE = 1.15
 _SMALL = 3.0
-_BINS = 40  # of the distribution of areas
-_MOST = 10_000  # contacts: with more, their noise need not be simulated
+_BINS = 40  # bins of the distribution of areas
+_MOST = 10_000  # most contacts: with more, their noise need not be simulated
+# keys of a rig file that an estimate replaces
 _OURS = (
     "interface.mu_s",
     "interface.mu_k",
@@ -49,8 +50,11 @@ def stretchings(
     length: Which,
     friction: float,
 ) -> tuple[Array, Array]:
-    """Stretching in m at which each contact at one resolution breaks, and its part of
-    the stiffness: where friction holds no more (elastic), or at its diameter (renewal).
+    """Return the stretching (m) at which each contact at one resolution breaks, and its
+    fraction of the stiffness.
+
+    A contact breaks where its force exceeds friction (elastic), or after its diameter
+    (renewal).
     """
     area, force, stiffness = level(found, resolution).values()
     elastic = length == "elastic"
@@ -59,14 +63,15 @@ def stretchings(
 
 
 def births(x: Array, stiffness: Array) -> tuple[float, float]:
-    """Mean and relative standard deviation of the thresholds of newborn contacts.
+    """Return mean and relative standard deviation of the thresholds of newborn
+    contacts.
 
-    A map shows the contacts of one instant. One that breaks at ``x`` is there for as
-    long as it takes to slide so far, so thresholds of births are ``P_c ~ w(x)/x``,
-    where the contacts of the map have the stiffness ``w``. Of a log-normal ``w`` they
-    are log-normal, too, with the same relative standard deviation ``s`` and a mean
-    smaller by ``1 + s^2``. Moments of ``w`` do not depend on its smallest contacts,
-    which no map resolves; those of ``w/x`` do.
+    A map shows the contacts at one instant. A contact that breaks at ``x`` lives as
+    long as the slider takes to move by ``x``, so the thresholds of newborn contacts are
+    distributed as ``P_c ~ w(x)/x``, where ``w`` is the stiffness of the contacts of the
+    map. If ``w`` is log-normal, so is ``P_c``, with the same relative standard
+    deviation ``s``, and a mean smaller by ``1 + s^2``. The moments of ``w`` are used
+    here, as those of ``w/x`` depend on the smallest contacts, which no map resolves.
     """
     mean = float((stiffness * x).sum())
     square = float((stiffness * x**2).sum())
@@ -76,21 +81,21 @@ def births(x: Array, stiffness: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Estimate(Answer):
-    """Parameters of an interface by a map of heights, in SI units: each at its finest
-    resolution, and the range over the resolutions and the error of one map.
+    """Parameters of an interface from a map of heights, in SI units: the value at the
+    finest resolution, and a range for the other resolutions and the error of one map.
     """
 
-    friction: float  #: coefficient, assumed: it scales the elastic length
+    friction: float  #: assumed coefficient, which scales the elastic length
     pressure: float  #: load over the area of the map
     contact_area: float  #: fraction of the area in contact
-    effective_number: float  #: contacts of the map that act as many
+    effective_number: float  #: effective number of contacts of the map
     elastic: float  #: breaking displacement of contacts that slip when overloaded
     elastic_between: Range
-    renewal: float  #: that of contacts that last while they overlap
+    renewal: float  #: breaking displacement of contacts that last while they overlap
     renewal_between: Range
-    std: Mapping[str, float]  #: of the thresholds, relative, for either length
+    std: Mapping[str, float]  #: relative, of the thresholds, for either length
     std_between: Range
-    #: contacts per area, at most, and those that act as many; None from a small map
+    #: effective number, and number, of contacts per area; None from a small map
     density: Range | None
     note: str
 
@@ -98,7 +103,7 @@ class Estimate(Answer):
         return "\n".join(self.lines())
 
     def lines(self) -> Iterator[str]:
-        """The estimate in words."""
+        """Yield the lines of the estimate in words."""
         std, low, high = (
             number(each, 2) for each in (self.std["renewal"], *self.std_between)
         )
@@ -120,7 +125,7 @@ class Estimate(Answer):
             yield f"{'contacts per mm^2':<34}at most {most}"
         yield (
             f"The elastic length is for a friction coefficient of {self.friction:g}. "
-            "Which length counts, a map does not say."
+            "A map does not show which length applies."
         )
         yield f"Measure next: {MEASURE}."
         if self.note:
@@ -128,19 +133,19 @@ class Estimate(Answer):
 
 
 def estimate(found: xr.Dataset, *, friction: float = 0.4) -> Estimate:
-    """Return what the contacts of a map say of the parameters of a rig.
+    """Estimate the parameters of a rig from the contacts of a map.
 
     Parameters
     ----------
     found : Dataset
-        Of `contacts`.
+        Contacts, as `contacts` returns them.
     friction : float
-        Friction coefficient; no map gives one.
+        Friction coefficient, which a map does not give.
 
     Raises
     ------
     InputError
-        If there are fewer than 10 effective contacts: they do not act as many.
+        If there are fewer than 10 effective contacts.
 
     Examples
     --------
@@ -206,15 +211,16 @@ def interface(
     Parameters
     ----------
     found : Dataset
-        Of `contacts`.
+        Contacts, as `contacts` returns them.
     length : str
-        Which stretching breaks a contact: its diameter, "renewal", or that at which
-        friction holds no more, "elastic".
+        The stretching at which a contact breaks: its diameter, "renewal", or that at
+        which its force exceeds friction, "elastic".
     friction : float
         Friction coefficient, for the elastic length.
     kept : bool
-        Whether contacts keep their areas for life, as on a worn track. Then those of
-        the map are those of births; their stretchings grow with the root of the area.
+        Whether contacts keep their areas when they re-attach, as on a worn track. Then
+        the areas of newborn contacts are those of the map, and stretchings grow with
+        the square root of the area.
 
     Raises `InputError` for an unknown length, or too few contacts.
 
@@ -244,7 +250,7 @@ def _check_length(length: object) -> None:
 
 
 def _histogram(values: Array, weights: Array | None = None) -> Empirical:
-    """Values as bins of equal ratios; the mean is kept."""
+    """Return the histogram of values in logarithmic bins, scaled to keep their mean."""
     mean = np.average(values, weights=weights)
     edges = np.geomspace(0.99 * values.min(), 1.01 * values.max(), _BINS + 1)
     counts, _ = np.histogram(values, bins=edges, weights=weights)
@@ -261,21 +267,21 @@ def rig(
     length: Which | None = None,
     name: str = "",
 ) -> Rig:
-    """Return the rig of a machine on the measured interface. What the map leaves open
-    becomes an assumption with a range, from which `predict` computes its uncertainty.
+    """Return the rig of a machine with the measured interface. Uncertain values become
+    assumptions with a range, from which `predict` computes its uncertainty.
 
     Parameters
     ----------
     estimate : Estimate
         As `estimate` returns it.
     machine : path, str or Rig
-        A rig in SI units, or its file: of its interface breaking displacement and
-        thresholds are replaced, strength, delay and ageing kept.
+        A rig in SI units, or its file. The breaking displacement and the thresholds of
+        its interface are replaced; strength, delay and ageing are kept.
     length : str, optional
-        Which length counts, if that is known: "renewal" or "elastic". Else the rig has
-        the renewal length, and a range over both.
+        Which length applies, if it is known: "renewal" or "elastic". By default, the
+        rig has the renewal length, and a range over both.
     name : str
-        Of the surface.
+        Name of the surface.
 
     Raises `InputError` if the rig is in natural units or cannot be read.
 
@@ -341,8 +347,8 @@ def _with_contacts(
     estimate: Estimate,
     strength: float,
 ) -> None:
-    """Put the number of contacts into the content of a file, as far as a map
-    gives it and it matters.
+    """Set the number of contacts in the content of a file, if the map gives it and it
+    is small enough to matter.
     """
     load = before.operation.normal_load
     newtons = before.value("normal_load") if load else strength / estimate.friction

@@ -1,7 +1,7 @@
 """The contacts of a rig as a functional mock-up unit: FMI 2.0, co-simulation, in C.
 
-`element.c` is the element of `stickslip.kernels.element`; here are its tables, the
-description of the unit, and its compiler.
+`element.c` is the element of `stickslip.kernels.element` in C; this module writes its
+tables and the description of the unit, and compiles it.
 """
 
 import hashlib
@@ -24,18 +24,20 @@ from stickslip.model.units import engineering
 from stickslip.simulation.engines.base import Beginning, engine_of
 from stickslip.structures.contacts import element_of
 
-_COUNT = 1000  # contacts where the rig has another method
-_MOST = 100_000  # tables of more take minutes to compile
-_STEP = 0.01  # of a breaking displacement, in the step that is proposed
-_SECONDS = 300.0  # a compiler takes two
+_COUNT = 1000  # number of contacts if the rig has another method
+_MOST = 100_000  # most contacts: tables of more take minutes to compile
+_STEP = 0.01  # proposed step, in breaking displacements of travel
+_SECONDS = 300.0  # longest time of the compiler, which usually takes two seconds
 _COMPILER = "gcc"
-_FLAGS = "-std=c99", "-O2", "-ffp-contract=off"  # sums as they stand
+_FLAGS = "-std=c99", "-O2", "-ffp-contract=off"  # without fused operations
 _LIBRARY = "-fPIC", "-shared", "-fvisibility=hidden"
 _PLACES = {"linux": "linux64/stickslip.so", "darwin": "darwin64/stickslip.dylib"}
 
 
 def check(rig: Rig) -> None:
-    """Raise `InputError` for a mechanism that no unit has, and without a compiler."""
+    """Raise `InputError` for a mechanism that a unit does not support, and without a
+    compiler.
+    """
     who = "an FMU"
     rig.interface.allow(rig.interface.mechanisms - {"ageing", "activation"}, who)
     method = _method(rig)
@@ -53,7 +55,9 @@ def check(rig: Rig) -> None:
 
 
 def unit_of(rig: Rig) -> bytes:
-    """Return the unit, with as many contacts as the rig runs with, and their seed."""
+    """Return the bytes of the unit, with the number of contacts of the rig, and their
+    seed.
+    """
     velocity = rig.natural.velocity
     beginning = Beginning(rig.interface, None, velocity, rig.start)
     state = element_of(beginning, _method(rig))
@@ -76,10 +80,10 @@ def unit_of(rig: Rig) -> bytes:
             ("modelDescription.xml", description.encode()),
             (f"binaries/{_PLACES[sys.platform]}", _compiled(code, tables)),
         ):
-            # the same rig gives the same bytes
+            # a fixed date, so that the same rig gives the same bytes
             entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.external_attr = 0o644 << 16  # else unzip lets nobody read it
+            entry.external_attr = 0o644 << 16  # else unzip makes an unreadable file
             archive.writestr(entry, content)
     return file.getvalue()
 
@@ -89,7 +93,7 @@ def _method(rig: Rig) -> Contacts:
 
 
 def _number(value: float) -> str:
-    """Return a number as C takes it, to the bit."""
+    """Return a number in C, exact to the bit."""
     if value != value:
         return "NAN"
     if abs(value) == float("inf"):
@@ -98,7 +102,7 @@ def _number(value: float) -> str:
 
 
 def _array(name: str, values: Iterable[float], width: int = 0) -> str:
-    """Return a constant array; rows of a width."""
+    """Return a constant array in C; with a width, as rows of that many numbers."""
     each = [_number(value) for value in values] or ["0.0"] * max(width, 1)
     rows = [", ".join(each)]
     if width:
@@ -110,7 +114,7 @@ def _array(name: str, values: Iterable[float], width: int = 0) -> str:
 
 
 def _tables(rig: Rig, state: ElementState) -> str:
-    """Return the constants of a unit as C."""
+    """Return the constants of a unit in C."""
     draws = state.draws
     quantiles = draws.quantiles
     beyond = draws.beyond
@@ -150,7 +154,7 @@ def _tables(rig: Rig, state: ElementState) -> str:
 
 
 def _compiled(code: str, tables: str) -> bytes:
-    """Return the library."""
+    """Return the bytes of the compiled library."""
     with tempfile.TemporaryDirectory(prefix="stickslip-") as name:
         folder = Path(name)
         (folder / "element.c").write_text(code)
