@@ -4,7 +4,8 @@ import json
 import math
 import os
 import pickle
-from dataclasses import FrozenInstanceError, dataclass, replace
+from contextlib import suppress
+from dataclasses import FrozenInstanceError, dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -111,6 +112,18 @@ def test_every_record_is_a_value_and_comes_back_from_json(record):
     again = store.decode(json.loads(text), KINDS)
     assert again == record
     assert type(again) is type(record)
+
+
+WRONG = None, True, "x", b"x", 1j, math.nan, 1.0, (), [], {1: 2}, (1.0,), (("a", 1.0),)
+WRONG += (("a", 1.0, "x"),), np.array(1.0), np.zeros(2), object(), float
+
+
+@pytest.mark.parametrize("record", CASES, ids=lambda record: type(record).__name__)
+@pytest.mark.parametrize("value", WRONG)
+def test_a_field_of_a_wrong_kind_is_refused_by_its_name(record, value):
+    for field in fields(record):
+        with suppress(InputError):
+            hash(replace(record, **{field.name: value}))
 
 
 @pytest.mark.parametrize("value", [{1, 2}, 2j, np.zeros(2), ss.Delay])
