@@ -18,6 +18,7 @@ from stickslip.plot import style
 from stickslip.plot.palette import BLACK, BLUE, GREY, ORANGE, PAGE, VERMILLION
 from stickslip.plot.replay import ATTACHED, RENEWED, frames
 from stickslip.plot.style import house_style, new_figure, panel, variable
+from stickslip.progress import Progress
 from stickslip.simulation import rig_of
 from stickslip.words import engineering
 
@@ -32,17 +33,18 @@ _REACH = 9.0
 
 
 @house_style()
-def contacts(run: xr.Dataset) -> FuncAnimation:
+def contacts(run: xr.Dataset, *, progress: Progress | None = None) -> FuncAnimation:
     """Film the slider on some of its contacts that stretch, break and re-attach, in
     step with the force, as it ends.
 
     The run, of one rigid slider, is made again by its provenance, and each contact that
     is shown was computed; of a solver that follows no contacts one by one, contacts of
     the same rig are shown. Frames lie closer together where the slider is fast, so that
-    it slows down through the slips. Write it with `save`, as GIF. Raises `InputError`
-    if it is no such run, or its drive has pieces that end on a condition.
+    it slows down through the slips; `progress` is called with the fraction done. Write
+    it with `save`, as GIF. Raises `InputError` if it is no such run, or its drive has
+    pieces that end on a condition.
     """
-    seen = frames(rig_of(run), 1.0, _FRAMES, lambda _share: None)
+    seen = frames(rig_of(run), 1.0, _FRAMES, progress or (lambda _share: None))
     figure = new_figure(PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
     span = seen.times[[0, -1]]
@@ -105,6 +107,8 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
         flashes.set_data(feet[i][lately], np.full(int(lately.sum()), 0.4 * _HIGH))
         cursor.set_data([seen.times[i]], [seen.force[i]])
 
+    for moving in (cursor, block, bristles, ground, spring, flashes, words):
+        moving.set_animated(True)
     show(0)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # else it is looked for in each frame
