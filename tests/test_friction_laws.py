@@ -604,6 +604,8 @@ fit_rate_and_state(FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip")
     ^at = 0: 12 samples after the step; there must be at least 30
 fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip")
     ^not identified: .*swapped
+fit_rate_and_state(ss.rate_state.velocity_step_in(FAST, **GIVEN), at=0.0)
+    at = 0\.0: must be left out where data is a Step
 fit_rate_and_state(FAST, **GIVEN, span=(5.0,))
     ^span = \(5\.0,\): must be displacements before and after
 fit_rate_and_state(FAST[{"time": slice(None, None, -1)}], **GIVEN)

@@ -67,6 +67,10 @@ def test_a_run_is_seen_and_heard_at_its_own_pitch(run, trace, tmp_path, monkeypa
     for name in ("film.gif", "brake.wav"):
         store.save(made, tmp_path / "run.nc")
         assert cli.main(["plot", str(tmp_path / "run.nc"), str(tmp_path / name)]) == 0
+    done: list[float] = []
+    moving = plot.contacts(made, progress=done.append)
+    plot.save(moving, tmp_path / "film.gif", progress=done.append)
+    assert done[-6:] == [1.0, 0.2, 0.4, 0.6, 0.8, 1.0]
     with Image.open(tmp_path / "film.gif") as pictures:
         frames = ImageSequence.Iterator(pictures)
         seen = [pictures.convert("L").tobytes() for _ in frames]

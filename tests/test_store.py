@@ -4,7 +4,8 @@ import json
 import math
 import os
 import pickle
-from dataclasses import FrozenInstanceError, dataclass, replace
+from contextlib import suppress
+from dataclasses import FrozenInstanceError, dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -64,10 +65,9 @@ CASES = [
     KINDS["ControlledAxis"](mass=1e-4, kp=2.0, ki=1.0, kd=0.004, sample_time=1e-3),
     KINDS["Operation"](feasible=(("mass", 1e-5, 1e-3),), **RANGES),
     ss.Rig(
-        cases.FIG5.interface,
-        cases.FIG5.slider,
-        ss.constant(1.0),
+        *(cases.FIG5.interface, cases.FIG5.slider, ss.constant(1.0)),
         scales=KINDS["Scales"](force=768.0, stretching=2e-6),
+        name="-inf",  # a text that JSON also has for a number
     ),
     ss.constant(0.1, 2).then(ss.ramp(1, -2, 3)).until(KINDS["Travel"](0.1)),
     LEGS[0].until(KINDS["ForceAbove"](0.1)).then(LEGS[1]),
@@ -99,7 +99,7 @@ def named(value, found):
 
 
 def test_the_cases_below_name_every_record():
-    assert named(store.encode(CASES), set()) == set(KINDS)
+    assert named(store.encode(CASES), set()) == {*KINDS, "text"}
 
 
 @pytest.mark.parametrize("record", CASES, ids=lambda record: type(record).__name__)
@@ -112,6 +112,18 @@ def test_every_record_is_a_value_and_comes_back_from_json(record):
     again = store.decode(json.loads(text), KINDS)
     assert again == record
     assert type(again) is type(record)
+
+
+WRONG = None, True, "x", b"x", 1j, math.nan, 1.0, (), [], {1: 2}, (1.0,), (("a", 1.0),)
+WRONG += (("a", 1.0, "x"),), np.array(1.0), np.zeros(2), object(), float
+
+
+@pytest.mark.parametrize("record", CASES, ids=lambda record: type(record).__name__)
+@pytest.mark.parametrize("value", WRONG)
+def test_a_field_of_a_wrong_kind_is_refused_by_its_name(record, value):
+    for field in fields(record):
+        with suppress(InputError):
+            hash(replace(record, **{field.name: value}))
 
 
 @pytest.mark.parametrize("value", [{1, 2}, 2j, np.zeros(2), ss.Delay])

@@ -886,13 +886,16 @@ def plot(
         )
     else:
         trace = _read_data(data, columns)
-        if beside is not None:
-            figure: Any = ss.plot.side_by_side(trace, _read_data(beside, columns))
-        else:
-            names = {"phase": "phase_portrait", "slips": "slip_profiles"}
-            figure = getattr(ss.plot, names.get(kind, kind))(trace)
-            figure = getattr(figure, "figure", figure)  # some return axes
-        ss.plot.save(figure, output)
+        with bar("drawing") as progress:
+            if beside is not None:
+                figure: Any = ss.plot.side_by_side(trace, _read_data(beside, columns))
+            elif kind == "contacts":
+                figure = ss.plot.contacts(trace, progress=part(progress, 0.0, 0.5))
+            else:
+                names = {"phase": "phase_portrait", "slips": "slip_profiles"}
+                figure = getattr(ss.plot, names.get(kind, kind))(trace)
+                figure = getattr(figure, "figure", figure)  # of axes
+            ss.plot.save(figure, output, progress=part(progress, 0.5, 1.0))
     written = {"contacts": "film", "sound": "sound"}.get(kind, "picture")
     print(f"{written}: {output}")
 

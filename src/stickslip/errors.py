@@ -207,7 +207,7 @@ def numbers(
 
     try:
         found = np.asarray(value)
-    except ValueError:  # rows of different length
+    except (TypeError, ValueError):  # a Dataset; rows of different length
         found = np.empty(0, dtype=object)
     if found.dtype.kind not in "iuf":  # texts of digits are not accepted
         meaning = f" ({hint})" if hint else ""

@@ -14,6 +14,7 @@ from typing import Any
 
 from stickslip.advise import survey as by_theory
 from stickslip.advise.answer import ElasticPrediction
+from stickslip.advise.budget import Budget, BudgetExhausted, runs_of
 from stickslip.advise.findings import Slip, WaveAnswer
 from stickslip.advise.mitigations import Mitigation, has, reach
 from stickslip.advise.survey import PRECISION, factor_on, scaled, stability_along
@@ -31,13 +32,14 @@ from stickslip.model.drive import constant
 from stickslip.model.parameters import VELOCITY, Parameter, parameter_named
 from stickslip.model.rig import Rig
 from stickslip.progress import Progress, part
-from stickslip.simulation import estimate, record
+from stickslip.simulation import record
 from stickslip.sliding import respond
 from stickslip.stability import count_unstable
 
 _MODES = 64  # the softest modes, among which the growing ones are counted
 _WAVES = 5  # the softest modes of different stiffness, which are reported
 _DENSITY = 6  # points per decade of speed at which growing modes of a wave are counted
+_FOR_CHANGES = 0.5  # fraction of the budget for changes; the rest is for a run
 # parameters that may be changed, one at a time
 _CHANGES = (
     VELOCITY,
@@ -50,8 +52,6 @@ _CHANGES = (
     parameters.STD,
     parameters.AGEING,
 )
-# longest run, in seconds as estimated from its work: longer ones are not made here
-_LONGEST_RUN = 60.0
 
 
 def predict_waves(
@@ -101,16 +101,21 @@ def predict_waves(
     return replace(found, growing=growing, waves=found_waves, critical=critical)
 
 
-def complete_waves(found: ElasticPrediction, report: Progress) -> ElasticPrediction:
+def complete_waves(
+    found: ElasticPrediction, budget: Budget, report: Progress
+) -> ElasticPrediction:
     """Add to the answer the slips of a bar from rest, and the changes that make its
-    smooth sliding stable.
+    smooth sliding stable, as far as the budget allows.
     """
     if found.theory_note or not isinstance(found.rig.slider, Chain):
         return found
     if found.growing:
-        changes = _changes(found.rig, found.critical, part(report, 0.0, 0.3))
+        with budget.limited_to(_FOR_CHANGES):
+            changes = _changes(
+                found.rig, found.critical, budget, part(report, 0.0, 0.3)
+            )
         found = replace(found, **changes)
-    return replace(found, **_slips(found.rig, part(report, 0.3, 1.0)))
+    return replace(found, **_slips(found.rig, budget, part(report, 0.3, 1.0)))
 
 
 def _name(wavelength: float, coupling: float, body: ElasticBody, length: str) -> str:
@@ -131,7 +136,7 @@ def _grows(rig: Rig) -> bool:
     return count_unstable(rig) > 0
 
 
-def _is_stable(rig: Rig) -> bool:
+def _is_stable(rig: Rig, budget: Budget) -> bool:
     """Whether linear theory shows that none of the softest modes of a bar grows at the
     speed of its drive.
     """
@@ -139,43 +144,47 @@ def _is_stable(rig: Rig) -> bool:
     try:
         modes = dict.fromkeys(sliders_of(rig.slider, _MODES)[-1])
         return not any(
-            _grows(replace(rig, slider=slider, drive=drive)) for slider in modes
+            budget.theory(_grows, replace(rig, slider=slider, drive=drive))
+            for slider in modes
         )
     except (InputError, UndecidedError):
         return False
 
 
 def _changes(
-    rig: Rig, critical: CriticalLength | None, report: Progress
+    rig: Rig, critical: CriticalLength | None, budget: Budget, report: Progress
 ) -> dict[str, Any]:
     """Return, as fields of the answer, the smallest change of each parameter that makes
     smooth sliding stable, the smallest first, and the ranges searched of the others.
     """
     found = list[Mitigation]()
     tried = dict[str, tuple[float, float]]()
-    for i, parameter in enumerate(_CHANGES):
-        report(i / len(_CHANGES))
-        if has(rig, parameter):
-            now = rig.value(parameter)
-            low, high = reach(rig, parameter)
-            up = _smallest(rig, parameter, 1, high)
-            down = _smallest(rig, parameter, -1, 1.0 / low)
-            if math.isinf(min(up, down)):
-                tried[parameter.name] = now * low, now * high
-                continue
-            to = now * up if up <= down else now / down
-            found.append(Mitigation(parameter=parameter.name, now=now, to=to))
-    # Leaf springs of the critical stiffness stabilise the softest mode of a bar
-    # without any.
-    if critical is not None and rig.natural.slider.leaf == 0:
-        to = critical.stiffness * (1.0 + PRECISION)
-        if _is_stable(rig.with_values(leaf=to)):
-            found.append(Mitigation(parameter="leaf", now=0.0, to=to))
+    with suppress(BudgetExhausted):
+        # Leaf springs of the critical stiffness stabilise the softest mode of a bar
+        # without any.
+        if critical is not None and rig.natural.slider.leaf == 0:
+            to = critical.stiffness * (1.0 + PRECISION)
+            if _is_stable(rig.with_values(leaf=to), budget):
+                found.append(Mitigation(parameter="leaf", now=0.0, to=to))
+        for i, parameter in enumerate(_CHANGES):
+            report(i / len(_CHANGES))
+            if has(rig, parameter):
+                now = rig.value(parameter)
+                low, high = reach(rig, parameter)
+                up = _smallest(rig, parameter, 1, high, budget)
+                down = _smallest(rig, parameter, -1, 1.0 / low, budget)
+                if math.isinf(min(up, down)):
+                    tried[parameter.name] = now * low, now * high
+                    continue
+                to = now * up if up <= down else now / down
+                found.append(Mitigation(parameter=parameter.name, now=now, to=to))
     found.sort(key=lambda each: each.size)
     return {"mitigations": tuple(found), "attempts": tried}
 
 
-def _smallest(rig: Rig, parameter: Parameter, side: int, furthest: float) -> float:
+def _smallest(
+    rig: Rig, parameter: Parameter, side: int, furthest: float, budget: Budget
+) -> float:
     """Return the smallest factor on a parameter, up or down, beyond which smooth
     sliding is stable, to `PRECISION`; infinite if it is stable at none of the doubled
     factors that are tried.
@@ -183,7 +192,7 @@ def _smallest(rig: Rig, parameter: Parameter, side: int, furthest: float) -> flo
     change = factor_on((parameter, side))
 
     def stable(factor: float) -> bool:
-        return _is_stable(change.set(rig, factor))
+        return _is_stable(change.set(rig, factor), budget)
 
     doubled = takewhile(lambda step: step < furthest, (2.0**k for k in count(1)))
     last = 1.0
@@ -196,9 +205,9 @@ def _smallest(rig: Rig, parameter: Parameter, side: int, furthest: float) -> flo
     return math.inf
 
 
-def _slips(rig: Rig, report: Progress) -> dict[str, Any]:
+def _slips(rig: Rig, budget: Budget, report: Progress) -> dict[str, Any]:
     """Return, as fields of the answer, the first partial slip and the first slip of all
-    blocks in a run of a bar; empty if that would take long.
+    blocks in a run of a bar; empty if that exceeds the budget.
 
     The run of a drive at one speed ends once the springs balance all contacts, and the
     bar is compressed as far as the contacts can.
@@ -213,10 +222,10 @@ def _slips(rig: Rig, report: Progress) -> dict[str, Any]:
         lasts = min(furthest / abs(natural.velocity), natural.drive.duration)
         rig = replace(rig, drive=constant(natural.velocity, lasts))
     try:
-        if estimate(rig).reference_seconds > _LONGEST_RUN:
-            return {}
+        budget.spend(runs_of(rig))
         seen = large_events(record(rig, progress=report).dataset())
-    except InputError:  # the bar has no steady sliding, or cannot be simulated
+    # or the bar has no steady sliding, or cannot be simulated
+    except (BudgetExhausted, InputError):
         return {}
     first = dict[bool, Slip]()
     for start, blocks, far, drop in zip(

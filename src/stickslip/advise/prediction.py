@@ -265,14 +265,14 @@ def complete(
     report = progress or (lambda _done: None)
     if isinstance(found, AxisAnswer):
         return complete_axis(found, report)
+    budget = Budget(math.inf if thorough else _FOR_ALL)
     if isinstance(found, ElasticPrediction):
-        return complete_waves(found, report)
+        return complete_waves(found, budget, report)
     rig = found.rig
     if not found.has_verdict or (
         found.theory_note and not isinstance(rig.interface.delay, OnArrest)
     ):
         return replace(found, complete=True)
-    budget = Budget(math.inf if thorough else _FOR_ALL)
     if found.regime.kind == "undecided":
         shown = _shown(rig, found.unstable_modes, budget, found.recording)
         found = replace(found, **shown)

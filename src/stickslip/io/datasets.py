@@ -69,12 +69,16 @@ def _name_of(kind: type) -> str:
     return kind.__name__ if is_ours else f"{kind.__module__}.{kind.__qualname__}"
 
 
+_INFINITIES = ("inf", "-inf")
+"""Infinities as JSON holds them, which has no number for them."""
+
+
 def encode(value: object) -> Plain:
     """Convert a record, a plain value, or a tuple or mapping of these, to plain data
     for JSON.
 
     A record becomes a mapping with its class name under ``"class"``; infinities become
-    strings.
+    strings, and a text that reads like one of these a mapping of the class ``"text"``.
     """
     if is_dataclass(value) and not isinstance(value, type):
         names = [
@@ -93,6 +97,8 @@ def encode(value: object) -> Plain:
         return [encode(item) for item in value]
     if isinstance(value, float) and math.isinf(value):
         return str(float(value))
+    if isinstance(value, str) and value in _INFINITIES:
+        return {"class": "text", "value": value}
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     raise InputError(
@@ -104,6 +110,8 @@ def encode(value: object) -> Plain:
 def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
     """Convert the result of `encode` back to records of the classes in `kinds`."""
     if isinstance(plain, dict):
+        if plain.get("class") == "text":
+            return plain.get("value", "")
         content = {
             key: decode(item, kinds) for key, item in plain.items() if key != "class"
         }
@@ -126,7 +134,7 @@ def decode(plain: Plain, kinds: Mapping[str, type]) -> Any:
             ) from None
     if isinstance(plain, list):
         return tuple(decode(item, kinds) for item in plain)
-    if plain in ("inf", "-inf"):
+    if plain in _INFINITIES:
         return float(plain)
     return plain
 

@@ -8,7 +8,7 @@ accuracy. `register` gives it the name that rig files use.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from scipy.optimize import elementwise
 from stickslip.arrays import Array, ComplexArray, Nodes, Range
 from stickslip.errors import InputError
 from stickslip.loops import HALVINGS, bounded
-from stickslip.model.records import Record, hashable, registry
+from stickslip.model.records import Number, Part, Record, hashable, registry
 
 Transforms = tuple[ComplexArray, ComplexArray]
 """Means of ``exp(-q x)`` and of ``x exp(-q x)``."""
@@ -193,8 +193,8 @@ class Positive(Distribution):
     stretching, counted from there.
     """
 
-    whole: Distribution
-    stretching: float = 0.0
+    whole: Annotated[Distribution, Part("a distribution")]
+    stretching: Annotated[float, Number(hint="in x_s")] = 0.0
 
     def density(self, x: ArrayLike) -> Array:
         """Probability density at `x`."""

@@ -110,14 +110,35 @@ def check(record: Any) -> None:
         place = getattr(mark, "place", "") or f"{record_type.__name__}.{name}"
         if value is None and type(None) in get_args(kind):
             continue
-        if (choices := choices_of(kind)) and value not in choices:
-            raise refused(place, value, f"must be {' or '.join(map(repr, choices))}")
-        if kind is bool and not isinstance(value, bool):
-            raise refused(place, value, "must be True or False")
         if isinstance(mark, Part):
             instance(place, value, kind, mark.hint)
         elif mark is not None:
             object.__setattr__(record, name, _numbers(kind, place, value, mark))
+        else:
+            object.__setattr__(record, name, _plain(kind, place, value))
+
+
+_WORDS: dict[Any, str] = {
+    bool: "True or False",
+    str: "a text",
+    Mapping: "a table of values by their names",
+}
+"""Kinds of fields that are neither numbers nor records, in words."""
+
+
+def _plain(kind: Any, place: str, value: Any) -> Any:
+    """A text, a truth value, one of several choices, a table, or a tuple, as the field
+    is declared; of other kinds, whatever is given.
+    """
+    origin = get_origin(kind) or kind
+    if choices := choices_of(kind):
+        if not isinstance(value, str) or value not in choices:
+            raise refused(place, value, f"must be {' or '.join(map(repr, choices))}")
+    elif origin in _WORDS:
+        instance(place, value, origin, _WORDS[origin])
+    elif origin is tuple:
+        return sequence(place, value, "a list or a tuple")
+    return value
 
 
 def _numbers(

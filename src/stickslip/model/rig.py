@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from stickslip.answers import Answer
 from stickslip.arrays import Range
-from stickslip.errors import InputError, instance, number, pair
+from stickslip.errors import InputError, instance, number, pair, refused, sequence
 from stickslip.model.body import ElasticBody, Mass
 from stickslip.model.drive import Drive
 from stickslip.model.interface import Interface
@@ -79,11 +79,19 @@ class Operation(Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        ranges = {f"feasible[{name}]": ends for name, *ends in self.feasible}
-        for name, ends in (ranges | {"between": self.between or (1.0, 2.0)}).items():
+        words = "a name and two values, such as ('delay', 0.1, 0.5)"
+        rows = [sequence("Operation.feasible", row, words) for row in self.feasible]
+        object.__setattr__(self, "feasible", tuple(rows))
+        ranges: dict[str, Any] = {"between": self.between or (1.0, 2.0)}
+        for row in rows:
+            if len(row) != 3 or not isinstance(row[0], str):
+                raise refused("Operation.feasible", row, f"must be {words}")
+            ranges[f"feasible[{row[0]}]"] = row[1:]
+        for name, ends in ranges.items():
+            place = f"Operation.{name}"
             low, high = (
-                number(f"Operation.{name}[{i}]", end, above=0)
-                for i, end in enumerate(ends)
+                number(f"{place}[{i}]", end, above=0)
+                for i, end in enumerate(pair(place, ends, "the two ends of a range"))
             )
             if high < low or (high == low and name == "between"):
                 raise InputError(
@@ -99,7 +107,7 @@ class Operation(Record):
 
 
 @dataclass(frozen=True)
-class Assumption:
+class Assumption(Record):
     """A value of a rig that was not measured; in words, the value and how to measure
     it.
     """
@@ -126,7 +134,7 @@ class Assumption:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class Fitted(Record):
     """A value of a rig that was fitted to a measured trace."""
 
     value: str  # as it stands in the rig's file
@@ -223,7 +231,6 @@ class Rig(Answer):
     given: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        instance("Rig.name", self.name, str, "a text")
         check(self)
         known = (
             hasattr(self.slider, "stiffness")

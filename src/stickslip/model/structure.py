@@ -348,6 +348,8 @@ def _rows(unit: str) -> Any:
 
 def _check_shape(place: str, value: Any, shape: tuple[int, ...]) -> None:
     """Raise `InputError` if a vector or a matrix given by rows has another shape."""
+    if shape[0] == 0:
+        raise _wrong(place, "is empty; give at least one row of numbers")
     lengths = [len(row) for row in value] if len(shape) == 2 else []
     if len(value) != shape[0] or any(length != shape[1] for length in lengths):
         wanted = " rows of ".join(map(str, shape))

@@ -18,6 +18,7 @@ from stickslip.plot import style
 from stickslip.plot.palette import BLACK, BLUE, GREY, ORANGE, PAGE, VERMILLION
 from stickslip.plot.replay import ATTACHED, RENEWED, frames
 from stickslip.plot.style import house_style, new_figure, panel, variable
+from stickslip.progress import Progress
 from stickslip.simulation import rig_of
 from stickslip.words import engineering
 
@@ -32,18 +33,18 @@ _REACH = 9.0
 
 
 @house_style()
-def contacts(run: xr.Dataset) -> FuncAnimation:
+def contacts(run: xr.Dataset, *, progress: Progress | None = None) -> FuncAnimation:
     """Return a film of the last cycles of a run: the slider on some of its contacts,
     which stretch, break and re-attach, and the force.
 
     The run, of one rigid slider, is repeated from its provenance, so that the contacts
     shown are those of the run. For a solver that does not follow single contacts, those
     of another run of the same rig are shown. Frames are closer together where the
-    slider is fast, so that the film slows down during slips. Write it with `save`, as
-    GIF. Raises `InputError` for another run, or if a piece of the drive ends on a
-    condition.
+    slider is fast, so that the film slows down during slips; `progress` is called with
+    the fraction done. Write it with `save`, as GIF. Raises `InputError` for another
+    run, or if a piece of the drive ends on a condition.
     """
-    seen = frames(rig_of(run), 1.0, _FRAMES, lambda _share: None)
+    seen = frames(rig_of(run), 1.0, _FRAMES, progress or (lambda _share: None))
     figure = new_figure(PAGE, 3.6)
     above, below = figure.subplots(2, 1, height_ratios=(1.0, 1.1))
     span = seen.times[[0, -1]]
@@ -106,6 +107,8 @@ def contacts(run: xr.Dataset) -> FuncAnimation:
         flashes.set_data(feet[i][lately], np.full(int(lately.sum()), 0.4 * _HIGH))
         cursor.set_data([seen.times[i]], [seen.force[i]])
 
+    for moving in (cursor, block, bristles, ground, spring, flashes, words):
+        moving.set_animated(True)
     show(0)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # else each frame computes the layout again

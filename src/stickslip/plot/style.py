@@ -12,11 +12,14 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, YAxis
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from matplotlib.ticker import LogLocator, NullFormatter
+from PIL import Image
 
 from stickslip.arrays import Array as Array
 from stickslip.arrays import units_of
@@ -25,6 +28,7 @@ from stickslip.io import files
 from stickslip.io.files import FileName
 from stickslip.measure.trace import check_numbers
 from stickslip.plot.palette import COLUMN, PAGE
+from stickslip.progress import Progress
 from stickslip.words import prefixed
 
 _STYLE = mpl.rc_params_from_file(
@@ -283,11 +287,35 @@ def format_of(path: FileName, kind: str = "") -> str:
 
 
 class _Film(PillowWriter):
-    """A writer of films to memory, so that the file is written only once."""
+    """A writer of films to memory, so that the file is written only once.
+
+    Artists that are marked as animated are drawn in each frame, the others once; all
+    are drawn in each frame if none is marked.
+    """
+
+    def setup(self, fig: Figure, outfile: Any, dpi: float | None = None) -> None:
+        super().setup(fig, outfile, dpi)
+        self.own_dpi = fig.dpi
+        fig.set_dpi(self.dpi)
+        self.pictures: list[Image.Image] = []
+        agg: Any = RendererAgg  # it has no types
+        self.renderer = agg(*self.frame_size, self.dpi)
+        moving = fig.findobj(Artist.get_animated)
+        self.moving = sorted(moving, key=Artist.get_zorder) or [fig]
+        fig.draw(self.renderer)
+        self.still = self.renderer.copy_from_bbox(fig.bbox)
+
+    def grab_frame(self, **_options: Any) -> None:
+        self.renderer.restore_region(self.still)
+        for artist in self.moving:
+            artist.draw(self.renderer)
+        picture = Image.fromarray(np.asarray(self.renderer.buffer_rgba()))
+        self.pictures.append(picture.convert("RGB"))
 
     def finish(self) -> None:
+        self.fig.set_dpi(self.own_dpi)
         self.content = io.BytesIO()
-        first, *others = vars(self)["_frames"]
+        first, *others = self.pictures
         first.save(
             self.content,
             "gif",
@@ -298,9 +326,14 @@ class _Film(PillowWriter):
         )
 
 
-def save(shown: Figure | FuncAnimation | tuple[int, Array], path: FileName) -> Path:
+def save(
+    shown: Figure | FuncAnimation | tuple[int, Array],
+    path: FileName,
+    *,
+    progress: Progress | None = None,
+) -> Path:
     """Write a figure as PNG, SVG or PDF, by suffix, a film as GIF, or a sound as WAV;
-    completely or not at all.
+    completely or not at all; `progress` is called with the fraction of a film drawn.
     """
     files.target(path)
     if isinstance(shown, Figure):
@@ -308,8 +341,13 @@ def save(shown: Figure | FuncAnimation | tuple[int, Array], path: FileName) -> P
     if isinstance(shown, FuncAnimation):
         format_of(path, "contacts")
         film = _Film(PER_SECOND)
+
+        def report(frame: int, frames: int) -> None:
+            if progress is not None:
+                progress((frame + 1) / frames)
+
         with house_style():
-            shown.save(Path(path), film, dpi=100)
+            shown.save(Path(path), film, dpi=100, progress_callback=report)
         return files.write(path, film.content.getbuffer())
     from scipy.io import wavfile  # slow to import, and seldom needed
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.answers import Answer
 from stickslip.arrays import Range
-from stickslip.errors import InputError, UndecidedError, instance, number
+from stickslip.errors import InputError, UndecidedError, instance, number, refused
 from stickslip.loops import HALVINGS, bounded
 from stickslip.measure.trace import Array, independent
 from stickslip.model import Bell, Gamma, Interface, LogarithmicGrowth
@@ -349,6 +349,10 @@ def fit_rate_and_state(
     )
     laws = LAWS if law == "best" else (law,)
     if isinstance(data, Step):
+        given = {"at": at, "before": before, "after": after, "span": span}
+        for name, value in given.items():
+            if value is not None:
+                raise refused(name, value, "must be left out where data is a Step")
         return best_law(fit_laws(data, laws, spring, trend=trend))
     record = Record.of(data)
     span = checked_span(span)

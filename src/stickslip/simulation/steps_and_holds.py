@@ -268,7 +268,7 @@ def _rig_of(who: str, given: Rig | Interface, method: Method | None) -> Rig:
         else Rig(given, Slider(stiffness=1.0, mass=1.0, damping=0.0), constant(1.0))
     )
     if method is not None or not isinstance(given, Rig):
-        rig = replace(rig, method=method or MasterEquation())
+        rig = replace(rig, method=MasterEquation() if method is None else method)
     return rig
 
 

@@ -60,7 +60,7 @@ def dynamic_stiffness(
     speed = number("velocity", velocity, above=0, hint="in x_s per time")
     try:
         points = np.asarray(s, dtype=complex)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         words = "must be a complex number, or an array of them (in 1/time)"
         raise refused("s", s, words) from None
     return respond(interface).stiffness(speed, points)

@@ -205,6 +205,7 @@ def sweep(
     >>> found["peak_to_peak"].dims, found["velocity"].units
     (('velocity', 'contacts'), 'm/s')
     """
+    instance("sweep: rig", rig, Rig, "a Rig(interface, slider, drive)")
     plan = _plan(rig, axes, runs, refinement, rig.name, from_python=True)
     return plan.run(
         store=store, executor=executor, progress=progress, retry_failed=retry_failed
