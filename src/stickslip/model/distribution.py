@@ -256,8 +256,7 @@ def excess(distribution: Distribution, x: ArrayLike, order: int) -> Array:
 
 
 def bin_of(edges: Array, x: Array) -> NDArray[np.intp]:
-    """Index of the bin, between increasing edges, that holds each value or is nearest.
-    """
+    """Index of the bin between increasing edges that holds each value or is nearest."""
     return np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
 
 
