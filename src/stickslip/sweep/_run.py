@@ -196,7 +196,7 @@ class Runner:
         if not self._todo:
             return
         try:
-            # without a bound, as a case may take any time
+            # endless: a case may take any time
             while self._todo or self._running:
                 try:
                     self._fill()
