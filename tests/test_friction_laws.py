@@ -572,50 +572,50 @@ def test_exports_are_scripts_in_si_units(tmp_path):
 
 LANGEVIN = replace(THERMAL, ageing=ss.Langevin(rate=1.0))
 RUNS_AWAY = RateAndState(law="slip", a=0.005, b=0.01, distance=10.0)
-REFUSED = r"""
-RUNS_AWAY.slide(TIME, PULL, stiffness=1e-3)
-    runs away
-ss.static_friction(AREAS)
-ss.growth_rate(bench(AREAS))
-ss.rate_and_state(AREAS)
-ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0)
-    Interface\.areas = Areas\(.*\): not available with
-replace(AREAS, activation=ss.Bell(width=0.01, attempts=1e6))
-    not available with activation
-dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j)
-    never re-attach
-ss.rate_and_state(contacts(width=None))
-    does not change with the velocity
-ss.kinetic_friction(LANGEVIN, 1.0)
-    Langevin\.newborn = 0 with Interface\.activation: .*; give newborn > 0
-ss.rate_and_state(replace(THERMAL, delay=ss.Delay(0.1)), 1e5)
-    ^velocity = 1e\+05: contacts stay detached over
-ss.kinetic_friction(THERMAL, 0.0)
-    there is no slow limit
-exported(THERMAL, "tandem")
-    knows the ageing law only
-exported(contacts(width=None, delay=0.1), "qdyn")
-    is not rate-and-state
-exported(AGEING, "qdyn", area=None)
-    area: is missing
-exported(AGEING, "qdyn", load="2 m")
-    load = '2 m': is not in a unit of 'N'
-fit_rate_and_state(FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip")
-    ^at = 0: 12 samples after the step; there must be at least 30
-fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip")
-    ^not identified: .*swapped
-fit_rate_and_state(FAST, **GIVEN, span=(5.0,))
-    ^span = \(5\.0,\): must be displacements before and after
-fit_rate_and_state(FAST[{"time": slice(None, None, -1)}], **GIVEN)
-    ^data: its times do not rise
-ss.rate_state.healing(FAST, 1.0)
-    ^healing: run: has no holds
-fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN)
-    the friction is 0\.6 throughout
-"""
+REFUSED = (
+    lambda: RUNS_AWAY.slide(TIME, PULL, stiffness=1e-3),
+    "runs away",
+    lambda: ss.static_friction(AREAS),
+    lambda: ss.growth_rate(bench(AREAS)),
+    lambda: ss.rate_and_state(AREAS),
+    lambda: ss.velocity_step(AREAS, before=1.0, after=2.0, distance=1.0),
+    r"Interface\.areas = Areas\(.*\): not available with",
+    lambda: replace(AREAS, activation=ss.Bell(width=0.01, attempts=1e6)),
+    "not available with activation",
+    lambda: dynamic_stiffness(replace(THERMAL, delay=ss.Delay(math.inf)), 1.0, 1j),
+    "never re-attach",
+    lambda: ss.rate_and_state(contacts(width=None)),
+    "does not change with the velocity",
+    lambda: ss.kinetic_friction(LANGEVIN, 1.0),
+    r"Langevin\.newborn = 0 with Interface\.activation: .*; give newborn > 0",
+    lambda: ss.rate_and_state(replace(THERMAL, delay=ss.Delay(0.1)), 1e5),
+    r"^velocity = 1e\+05: contacts stay detached over",
+    lambda: ss.kinetic_friction(THERMAL, 0.0),
+    "there is no slow limit",
+    lambda: exported(THERMAL, "tandem"),
+    "knows the ageing law only",
+    lambda: exported(contacts(width=None, delay=0.1), "qdyn"),
+    "is not rate-and-state",
+    lambda: exported(AGEING, "qdyn", area=None),
+    "area: is missing",
+    lambda: exported(AGEING, "qdyn", load="2 m"),
+    "load = '2 m': is not in a unit of 'N'",
+    lambda: fit_rate_and_state(FAST.sel(time=slice(None, 0.03)), **GIVEN, law="slip"),
+    "^at = 0: 12 samples after the step; there must be at least 30",
+    lambda: fit_rate_and_state(FAST, at=0.0, before=100.0, after=10.0, law="slip"),
+    "^not identified: .*swapped",
+    lambda: fit_rate_and_state(FAST, **GIVEN, span=(5.0,)),
+    r"^span = \(5\.0,\): must be displacements before and after",
+    lambda: fit_rate_and_state(FAST[{"time": slice(None, None, -1)}], **GIVEN),
+    "^data: its times do not rise",
+    lambda: ss.rate_state.healing(FAST, 1.0),
+    "^healing: run: has no holds",
+    lambda: fit_rate_and_state(0.0 * FAST + 0.6, **GIVEN),
+    r"the friction is 0\.6 throughout",
+)
 
 
-@refused(REFUSED, globals())
+@refused(*REFUSED)
 def test_what_is_refused(call, message):
     with pytest.raises((InputError, UndecidedError), match=message):
         call()

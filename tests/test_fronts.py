@@ -288,40 +288,40 @@ BAR = sliding(blocks=8, coupling=20.0, leaf=1.0)
 RING = sliding(blocks=5000, coupling=1.0, side=1.0, ends="periodic")
 
 
-REFUSED = r"""
-speed(ALIKE, 1.0)
-    prestress = 1: must be .* below 1
-speed(SPREAD, 0.99)
-    prestress = 0.99: the contacts are past their largest
-speed(bar(0.04, 0.01, 0.2, 0.1, std=0.1), 0.5)
-    Chain.viscosity = 2.5: fronts in a viscous bar are known
-speed(bar(0.04, sliding=1.0), 0.5)
-    Interface.sliding_force = 1: must be below
-speed(SCATTERED, 0.5)
-    Interface.slip_to_slip_scatter = .* not available with front_speed
-elastic.precursor_force(ALIKE)
-    Rig.slider = .*pulled at one end only
-elastic.precursor_force(bar(0.25, std=0.1, side=4.0))
-    Interface.thresholds = .* needs all .* alike
-elastic.modes(sliding(blocks=4, coupling=1.0))
-    Rig.slider = .* nothing holds the slider
-elastic.modes(RING)
-    Rig.slider: 5000 blocks in a network
-ss.growth_rate(sliding(blocks=4, coupling=1.0, leaf=1.0))
-    Rig.slider = .* use|modes\(\)
-ss.predict(sliding(blocks=8, coupling=20.0))
-    .*nothing holds the slider
-ss.predict(replace(BAR, drive=STILL))
-    .*the speed of a prediction = 0
-elastic.front_threshold(RIGID)
-elastic.precursor_force(RIGID)
-elastic.modes(RIGID)
-elastic.critical_length(RIGID)
-    Rig\.slider = Slider\(.*needs an elastic slider; give a Chain
-"""
+REFUSED = (
+    lambda: speed(ALIKE, 1.0),
+    "prestress = 1: must be .* below 1",
+    lambda: speed(SPREAD, 0.99),
+    "prestress = 0.99: the contacts are past their largest",
+    lambda: speed(bar(0.04, 0.01, 0.2, 0.1, std=0.1), 0.5),
+    "Chain.viscosity = 2.5: fronts in a viscous bar are known",
+    lambda: speed(bar(0.04, sliding=1.0), 0.5),
+    "Interface.sliding_force = 1: must be below",
+    lambda: speed(SCATTERED, 0.5),
+    "Interface.slip_to_slip_scatter = .* not available with front_speed",
+    lambda: elastic.precursor_force(ALIKE),
+    "Rig.slider = .*pulled at one end only",
+    lambda: elastic.precursor_force(bar(0.25, std=0.1, side=4.0)),
+    "Interface.thresholds = .* needs all .* alike",
+    lambda: elastic.modes(sliding(blocks=4, coupling=1.0)),
+    "Rig.slider = .* nothing holds the slider",
+    lambda: elastic.modes(RING),
+    "Rig.slider: 5000 blocks in a network",
+    lambda: ss.growth_rate(sliding(blocks=4, coupling=1.0, leaf=1.0)),
+    r"Rig.slider = .* use|modes\(\)",
+    lambda: ss.predict(sliding(blocks=8, coupling=20.0)),
+    ".*nothing holds the slider",
+    lambda: ss.predict(replace(BAR, drive=STILL)),
+    ".*the speed of a prediction = 0",
+    lambda: elastic.front_threshold(RIGID),
+    lambda: elastic.precursor_force(RIGID),
+    lambda: elastic.modes(RIGID),
+    lambda: elastic.critical_length(RIGID),
+    r"Rig\.slider = Slider\(.*needs an elastic slider; give a Chain",
+)
 
 
-@refused(REFUSED, globals())
+@refused(*REFUSED)
 def test_bad_input(call, message):
     with pytest.raises(ss.InputError, match=f"^{message}"):
         call()
@@ -382,19 +382,19 @@ def test_precursors_grow_along_the_line(pulled):
     assert float(pulled["spring_force"].max()) == pytest.approx(force.max(), rel=0.15)
 
 
-UNDRAWN = r"""
-ss.plot.spacetime(run, "heat")
-    ^plot: this Dataset has no heat of each block
-ss.plot.slip_profiles(run.isel(time=slice(-9, None)))
-    ^slip_profiles: .* no event of 3
-ss.plot.front_curve(run)
-    ^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed
-ss.plot.part(run)
-    ^part: needs a run of a structure
-"""
+UNDRAWN = (
+    lambda run: ss.plot.spacetime(run, "heat"),
+    "^plot: this Dataset has no heat of each block",
+    lambda run: ss.plot.slip_profiles(run.isel(time=slice(-9, None))),
+    "^slip_profiles: .* no event of 3",
+    lambda run: ss.plot.front_curve(run),
+    r"^front_curve: Rig.start = FromRest\(\): needs a run from a Prestressed",
+    lambda run: ss.plot.part(run),
+    "^part: needs a run of a structure",
+)
 
 
-@refused(UNDRAWN, globals(), given="run")
+@refused(*UNDRAWN)
 def test_pictures_that_cannot_be_drawn(pulled, call, message):
     with pytest.raises(ss.InputError, match=message):
         call(pulled)

@@ -268,27 +268,27 @@ def of(rig, **mechanism):
     return ss.simulate(rig.replace(interface=interface))
 
 
-UNDER_THEM = """
-ss.simulate(rig, method=ss.MasterEquation())
-ss.simulate(rig, method=ss.Population(100))
-ss.simulate(rig.replace(slider=CHAIN))
-ss.simulate(rig.replace(slider=MODES))
-of(rig, ageing=ss.LogarithmicGrowth(slope=0.1, time=1.0))
-of(rig, ageing=ss.ExponentialGrowth(rate=1.0, newborn=0.1))
-of(rig, ageing=ss.Langevin(rate=1.0))
-of(rig, activation=ss.Bell(width=0.01, attempts=1e3))
-of(rig, sliding_force=0.1)
-ss.predict(rig)
-ss.growth_rate(rig)
-ss.Element(rig)
-ss.critical(rig, "stiffness")
-ss.sustained(rig, "stiffness", between=(1.0, 3.0))
-ss.sweep(rig, {"stiffness": [1.0, 2.0]}, store=None)
-    Drive\\.(load|force)
-"""
+UNDER_THEM = (
+    lambda rig: ss.simulate(rig, method=ss.MasterEquation()),
+    lambda rig: ss.simulate(rig, method=ss.Population(100)),
+    lambda rig: ss.simulate(rig.replace(slider=CHAIN)),
+    lambda rig: ss.simulate(rig.replace(slider=MODES)),
+    lambda rig: of(rig, ageing=ss.LogarithmicGrowth(slope=0.1, time=1.0)),
+    lambda rig: of(rig, ageing=ss.ExponentialGrowth(rate=1.0, newborn=0.1)),
+    lambda rig: of(rig, ageing=ss.Langevin(rate=1.0)),
+    lambda rig: of(rig, activation=ss.Bell(width=0.01, attempts=1e3)),
+    lambda rig: of(rig, sliding_force=0.1),
+    lambda rig: ss.predict(rig),
+    lambda rig: ss.growth_rate(rig),
+    lambda rig: ss.Element(rig),
+    lambda rig: ss.critical(rig, "stiffness"),
+    lambda rig: ss.sustained(rig, "stiffness", between=(1.0, 3.0)),
+    lambda rig: ss.sweep(rig, {"stiffness": [1.0, 2.0]}, store=None),
+    r"Drive\.(load|force)",
+)
 
 
-@refused(UNDER_THEM, globals(), given="rig")
+@refused(*UNDER_THEM)
 @pytest.mark.parametrize("rig", [LOADED, FORCED], ids=["load", "force"])
 def test_all_else_refuses_them_in_one_line(call, message, rig):
     if rig is FORCED:
@@ -298,25 +298,25 @@ def test_all_else_refuses_them_in_one_line(call, message, rig):
     assert "\n" not in str(error.value)
 
 
-NO_DRIVE = """
-ss.constant(1.0).under([(2.0, 1.0), (1.0, 1.0)])
-ss.constant(1.0).under(0.0)
-ss.constant(1.0).under("2 N")
-ss.constant(1.0).under([])
-ss.constant(1.0).then(pull(0.3, duration=5.0))
-pull(0.3, duration=0.0)
-pull(math.inf, duration=2.0)
-ss.model.Drive(load=((0.0, 1.0),))
-FORCED.velocity
-LOADED.velocity
-ss.simulate(FORCED.replace(drive=ss.constant(1.0)))
-ss.predict(FORCED.replace(drive=ss.constant(1.0)))
-ss.simulate(FORCED.replace(start=ss.FromSliding()))
-    ^[^\\n]*$
-"""
+NO_DRIVE = (
+    lambda: ss.constant(1.0).under([(2.0, 1.0), (1.0, 1.0)]),
+    lambda: ss.constant(1.0).under(0.0),
+    lambda: ss.constant(1.0).under("2 N"),
+    lambda: ss.constant(1.0).under([]),
+    lambda: ss.constant(1.0).then(pull(0.3, duration=5.0)),
+    lambda: pull(0.3, duration=0.0),
+    lambda: pull(math.inf, duration=2.0),
+    lambda: ss.model.Drive(load=((0.0, 1.0),)),
+    lambda: FORCED.velocity,
+    lambda: LOADED.velocity,
+    lambda: ss.simulate(FORCED.replace(drive=ss.constant(1.0))),
+    lambda: ss.predict(FORCED.replace(drive=ss.constant(1.0))),
+    lambda: ss.simulate(FORCED.replace(start=ss.FromSliding())),
+    r"^[^\n]*$",
+)
 
 
-@refused(NO_DRIVE, globals())
+@refused(*NO_DRIVE)
 def test_a_drive_that_cannot_be_is_refused_in_one_line(call, message):
     with pytest.raises(InputError, match=message):
         call()

@@ -772,28 +772,30 @@ def test_spikes_are_replaced_and_slips_are_not(tmp_path):
 
 SAW = even_sawtooth()
 SAMPLED = trace(np.round(SAW[0], 6), SAW[1])
-UNMEASURED = r"""
-regime_and_drops(SAMPLED.drop_vars("spring_force"))
-    spring_force along time
-regime_and_drops(SAMPLED.isel(time=slice(5)))
-    5 samples
-regime_and_drops(SAMPLED.where(SAMPLED.time != 3.0))
-    spring_force = nan at t = 3
-regime_and_drops(SAMPLED.assign_coords(time=SAMPLED.time.values[::-1]))
-    rising
-regime_and_drops(SAMPLED.assign_coords(time=1e-308 * SAMPLED.time.values))
-    between 1e-30 and
-regime_and_drops(SAMPLED.assign(displacement=SAMPLED.spring_force.expand_dims(q=2).T))
-    displacement has shape
-regime_and_drops(SAMPLED, after=500.0)
-    after = 500
-regime_and_drops(SAMPLED, minimum_drop=0.0)
-regime_and_drops(SAMPLED, minimum_drop="much")
-    minimum_drop
-"""
+UNMEASURED = (
+    lambda: regime_and_drops(SAMPLED.drop_vars("spring_force")),
+    "spring_force along time",
+    lambda: regime_and_drops(SAMPLED.isel(time=slice(5))),
+    "5 samples",
+    lambda: regime_and_drops(SAMPLED.where(SAMPLED.time != 3.0)),
+    "spring_force = nan at t = 3",
+    lambda: regime_and_drops(SAMPLED.assign_coords(time=SAMPLED.time.values[::-1])),
+    "rising",
+    lambda: regime_and_drops(SAMPLED.assign_coords(time=1e-308 * SAMPLED.time.values)),
+    "between 1e-30 and",
+    lambda: regime_and_drops(
+        SAMPLED.assign(displacement=SAMPLED.spring_force.expand_dims(q=2).T)
+    ),
+    "displacement has shape",
+    lambda: regime_and_drops(SAMPLED, after=500.0),
+    "after = 500",
+    lambda: regime_and_drops(SAMPLED, minimum_drop=0.0),
+    lambda: regime_and_drops(SAMPLED, minimum_drop="much"),
+    "minimum_drop",
+)
 
 
-@refused(UNMEASURED, globals())
+@refused(*UNMEASURED)
 def test_what_cannot_be_measured_is_refused(call, message):
     with pytest.raises(ss.InputError, match=message):
         call()
@@ -1144,25 +1146,25 @@ def test_what_a_ramp_does_not_show_is_not_seen_and_why(made, part, seen, note):
 
 
 RAMP = loop((1.4, 2.4), (0.7, 2.0))
-UNREAD = r"""
-ss.transitions(RAMP[["spring_force"]])
-    InputError: .*drive_velocity
-ss.transitions(RAMP, level=0.0)
-    InputError: .*level
-ss.transitions(RAMP.assign(drive_velocity=RAMP.drive_velocity - 1.0))
-    InputError: .*turns back
-ss.transitions(RAMP.assign(drive_velocity=1.0 + 0.0 * RAMP.time))
-    UndecidedError: .*keeps its velocity
-ss.transitions(RAMP.assign(drive_velocity=2 - np.cos(RAMP.time / 64)))
-    UndecidedError: .*2 times
-ss.transitions(RAMP.isel(time=slice(None, 300)))
-    UndecidedError: .*run it longer
-ss.transitions(RAMP.isel(time=slice(None, None, 100)))
-    UndecidedError: .*record more often
-"""
+UNREAD = (
+    lambda: ss.transitions(RAMP[["spring_force"]]),
+    "InputError: .*drive_velocity",
+    lambda: ss.transitions(RAMP, level=0.0),
+    "InputError: .*level",
+    lambda: ss.transitions(RAMP.assign(drive_velocity=RAMP.drive_velocity - 1.0)),
+    "InputError: .*turns back",
+    lambda: ss.transitions(RAMP.assign(drive_velocity=1.0 + 0.0 * RAMP.time)),
+    "UndecidedError: .*keeps its velocity",
+    lambda: ss.transitions(RAMP.assign(drive_velocity=2 - np.cos(RAMP.time / 64))),
+    "UndecidedError: .*2 times",
+    lambda: ss.transitions(RAMP.isel(time=slice(None, 300))),
+    "UndecidedError: .*run it longer",
+    lambda: ss.transitions(RAMP.isel(time=slice(None, None, 100))),
+    "UndecidedError: .*record more often",
+)
 
 
-@refused(UNREAD, globals())
+@refused(*UNREAD)
 def test_ramps_that_cannot_be_read_are_refused(call, message):
     with pytest.raises((ss.InputError, ss.UndecidedError)) as caught:
         call()

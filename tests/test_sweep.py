@@ -571,54 +571,54 @@ def closed():
     return pool
 
 
-REFUSED = r"""
-run_cases(product, {})
-    must map at least one name
-run_cases(product, "x")
-    must be a mapping
-run_cases(product, {"a": [], "b": [1]})
-run_cases(product, {"a": "text", "b": [1]})
-run_cases(product, {"a": [1, 1], "b": [1]})
-run_cases(product, {"a": [1, "x"], "b": [1]})
-run_cases(product, {"a": [2**53 + 1, 1.5], "b": [1]})
-run_cases(product, {"a": [1.0, float("nan")], "b": [1]})
-run_cases(product, {"a": [object()], "b": [1]})
-run_cases(product, {"a": [[1], [2]], "b": [1]})
-    axes\['a'\] = .*: must be a list of numbers, texts or truth values, each once
-run_cases(product, {"a": [1], "b/c": [1]})
-    cannot be a name
-run_cases(product, {"a": [1], "error": [1]})
-    is taken
-run_cases(product, dict.fromkeys("ab", range(2000)))
-    4e\+06 cases are more than max_cases = 1e\+06; take fewer values, or set
-run_cases(product, ONE, executor=4)
-    executor = 4: must be Threads\(n\)
-ss.sweep.Threads(0)
-    Threads\.workers = 0: must be
-run_cases(product, ONE, executor=closed())
-    takes no more cases
-run_cases(closing_over(2), {"x": [1]}, executor=ss.sweep.Processes(1))
-    NamedStudy\.run, some study: cannot be sent .* process .*use Threads
-ss.sweep.run_study(product, ONE)
-    study = .*: must be a NamedStudy
-summary(xr.Dataset())
-    must be the result of a sweep
-refine(parabola, UNIT | {"x": [1]})
-    plane of two parameters
-run_cases(parabola, UNIT)
-    axes\.x\.count: is missing
-Span(low=1, high=0)
-    Span\.high = 0: must be
-Span(low=0, high=1, log=True)
-    Span\.low = 0: must be
-ss.sweep.Refinement(runs=3)
-    runs = 3: must be
-refine(parabola, UNIT, runs=16, label="colour")
-    label = 'colour': is none of the names under
-"""
+REFUSED = (
+    lambda: run_cases(product, {}),
+    "must map at least one name",
+    lambda: run_cases(product, "x"),
+    "must be a mapping",
+    lambda: run_cases(product, {"a": [], "b": [1]}),
+    lambda: run_cases(product, {"a": "text", "b": [1]}),
+    lambda: run_cases(product, {"a": [1, 1], "b": [1]}),
+    lambda: run_cases(product, {"a": [1, "x"], "b": [1]}),
+    lambda: run_cases(product, {"a": [2**53 + 1, 1.5], "b": [1]}),
+    lambda: run_cases(product, {"a": [1.0, float("nan")], "b": [1]}),
+    lambda: run_cases(product, {"a": [object()], "b": [1]}),
+    lambda: run_cases(product, {"a": [[1], [2]], "b": [1]}),
+    r"axes\['a'\] = .*: must be a list of numbers, texts or truth values, each once",
+    lambda: run_cases(product, {"a": [1], "b/c": [1]}),
+    "cannot be a name",
+    lambda: run_cases(product, {"a": [1], "error": [1]}),
+    "is taken",
+    lambda: run_cases(product, dict.fromkeys("ab", range(2000))),
+    r"4e\+06 cases are more than max_cases = 1e\+06; take fewer values, or set",
+    lambda: run_cases(product, ONE, executor=4),
+    r"executor = 4: must be Threads\(n\)",
+    lambda: ss.sweep.Threads(0),
+    r"Threads\.workers = 0: must be",
+    lambda: run_cases(product, ONE, executor=closed()),
+    "takes no more cases",
+    lambda: run_cases(closing_over(2), {"x": [1]}, executor=ss.sweep.Processes(1)),
+    r"NamedStudy\.run, some study: cannot be sent .* process .*use Threads",
+    lambda: ss.sweep.run_study(product, ONE),
+    "study = .*: must be a NamedStudy",
+    lambda: summary(xr.Dataset()),
+    "must be the result of a sweep",
+    lambda: refine(parabola, UNIT | {"x": [1]}),
+    "plane of two parameters",
+    lambda: run_cases(parabola, UNIT),
+    r"axes\.x\.count: is missing",
+    lambda: Span(low=1, high=0),
+    r"Span\.high = 0: must be",
+    lambda: Span(low=0, high=1, log=True),
+    r"Span\.low = 0: must be",
+    lambda: ss.sweep.Refinement(runs=3),
+    "runs = 3: must be",
+    lambda: refine(parabola, UNIT, runs=16, label="colour"),
+    "label = 'colour': is none of the names under",
+)
 
 
-@refused(REFUSED, globals())
+@refused(*REFUSED)
 def test_what_cannot_be_run_is_refused(tmp_path, monkeypatch, call, message):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):
